@@ -1,0 +1,286 @@
+"""A branch: a family of periodic orbits as it was followed, with its events, its ends, and all that can be asked of it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from branches.orbit import Orbit
+from branches.stability import describe
+from branches.words import canonical, format_word, join_family_id, parse_word
+from bvp.multipoint import MultipointProblem, NotConverged, Solution
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Branch", "BranchEvent", "Ended"]
+
+
+class BranchEvent(NamedTuple):
+    """A special point of a branch, with its error bar.
+
+    id: type and count along the branch, e.g. "SB1". point: index into `Branch.points`. number: count of points from the start orbit,
+    negative below it. bracket: arclengths between which it certainly is. residual: of its test function. stop: contact touched or
+    left (GR). p_q: [p, q] of a q-tupling. breaks: what an SB breaks. multiplier: modulus of the largest multiplier.
+    """
+
+    id: str
+    type: str
+    point: int
+    number: int
+    h: float
+    alpha: float
+    arclength: float
+    status: str
+    bracket: tuple[float, float]
+    residual: float
+    label: str
+    stop: str | None
+    p_q: list[int] | None
+    breaks: str | None
+    note: str | None
+    stable: bool | None
+    multiplier: float | None
+
+
+class Ended(NamedTuple):
+    """Why a branch ends where it does: `reason`, the name of a member of `continuation.EndReason`, and `text` in words."""
+
+    reason: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A family of periodic orbits, in order of arclength.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    points : dict of str to ndarray
+        Columns of length N: h, alpha, frequency (2 pi/T), frequency_index (m 2 pi/T), arclength, stable (1, 0, -1 undecided), tau,
+        tau_half, label, half_waves (m), residual, velocities (N, n), start_u, start_v (N, n), flight_times (N, k+1),
+        impact_speeds, multipliers (N, 2n-2) complex, trivial, pairing, reliable. NaN: does not exist, or grows without bound.
+    events : tuple of BranchEvent
+    ended : (Ended, Ended)
+        At the first point and at the last.
+    start : int
+        Index of the point that it was started from.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> branch = saltus.trace("S13O00+", saltus.vibro_impact_nes(mu=0.1, sigma=0.1), energy=(0.2, 1.0))
+    >>> branch.label, [event.type for event in branch.events if event.type != "RT"]
+    ('S13O00+', ['EP', 'SB', 'EP'])
+    """
+
+    problem: MultipointProblem
+    points: dict[str, np.ndarray]
+    events: tuple[BranchEvent, ...]
+    ended: tuple[Ended, Ended]
+    start: int = 0
+
+    def __len__(self) -> int:
+        return len(self.points["h"])
+
+    @property
+    def system(self) -> ImpactSystem:
+        """The system it belongs to."""
+        return self.problem.system
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Kinds of the two ends of each solved segment."""
+        return self.problem.ends
+
+    @property
+    def word(self) -> str:
+        """Contacts hit inside each solved segment."""
+        return format_word(self.problem.word)
+
+    @cached_property
+    def label(self) -> str:
+        """The label of the orbit that it was started from."""
+        return str(self.points["label"][self.start])
+
+    @cached_property
+    def aliases(self) -> list[dict[str, Any]]:
+        """Intervals of arclength with one label each, in order."""
+        labels, arclength = self.points["label"], self.points["arclength"]
+        out: list[dict[str, Any]] = []
+        for label, s in zip(labels, arclength, strict=True):
+            if not out or out[-1]["label"] != label:
+                out.append({"label": str(label), "from": float(s), "to": float(s)})
+            out[-1]["to"] = float(s)
+        return out
+
+    @cached_property
+    def id(self) -> str:
+        """`ends:word:hash`; the hash is that of the rounded events at the two ends, lowest energy first."""
+        word, ends = canonical(self.problem.word, self.problem.ends, odd_symmetry=self.system.has_odd_symmetry)
+        last = len(self) - 1
+        marks = []
+        for index, ended in ((0, self.ended[0]), (last, self.ended[1])):
+            kind = next((event.type for event in self.events if event.point == index), ended.reason)
+            marks.append((float(self.points["h"][index]), float(self.points["alpha"][index]), kind))
+        marks.sort()
+        text = ";".join(f"{kind}:{h:.6e}:{alpha:.6e}" for h, alpha, kind in marks)
+        return join_family_id(ends, word, hashlib.sha256(text.encode()).hexdigest()[:8])
+
+    def unknowns(self, i: int) -> np.ndarray:
+        """Unknowns of the multipoint problem near point i: exact start and flight times, nodes by exact flight."""
+        problem = self.problem
+        start = problem.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
+        times = self.points["flight_times"][i]
+        return problem.pack(start, propagate(problem, start, times), times)
+
+    def orbit(self, i: int) -> Orbit:
+        """The orbit at point i.
+
+        Raises
+        ------
+        IndexError
+            For a point that the branch does not have.
+        """
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
+        return Orbit(self.problem, self.problem.solve(self.unknowns(i)))
+
+    def orbits_at(self, *, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
+        """All orbits of the branch at an energy or at a quarter period, in order of arclength.
+
+        Returns
+        -------
+        list of Orbit
+            Empty where the branch does not reach it.
+        """
+        if (energy is None) == (alpha is None):
+            raise ValueError("give one of energy and alpha")
+        name, value = ("h", energy) if energy is not None else ("alpha", alpha)
+        assert value is not None
+        difference = self.points[name] - value
+        out: list[Orbit] = []
+        for i in range(len(self) - 1):
+            if difference[i] * difference[i + 1] > 0.0 or (difference[i + 1] == 0.0 and i + 2 < len(self)):
+                continue
+            fraction = difference[i] / (difference[i] - difference[i + 1]) if difference[i] != difference[i + 1] else 0.0
+            guess = (1.0 - fraction) * self.unknowns(i) + fraction * self.unknowns(i + 1)
+            try:
+                solution = self.problem.solve(guess, **({"energy": value} if name == "h" else {"quarter_period": value}))
+            except NotConverged:
+                continue
+            orbit = Orbit(self.problem, solution)
+            if not any(np.allclose(orbit.solution.y, other.solution.y, rtol=1e-9, atol=1e-12) for other in out):
+                out.append(orbit)
+        return out
+
+    def orbit_at(self, *, energy: float | None = None, alpha: float | None = None) -> Orbit:
+        """The one orbit at an energy or a quarter period.
+
+        Raises
+        ------
+        ValueError
+            Where there is none, or where there are several: the message lists them.
+        """
+        found = self.orbits_at(energy=energy, alpha=alpha)
+        asked = f"h = {energy:g}" if energy is not None else f"alpha = {alpha:g}"
+        if not found:
+            name = "h" if energy is not None else "alpha"
+            low, high = self.points[name].min(), self.points[name].max()
+            raise ValueError(f"no orbit of {self.label or self.id} at {asked}: it was followed over {low:.6g} <= {name} <= {high:.6g}")
+        if len(found) > 1:
+            listed = "; ".join(f"h = {orbit.h:.10g}, alpha = {orbit.alpha:.10g}" for orbit in found)
+            raise ValueError(f"{len(found)} orbits of {self.label or self.id} at {asked}: {listed}")
+        return found[0]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the branch: JSON, or CSV where the name ends in .csv; an older file is replaced only by a whole one."""
+        from branches.files import write_text
+        from branches.record import to_csv, to_json
+
+        write_text(path, to_csv(self) if str(path).lower().endswith(".csv") else to_json(self))
+
+    def trace(self, i: int, **options: Any) -> Branch:
+        """Trace on from point i: options as for `branches.tracing.follow_family`."""
+        from branches.tracing import follow_family
+
+        return follow_family(self.problem, self.unknowns(i), **options)
+
+    def switch(self, event: BranchEvent | str, **options: Any) -> list[Branch]:
+        """The families that are born or crossed at a branch point, symmetry breaking or period doubling of this branch.
+
+        Parameters
+        ----------
+        event : BranchEvent or str
+            One of `events`, or its id.
+        **options
+            As for `branches.tracing.follow_family`.
+
+        Raises
+        ------
+        ValueError
+            For an event of another type, or one that this branch does not have.
+        """
+        from branches.switching import switch
+
+        if isinstance(event, str):
+            known = {item.id: item for item in self.events}
+            if event not in known:
+                raise ValueError(f"no event {event!r} on this branch; it has {', '.join(known) or 'none'}")
+            event = known[event]
+        return switch(self, event, **options)
+
+    @classmethod
+    def from_record(cls, record: dict[str, Any]) -> Branch:
+        """A branch from the plain data that `branches.record.to_record` makes."""
+        from branches.record import points_of
+        from bvp.system import ImpactSystem
+
+        system = ImpactSystem.from_description(record["system"])
+        head = record["branch"]
+        problem = MultipointProblem(system, (head["ends"][0], head["ends"][1]), parse_word(head["word"]))
+        names = set(BranchEvent._fields)
+        events = []
+        for item in record["events"]:
+            fields = {key: value for key, value in item.items() if key in names}
+            fields["bracket"] = tuple(fields["bracket"])
+            events.append(BranchEvent(**fields))
+        ended = [Ended(item["reason"], item["text"]) for item in record["ended"]]
+        start = next((event.point - event.number for event in events), 0)
+        return cls(problem, points_of(record), tuple(events), (ended[0], ended[1]), start)
+
+    @classmethod
+    def from_solutions(
+        cls,
+        problem: MultipointProblem,
+        solutions: Sequence[Solution],
+        arclength: np.ndarray,
+        events: Callable[[dict[str, np.ndarray]], tuple[BranchEvent, ...]],
+        ended: tuple[Ended, Ended],
+        start: int,
+    ) -> Branch:
+        """A branch from its solutions; `events` makes the events from the columns of the points."""
+        columns = describe(problem, solutions, arclength).columns
+        return cls(problem, columns, events(columns), ended, start)
+
+
+def propagate(problem: MultipointProblem, start: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """States after each inner impact, (k, N), by exact flight over the given times from the start state (N,)."""
+    from bvp.kernels.flight import flow_state
+
+    segment = problem.segment
+    nodes = np.empty((problem.inner, problem.size))
+    z = np.ascontiguousarray(start)
+    before = np.empty(problem.size)
+    for i in range(problem.inner):
+        flow_state(*problem.modes.blocks, z, float(times[i]), before)
+        nodes[i] = before - segment.jump[i] * (segment.gap_rate[i] @ before) * segment.push[i]
+        z = nodes[i]
+    return nodes

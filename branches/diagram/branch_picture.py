@@ -1,0 +1,160 @@
+"""The picture of a branch: its frequency-energy plot, and two start velocities (or displacements) against energy."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.diagram import files
+from branches.diagram.marks import curve_runs, draw_curve, draw_events, label_events, legend_entries
+from branches.diagram.scales import energy_axis, linear_axis, linear_limits
+from branches.diagram.style import new_figure, picture_settings, settle_layout
+from branches.diagram.titles import family_text, symbol_of, system_text, velocity_symbol
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FREQUENCIES = ("index", "fundamental")
+
+
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    """One panel's data: values (N,) over the points and (E,) over the events, where the curve breaks, and the axis text."""
+
+    name: str
+    values: np.ndarray
+    event_values: np.ndarray
+    breaks: np.ndarray
+    words: str
+    symbol: str
+    note: str = ""
+
+
+def draw_branch(
+    branch: Any, path_or_file: str | os.PathLike[str] | IO[bytes], *, frequency: str = "index", format: str | None = None
+) -> None:
+    """Write the picture of a branch to a png, pdf or svg file.
+
+    Parameters
+    ----------
+    branch : Branch
+    path_or_file : path, or binary file open for writing
+    frequency : "index" (m 2 pi/T, the paper's axis, broken where m changes) or "fundamental" (2 pi/T)
+    format : "png", "pdf" or "svg"; by default what the file's name ends with
+
+    Raises
+    ------
+    ValueError
+        For another format or frequency, and for energies that a logarithmic axis cannot show.
+    OSError
+        When the file cannot be written.
+
+    Notes
+    -----
+    The frequency-energy plot and its index are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009)
+    1868, Figs. 6 and 8.
+    """
+    kind = files.picture_format(path_or_file, format)
+    with picture_settings():
+        files.save(branch_figure(branch, frequency=frequency), path_or_file, kind)
+
+
+def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
+    """The picture of a branch as a matplotlib figure.
+
+    Parameters
+    ----------
+    branch : Branch
+    frequency : "index" (m 2 pi/T) or "fundamental" (2 pi/T)
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        With a frequency-energy plot and, for each of two coordinates (one, if the system has one), its start velocity
+        against energy - the start displacement where no start of the branch has zero displacement.
+
+    Raises
+    ------
+    ValueError
+        For another frequency, a branch without points, and energies that a logarithmic axis cannot show.
+    """
+    if frequency not in FREQUENCIES:
+        raise ValueError(f"unknown frequency {frequency!r}: expected index or fundamental")
+    energies = np.asarray(branch.points["h"], dtype=float)
+    if not len(energies):
+        raise ValueError("the branch has no points to draw")
+    panels = [_frequency_panel(branch, frequency), *_start_panels(branch)]
+    with picture_settings():
+        figure = new_figure(5.4)
+        figure.suptitle(f"{family_text(branch.label, branch.ends, branch.word)}   ({system_text(branch.system)})")
+        layout: list[Any] = [["frequency"] * (len(panels) - 1), [panel.name for panel in panels[1:]]]
+        axes = figure.subplot_mosaic(layout, height_ratios=[1.25, 1.0])
+        event_energies = np.array([event.h for event in branch.events], dtype=float)
+        kinds = [event.type for event in branch.events]
+        runs = {panel.name: curve_runs(branch.points["stable"], energies, panel.values, panel.breaks) for panel in panels}
+        for panel in panels:
+            wide = panel.name == "frequency" or len(panels) == 2
+            energy_axis(axes[panel.name], energies, 14 if wide else 7)
+            margin = (0.18 if wide else 0.22) if kinds else 0.08  # room for a name above and below
+            limits = linear_limits(np.concatenate([panel.values, panel.event_values]), margin)
+            linear_axis(axes[panel.name], "y", limits, 5, panel.words, panel.symbol)
+            if panel.note:
+                axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
+        entries = legend_entries(runs["frequency"], kinds)
+        columns = -(-len(entries) // -(-len(entries) // 6))
+        figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)
+        settle_layout(figure)
+        for panel in panels:
+            draw_curve(axes[panel.name], runs[panel.name], panel.name)
+            draw_events(axes[panel.name], kinds, event_energies, panel.event_values, panel.name)
+            names = [event.id for event in branch.events]
+            curve = (energies, panel.values, panel.breaks)
+            label_events(axes[panel.name], names, kinds, event_energies, panel.event_values, curve)
+    return figure
+
+
+def _along(branch: Any, values: np.ndarray) -> np.ndarray:
+    """The values (N,) of a quantity at the branch's events: linear in arclength, so a marker is on the drawn curve."""
+    arclength = np.asarray(branch.points["arclength"], dtype=float)
+    at = np.array([event.arclength for event in branch.events], dtype=float)
+    nearest = np.array([event.point for event in branch.events], dtype=int)
+    finite = np.isfinite(values)
+    if not len(at) or not finite.any():
+        return np.full(len(at), np.nan)
+    between = np.interp(at, arclength[finite], values[finite])
+    exact = np.abs(arclength[nearest] - at) <= 1e-12 * np.maximum(1.0, np.abs(at))
+    return np.where(exact & finite[nearest], values[nearest], between)
+
+
+def _frequency_panel(branch: Any, frequency: str) -> _Panel:
+    points = branch.points
+    turns = np.asarray(points["half_waves"])
+    fundamental = np.asarray(points["frequency"], dtype=float)
+    nearest = np.array([event.point for event in branch.events], dtype=int)
+    at_events = _along(branch, fundamental)
+    if frequency == "fundamental":
+        return _Panel("frequency", fundamental, at_events, np.zeros(len(turns) - 1, dtype=bool), "frequency", r"2\pi/T")
+    index = np.asarray(points["frequency_index"], dtype=float)
+    return _Panel("frequency", index, turns[nearest] * at_events, np.diff(turns) != 0, "frequency index", r"m\,2\pi/T")
+
+
+def _start_panels(branch: Any) -> list[_Panel]:
+    """Panels of the absorber's and the primary's start velocities; of the start displacements if no start is at u = 0."""
+    system = branch.system
+    chosen = [system.absorber, system.primary]
+    if None in chosen:
+        chosen = list(range(min(2, len(system.coordinates))))
+    values, words, note = np.asarray(branch.points["velocities"], dtype=float), "start velocity", ""
+    symbol = velocity_symbol
+    if not np.isfinite(values).any():
+        values, words = np.asarray(branch.points["start_u"], dtype=float), "start displacement"
+        symbol = symbol_of
+        note = "\n(no start has zero displacement)"
+    unbroken = np.zeros(len(values) - 1, dtype=bool)
+    return [
+        _Panel(f"start{k}", values[:, k], _along(branch, values[:, k]), unbroken, words, f"{symbol(name)}(0)", note)
+        for k, name in ((k, system.coordinates[k]) for k in chosen)
+    ]

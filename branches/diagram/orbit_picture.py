@@ -1,0 +1,208 @@
+"""The picture of one orbit: displacements and gaps over a period, and the path in the configuration plane with its walls."""
+
+from __future__ import annotations
+
+import os
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.diagram import files
+from branches.diagram.scales import linear_axis, linear_limits
+from branches.diagram.style import BLACK, BLUE, GREY, LINES, PALE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
+from branches.diagram.titles import family_text, gap_symbol, symbol_of, system_text, velocity_symbol
+from branches.diagram.walls import beyond, segment_within
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_EVEN, _IN_FLIGHT = 2400, 48  # samples over the period, and at least these in each flight
+_FAR = 1.0  # a wall further than this many widths of the motion from it is named, not shown
+_WIDEN = 3.0  # both axes of the plane get one scale if that widens neither more than so
+_IMPACT: dict[str, Any] = {"marker": "o", "markersize": 3.6, "mfc": "white", "mec": BLACK, "mew": 0.6}
+_ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False, "borderaxespad": 0.2}
+
+
+def draw_orbit(orbit: Any, path_or_file: str | os.PathLike[str] | IO[bytes], format: str | None = None) -> None:
+    """Write the picture of an orbit to a png, pdf or svg file.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    path_or_file : path, or binary file open for writing
+    format : "png", "pdf" or "svg"; by default what the file's name ends with
+
+    Raises
+    ------
+    ValueError
+        For another format.
+    OSError
+        When the file cannot be written.
+
+    Notes
+    -----
+    The panels are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 7 and 9.
+    """
+    kind = files.picture_format(path_or_file, format)
+    with picture_settings():
+        files.save(orbit_figure(orbit), path_or_file, kind)
+
+
+def orbit_figure(orbit: Any) -> Figure:
+    """The picture of an orbit as a matplotlib figure.
+
+    Parameters
+    ----------
+    orbit : Orbit
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Left: all displacements over one period, and below them the gap coordinate of each stop between its walls. Right: the
+        configuration plane of absorber and primary (else of the first two coordinates) with the walls that depend on these
+        two alone; for one degree of freedom the phase plane.
+    """
+    system = orbit.system
+    times, u, v = _sampled(orbit)
+    at = np.array([impact.time for impact in orbit.impacts], dtype=float)
+    u_at = orbit.sample(at)[0] if len(at) else np.empty((0, u.shape[1]))
+    rows = 1 + len(system.stops)
+    with picture_settings():
+        figure = new_figure(1.3 + 1.3 * max(rows, 2))
+        figure.suptitle(_title(orbit))
+        layout: list[Any] = [["displacement", "plane"], *([f"stop{k}", "plane"] for k in range(len(system.stops)))]
+        axes = figure.subplot_mosaic(layout, width_ratios=[1.35, 1.0])
+        _draw_displacements(axes["displacement"], system, times, u, at, u_at)
+        for k, stop in enumerate(system.stops):
+            mine = np.array([_of_stop(impact, stop, system) for impact in orbit.impacts], dtype=bool)
+            gap = np.asarray(stop.gap, dtype=float)
+            _draw_gap(axes[f"stop{k}"], stop, system, times, u @ gap, at[mine], u_at[mine] @ gap)
+        left = ["displacement", *(f"stop{k}" for k in range(len(system.stops)))]
+        for name in left:
+            linear_axis(axes[name], "x", (0.0, float(orbit.period)), 6, "time", "t")
+        for name in left[:-1]:
+            axes[name].set_xlabel("")
+            axes[name].tick_params(labelbottom=False)
+        _draw_plane(figure, axes["plane"], system, u, v, u_at)
+        settle_layout(figure)
+    return figure
+
+
+def _sampled(orbit: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times (k,), displacements and velocities (k, n) over one period, with both sides of each impact, so kinks are sharp."""
+    period = float(orbit.period)
+    at = np.array([impact.time for impact in orbit.impacts], dtype=float)
+    ends = np.unique(np.concatenate([[0.0], at, [period]]))
+    just = 1e-12 * period
+    parts = [np.linspace(0.0, period, _EVEN), ends, ends[1:] - just]
+    parts += [np.linspace(a, b, _IN_FLIGHT) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    times = np.unique(np.concatenate(parts))
+    u, v = orbit.sample(times)
+    return times, np.asarray(u, dtype=float), np.asarray(v, dtype=float)
+
+
+def _of_stop(impact: Any, stop: Any, system: Any) -> bool:
+    letter = impact.stop.rstrip("+-")
+    return len(system.stops) == 1 or letter == stop.name
+
+
+def _title(orbit: Any) -> str:
+    stable = {1: "stable", 0: "unstable"}.get(orbit.stable, "stability undecided")
+    if not orbit.quality.get("reliable", True):
+        stable += " (multipliers not reliable)"
+    family = family_text(orbit.label, orbit.ends, orbit.word)
+    return rf"{family}:  $h = {orbit.h:.8g}$,  $\alpha = {orbit.alpha:.8g}$,  {stable}   ({system_text(orbit.system)})"
+
+
+def _mark_impacts(axes: Axes, x: np.ndarray, y: np.ndarray, name: str) -> None:
+    if not len(x):
+        return  # an empty line that is not clipped would count as ink at the figure's corner
+    look = _IMPACT if len(x) <= 40 else {**_IMPACT, "markersize": 2.0}
+    (marks,) = axes.plot(x, y, linestyle="none", zorder=4, clip_on=False, **look)
+    marks.set_gid(f"{name}-impacts")
+
+
+def _draw_displacements(axes: Axes, system: Any, times: np.ndarray, u: np.ndarray, at: np.ndarray, u_at: np.ndarray) -> None:
+    from matplotlib.lines import Line2D
+
+    for k, name in enumerate(system.coordinates):
+        dashes = "-" if k < len(LINES) else "--"
+        (line,) = axes.plot(times, u[:, k], dashes, color=LINES[k % len(LINES)], label=f"${symbol_of(name)}$", linewidth=1.1)
+        line.set_gid(f"displacement-{k}")
+        _mark_impacts(axes, at, u_at[:, k], f"displacement-{k}")
+    axes.axhline(0.0, color=GREY, linewidth=0.4, zorder=1)
+    linear_axis(axes, "y", linear_limits(u, 0.1), 5, "displacement", "u")
+    handles = axes.get_legend_handles_labels()[0]
+    if len(at):
+        handles.append(Line2D([], [], label="impact", linestyle="none", **_IMPACT))
+    axes.legend(handles=handles, ncols=min(len(handles), 9), **_ABOVE)
+
+
+def _draw_gap(
+    axes: Axes, stop: Any, system: Any, times: np.ndarray, gap: np.ndarray, at: np.ndarray, gap_at: np.ndarray
+) -> None:
+    low, high = float(gap.min()), float(gap.max())
+    width = max(high - low, 1e-9 * max(abs(low), abs(high)), 1e-300)
+    bounds = [bound for bound in (stop.lower, stop.upper) if np.isfinite(bound)]
+    near = [b for b in bounds if low - _FAR * width <= b <= high + _FAR * width]
+    limits = linear_limits(np.array([low, high, *near]), 0.14)
+    name = f"gap-{stop.name}"
+    for bound in near:
+        away = limits[1] if bound == stop.upper else limits[0]
+        axes.axhspan(bound, away, facecolor=PALE, edgecolor="none", zorder=1)
+        axes.axhline(bound, color=BLACK, linewidth=1.2, zorder=2).set_gid(f"{name}-wall")
+    (line,) = axes.plot(times, gap, color=BLUE, linewidth=1.1, zorder=3)
+    line.set_gid(name)
+    _mark_impacts(axes, at, gap_at, name)
+    words = "relative displacement\n" if np.count_nonzero(stop.gap) > 1 else "displacement\n"
+    linear_axis(axes, "y", limits, 4, words, gap_symbol(stop.gap, system.coordinates))
+    far = [b for b in bounds if b not in near]
+    if far:
+        walls = " and ".join(f"{b:.6g}".replace("-", "\N{MINUS SIGN}") for b in far)
+        axes.set_title(f"wall at {walls} is out of view", fontsize=SMALL, loc="right", pad=2)
+
+
+def _draw_plane(figure: Figure, axes: Axes, system: Any, u: np.ndarray, v: np.ndarray, u_at: np.ndarray) -> None:
+    n = len(system.coordinates)
+    pair = (system.absorber, system.primary)
+    i, j = (0, 0) if n == 1 else (0, 1) if None in pair else pair
+    x, y = u[:, i], (v[:, 0] if n == 1 else u[:, j])
+    (line,) = axes.plot(x, y, color=BLUE, linewidth=0.9, zorder=3)
+    line.set_gid("plane-orbit")
+    if n > 1:
+        _mark_impacts(axes, u_at[:, i], u_at[:, j], "plane")
+    (start,) = axes.plot(x[:1], y[:1], "D", markersize=4.2, color=VERMILION, zorder=5, label="start", linestyle="none")
+    start.set_gid("plane-start")
+    axes.legend(**_ABOVE)
+    names = symbol_of(system.coordinates[i]), (velocity_symbol if n == 1 else symbol_of)(system.coordinates[j])
+    limits = [linear_limits(x, 0.12), linear_limits(y, 0.12)]
+    for _ in range(2):  # the frame's size depends on its tick texts, and the limits for one scale on the frame's size
+        linear_axis(axes, "x", limits[0], 5, "", names[0])
+        linear_axis(axes, "y", limits[1], 5, "", names[1])
+        figure.draw_without_rendering()
+        if n > 1:
+            limits = _one_scale(limits, np.asarray(axes.get_window_extent().size))
+    frame = (limits[0][0], limits[1][0], limits[0][1], limits[1][1])
+    for stop in system.stops:
+        gap = np.asarray(stop.gap, dtype=float)
+        if np.any(np.delete(gap, [i, j])):
+            continue  # depends on other coordinates: no line in this plane
+        normal = (gap[i], 0.0 if n == 1 else gap[j])
+        for bound, side in ((stop.upper, 1.0), (stop.lower, -1.0)):
+            wall = segment_within(normal, bound, frame)
+            if wall is not None:
+                region = beyond(normal, bound, side, frame)
+                axes.fill(region[:, 0], region[:, 1], facecolor=PALE, edgecolor="none", zorder=1)
+                axes.plot(wall[:, 0], wall[:, 1], color=BLACK, linewidth=1.2, zorder=2)[0].set_gid(f"plane-wall-{stop.name}")
+    linear_axis(axes, "x", limits[0], 5, "", names[0])
+    linear_axis(axes, "y", limits[1], 5, "", names[1])
+
+
+def _one_scale(limits: list[tuple[float, float]], size: np.ndarray) -> list[tuple[float, float]]:
+    """Limits widened so that a frame of this `size` has one scale on both axes; as they are if that takes too much."""
+    width = np.array([high - low for low, high in limits])
+    wanted = (width / size).max() * size
+    if (wanted / width).max() > _WIDEN:
+        return limits
+    return [((low + high - w) / 2, (low + high + w) / 2) for (low, high), w in zip(limits, wanted, strict=True)]

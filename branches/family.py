@@ -1,0 +1,245 @@
+"""A family of impacting orbits as the engine sees it: steps, test functions, and what an event means.
+
+Binds `bvp.multipoint` (the orbits) to `continuation` (the following). The test functions are those of a symmetric orbit's half map
+phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.halfmap`): each bifurcation is a plain zero of one entry, so no event
+hides in a trace that touches +-2 without crossing it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.labels import ImpossibleLabelError, Label, label_of
+from bvp.kernels import multipoint as kernel
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from continuation.problem import EventDetails, Point, Step, Test
+
+if TYPE_CHECKING:
+    from continuation.location import Location
+
+__all__ = ["Family", "RESONANCES", "label_at", "label_text", "multiplication"]
+
+RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
+"""Rotation numbers p/q of the full period whose q-tuplings are reported."""
+
+_I = RESULT_INDEX
+_CLEAR = 1e3
+
+_GRAZING = (
+    Test("GR", "guard", True, "a flight touches a stop"),
+    Test("GR", "guard", True, "the speed of an impact reaches zero"),
+    Test("GR", "guard", True, "a flight time reaches zero"),
+)
+
+
+def multiplication(p: int, q: int) -> float:
+    """Trace 2 cos(2 pi p/q) of the full-period map at a q-tupling."""
+    return 2.0 * math.cos(2.0 * math.pi * p / q)
+
+
+def label_at(problem: MultipointProblem, result: Any) -> Label | None:
+    """Label of an orbit from its result entries; None for orbits outside the grammar (no origin start, no absorber named)."""
+    if problem.kinds[0] != kernel.ORIGIN or result[_I["waves_absorber"]] < 0:
+        return None
+    if problem.kinds[1] == kernel.ORIGIN:
+        parity = None
+    else:
+        parity = "O" if problem.kinds[1] == kernel.STOP else "E"
+    return label_of(
+        int(result[_I["waves_absorber"]]),
+        int(result[_I["waves_primary"]]),
+        parity,
+        int(result[_I["first_quarter"]]),
+        int(result[_I["second_quarter"]]),
+        "+" if result[_I["in_phase"]] == 1.0 else "-",
+    )
+
+
+def label_text(problem: MultipointProblem, result: Any) -> str:
+    """Label of an orbit as text, "" outside the grammar and where a velocity that is zero to rounding contradicts the counts."""
+    try:
+        label = label_at(problem, result)
+    except ImpossibleLabelError:
+        return ""
+    return "" if label is None else str(label)
+
+
+class Family:
+    """A family of orbits with given ends and word: a `continuation.Problem`.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    energy : (float, float)
+        The family ends at these energies.
+    """
+
+    def __init__(self, problem: MultipointProblem, energy: tuple[float, float] = (0.0, math.inf)):
+        self.problem = problem
+        self.energy = energy
+        tests = [
+            Test("SN", "crossing", False, "fold in the energy", True),
+            Test("BP", "crossing", False, "branch point", True, ("SN",)),
+            *_GRAZING,
+            Test("EP", "guard", True, "lowest energy asked for"),
+            Test("EP", "guard", True, "highest energy asked for"),
+            Test("IO", "crossing", False, "impulsive orbit at the start", False, ("LB",)),
+            Test("IO", "crossing", False, "impulsive orbit at the half period", False, ("LB",)),
+            Test("LB", "change", False, "the label changes"),
+        ]
+        self.fixed = len(tests)
+        if problem.half != 2:
+            self._kind = "general"
+        elif problem.quarters == 1:
+            self._kind = "quarter"
+            tests += [
+                Test("SB", "crossing", False, "the last reversal is broken"),
+                Test("SB", "crossing", False, "half-period symmetry breaks, the reversal about the start stays"),
+                Test("SB", "crossing", False, "half-period symmetry breaks, the reversal about the far end stays"),
+                Test("PD", "crossing", False, "period doubling"),
+            ]
+        elif problem.quarters == 2:
+            self._kind = "half"
+            tests += [
+                Test("SB", "crossing", False, "the last reversal is broken"),
+                Test("PD", "crossing", False, "period doubling, the reversal about the start stays"),
+                Test("PD", "crossing", False, "period doubling, the reversal about the far end stays"),
+            ]
+        else:
+            self._kind = "periodic"
+            tests += [Test("PD", "crossing", False, "period doubling")]
+        if problem.half == 2:
+            tests += [Test("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q in RESONANCES]
+        self._tests = tuple(tests)
+        self._low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
+        self._high = math.log(energy[1]) if energy[1] < math.inf else math.inf
+        self._targets = [multiplication(p, q) for p, q in RESONANCES]
+
+    @property
+    def tests(self) -> tuple[Test, ...]:
+        """The test functions, in the order of their values in each step."""
+        return self._tests
+
+    def begin(self, y: np.ndarray) -> Step:
+        """See `continuation.Problem`."""
+        return self._step(self.problem.step(np.ascontiguousarray(y), np.zeros(2 * self.problem.unknowns), 0.0))
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
+        """See `continuation.Problem`; the tangent carries its curvature behind it, (2 u,)."""
+        return self._step(self.problem.step(y, tangent, ds))
+
+    def _step(self, solution: Solution | None) -> Step:
+        if solution is None:
+            return _FAILED
+        (
+            _, iterations, contraction, residual, energy, _, slope, turn, branching, clearance, _, _, _, _, speed, _, flight, _,
+            absorber_start, absorber_end, waves_absorber, waves_primary, first, second, in_phase, gave_up, a, b, c, d, _, trace,
+            *_,
+        ) = solution.result.tolist()  # fmt: skip
+        if gave_up == 1.0 or not residual < 1e-12:
+            return _FAILED
+        level = math.log(energy)
+        tests = [
+            slope,
+            branching,
+            clearance if clearance < _CLEAR else _CLEAR,
+            speed,
+            flight,
+            level - self._low if self._low > -math.inf else 1.0,
+            self._high - level if self._high < math.inf else 1.0,
+            absorber_start,
+            absorber_end,
+            ((waves_absorber * 4096.0 + waves_primary) * 4096.0 + first) * 8192.0 + second * 4.0 + in_phase,
+        ]
+        kind = self._kind
+        if kind == "quarter":
+            half = 2.0 + 4.0 * b * c
+            tests += [b, a, d, half]
+            tau = half * half - 2.0
+        elif kind == "half":
+            tau = 2.0 + 4.0 * b * c
+            tests += [b, a, d]
+        elif kind == "periodic":
+            tau = trace
+            tests.append(tau + 2.0)
+        else:
+            tau = math.nan
+        if kind != "general":
+            for target in self._targets:
+                tests.append(tau - target)
+        return Step(
+            True, solution.y, solution.tangent, tuple(solution.position.tolist()), turn, contraction, int(iterations), residual,
+            energy, slope, tests, solution,
+        )  # fmt: skip
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """F(y), for switching."""
+        return self.problem.residual(y)
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        """F'(y), for switching."""
+        return self.problem.jacobian(y)
+
+    def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
+        """Where steps fail: the energy and the quarter period reached."""
+        return f"at h = {self.problem.energy(y):.6g}, alpha = {self.problem.quarter_period(y):.6g}"
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
+        """What an event is, in the words of the record."""
+        test = self._tests[index]
+        solution: Solution = at.extra
+        if location.kind in ("pole", "jump") and test.kind == "crossing":
+            return None
+        data: dict[str, Any] = {"stop": None, "p_q": None, "breaks": None, "note": test.label}
+        code = test.code
+        if code == "GR":
+            self._grazing(index, solution, data)
+        elif code == "SB":
+            data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
+        elif code == "RT":
+            p, q = RESONANCES[index - (len(self._tests) - len(RESONANCES))]
+            data["p_q"] = [p, q]
+        elif code == "LB":
+            old, new = (label_text(self.problem, step.extra.result) for step in (location.low, location.high))
+            if old == new:
+                return None
+            data["note"] = f"{old} becomes {new}"
+        data["label"] = label_text(self.problem, location.low.extra.result)
+        data["half_waves"] = int(location.low.extra["waves_absorber"])
+        return EventDetails(code, test.terminal, data)
+
+    def _grazing(self, index: int, solution: Solution, data: dict[str, Any]) -> None:
+        problem = self.problem
+        which = self._tests[index].label
+        letters = problem.modes.contact_letters
+        inner = problem.inner
+        if which == _GRAZING[0].label:
+            stop = int(solution["clearance_stop"])
+            side = solution["clearance_side"]
+            letter = next(
+                letters[c] for c in range(len(letters)) if problem.modes.contact_stop[c] == stop and problem.modes.contact_side[c] == side
+            )
+            data["stop"] = letter
+            data["note"] = (
+                f"flight {int(solution['clearance_flight']) + 1} of {inner + 1} touches stop {letter} "
+                f"at {solution['clearance_time']:.6g} after its start: a new impact becomes possible"
+            )
+            data["graze"] = ("touch", int(solution["clearance_flight"]), float(solution["clearance_time"]))
+        elif which == _GRAZING[1].label:
+            node = int(solution["speed_node"])
+            data["stop"] = letters[problem.contacts[node]]
+            place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
+            data["note"] = f"the impact {place} (stop {data['stop']}) vanishes: its speed reaches zero"
+            data["graze"] = ("vanish", node, 0.0)
+        else:
+            flight = int(solution["flight_index"])
+            here = f"impact {flight}" if flight else "the start"
+            there = f"impact {flight + 1}" if flight < inner else "the far end"
+            data["note"] = f"{here} and {there} merge: the flight between them has no duration"
+            data["graze"] = ("merge", flight, 0.0)
+
+
+_FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, math.inf, 0, math.inf, math.nan, math.nan, [])

@@ -1,0 +1,137 @@
+"""Files are written beside their place and moved into it, so that a failed run leaves the old file as it was."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+__all__ = ["WriteFailure", "reason", "replacing", "write_text"]
+
+_WORDS = {
+    errno.ENOSPC: "no space is left on the device",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EACCES: "permission is denied",
+    errno.EPERM: "permission is denied",
+    errno.EROFS: "the file system is read-only",
+    errno.ENOENT: "no such file or directory",
+    errno.ENOTDIR: "a part of the path is not a directory",
+    errno.EISDIR: "it is a directory",
+    errno.ENAMETOOLONG: "the name is too long",
+    errno.EPIPE: "the reader has closed it",
+}
+
+
+class WriteFailure(RuntimeError):
+    """A file could not be written; the message names it and says why in words."""
+
+
+def reason(error: OSError) -> str:
+    """Say in words why the operating system refused.
+
+    Parameters
+    ----------
+    error : OSError
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> reason(OSError(errno.ENOSPC, "No space left on device"))
+    'no space is left on the device'
+    """
+    known = _WORDS.get(error.errno) if error.errno is not None else None
+    return known or error.strerror or str(error)
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary file beside `path`, which takes its place when the block ends without an error.
+
+    The temporary file has the suffix of `path`, the mode of the file it replaces (else the user's default mode), and is on
+    disk before it is moved. A link is followed. What is not a regular file (a pipe, ``/dev/null``) cannot be replaced: the
+    block then gets `path` itself.
+
+    Parameters
+    ----------
+    path : path-like
+        The file to be written.
+
+    Yields
+    ------
+    pathlib.Path
+        The file to write into.
+
+    Raises
+    ------
+    WriteFailure
+        If the file cannot be written; an old file at `path` is then unchanged.
+
+    Examples
+    --------
+    >>> directory = tempfile.TemporaryDirectory()
+    >>> target = Path(directory.name, "numbers.txt")
+    >>> with replacing(target) as beside:
+    ...     _ = beside.write_text("1 2 3")
+    >>> target.read_text(), len(list(target.parent.iterdir()))
+    ('1 2 3', 1)
+    >>> directory.cleanup()
+    """
+    target = Path(os.path.realpath(path))
+    try:
+        if target.exists() and not target.is_file() and not target.is_dir():
+            yield target
+            return
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "is a directory")
+        # The prefix has a fixed length, so that a long name which the file system allows stays allowed.
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".saltus-", suffix=target.suffix)
+        os.close(handle)
+        beside = Path(name)
+        try:
+            yield beside
+            beside.chmod(_mode(target))
+            _flush_to_disk(beside)
+            os.replace(beside, target)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise WriteFailure(f"cannot write {path}: {reason(error)}") from error
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write `text` as UTF-8 to `path`: whole, or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+    text : str
+
+    Raises
+    ------
+    WriteFailure
+        If the file cannot be written; an old file at `path` is then unchanged.
+    """
+    with replacing(path) as beside:
+        beside.write_text(text, encoding="utf-8", newline="")
+
+
+def _mode(target: Path) -> int:
+    """Return the mode bits that `target` has, or that a new file of this user gets."""
+    try:
+        return stat.S_IMODE(target.stat().st_mode)
+    except FileNotFoundError:
+        mask = os.umask(0)
+        os.umask(mask)
+        return 0o666 & ~mask
+
+
+def _flush_to_disk(path: Path) -> None:
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())

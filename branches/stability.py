@@ -1,0 +1,174 @@
+"""What is said of the points of a family: label, multipliers, tau, stable or not, quality - as columns, for many points at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from branches.family import label_text
+from bvp.cycle import cycle_of
+from bvp.kernels import multipoint as kernel
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+
+__all__ = ["Described", "RELIABLE", "describe"]
+
+RELIABLE = 1e-6
+"""Defect of the trivial directions and of the pairing up to which multipliers are called reliable."""
+
+GRAZING = 1e-8
+"""An impact slower than this, relative to sqrt(2 h), grazes: multipliers are unbounded there and given as NaN."""
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """Columns by name, each of length N (see `branches.branch.Branch.points`)."""
+
+    columns: dict[str, np.ndarray]
+
+
+def describe(problem: MultipointProblem, solutions: Sequence[Solution], arclength: np.ndarray | None = None) -> Described:
+    """Columns for the points of one family.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    solutions : sequence of N Solution
+    arclength : (N,) float, optional
+        0 by default.
+
+    Returns
+    -------
+    Described
+    """
+    count = len(solutions)
+    n, size = problem.half, problem.size
+    modes = problem.modes
+    results = np.array([solution.result for solution in solutions])
+    unknowns = np.array([solution.y for solution in solutions])
+    ends = np.array([solution.ends for solution in solutions])
+
+    def entry(name: str) -> np.ndarray:
+        return results[:, RESULT_INDEX[name]]
+
+    starts = unknowns[:, : problem.parameters] @ problem.segment.start_map.T + problem.segment.start_offset
+    physical = starts @ modes.to_state.T
+    last = problem.parameters + problem.inner * (size + 1) + 1
+    times = unknowns[:, problem.parameters : last : size + 1]
+    period = 4.0 * entry("quarter_period")
+    labels = np.array([label_text(problem, result) for result in results])
+    waves = entry("waves_absorber").astype(int)
+    at_origin = problem.kinds[0] == kernel.ORIGIN
+    speeds = _speeds(problem, starts, ends)
+    slowest = np.min(np.abs(speeds), axis=1) if speeds.shape[1] else np.full(count, np.inf)
+    grazing = slowest < GRAZING * np.sqrt(2.0 * entry("energy"))
+    columns = {
+        "h": entry("energy"),
+        "alpha": entry("quarter_period"),
+        "frequency": 2.0 * np.pi / period,
+        "frequency_index": np.where(waves > 0, waves, 1) * 2.0 * np.pi / period,
+        "arclength": np.zeros(count) if arclength is None else np.asarray(arclength, float),
+        "label": labels,
+        "half_waves": np.where(waves > 0, waves, 1),
+        "residual": entry("residual"),
+        "start_u": physical[:, :n],
+        "start_v": physical[:, n:],
+        "velocities": physical[:, n:].copy() if at_origin else np.full((count, n), np.nan),
+        "flight_times": times,
+        "impact_speeds": speeds,
+    }
+    if n == 2:
+        columns.update(_planar(problem, results, grazing))
+    else:
+        columns.update(_general(problem, solutions, grazing))
+    return Described(columns)
+
+
+def _speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Speeds of approach at the impacts of the segment in order of time, the ends' own included."""
+    segment = problem.segment
+    columns = []
+    if problem.kinds[0] == kernel.STOP:
+        columns.append(-segment.side[problem.inner + 1] * (starts @ segment.gap_rate[problem.inner + 1]))
+    hits = problem.inner + (problem.kinds[1] in (kernel.STOP, kernel.PERIODIC))
+    for i in range(hits):
+        columns.append(segment.side[i] * (ends[:, i] @ segment.gap_rate[i]))
+    return np.array(columns).T if columns else np.zeros((len(ends), 0))
+
+
+def _planar(problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray) -> dict[str, np.ndarray]:
+    """Two degrees of freedom: everything is in the results already."""
+
+    def entry(name: str) -> np.ndarray:
+        return results[:, RESULT_INDEX[name]]
+
+    a, b, c, d = (entry(name) for name in "abcd")
+    trace = entry("trace")
+    determinant = entry("determinant")
+    multipliers = np.empty((len(results), 2), complex)
+    multipliers[:, 0] = entry("larger_real") + 1j * entry("larger_imaginary")
+    multipliers[:, 1] = entry("smaller_real") + 1j * entry("smaller_imaginary")
+    pairing = np.abs(determinant - 1.0)
+    trivial = entry("trivial")
+    tau_half = np.full(len(results), np.nan)
+    eps = np.finfo(float).eps
+    if problem.quarters == 4:
+        tau = trace
+        error = eps * 64.0 * (problem.inner + 2) * (1.0 + np.abs(trace)) + trivial + pairing
+        stable = np.where(np.abs(tau) < 2.0 - error, 1, np.where(np.abs(tau) > 2.0 + error, 0, -1))
+        agreed = np.ones(len(results), bool)
+    else:
+        half = 2.0 + 4.0 * b * c
+        if problem.quarters == 1:
+            tau_half = half
+            tau = half * half - 2.0
+        else:
+            tau = half
+        largest = np.max(np.abs([a, b, c, d]), axis=0)
+        error = 16.0 * eps * (problem.inner + 2) * entry("magnified") * largest
+        decided = np.min(np.abs([a, b, c, d]), axis=0) > error
+        stable = np.where(decided, (b * c < 0.0) & (a * d > 0.0), -1)
+        certain = ((b * c > 0.0) & (np.minimum(np.abs(b), np.abs(c)) > error)) | (
+            (a * d < 0.0) & (np.minimum(np.abs(a), np.abs(d)) > error)
+        )
+        stable = np.where(certain, 0, stable)
+        agreed = np.abs(tau - trace) <= 1e-6 * (1.0 + np.abs(tau))
+    bounded = ~grazing & np.isfinite(trace)
+    reliable = bounded & agreed & (trivial < RELIABLE) & (pairing < RELIABLE)
+    return {
+        "multipliers": np.where(bounded[:, None], multipliers, np.nan),
+        "tau": np.where(bounded, tau, np.nan),
+        "tau_half": np.where(bounded, tau_half, np.nan),
+        "stable": np.where(bounded, stable, -1).astype(np.int8),
+        "trivial": np.where(bounded, trivial, np.nan),
+        "pairing": np.where(bounded, pairing, np.nan),
+        "reliable": reliable,
+    }
+
+
+def _general(problem: MultipointProblem, solutions: Sequence[Solution], grazing: np.ndarray) -> dict[str, np.ndarray]:
+    """More degrees of freedom: orbit by orbit."""
+    from bvp.multipliers import saddle_point_multipliers, stability
+
+    count, size = len(solutions), problem.size
+    columns: dict[str, np.ndarray] = {
+        "multipliers": np.full((count, size - 2), np.nan, complex),
+        "tau": np.full(count, np.nan),
+        "tau_half": np.full(count, np.nan),
+        "stable": np.full(count, -1, np.int8),
+        "trivial": np.full(count, np.nan),
+        "pairing": np.full(count, np.nan),
+        "reliable": np.zeros(count, bool),
+    }
+    for i, solution in enumerate(solutions):
+        if grazing[i]:
+            continue
+        found = saddle_point_multipliers(cycle_of(problem, solution.y))
+        columns["multipliers"][i] = found.values
+        columns["trivial"][i] = found.quality.trivial
+        columns["pairing"][i] = found.quality.pairing
+        columns["reliable"][i] = found.quality.reliable
+        stable = stability(problem, solution).stable
+        columns["stable"][i] = -1 if stable is None else int(stable)
+    return columns

@@ -1,0 +1,315 @@
+"""Tracing: from a name to a branch, from a start to a branch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.branch import Branch, BranchEvent, Ended
+from branches.family import Family
+from branches.orbit import Orbit
+from bvp.multipoint import MultipointProblem, Solution
+from continuation.ends import EndReason
+from continuation.problem import Event, Point, Step
+from continuation.run import Run
+from continuation.run import trace as follow_both
+from continuation.settings import Settings
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["SETTINGS", "TraceError", "follow_family", "trace"]
+
+SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
+"""How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
+
+_SIGNS = {"up": 1, "both": 1, "down": -1, "along": 0}
+
+Condition = Callable[[Orbit], "bool | str"]
+
+
+class TraceError(ValueError):
+    """Options that cannot be; the message says in one line what was received and what was expected."""
+
+
+def trace(
+    name: str,
+    system: ImpactSystem,
+    *,
+    pins: Mapping[str, Mapping[str, float]] | None = None,
+    bounds: Mapping[str, Any] | None = None,
+    energy: tuple[float, float] | None = None,
+    on_start: Callable[[str], object] | None = None,
+    **options: Any,
+) -> Branch:
+    """Find the family that has a name, and follow it.
+
+    Parameters
+    ----------
+    name : str
+        ``LABEL[@h=..][,alpha=..]`` or a family's id.
+    system : ImpactSystem
+    pins : mapping of str to {"h", "alpha"}
+        Bare names that stand for the family through a cited orbit; used only to choose among matches.
+    bounds : mapping
+        ``energy`` (lo, hi), ``quarter_period``, ``impacts`` (in the half period): where names are searched.
+    energy : (float, float), optional
+        Where the family is followed; by default the bounds' energy.
+    on_start : callable, optional
+        Called with a line that tells what was found.
+    **options
+        As for `follow_family`.
+
+    Returns
+    -------
+    Branch
+
+    Raises
+    ------
+    ValueError
+        For a name that does not parse, that no family has, or that several have; for options that cannot be.
+    RuntimeError
+        Where the family cannot be followed.
+
+    Examples
+    --------
+    >>> from bvp import vibro_impact_nes
+    >>> branch = trace("S11O00-", vibro_impact_nes(), energy=(0.05, 1.0))
+    >>> [(event.type, round(event.h, 10)) for event in branch.events if event.type == "SN"]
+    [('SN', 0.06911645)]
+    """
+    from branches.names import resolve, search_bounds
+
+    limits = search_bounds(bounds)
+    energy = check_energy(energy if energy is not None else limits.energy)
+    found, rising = resolve(name, system, pins=pins or {}, limits=limits, energy=energy)
+    if on_start is not None:
+        problem = found.problem
+        on_start(
+            f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, word {''.join(problem.word) or '(no inner impact)'}, "
+            f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}"
+        )
+    return follow_family(found.problem, found.solution.y, energy=energy, rising=rising, **options)
+
+
+def follow_family(
+    problem: MultipointProblem,
+    start: np.ndarray | Step,
+    *,
+    energy: tuple[float, float] = (0.0, math.inf),
+    points: int | None = None,
+    direction: str = "both",
+    stop_at: str | None = None,
+    stop_when: Condition | None = None,
+    on_event: Callable[[BranchEvent], object] | None = None,
+    on_end: Callable[[Ended], object] | None = None,
+    on_point: Callable[[int], object] | None = None,
+    settings: Settings = SETTINGS,
+    rising: bool = True,
+) -> Branch:
+    """Follow the family of a solution.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    start : (u,) float, or continuation.Step
+        Unknowns near an orbit of the family, or an orbit with its tangent.
+    energy : (float, float)
+        The family ends at these energies.
+    points : int, optional
+        Points in total; reaching it is a reason to end.
+    direction : {"up", "down", "both", "along"}
+        Whether the first step raises the energy, lowers it, both ways are followed, or the start's own tangent is.
+    stop_at : str, optional
+        Type of the events to end at.
+    stop_when : callable, optional
+        Called with each `Orbit` (its attributes are computed when asked for); the family ends where it gives True or words.
+    on_event, on_end, on_point : callable, optional
+        Called with each event as it is found (its `number` counts from the start), each end, and the number of points so far.
+    settings : continuation.Settings
+    rising : bool
+        Whether a branch followed both ways is put in the order of energies rising at the start, or falling there.
+
+    Returns
+    -------
+    Branch
+    """
+    energy = check_energy(energy)
+    if direction not in _SIGNS:
+        raise TraceError(f"direction {direction!r}: expected up, down or both")
+    if points is not None:
+        if points < 1:
+            raise TraceError(f"points = {points}: expected at least 1")
+        settings = Settings(**{**_fields(settings), "maximum_points": points})
+    family = Family(problem, energy)
+    sign = _SIGNS[direction] * (1 if rising else -1)
+    collector = _Collector(problem, on_event, on_point, sign)
+    condition = None
+    if stop_when is not None:
+        asked = stop_when
+
+        def condition(point: Point) -> bool | str:
+            return asked(Orbit(problem, point.step.extra))
+
+    try:
+        run = follow_both(
+            family,
+            start,
+            settings,
+            both=direction == "both",
+            direction=sign,
+            stop_when=condition,
+            stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
+            on_point=collector.point,
+            on_event=collector.event,
+        )
+    except (KeyboardInterrupt, RuntimeError) as error:
+        branch = collector.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")
+        if branch is not None:
+            error.branch = branch  # type: ignore[union-attr]
+        raise
+    if not run.points:
+        raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
+    branch = _branch(problem, run)
+    if on_end is not None:
+        for ended in dict.fromkeys(branch.ended):
+            on_end(ended)
+    return branch
+
+
+def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
+    """The range (lo, hi) if 0 <= lo < hi.
+
+    Raises
+    ------
+    TraceError
+        Otherwise.
+    """
+    low, high = float(energy[0]), float(energy[1])
+    if not (0.0 <= low < high):
+        raise TraceError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 <= LO < HI")
+    return low, high
+
+
+def _fields(settings: Settings) -> dict[str, Any]:
+    return {name: getattr(settings, name) for name in settings.__dataclass_fields__}
+
+
+class _Collector:
+    """Tells events with their number from the start as they are found, and keeps what an interrupted run has computed."""
+
+    def __init__(
+        self,
+        problem: MultipointProblem,
+        on_event: Callable[[BranchEvent], object] | None,
+        on_point: Callable[[int], object] | None,
+        direction: int,
+    ) -> None:
+        self.problem = problem
+        self.on_event = on_event
+        self.on_point = on_point
+        self.direction = direction
+        self.halves: dict[int, list[Point]] = {1: [], -1: []}
+        self.sign = 1
+        self.begin: Point | None = None
+        self.count = 0
+        self.types: dict[str, int] = {}
+
+    def point(self, point: Point) -> None:
+        self.count += 1
+        if self.begin is None:
+            self.begin = point
+        elif point.index == 1:
+            rises = self.direction == 0 or (point.parameter - self.begin.parameter) * self.direction >= 0.0
+            self.sign = 1 if rises and not self.halves[1] else -1
+        elif not self.halves[self.sign] or self.halves[self.sign][-1].index + 1 != point.index:
+            self.sign = -self.sign
+        if point is not self.begin:
+            self.halves[self.sign].append(point)
+        if self.on_point is not None:
+            self.on_point(self.count)
+
+    def event(self, event: Event) -> None:
+        if self.on_event is None:
+            return
+        orbit = Orbit(self.problem, event.point.extra)
+        self.types[event.code] = self.types.get(event.code, 0) + 1
+        number = self.sign * event.index
+        columns = orbit.described.columns
+        self.on_event(_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0))
+
+    def partial(self, reason: str, text: str) -> Branch | None:
+        if self.begin is None:
+            return None
+        first = [*reversed(self.halves[-1]), self.begin]
+        points = [*first, *self.halves[1]]
+        lead = self.halves[-1][-1].arclength if self.halves[-1] else 0.0
+        arclength = np.array([lead - p.arclength for p in first] + [lead + p.arclength for p in self.halves[1]])
+        ended = Ended(reason, text)
+        return Branch.from_solutions(
+            self.problem, [p.step.extra for p in points], arclength, lambda columns: (), (ended, ended), len(first) - 1
+        )
+
+
+def _event(event: Event, name: str, point: int, number: int, columns: Mapping[str, np.ndarray], index: int) -> BranchEvent:
+    details = event.details
+    stable = int(columns["stable"][index])
+    largest = float(np.max(np.abs(columns["multipliers"][index]))) if columns["multipliers"].shape[1] else math.nan
+    return BranchEvent(
+        name,
+        event.code,
+        point,
+        number,
+        float(columns["h"][index]),
+        float(columns["alpha"][index]),
+        event.arclength,
+        event.status,
+        (float(event.bracket[0]), float(event.bracket[1])),
+        event.residual,
+        details["label"],
+        details.get("stop"),
+        details.get("p_q"),
+        details.get("breaks"),
+        details.get("note"),
+        None if stable < 0 else bool(stable),
+        largest if math.isfinite(largest) else None,
+    )
+
+
+def _branch(problem: MultipointProblem, run: Run) -> Branch:
+    solutions: list[Solution] = [point.step.extra for point in run.points]
+    arclength = np.array([point.arclength for point in run.points])
+
+    def labelled(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """At an event a velocity can be zero to rounding, so its counts are those of the branch just before it."""
+        labels = columns["label"].astype(object)
+        for event in run.events:
+            labels[event.index] = event.details["label"]
+            columns["half_waves"][event.index] = max(1, event.details["half_waves"])
+        columns["label"] = labels.astype(str)
+        columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
+        return columns
+
+    def events(columns: dict[str, np.ndarray]) -> tuple[BranchEvent, ...]:
+        columns = labelled(columns)
+        counts: dict[str, int] = {}
+        out = []
+        for event in run.events:
+            counts[event.code] = counts.get(event.code, 0) + 1
+            name = f"{event.code}{counts[event.code]}"
+            out.append(_event(event, name, event.index, event.index - run.start, columns, event.index))
+        return tuple(out)
+
+    ended = []
+    for k, end in enumerate(run.ends):
+        place = run.points[0] if k == 0 else run.points[-1]
+        event = place.event
+        if end.reason is EndReason.EVENT and event is not None:
+            orbit = f"h = {place.parameter:.12g}, alpha = {place.step.extra['quarter_period']:.12g}"
+            ended.append(Ended(end.reason.name, f"{event.code} at {orbit}: {event.details.get('note')}"))
+        else:
+            ended.append(Ended(end.reason.name, end.text))
+    return Branch.from_solutions(problem, solutions, arclength, events, (ended[0], ended[1]), run.start)

@@ -1,0 +1,51 @@
+"""Impacting systems: exact free flight, next impact by bound, restitution, event-driven runs, orbits, the multipoint problem.
+
+Names are imported when first asked for, so `import bvp` costs nothing.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bvp.impact import NextImpact, next_impact, restitute
+    from bvp.modes import Modes
+    from bvp.run import Run, RunStatus
+    from bvp.system import ImpactSystem, InvalidSystem, Stop, vibro_impact_nes
+
+__all__ = [
+    "ImpactSystem",
+    "InvalidSystem",
+    "Modes",
+    "NextImpact",
+    "Run",
+    "RunStatus",
+    "Stop",
+    "next_impact",
+    "restitute",
+    "vibro_impact_nes",
+]
+
+_HOME = {
+    "ImpactSystem": "system",
+    "InvalidSystem": "system",
+    "Modes": "modes",
+    "NextImpact": "impact",
+    "Run": "run",
+    "RunStatus": "run",
+    "Stop": "system",
+    "next_impact": "impact",
+    "restitute": "impact",
+    "vibro_impact_nes": "system",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the module that a public name lives in."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'bvp' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"bvp.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))

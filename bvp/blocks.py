@@ -1,0 +1,269 @@
+"""Real blocks of damped free flight: z' = B z with B in blocks of size one and two, and larger only where nothing smaller is accurate.
+
+Modes that damping does not couple keep their real pair (q_k, p_k), whatever their damping ratio. A group of coupled modes goes through the
+real Schur form, whose blocks are cut apart with Sylvester equations as long as the transformation stays well conditioned (Bavely &
+Stewart, SIAM J. Numer. Anal. 16 (1979) 359); blocks that cannot be cut apart are merged. Two near-equal real eigenvalues
+(critical damping) so share one 2 x 2 block, and two nearly equal complex pairs (an exceptional point) one 4 x 4 block.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bvp.numerics import EPSILON, jacobi
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Blocks", "coupled_groups", "cut", "damped_blocks", "undamped_blocks"]
+
+SEPARATION_LIMIT = 30.0
+"""Largest entry of a Sylvester solution that still counts as a well-conditioned cut; rounding errors grow by about this factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """The first-order form: layout, shapes Phi, blocks (layout of `bvp.kernels.flight`) and the maps between z and (u, v)."""
+
+    layout: str
+    shapes: np.ndarray
+    pairs: np.ndarray
+    mean: np.ndarray
+    delta: np.ndarray
+    matrix: np.ndarray
+    to_state: np.ndarray
+    from_state: np.ndarray
+
+
+def undamped_blocks(mass: np.ndarray, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
+    """u = Phi q, v = Phi p, z = (q, p), q'' = -w^2 q.
+
+    Parameters
+    ----------
+    mass : (n, n) ndarray
+    squares : (n,) ndarray
+        w^2, of any sign.
+    shapes : (n, n) ndarray
+        Phi, with Phi^T M Phi = I.
+    """
+    n = len(squares)
+    matrix = np.zeros((2 * n, 2 * n))
+    matrix[:n, n:] = np.eye(n)
+    matrix[n:, :n] = -np.diag(squares)
+    two = np.eye(2)
+    return Blocks(
+        "undamped", shapes, _pairs(n), np.zeros(n), -squares, matrix, np.kron(two, shapes), np.kron(two, shapes.T @ mass)
+    )
+
+
+def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
+    """The blocks of a damped system.
+
+    Where no two modes are coupled (proportional damping) z = (q, p) with pairs (k, n + k) and B[n+k, n+k] = -2 zeta_k w_k. Else the
+    coupled modes come first, in blocks of neighbouring indices, then q_k and p_k of each mode that is left alone.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    squares, shapes : (n,) and (n, n) ndarray
+        Of the undamped modes.
+
+    Raises
+    ------
+    RuntimeError
+        Where the Schur form does not converge.
+    """
+    n = len(squares)
+    size = np.abs(shapes)
+    noise = 8.0 * n * EPSILON * (size.T @ np.abs(system.damping) @ size)
+    shapes = _turn_repeated(system, squares, shapes, noise)
+    damping = shapes.T @ system.damping @ shapes
+    damping = np.where(np.abs(damping) <= noise, 0.0, damping)
+    groups = coupled_groups(damping)
+    single = [group[0] for group in groups if len(group) == 1]
+    two = np.eye(2)
+    to_state, from_state = np.kron(two, shapes), np.kron(two, shapes.T @ system.mass)
+    if len(single) == n:
+        matrix = np.zeros((2 * n, 2 * n))
+        matrix[:n, n:] = np.eye(n)
+        matrix[n:, :n] = -np.diag(squares)
+        matrix[n:, n:] = -np.diag(np.diag(damping))
+        mean, delta = _traceless(matrix, _pairs(n))
+        return Blocks("proportional", shapes, _pairs(n), mean, delta, matrix, to_state, from_state)
+    pieces: list[np.ndarray] = []
+    columns: list[np.ndarray] = []
+    rows: list[np.ndarray] = []
+    for group in groups:
+        index = np.array([*group, *(n + k for k in group)])
+        if len(group) == 1:
+            k = group[0]
+            blocks, forward, backward = [np.array([[0.0, 1.0], [-squares[k], -damping[k, k]]])], two, two
+        else:
+            blocks, forward, backward = _coupled_blocks(squares[list(group)], damping[np.ix_(group, group)])
+        pieces += blocks
+        columns.append(to_state[:, index] @ forward)
+        rows.append(backward @ from_state[index])
+    matrix = np.zeros((2 * n, 2 * n))
+    layout = []
+    start = 0
+    for piece in pieces:
+        stop = start + len(piece)
+        matrix[start:stop, start:stop] = piece
+        layout.append((start, start + 1 if len(piece) == 2 else -len(piece)))
+        start = stop
+    pairs = np.array(layout, dtype=np.int64)
+    mean, delta = _traceless(matrix, pairs)
+    return Blocks("coupled", shapes, pairs, mean, delta, matrix, np.hstack(columns), np.vstack(rows))
+
+
+def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:
+    """Groups of modes that the damping connects, the larger ones first (connected components of its nonzero pattern).
+
+    Examples
+    --------
+    >>> coupled_groups(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 2.0], [0.0, 2.0, 0.0]]))
+    [(1, 2), (0,)]
+    """
+    left = set(range(damping.shape[0]))
+    groups = []
+    while left:
+        group, edge = set(), {min(left)}
+        while edge:
+            group |= edge
+            edge = {j for i in edge for j in left if damping[i, j] != 0.0 or damping[j, i] != 0.0} - group
+        left -= group
+        groups.append(tuple(sorted(group)))
+    return sorted(groups, key=lambda group: (len(group) == 1, group))
+
+
+def _turn_repeated(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Within repeated frequencies the shapes are free: take those that the (symmetric) damping does not couple."""
+    if not np.array_equal(system.damping, system.damping.T):
+        return shapes
+    size = np.abs(shapes)
+    blur = 8.0 * len(squares) * EPSILON * np.einsum("ik,ij,jk->k", size, np.abs(system.stiffness), size)
+    shapes = shapes.copy()
+    start = 0
+    for end in range(1, len(squares) + 1):
+        if end < len(squares) and squares[end] - squares[end - 1] <= blur[end] + blur[end - 1]:
+            continue
+        if end - start > 1:
+            part = shapes[:, start:end]
+            damping = part.T @ system.damping @ part
+            damping = np.where(np.abs(damping) <= noise[start:end, start:end], 0.0, damping)
+            shapes[:, start:end] = part @ jacobi(damping)[1]
+        start = end
+    return shapes
+
+
+def _coupled_blocks(squares: np.ndarray, damping: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Blocks of (q, p)' = (p, -w^2 q - C p) for one group, with the maps from and to its block coordinates."""
+    g = len(squares)
+    rate = np.sqrt(np.abs(squares))
+    rate = np.where(rate > 0.0, rate, np.maximum(np.abs(damping).max(axis=1), np.finfo(float).tiny))
+    first = np.zeros((2 * g, 2 * g))
+    first[:g, g:] = np.diag(rate)
+    first[g:, :g] = -np.diag(squares / rate)
+    first[g:, g:] = -damping
+    blocks, forward, backward = cut(first)
+    scale = np.concatenate([1.0 / rate, np.ones(g)])
+    return blocks, scale[:, None] * forward, backward / scale
+
+
+def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Real block-diagonal form: matrix = forward diag(blocks) backward, backward the inverse of forward.
+
+    Parameters
+    ----------
+    matrix : (N, N) ndarray
+    limit : float
+        Largest entry allowed in a Sylvester solution; blocks that need more are merged with the nearest one.
+
+    Returns
+    -------
+    blocks : list of ndarray
+    forward, backward : (N, N) ndarray
+
+    Raises
+    ------
+    RuntimeError
+        Where LAPACK reports that the Schur form did not converge.
+    """
+    from scipy.linalg import lapack, schur
+
+    size = matrix.shape[0]
+    try:
+        t, q = schur(matrix, output="real")
+    except np.linalg.LinAlgError as error:
+        raise RuntimeError(f"the Schur form of a damped system of {size} states did not converge: {error}") from None
+    noise = 4.0 * size * EPSILON * float(np.abs(matrix).max())
+    forward = q.copy()
+    backward = q.T.copy()
+    blocks = []
+    start = 0
+    while start < size:
+        end = start + _schur_size(t, start)
+        while end < size:
+            solution, scale, info = lapack.dtrsyl(t[start:end, start:end], t[end:, end:], -t[start:end, end:], isgn=-1)
+            if info == 0 and scale > 0.0 and np.abs(solution).max() <= limit * scale:
+                break
+            nearest = _nearest(t, start, end)
+            if nearest > end:
+                basis = np.eye(size)
+                t, basis, info = lapack.dtrexc(t, basis, nearest + 1, end + 1)
+                if info != 0:
+                    raise RuntimeError(f"eigenvalues of a damped system of {size} states could not be reordered (info {info})")
+                forward = forward @ basis
+                backward = basis.T @ backward
+            end += _schur_size(t, end)
+        if end < size:
+            solution = solution / scale
+            forward[:, end:] += forward[:, start:end] @ solution
+            backward[start:end] -= solution @ backward[end:]
+            t[start:end, end:] = 0.0
+        block = t[start:end, start:end].copy()
+        if len(block) == 1 and abs(block[0, 0]) <= noise:
+            block[0, 0] = 0.0
+        blocks.append(block)
+        start = end
+    return blocks, forward, backward
+
+
+def _schur_size(t: np.ndarray, start: int) -> int:
+    """1 or 2: the size of the diagonal block of a real Schur form that begins at `start`."""
+    return 2 if start + 1 < len(t) and t[start + 1, start] != 0.0 else 1
+
+
+def _nearest(t: np.ndarray, start: int, end: int) -> int:
+    """Where the block after `end` begins whose eigenvalue is nearest to one of the cluster start..end."""
+    cluster = np.linalg.eigvals(t[start:end, start:end])
+    best, distance = end, np.inf
+    k = end
+    while k < len(t):
+        width = _schur_size(t, k)
+        apart = np.abs(np.linalg.eigvals(t[k : k + width, k : k + width])[:, None] - cluster).min()
+        if apart < distance:
+            best, distance = k, apart
+        k += width
+    return best
+
+
+def _pairs(n: int) -> np.ndarray:
+    """(k, n + k) for each mode."""
+    return np.stack([np.arange(n), np.arange(n, 2 * n)], axis=1).astype(np.int64)
+
+
+def _traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and delta of each block: B = mean + D, D^2 = delta for a pair; for larger blocks delta is 0 and unused."""
+    mean, delta = np.zeros(len(pairs)), np.zeros(len(pairs))
+    for k, (i, j) in enumerate(pairs):
+        if j < 0:
+            mean[k] = np.trace(matrix[i : i - j, i : i - j]) / -j
+        else:
+            mean[k] = 0.5 * (matrix[i, i] + matrix[j, j])
+            half = 0.5 * (matrix[i, i] - matrix[j, j])
+            delta[k] = half * half + matrix[i, j] * matrix[j, i]
+    return mean, delta

@@ -1,0 +1,138 @@
+"""Bounds of a linear functional f(t) = row . exp(B t) z and of its derivatives over a flight, and the step that cannot pass a root."""
+
+import math
+
+import numba as nb
+
+__all__ = ["amplitudes", "block_growth", "dot", "envelope", "free_step", "growth_rate"]
+
+MARGIN = 1.0 + 1e-9
+"""Bounds are widened by this, far more than their own rounding."""
+
+INVERSE_E = 0.36787944117144233
+"""Maximum of x exp(-x)."""
+
+
+@nb.njit(cache=True, error_model="numpy")
+def dot(rows, c, z):
+    """rows[c] . z, without the cost of making a view."""
+    total = 0.0
+    for r in range(z.shape[0]):
+        total += rows[c, r] * z[r]
+    return total
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def growth_rate(pairs, mean, delta, matrix):
+    """(steady, growth): steady where no block damps or grows; growth >= 0 bounds the rate of every block."""
+    steady = True
+    growth = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if mean[k] != 0.0 or delta[k] > 0.0 or j < -1:
+            steady = False
+            if j < -1:
+                growth = max(growth, block_growth(matrix, i, -j))
+            else:
+                growth = max(growth, mean[k] + (math.sqrt(delta[k]) if delta[k] > 0.0 else 0.0))
+    return steady, growth
+
+
+@nb.njit(cache=True, error_model="numpy")
+def block_growth(matrix, start, size):
+    """Largest eigenvalue of the symmetric part of a block, bounded by Gershgorin's circles: |exp(B t)| <= exp(this t)."""
+    worst = -math.inf
+    for r in range(start, start + size):
+        total = matrix[r, r]
+        for c in range(start, start + size):
+            if c != r:
+                total += 0.5 * abs(matrix[r, c] + matrix[c, r])
+        worst = max(worst, total)
+    return worst
+
+
+@nb.njit(cache=True, error_model="numpy")
+def amplitudes(pairs, mean, delta, matrix, rows, c, z, horizon):
+    """Bounds of |f|, |f''| and |f'''| for f(t) = rows[c] . exp(B t) z over 0 <= t <= horizon."""
+    level = 0.0
+    second = 0.0
+    third = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        m = mean[k]
+        if j == -1:
+            size = abs(rows[c, i] * z[i]) * (math.exp(m * horizon) if m > 0.0 else 1.0)
+            level += size
+            second += m * m * size
+            third += abs(m * m * m) * size
+        elif j >= 0:
+            # f = exp(m t) (C alpha + S beta); a derivative takes (alpha, beta) to (m alpha + beta, m beta + delta alpha)
+            alpha = rows[c, i] * z[i] + rows[c, j] * z[j]
+            beta = rows[c, i] * ((matrix[i, i] - m) * z[i] + matrix[i, j] * z[j])
+            beta += rows[c, j] * (matrix[j, i] * z[i] + (matrix[j, j] - m) * z[j])
+            if m == 0.0 and delta[k] < 0.0:
+                size = math.sqrt(alpha * alpha - beta * beta / delta[k])
+                level += size
+                second -= delta[k] * size
+                third += -delta[k] * math.sqrt(-delta[k]) * size
+                continue
+            cosine, sine = envelope(m, delta[k], horizon)
+            for order in range(4):
+                size = 0.0
+                if alpha != 0.0:
+                    size += abs(alpha) * cosine
+                if beta != 0.0:
+                    size += abs(beta) * sine
+                if delta[k] < 0.0:
+                    size = min(size, math.sqrt(alpha * alpha - beta * beta / delta[k]) * (math.exp(m * horizon) if m > 0.0 else 1.0))
+                if order == 0:
+                    level += size
+                elif order == 2:
+                    second += size
+                elif order == 3:
+                    third += size
+                alpha, beta = m * alpha + beta, m * beta + delta[k] * alpha
+        else:
+            growth = block_growth(matrix, i, -j)
+            size = math.exp(growth * horizon) if growth > 0.0 else 1.0
+            weight = 0.0
+            norm = 0.0
+            stretch = 0.0
+            for r in range(i, i - j):
+                weight += rows[c, r] * rows[c, r]
+                norm += z[r] * z[r]
+                for q in range(i, i - j):
+                    stretch += matrix[r, q] * matrix[r, q]
+            size *= math.sqrt(weight * norm)
+            level += size
+            second += stretch * size
+            third += stretch * math.sqrt(stretch) * size
+    return level * MARGIN, second * MARGIN, third * MARGIN
+
+
+@nb.njit(cache=True, error_model="numpy")
+def envelope(mean, delta, horizon):
+    """Bounds of exp(m t) |C| and exp(m t) |S| over 0 <= t <= horizon (which may be infinite for a stable pair)."""
+    width = math.sqrt(delta) if delta > 0.0 else 0.0
+    slowest = mean + width
+    c = math.exp(slowest * horizon) if slowest > 0.0 else 1.0
+    s = horizon * c
+    if slowest < 0.0:
+        s = min(s, INVERSE_E / -slowest)
+    if width > 0.0:
+        s = min(s, 0.5 * c / width)
+    if delta < 0.0:
+        s = min(s, c / math.sqrt(-delta))
+    return c, s
+
+
+@nb.njit(cache=True, error_model="numpy")
+def free_step(d, slope, second_bound):
+    """2 d/(-d' + sqrt(d'^2 + 2 W d)), in the form that does not cancel; infinite where d never returns to 0."""
+    if slope < 0.0:
+        return 2.0 * d / (-slope + math.sqrt(slope * slope + 2.0 * second_bound * d))
+    if second_bound <= 0.0:
+        return math.inf
+    return (slope + math.sqrt(slope * slope + 2.0 * second_bound * d)) / second_bound

@@ -1,0 +1,189 @@
+"""Exact free flight: the exponential of a block-diagonal first-order matrix, block by block.
+
+The state of a flight is z in R^N with z' = B z. B couples indices only within blocks, found once by `bvp.modes`. For a pair,
+B = m I + D with D traceless, so D^2 = delta I and
+
+    exp(B t) = exp(m t) (C I + S D),   C = cosh(sqrt(delta) t),   S = sinh(sqrt(delta) t) / sqrt(delta)
+
+where both are entire functions of delta t^2: trigonometric for delta < 0, hyperbolic for delta > 0, and a series about
+delta t^2 = 0 (rigid-body modes, critical damping), so nothing cancels and nothing divides by zero. Where a pair is strongly
+overdamped its two rates are taken apart, the slow one as determinant over fast one, so nothing overflows. Blocks larger than a
+pair exist only where `bvp.blocks` could not cut them; their exponential is Taylor's, scaled and squared.
+
+Layout of the arrays, shared by all kernels
+    pairs  (P, 2) int64    (i, j): indices of a pair; (i, -1): the index i alone; (i, -s): the s >= 3 indices i .. i + s - 1
+    mean   (P,)   float64  m, half the trace of a pair, the trace over s of a block of s
+    delta  (P,)   float64  delta, in 1/time^2 (0 for a block that is no pair)
+    matrix (N, N) float64  B, zero outside the blocks
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+__all__ = ["as_arrays", "circular", "flow_block", "flow_matrix", "flow_pair", "flow_state", "rate"]
+
+SERIES_LIMIT = 0.03
+"""|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
+
+APART_LIMIT = 1.0
+"""delta t^2 above which the two rates of an overdamped pair are taken apart."""
+
+TAYLOR_TERMS = 18
+"""Degree of the Taylor polynomial of a larger block at a norm of 1/2: truncation below 1e-22."""
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def circular(delta, t):
+    """C = cosh(sqrt(delta) t) and S = sinh(sqrt(delta) t)/sqrt(delta), continued through delta <= 0."""
+    x = delta * t * t
+    if abs(x) < SERIES_LIMIT:
+        c = 1.0 + x / 2.0 * (1.0 + x / 12.0 * (1.0 + x / 30.0 * (1.0 + x / 56.0 * (1.0 + x / 90.0 * (1.0 + x / 132.0)))))
+        s = t * (1.0 + x / 6.0 * (1.0 + x / 20.0 * (1.0 + x / 42.0 * (1.0 + x / 72.0 * (1.0 + x / 110.0 * (1.0 + x / 156.0))))))
+        return c, s
+    if x < 0.0:
+        w = math.sqrt(-delta)
+        return math.cos(w * t), math.sin(w * t) / w
+    w = math.sqrt(delta)
+    return math.cosh(w * t), math.sinh(w * t) / w
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def flow_pair(mean, delta, b11, b12, b21, b22, t):
+    """The four entries of exp(B t) for one 2 x 2 block."""
+    if mean != 0.0 and delta * t * t > APART_LIMIT:
+        w = math.sqrt(delta) if mean > 0.0 else -math.sqrt(delta)
+        fast = mean + w
+        far = math.exp(fast * t)
+        near = math.exp((b11 * b22 - b12 * b21) / fast * t)
+        c = 0.5 * (far + near)
+        s = 0.5 * (far - near) / w
+    else:
+        c, s = circular(delta, t)
+        e = 1.0 if mean == 0.0 else math.exp(mean * t)
+        c *= e
+        s *= e
+    return c + s * (b11 - mean), s * b12, s * b21, c + s * (b22 - mean)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def flow_block(mean, matrix, start, size, t):
+    """exp(B t) of the block of `size` indices from `start`, (size, size): Taylor's series about the mean, scaled and squared."""
+    norm = 0.0
+    for r in range(size):
+        row = 0.0
+        for c in range(size):
+            row += abs(matrix[start + r, start + c] - (mean if r == c else 0.0))
+        norm = max(norm, row)
+    norm *= abs(t)
+    halvings = 0
+    while norm > 0.5 and halvings < 1024:
+        norm *= 0.5
+        halvings += 1
+    step = t * 0.5**halvings
+    total = np.empty((size, size))
+    product = np.empty((size, size))
+    for r in range(size):
+        for c in range(size):
+            total[r, c] = 1.0 if r == c else 0.0
+    for k in range(TAYLOR_TERMS, 0, -1):
+        for r in range(size):
+            for c in range(size):
+                entry = 0.0
+                for q in range(size):
+                    entry += (matrix[start + r, start + q] - (mean if r == q else 0.0)) * total[q, c]
+                product[r, c] = entry * step / k + (1.0 if r == c else 0.0)
+        total, product = product, total
+    for _ in range(halvings):
+        for r in range(size):
+            for c in range(size):
+                entry = 0.0
+                for q in range(size):
+                    entry += total[r, q] * total[q, c]
+                product[r, c] = entry
+        total, product = product, total
+    factor = math.exp(mean * t)
+    for r in range(size):
+        for c in range(size):
+            total[r, c] *= factor
+    return total
+
+
+@nb.njit(cache=True, error_model="numpy")
+def flow_state(pairs, mean, delta, matrix, z, t, out):
+    """out = exp(B t) z."""
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            e11, e12, e21, e22 = flow_pair(mean[k], delta[k], matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j], t)
+            a = z[i]
+            b = z[j]
+            out[i] = e11 * a + e12 * b
+            out[j] = e21 * a + e22 * b
+        elif j == -1:
+            out[i] = math.exp(mean[k] * t) * z[i]
+        else:
+            block = flow_block(mean[k], matrix, i, -j, t)
+            for r in range(-j):
+                total = 0.0
+                for c in range(-j):
+                    total += block[r, c] * z[i + c]
+                out[i + r] = total
+
+
+@nb.njit(cache=True, error_model="numpy")
+def flow_matrix(pairs, mean, delta, matrix, t, out):
+    """out = exp(B t), dense (N, N)."""
+    size = out.shape[0]
+    for r in range(size):
+        for c in range(size):
+            out[r, c] = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            e11, e12, e21, e22 = flow_pair(mean[k], delta[k], matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j], t)
+            out[i, i] = e11
+            out[i, j] = e12
+            out[j, i] = e21
+            out[j, j] = e22
+        elif j == -1:
+            out[i, i] = math.exp(mean[k] * t)
+        else:
+            block = flow_block(mean[k], matrix, i, -j, t)
+            for r in range(-j):
+                for c in range(-j):
+                    out[i + r, i + c] = block[r, c]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def rate(pairs, matrix, z, out):
+    """out = B z (out is another array than z)."""
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            a = z[i]
+            b = z[j]
+            out[i] = matrix[i, i] * a + matrix[i, j] * b
+            out[j] = matrix[j, i] * a + matrix[j, j] * b
+        elif j == -1:
+            out[i] = matrix[i, i] * z[i]
+        else:
+            for r in range(i, i - j):
+                total = 0.0
+                for c in range(i, i - j):
+                    total += matrix[r, c] * z[c]
+                out[r] = total
+
+
+def as_arrays(pairs, mean, delta, matrix):
+    """The four arrays with the element types and the memory order that the kernels were compiled for."""
+    return (
+        np.ascontiguousarray(pairs, dtype=np.int64),
+        np.ascontiguousarray(mean, dtype=np.float64),
+        np.ascontiguousarray(delta, dtype=np.float64),
+        np.ascontiguousarray(matrix, dtype=np.float64),
+    )

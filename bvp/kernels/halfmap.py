@@ -1,0 +1,142 @@
+"""The reversible half map of a symmetric orbit, between the fixed sets of its two reversals.
+
+At an end the reduced perturbations (tangent to the energy level, modulo the flow) split into those kept by the end's reversal (+) and
+those turned round by it (-). In these coordinates the linearised flow from one end to the other is phi = [[a, b], [c, d]], symplectic, and
+the orbit's return map, R phi^-1 R phi, has [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]] (blocks; ' is transposition), whose trace is 2 (n - 1) + 4 tr(b'c).
+A zero of det c is a fold or branch point within the class of orbits between such ends, of det b the loss of the reversal, of det a or det d a doubling.
+"""
+
+import math
+
+from bvp.kernels.compiled import kernel
+from bvp.kernels.flight import flow_state, rate
+from bvp.kernels.multipoint import ORIGIN, REST, STOP, start_state
+from bvp.kernels.pencil import complement
+
+__all__ = ["half_map", "section_basis"]
+
+
+@kernel
+def section_basis(segment, node, kind, z, vectors, out):
+    """Rows of `out` (n - 1, n): orthonormal, perpendicular to the velocity (origin), the force (rest) or the stop's normal (stop),
+    oriented with it, so that determinants taken with it change sign only through zero."""
+    size = segment.matrix.shape[0]
+    half = size // 2
+    for r in range(half):
+        if kind == ORIGIN:
+            vectors[0, r] = z[half + r]
+        elif kind == REST:
+            vectors[0, r] = segment.weights[r] * z[r]
+        else:
+            vectors[0, r] = segment.gap[node, r]
+    if half == 2:
+        norm = math.hypot(vectors[0, 0], vectors[0, 1])
+        out[0, 0] = -vectors[0, 1] / norm
+        out[0, 1] = vectors[0, 0] / norm
+        return
+    head = vectors[0, 0]
+    complement(vectors, 1, out)
+    if head < 0.0:
+        for r in range(half):
+            out[half - 2, r] = -out[half - 2, r]
+
+
+@kernel
+def half_map(segment, y, ends, work, phi):
+    """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; `work` (>= 2 n + 6, N).
+    Returns the largest factor by which an impact magnifies rounding (1: none)."""
+    size = segment.matrix.shape[0]
+    half = size // 2
+    k = segment.shape[0]
+    s = segment.start_map.shape[1]
+    kind = segment.shape[3]
+    z = work[0, :size]
+    field = work[1, :size]
+    vectors = work[2:3, :half]
+    v = work[3, :size]
+    x = work[4, :size]
+    first = work[5 : 5 + half - 1, :half]
+    last = work[5 + half : 5 + half + half - 1, :half]
+    start_state(segment, y, z)
+    section_basis(segment, k + 1, kind, z, vectors, first)
+    final_kind = segment.shape[4]
+    section_basis(segment, k, final_kind, ends[k], vectors, last)
+    magnified = 1.0
+    for column in range(2 * (half - 1)):
+        for r in range(size):
+            v[r] = 0.0
+        kept = column < half - 1
+        b = column if kept else column - (half - 1)
+        for r in range(half):
+            if kind == ORIGIN:
+                if kept:
+                    v[half + r] = first[b, r]
+                else:
+                    v[r] = -first[b, r]
+            elif kept:
+                v[r] = first[b, r]
+            else:
+                v[half + r] = first[b, r]
+        if kind == STOP and kept:
+            start_state(segment, y, z)
+            normal = 0.0
+            work_done = 0.0
+            square = 0.0
+            for r in range(half):
+                g = segment.gap[k + 1, r]
+                normal += g * z[half + r]
+                square += g * g
+                work_done += segment.weights[r] * z[r] * v[r]
+            for r in range(half):
+                v[half + r] = -work_done / normal * segment.gap[k + 1, r]
+        at = s
+        for i in range(k + 1):
+            flow_state(segment.pairs, segment.mean, segment.delta, segment.matrix, v, y[at], x)
+            if i < k:
+                speed = 0.0
+                for r in range(size):
+                    speed += segment.gap_rate[i, r] * x[r]
+                for r in range(size):
+                    x[r] -= segment.jump[i] * speed * segment.push[i, r]
+                rate(segment.pairs, segment.matrix, ends[i], field)
+                speed = 0.0
+                for r in range(size):
+                    speed += segment.gap_rate[i, r] * field[r]
+                hit = 0.0
+                through = 0.0
+                length = 0.0
+                normal = 0.0
+                for r in range(size):
+                    field[r] -= segment.jump[i] * speed * segment.push[i, r]
+                    hit += segment.gap[i, r] * x[r]
+                    through += segment.gap[i, r] * field[r]
+                for r in range(half):
+                    length += field[r] ** 2
+                    normal += segment.gap[i, r] ** 2
+                if through != 0.0:
+                    magnified = max(magnified, math.sqrt(length * normal) / abs(through))
+                for r in range(size):
+                    v[r] = x[r] - hit / through * field[r] if through != 0.0 else math.inf
+            at += size + 1
+        if final_kind == STOP:
+            rate(segment.pairs, segment.matrix, ends[k], field)
+            hit = 0.0
+            through = 0.0
+            for r in range(size):
+                hit += segment.gap[k, r] * x[r]
+                through += segment.gap[k, r] * field[r]
+            for r in range(size):
+                x[r] = x[r] - hit / through * field[r] if through != 0.0 else math.inf
+        for b in range(half - 1):
+            displacement = 0.0
+            velocity = 0.0
+            for r in range(half):
+                displacement += last[b, r] * x[r]
+                velocity += last[b, r] * x[half + r]
+            if final_kind == ORIGIN:
+                phi[b, column] = velocity
+                phi[half - 1 + b, column] = -displacement
+            else:
+                phi[b, column] = displacement
+                phi[half - 1 + b, column] = velocity
+    return magnified

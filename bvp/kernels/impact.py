@@ -1,0 +1,370 @@
+"""The next impact of an exact flight, by bounds and never by sampling; restitution.
+
+A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `bounds.amplitudes` bounds
+|w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows
+
+    a step without a root          h = 2 d/(-d' + sqrt(d'^2 + 2 W d)),  or  3 d''/J  where d' >= 0 and d'' > 0;
+    a certified root               where d' < 0 and 4 W d <= d'^2: exactly one root within 2 d/|d'| (Newton-Kantorovich); d here
+                                   counts the contact tolerance, so that rounding cannot make a hit of a touch;
+    a certified turning point      where d' < 0 < d'' and 4 J |d'| <= d''^2: d falls to its one minimum within 2 |d'|/d'' and is
+                                   convex there, so the value at the minimum decides between passing, a touch and a hit.
+
+Steps therefore shrink onto a root quadratically until it is certified, and Newton on the exact flight does the rest.
+
+A flight that starts on a stop has d(0) = 0. While it is near, d is not the difference bound - w, which would cancel, but its own
+Taylor series from the start, d(t) = t s(t), and the search runs on s, with |s''| <= J/3: the start is no root of s, and a speed
+of leaving as tiny as rounding allows is resolved. Only the contact just left is treated so, until d is well above the tolerance.
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+from bvp.kernels.bounds import amplitudes, dot, free_step, growth_rate
+from bvp.kernels.flight import flow_state, rate
+
+__all__ = [
+    "CONTACT_TOLERANCE",
+    "EXHAUSTED",
+    "HIT",
+    "NONE",
+    "OUTSIDE",
+    "PRESSED",
+    "TOUCH",
+    "contact_level",
+    "next_impact",
+    "restitute",
+    "rounding_level",
+    "work_array",
+]
+
+CONTACT_TOLERANCE = 1e-13
+"""THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of w within it
+of the bound, on either side, is a touch: it is reported and the motion goes on. Beyond it w crosses and hits."""
+
+NONE, HIT, TOUCH, PRESSED, OUTSIDE, EXHAUSTED = 0, 1, 2, 3, 4, 5
+"""What `next_impact` found: no impact up to the horizon; a hit; a touch; the motion stays pressed against the stop it starts on;
+the start lies beyond a stop; the search gave up after `STEP_LIMIT` steps."""
+
+TURN, CROSSED = 6, 7
+"""Verdicts inside the search: a certified turning point ahead; beyond the bound without a certificate before."""
+
+STEP_LIMIT = 100_000
+NEAR = 1000.0
+"""A start counts as near its stop until the distance is this many contact tolerances."""
+SERIES_TERMS = 14
+SERIES_REACH = 0.25
+"""|B| t up to which the series from the start is used: its 14 terms truncate below 1e-19."""
+ROUNDING = 16.0 * 2.220446049250313e-16
+WORK_ROWS = 5
+
+
+def work_array(size, contacts):
+    """Scratch array of the kernels here for N = `size` states and m = `contacts`."""
+    return np.zeros((WORK_ROWS, max(size, contacts, SERIES_TERMS + 1)))
+
+
+@nb.njit(cache=True, error_model="numpy")
+def contact_level(gap, bound, c, z):
+    """The contact tolerance of contact c in units of its distance."""
+    total = abs(bound[c])
+    for r in range(z.shape[0]):
+        total += abs(gap[c, r] * z[r])
+    return CONTACT_TOLERANCE * total
+
+
+@nb.njit(cache=True, error_model="numpy")
+def rounding_level(rows, c, z):
+    """Sixteen roundings of the largest size that rows[c] . z can have."""
+    total = 0.0
+    for r in range(z.shape[0]):
+        total += abs(rows[c, r] * z[r])
+    return ROUNDING * total
+
+
+@nb.njit(cache=True, error_model="numpy")
+def restitute(rate_rows, push, restitution, c, z, out):
+    """out = z - (1 + r) push (rate . z), Newton's restitution of contact c along M^-1 c (out may be z)."""
+    change = (1.0 + restitution[c]) * dot(rate_rows, c, z)
+    for r in range(z.shape[0]):
+        out[r] = z[r] - change * push[c, r]
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def gauge(gap, rate_rows, acceleration, side, bound, c, z):
+    """(d, d', d'', contact tolerance) of contact c at the state z."""
+    w = 0.0
+    slope = 0.0
+    bend = 0.0
+    size = abs(bound[c])
+    for r in range(z.shape[0]):
+        part = gap[c, r] * z[r]
+        w += part
+        size += abs(part)
+        slope += rate_rows[c, r] * z[r]
+        bend += acceleration[c, r] * z[r]
+    return side[c] * (bound[c] - w), -side[c] * slope, -side[c] * bend, CONTACT_TOLERANCE * size
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def quadratic_step(d, slope, bend):
+    """Zero of d + d' h + d'' h^2/2 nearest to h = 0, for d' < 0; Newton's step where there is none."""
+    square = slope * slope - 2.0 * bend * d
+    return 2.0 * d / (-slope + math.sqrt(square)) if square > 0.0 else -d / slope
+
+
+@nb.njit(cache=True, error_model="numpy")
+def polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, jerk, z, t, state):
+    """Zero of d along the exact flight by steps of third order, from a time near it, down to rounding."""
+    last = math.inf
+    for _ in range(60):
+        flow_state(pairs, mean, delta, matrix, z, t, state)
+        d, slope, bend, _ = gauge(gap, rate_rows, acceleration, side, bound, c, state)
+        if slope >= 0.0:
+            break
+        step = quadratic_step(d, slope, bend)
+        t = max(t + step, 0.0)
+        size = abs(step)
+        if jerk * size * size * size <= -1e-17 * t * slope or size >= last:
+            break
+        last = size
+    return t
+
+
+@nb.njit(cache=True, error_model="numpy")
+def resolve_turn(
+    pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, curvature, jerk, z, t, slope, bend, tolerance, state
+):  # fmt: skip
+    """What a certified turning point after time t is: (HIT or TOUCH, its time) or (NONE, step from t without either)."""
+    turn = t
+    d = 0.0
+    for count in range(30):
+        change = -slope / bend
+        turn += change
+        if count > 0 and 0.5 * bend * change * change <= 1e-3 * tolerance:
+            break
+        flow_state(pairs, mean, delta, matrix, z, turn, state)
+        d, slope, bend, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, state)
+    least = d - 0.5 * slope * slope / bend
+    if least > tolerance:
+        ahead = free_step(least, 0.0, curvature)
+        if jerk > 0.0:
+            ahead = max(ahead, 3.0 * bend / jerk)
+        return NONE, turn - t + ahead
+    if least >= -tolerance:
+        return TOUCH, max(turn, t)
+    start = max(turn - math.sqrt(-2.0 * least / bend), t)
+    return HIT, polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, jerk, z, start, state)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
+    """(verdict, step) from d and its derivatives at one instant.
+
+    verdict NONE: no root within `step`. HIT: a certified root at about `step`. TURN: a certified turning point ahead. TOUCH,
+    CROSSED: w is within the tolerance of the bound and past its turning point, or beyond the bound, without a certificate before
+    (roots of third order and more, which the walk in steps of the tolerance finds). The bounds hold over `window`. `fresh`: the
+    contact may be within the tolerance because the flight began there, which is no touch.
+    """
+    if d < -tolerance:
+        return CROSSED, quadratic_step(d, slope, bend) if slope < 0.0 else 0.0
+    distance = max(d, 0.0)
+    step = free_step(distance, slope, curvature)
+    trial = 2.0 * step
+    local = jerk * trial / 3.0 - bend
+    if local < curvature:
+        step = max(step, min(trial, free_step(distance, slope, max(local, 0.0))))
+    if d <= tolerance and curvature > 0.0:
+        step = max(step, math.sqrt(0.5 * tolerance / curvature))
+    if slope >= 0.0:
+        if d <= tolerance and not fresh:
+            return TOUCH, 0.0
+        if bend > 0.0 and jerk > 0.0:
+            step = max(step, 3.0 * bend / jerk)
+        return NONE, step
+    if step >= window:
+        return NONE, step
+    reach = -2.0 * (distance + tolerance) / slope
+    if 4.0 * min(curvature, abs(bend) + jerk * reach) * (distance + tolerance) <= slope * slope and reach <= window:
+        return HIT, quadratic_step(d, slope, bend)
+    if bend > 0.0 and -4.0 * jerk * slope <= bend * bend and -2.0 * slope <= bend * window:
+        return TURN, 0.0
+    return NONE, step
+
+
+@nb.njit(cache=True, error_model="numpy")
+def series(pairs, matrix, gap, side, c, z, coefficients, state, other):
+    """coefficients[k] = d^(k)(0)/k! for k >= 1 by repeated B. Returns a rate that bounds how fast the terms can grow."""
+    for r in range(z.shape[0]):
+        state[r] = z[r]
+    factor = 1.0
+    for k in range(1, SERIES_TERMS + 1):
+        rate(pairs, matrix, state, other)
+        factor /= k
+        coefficients[k] = -side[c] * dot(gap, c, other) * factor
+        for r in range(z.shape[0]):
+            state[r] = other[r]
+    fastest = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            half = 0.5 * (matrix[i, i] - matrix[j, j])
+            width = math.sqrt(half * half + abs(matrix[i, j] * matrix[j, i]))
+            fastest = max(fastest, 0.5 * abs(matrix[i, i] + matrix[j, j]) + width)
+        else:
+            for r in range(i, i - j):
+                total = 0.0
+                for q in range(i, i - j):
+                    total += abs(matrix[r, q])
+                fastest = max(fastest, total)
+    return fastest
+
+
+@nb.njit(cache=True, error_model="numpy")
+def near_slope(coefficients, t):
+    """s(t) = d(t)/t and its derivative from the series of d."""
+    s = 0.0
+    derivative = 0.0
+    for k in range(SERIES_TERMS, 0, -1):
+        derivative = derivative * t + s
+        s = s * t + coefficients[k]
+    return s, derivative
+
+
+@nb.njit(cache=True, error_model="numpy")
+def leave(coefficients, jerk, t, window):
+    """One look at a contact near the start: (HIT, time of the return) or (NONE, step without a return)."""
+    s, fall = near_slope(coefficients, t)
+    s = max(s, 0.0)
+    if fall >= 0.0 or 4.0 * jerk * s > 3.0 * fall * fall or -2.0 * s < fall * window:
+        return NONE, free_step(s, fall, jerk / 3.0)
+    root = t
+    last = math.inf
+    for _ in range(60):
+        step = -s / fall
+        root += step
+        if abs(step) <= 1e-16 * root or abs(step) >= last:
+            break
+        last = abs(step)
+        s, fall = near_slope(coefficients, root)
+    return HIT, root
+
+
+@nb.njit(cache=True, error_model="numpy")
+def start_contact(gap, rate_rows, side, bound, leaving, z):
+    """(status, contact the flight leaves): OUTSIDE with the contact passed, else NONE with `leaving` or a contact that z is on."""
+    for c in range(side.shape[0]):
+        if c == leaving:
+            continue
+        d = side[c] * (bound[c] - dot(gap, c, z))
+        tolerance = contact_level(gap, bound, c, z)
+        if not d >= -tolerance:
+            return OUTSIDE, c
+        if leaving < 0 and d <= tolerance and -side[c] * dot(rate_rows, c, z) >= -rounding_level(rate_rows, c, z):
+            leaving = c
+    return NONE, leaving
+
+
+@nb.njit(cache=True, error_model="numpy")
+def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, leaving, z, horizon, work):
+    """The first hit or touch of the flight from z within 0 <= t <= horizon.
+
+    `leaving` is the contact that the flight starts on (-1: none), whose distance there is taken to be 0 exactly. Any other contact
+    within the tolerance at the start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
+
+    Returns (status, contact, time): (NONE, -1, horizon), (HIT or TOUCH, contact, time), (PRESSED, contact, 0),
+    (OUTSIDE, contact, 0), (EXHAUSTED, -1, time reached).
+    """
+    size = z.shape[0]
+    state = work[0, :size]
+    curvature = work[1]
+    jerk = work[2]
+    coefficients = work[3]
+    other = work[4, :size]
+    status, leaving = start_contact(gap, rate_rows, side, bound, leaving, z)
+    if status != NONE:
+        return status, leaving, 0.0
+    steady, growth = growth_rate(pairs, mean, delta, matrix)
+    near = leaving >= 0
+    fresh = leaving >= 0
+    reach = -1.0
+    near_jerk = 0.0
+    t = 0.0
+    found = -1
+    kind = NONE
+    for r in range(size):
+        state[r] = z[r]
+    for count in range(STEP_LIMIT):
+        window = math.inf if steady else 2.0 * (horizon - t)
+        if growth > 0.0:
+            window = min(window, 1.0 / growth)
+        step = min(window, horizon - t)
+        for c in range(side.shape[0]):
+            if c == found:
+                continue
+            if count == 0 or not steady:
+                level, curvature[c], jerk[c] = amplitudes(
+                    pairs, mean, delta, matrix, gap, c, state, min(window, 2.0 * (horizon - t))
+                )
+                if level < side[c] * bound[c]:
+                    curvature[c] = -1.0  # w cannot reach the bound
+            if curvature[c] < 0.0:
+                continue
+            d, slope, bend, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, state)
+            if c == leaving and near:
+                near_jerk = max(near_jerk, jerk[c])
+                if count == 0:
+                    force = rounding_level(acceleration, c, z)
+                    if slope < -rounding_level(rate_rows, c, z):
+                        return HIT, c, 0.0
+                    if slope <= 0.0 and bend <= force:
+                        if curvature[c] > force:
+                            return PRESSED, c, 0.0
+                        continue  # it stays on the stop without pressing
+                    ahead = free_step(0.0, max(slope, 0.0), curvature[c])
+                    if bend > 0.0 and near_jerk > 0.0:
+                        ahead = max(ahead, 3.0 * bend / near_jerk)
+                    step = min(step, ahead)
+                    continue
+                if d > NEAR * tolerance:
+                    near = False
+                else:
+                    if reach < 0.0:
+                        reach = series(pairs, matrix, gap, side, c, z, coefficients, state, other)
+                        flow_state(pairs, mean, delta, matrix, z, t, state)
+                    near = reach * t <= SERIES_REACH
+            fresh = fresh and (c != leaving or d <= tolerance)
+            if c == leaving and near:
+                status, value = leave(coefficients, near_jerk, t, window)
+            else:
+                new = count == 0 or (c == leaving and fresh)
+                status, value = judge(d, slope, bend, tolerance, curvature[c], jerk[c], window, new)
+                if status == HIT or (status == CROSSED and slope < 0.0):
+                    status = HIT
+                    start = max(t + value, 0.0)
+                    value = polish_root(
+                        pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, jerk[c], z, start, other
+                    )
+                elif status == TURN:
+                    status, value = resolve_turn(
+                        pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, curvature[c], jerk[c], z, t,
+                        slope, bend, tolerance, other
+                    )  # fmt: skip
+                elif status == TOUCH:
+                    value = t
+                elif status == CROSSED:
+                    status = HIT
+                    value = t
+            if status == NONE:
+                step = min(step, value)
+            elif value < horizon:
+                kind = status
+                found = c
+                horizon = value
+        if t + step >= horizon:
+            return kind, found, horizon
+        t += step
+        flow_state(pairs, mean, delta, matrix, z, t, state)
+    return EXHAUSTED, -1, t

@@ -1,0 +1,397 @@
+"""One step along a family of impacting orbits, in one compiled call: predict, correct, tangent, half map, multipliers,
+admissibility, half-waves, and the raw values that test functions are made of.
+
+`RESULT` names the entries of the result array.
+"""
+
+import math
+
+import numpy as np
+
+from bvp.kernels.compiled import kernel
+from bvp.kernels.cycle import count_impacts, unfold
+from bvp.kernels.extrema import clearance, sign_changes
+from bvp.kernels.flight import flow_state
+from bvp.kernels.halfmap import half_map
+from bvp.kernels.multipoint import (
+    ORIGIN,
+    PERIODIC,
+    REST,
+    STOP,
+    advance,
+    correct,
+    evaluate,
+    factorise,
+    locate,
+    metric_direction,
+    null_vector,
+    start_state,
+)
+from bvp.kernels.pencil import pencil, sweep, trivial_directions
+
+__all__ = ["RESULT", "orbit_step", "observe", "stability_2", "tangent_at"]
+
+RESULT = (
+    "converged",
+    "iterations",
+    "contraction",
+    "residual",
+    "energy",
+    "quarter_period",
+    "slope",
+    "turn",
+    "branching",
+    "clearance",
+    "clearance_flight",
+    "clearance_stop",
+    "clearance_side",
+    "clearance_time",
+    "speed",
+    "speed_node",
+    "flight",
+    "flight_index",
+    "absorber_start",
+    "absorber_end",
+    "waves_absorber",
+    "waves_primary",
+    "first_quarter",
+    "second_quarter",
+    "in_phase",
+    "gave_up",
+    "a",
+    "b",
+    "c",
+    "d",
+    "magnified",
+    "trace",
+    "determinant",
+    "larger_real",
+    "larger_imaginary",
+    "smaller_real",
+    "smaller_imaginary",
+    "trivial",
+    "singular",
+)
+(
+    CONVERGED, ITERATIONS, CONTRACTION, RESIDUAL, ENERGY, QUARTER_PERIOD, SLOPE, TURN, BRANCHING, CLEARANCE, CLEARANCE_FLIGHT,
+    CLEARANCE_STOP, CLEARANCE_SIDE, CLEARANCE_TIME, SPEED, SPEED_NODE, FLIGHT, FLIGHT_INDEX, ABSORBER_START, ABSORBER_END,
+    WAVES_ABSORBER, WAVES_PRIMARY, FIRST_QUARTER, SECOND_QUARTER, IN_PHASE, GAVE_UP, HALF_A, HALF_B, HALF_C, HALF_D, MAGNIFIED, TRACE,
+    DETERMINANT, LARGER_REAL, LARGER_IMAGINARY, SMALLER_REAL, SMALLER_IMAGINARY, TRIVIAL, SINGULAR,
+) = range(39)
+
+
+@kernel
+def tangent_at(segment, y, factor, old_direction, metric, tangent, result):
+    """Tangent at a solution y, of unit length in the metric and turned like `old_direction` (all zero: as it comes)."""
+    unknowns = y.shape[0]
+    sign, smallest = factorise(segment, y, factor)
+    null_vector(segment, factor, tangent)
+    energy, alpha = locate(segment, y, metric.position)
+    change, length = metric_direction(segment, y, metric.position, energy, alpha, tangent, metric.direction)
+    turn = 0.0
+    first = True
+    for r in range(metric.direction.shape[0]):
+        metric.direction[r] /= length
+        turn += metric.direction[r] * old_direction[r]
+        if old_direction[r] != 0.0:
+            first = False
+    flip = 1.0 / length
+    if turn < 0.0 and not first:
+        flip = -flip
+        sign = -sign
+        turn = -turn
+        for r in range(metric.direction.shape[0]):
+            metric.direction[r] = -metric.direction[r]
+    for j in range(unknowns):
+        tangent[j] *= flip
+    result[ENERGY] = energy
+    result[QUARTER_PERIOD] = alpha
+    result[SLOPE] = change * flip
+    result[TURN] = 1.0 if first else turn
+    result[BRANCHING] = sign * smallest
+
+
+@kernel
+def observe(segment, observed, y, ends, work, result):
+    """Admissibility, impact speeds, flight times and half-waves of the orbit at y (`ends`: states at the end of each flight)."""
+    size = segment.matrix.shape[0]
+    half = size // 2
+    k = segment.shape[0]
+    s = segment.start_map.shape[1]
+    start = work[0, :size]
+    scratch = work[1, :size]
+    start_state(segment, y, start)
+    best = math.inf
+    result[CLEARANCE_FLIGHT : CLEARANCE_TIME + 1] = 0.0
+    result[GAVE_UP] = 0.0
+    slowest = math.inf
+    slowest_node = -1
+    shortest = math.inf
+    shortest_index = 0
+    changes_absorber = 0
+    changes_primary = 0
+    sign_absorber = 0
+    sign_primary = 0
+    total = 0.0
+    at = s
+    for i in range(k + 1):
+        total += y[at]
+        at += size + 1
+    middle = 0.5 * total if segment.shape[2] == 2 else total
+    elapsed = 0.0
+    early = 0
+    at = s
+    if segment.shape[3] == STOP:
+        slowest = 0.0
+        for r in range(size):
+            slowest -= segment.side[k + 1] * segment.gap_rate[k + 1, r] * start[r]
+        slowest_node = k + 1
+    half_waves = segment.shape[2] != 4 and observed.velocity.shape[0] == 2
+    for i in range(k + 1):
+        z = start if i == 0 else y[at - size : at]
+        duration = y[at]
+        if duration < shortest:
+            shortest = duration
+            shortest_index = i
+        elapsed += duration
+        if i < k and elapsed < middle:
+            early += 1
+        if i < k or segment.shape[4] == STOP or segment.shape[4] == PERIODIC:
+            speed = 0.0
+            for r in range(size):
+                speed += segment.side[i] * segment.gap_rate[i, r] * ends[i, r]
+            if speed < slowest:
+                slowest = speed
+                slowest_node = i
+        if duration > 0.0:
+            for stop in range(observed.gap.shape[0]):
+                distance, side, time = clearance(
+                    segment.pairs, segment.mean, segment.delta, segment.matrix, observed, stop, z, duration, scratch
+                )
+                if math.isnan(distance):
+                    result[GAVE_UP] = 1.0
+                for end in range(2):
+                    resting = (end == 0 and i == 0 and segment.shape[3] == REST) or (
+                        end == 1 and i == k and segment.shape[4] == REST
+                    )
+                    if resting:
+                        w = 0.0
+                        for r in range(size):
+                            w += observed.gap[stop, r] * (z[r] if end == 0 else ends[i, r])
+                        reach = min(observed.upper[stop] - w, w - observed.lower[stop])
+                        if reach < distance:
+                            distance = reach
+                            side = 1.0 if observed.upper[stop] - w < w - observed.lower[stop] else -1.0
+                            time = 0.0 if end == 0 else duration
+                if distance < best:
+                    best = distance
+                    result[CLEARANCE_FLIGHT] = i
+                    result[CLEARANCE_STOP] = stop
+                    result[CLEARANCE_SIDE] = side
+                    result[CLEARANCE_TIME] = time
+            if half_waves:
+                found, sign_absorber = sign_changes(
+                    segment.pairs, segment.mean, segment.delta, segment.matrix, observed.velocity[0],
+                    observed.velocity_rate[0], observed.velocity_second[0], z, duration, sign_absorber, scratch,
+                )
+                changes_absorber += found
+                if found < 0:
+                    result[GAVE_UP] = 1.0
+                found, sign_primary = sign_changes(
+                    segment.pairs, segment.mean, segment.delta, segment.matrix, observed.velocity[1],
+                    observed.velocity_rate[1], observed.velocity_second[1], z, duration, sign_primary, scratch,
+                )
+                changes_primary += found
+                if found < 0:
+                    result[GAVE_UP] = 1.0
+        at += size + 1
+    result[CLEARANCE] = best
+    result[SPEED] = slowest
+    result[SPEED_NODE] = slowest_node
+    result[FLIGHT] = shortest
+    result[FLIGHT_INDEX] = shortest_index
+    if segment.shape[2] == 1:
+        changes_absorber = 2 * changes_absorber + 1
+        changes_primary = 2 * changes_primary + 1
+        early = k
+    result[WAVES_ABSORBER] = changes_absorber if half_waves else -1
+    result[WAVES_PRIMARY] = changes_primary if half_waves else -1
+    result[FIRST_QUARTER] = early
+    result[SECOND_QUARTER] = k if segment.shape[2] == 1 else k - early
+    result[ABSORBER_START] = math.nan
+    result[ABSORBER_END] = math.nan
+    result[IN_PHASE] = -1.0
+    if half_waves:
+        first_absorber = 0.0
+        first_primary = 0.0
+        last_absorber = 0.0
+        last_primary = 0.0
+        for r in range(size):
+            first_absorber += observed.velocity[0, r] * start[r]
+            first_primary += observed.velocity[1, r] * start[r]
+            last_absorber += observed.velocity[0, r] * ends[k, r]
+            last_primary += observed.velocity[1, r] * ends[k, r]
+        if segment.shape[3] == ORIGIN:
+            result[ABSORBER_START] = first_absorber
+            result[IN_PHASE] = 1.0 if first_absorber * first_primary > 0.0 else 0.0
+        if segment.shape[4] == ORIGIN:
+            result[ABSORBER_END] = last_absorber
+            if not last_absorber * last_primary > 0.0:
+                result[IN_PHASE] = 0.0
+
+
+@kernel
+def stability_2(segment, y, ends, cycle_before, cycle_after, cycle_time, cycle_row, scale, left, right, work, result):
+    """Half map, and multipliers of the reduced saddle-point matrix, for two degrees of freedom."""
+    size = segment.matrix.shape[0]
+    phi = np.empty((2, 2))
+    if segment.shape[2] != 4:
+        result[MAGNIFIED] = half_map(segment, y, ends, work, phi)
+        result[HALF_A] = phi[0, 0]
+        result[HALF_B] = phi[0, 1]
+        result[HALF_C] = phi[1, 0]
+        result[HALF_D] = phi[1, 1]
+    else:
+        result[HALF_A : HALF_D + 1] = math.nan
+        result[MAGNIFIED] = 1.0
+    unfold(segment, y, ends, cycle_before, cycle_after, cycle_time, cycle_row, work)
+    nodes = cycle_after.shape[0]
+    if nodes == 0:
+        result[TRACE : SINGULAR + 1] = math.nan
+        return
+    pencil(
+        segment.pairs, segment.mean, segment.delta, segment.matrix, segment.weights, segment.gap, segment.gap_rate, segment.push,
+        segment.jump, True, cycle_before, cycle_after, cycle_time, cycle_row, scale, left, right,
+    )
+    dimension = size - 2
+    frame = np.zeros((dimension, dimension))
+    older = np.empty((dimension, dimension))
+    for r in range(dimension):
+        frame[r, r] = 1.0
+    product = np.empty((dimension, dimension))
+    exponent = np.empty(dimension)
+    height = np.full(nodes, dimension)
+    singular = 0
+    for _ in range(4):
+        for r in range(dimension):
+            for c in range(dimension):
+                older[r, c] = frame[r, c]
+        singular = sweep(left, right, height, height, frame, product, exponent)
+        coupling = abs(older[0, 1] * frame[0, 0] + older[1, 1] * frame[1, 0])
+        grade = abs(product[0, 1]) + abs(product[0, 0])
+        if coupling < 1e-15 or grade < 30.0 * abs(product[1, 1]) * 2.0 ** (exponent[1] - exponent[0]):
+            break
+    w11 = older[0, 0] * frame[0, 0] + older[1, 0] * frame[1, 0]
+    w12 = older[0, 0] * frame[0, 1] + older[1, 0] * frame[1, 1]
+    w21 = older[0, 1] * frame[0, 0] + older[1, 1] * frame[1, 0]
+    w22 = older[0, 1] * frame[0, 1] + older[1, 1] * frame[1, 1]
+    p11 = product[0, 0] * 2.0 ** exponent[0]
+    p12 = product[0, 1] * 2.0 ** exponent[0]
+    p22 = product[1, 1] * 2.0 ** exponent[1]
+    c11 = w11 * p11
+    c12 = w11 * p12 + w12 * p22
+    c21 = w21 * p11
+    c22 = w21 * p12 + w22 * p22
+    trace = c11 + c22
+    determinant = (w11 * w22 - w12 * w21) * product[0, 0] * product[1, 1] * 2.0 ** (exponent[0] + exponent[1])
+    result[TRACE] = trace
+    result[DETERMINANT] = determinant
+    difference = 0.5 * (c11 - c22)
+    square = difference * difference + c12 * c21
+    if square >= 0.0:
+        larger = 0.5 * trace + math.copysign(math.sqrt(square), trace)
+        result[LARGER_REAL] = larger
+        result[LARGER_IMAGINARY] = 0.0
+        result[SMALLER_REAL] = determinant / larger if larger != 0.0 else 0.0
+        result[SMALLER_IMAGINARY] = 0.0
+    else:
+        result[LARGER_REAL] = 0.5 * trace
+        result[LARGER_IMAGINARY] = -math.sqrt(-square)
+        result[SMALLER_REAL] = 0.5 * trace
+        result[SMALLER_IMAGINARY] = math.sqrt(-square)
+    flow, level = trivial_directions(
+        segment.pairs, segment.mean, segment.delta, segment.matrix, segment.weights, segment.gap, segment.gap_rate, segment.push,
+        segment.jump, cycle_before, cycle_after, cycle_time, cycle_row, scale,
+    )
+    result[TRIVIAL] = max(flow, level)
+    result[SINGULAR] = singular
+
+
+@kernel
+def orbit_step(segment, observed, factor, y, tangent, ds, options, old, metric, work, out, out_tangent, result):
+    """Step from y by ds (ds = 0: correct y itself) and describe where it lands.
+
+    tangent (2, u): tangent and curvature at y. options (3,): most iterations, 1 to compute multipliers, 1 to compute admissibility
+    and half-waves. out (u,), out_tangent (2, u), result: see RESULT.
+    """
+    unknowns = y.shape[0]
+    size = segment.matrix.shape[0]
+    k = segment.shape[0]
+    row = factor.work[5, :unknowns]
+    residual = np.empty(unknowns - 1)
+    rounding = 2e-15
+    if ds == 0.0:
+        row[:] = 0.0
+        old.direction[:] = 0.0
+        oriented = False
+        for j in range(unknowns):
+            out[j] = y[j]
+            if tangent[0, j] != 0.0:
+                oriented = True
+        if oriented:
+            energy, alpha = locate(segment, y, old.position)
+            metric_direction(segment, y, old.position, energy, alpha, tangent[0], old.direction)
+        good, iterations, contraction, worst = correct(segment, out, row, 0.0, factor, residual, options[0], rounding)
+    else:
+        good, iterations, contraction, worst = advance(
+            segment, y, tangent[0], tangent[1], ds, factor, out, row, residual, old, options[0], rounding
+        )
+    result[CONVERGED] = 1.0 if good else 0.0
+    result[ITERATIONS] = iterations
+    result[CONTRACTION] = contraction
+    result[RESIDUAL] = worst
+    if not good:
+        return
+    evaluate(segment, out, factor.before, work[0, :size], residual)
+    tangent_at(segment, out, factor, old.direction, metric, out_tangent[0], result)
+    for j in range(unknowns):
+        out_tangent[1, j] = (out_tangent[0, j] - tangent[0, j]) / ds if ds != 0.0 else 0.0
+    if options[2] == 1:
+        observe(segment, observed, out, factor.before, work, result)
+    if options[1] == 1 and size == 4:
+        nodes = count_impacts(segment.shape)
+        before = np.empty((nodes, size))
+        after = np.empty((nodes, size))
+        duration = np.empty(nodes)
+        node = np.empty(nodes, np.int64)
+        left = np.empty((nodes, size, size))
+        right = np.empty((nodes, size, size))
+        scale = np.empty(size)
+        start_state(segment, out, work[0, :size])
+        displacement = 0.0
+        velocity = 0.0
+        for r in range(size // 2):
+            displacement = max(displacement, abs(work[0, r]))
+            velocity = max(velocity, abs(work[0, size // 2 + r]))
+        for i in range(k + 1):
+            for r in range(size // 2):
+                displacement = max(displacement, abs(factor.before[i, r]))
+                velocity = max(velocity, abs(factor.before[i, size // 2 + r]))
+        for r in range(size // 2):
+            scale[r] = displacement if displacement > 0.0 else 1.0
+            scale[size // 2 + r] = velocity if velocity > 0.0 else 1.0
+        stability_2(segment, out, factor.before, before, after, duration, node, scale, left, right, work, result)
+
+
+@kernel
+def end_states(segment, y, work, out):
+    """States at the end of each flight, (k + 1, N)."""
+    size = segment.matrix.shape[0]
+    z = work[0, :size]
+    start_state(segment, y, z)
+    at = segment.start_map.shape[1]
+    for i in range(segment.shape[0] + 1):
+        if i > 0:
+            z = y[at - size : at]
+        flow_state(segment.pairs, segment.mean, segment.delta, segment.matrix, z, y[at], out[i])
+        at += size + 1

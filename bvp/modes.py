@@ -1,0 +1,149 @@
+"""The modes of free flight: the first-order form z' = B z of M u'' + C u' + K u = 0 with B in blocks, and the rows of the contacts.
+
+Undamped and proportionally damped systems keep the real undamped modes, u = Phi q, v = Phi p, Phi^T M Phi = I, z = (q, p).
+Modes that damping couples are block-diagonalised together (`bvp.blocks`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.blocks import Blocks, damped_blocks, undamped_blocks
+from bvp.numerics import undamped_modes
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Modes", "modes_of", "undamped_modes"]
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Arrays of free flight and of the contacts, for N = 2n states and m contacts, in C order.
+
+    They are shared by all who ask and not to be written to; no flag says so, because the kernels would then be compiled twice.
+
+    The blocks (layout of `bvp.kernels.flight`)
+        pairs (P, 2), mean (P,), delta (P,), matrix (N, N).
+    The states
+        to_state (2n, N): (u, v) = to_state z; from_state (N, 2n): its inverse.
+    The undamped modes
+        frequencies (n,), ascending, exactly 0 for a rigid-body mode, NaN where the stiffness is negative; squares (n,), their
+        squares (negative where the stiffness is); shapes (n, n), the columns of Phi. layout: "undamped", "proportional" or
+        "coupled"; in the first two z = (q_1..q_n, p_1..p_n) with pairs (k, n + k).
+    The contacts, one for each finite bound of each stop, lower before upper
+        contact_gap, contact_rate, contact_acceleration, contact_push (m, N): w = gap . z, w' = rate . z, w'' = acceleration . z
+        in free flight, z+ = z - (1 + r) push (rate . z) at an impact; contact_side (m,), +1 upper and -1 lower; contact_bound,
+        contact_restitution (m,); contact_stop (m,), index of the stop; contact_letters, "-" and "+", after the stop's letter
+        where there are several stops.
+    """
+
+    pairs: np.ndarray
+    mean: np.ndarray
+    delta: np.ndarray
+    matrix: np.ndarray
+    to_state: np.ndarray
+    from_state: np.ndarray
+    frequencies: np.ndarray
+    squares: np.ndarray
+    shapes: np.ndarray
+    layout: str
+    contact_gap: np.ndarray
+    contact_rate: np.ndarray
+    contact_acceleration: np.ndarray
+    contact_push: np.ndarray
+    contact_side: np.ndarray
+    contact_bound: np.ndarray
+    contact_restitution: np.ndarray
+    contact_stop: np.ndarray
+    contact_letters: tuple[str, ...]
+
+    @property
+    def blocks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(pairs, mean, delta, matrix), the first arguments of every kernel."""
+        return self.pairs, self.mean, self.delta, self.matrix
+
+    @property
+    def contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(gap, rate, acceleration, side, bound), the arguments of the kernels that watch the stops."""
+        return self.contact_gap, self.contact_rate, self.contact_acceleration, self.contact_side, self.contact_bound
+
+
+def modes_of(system: ImpactSystem) -> Modes:
+    """The modes of a system.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    RuntimeError
+        Where an eigenvalue iteration does not converge.
+    """
+    squares, shapes = undamped_modes(system.mass, system.stiffness)
+    blocks: Blocks
+    if np.any(system.damping):
+        blocks = damped_blocks(system, squares, shapes)
+    else:
+        blocks = undamped_blocks(system.mass, squares, shapes)
+    n = system.degrees_of_freedom
+    position, velocity = blocks.to_state[:n], blocks.to_state[n:]
+    gap: list[np.ndarray] = []
+    rate: list[np.ndarray] = []
+    acceleration: list[np.ndarray] = []
+    push: list[np.ndarray] = []
+    side: list[float] = []
+    bound: list[float] = []
+    restitution: list[float] = []
+    stop_index: list[int] = []
+    letters: list[str] = []
+    for k, stop in enumerate(system.stops):
+        row = np.array(stop.gap)
+        participation = blocks.shapes.T @ row
+        impulse = blocks.shapes @ participation / (participation @ participation)
+        for sign, limit in ((-1.0, stop.lower), (1.0, stop.upper)):
+            if np.isinf(limit):
+                continue
+            gap.append(row @ position)
+            rate.append(row @ velocity)
+            acceleration.append((row @ velocity) @ blocks.matrix)
+            push.append(blocks.from_state[:, n:] @ impulse)
+            side.append(sign)
+            bound.append(limit)
+            restitution.append(stop.restitution)
+            stop_index.append(k)
+            letters.append((stop.name if len(system.stops) > 1 else "") + ("+" if sign > 0.0 else "-"))
+    return Modes(
+        pairs=_array(blocks.pairs),
+        mean=_array(blocks.mean),
+        delta=_array(blocks.delta),
+        matrix=_array(blocks.matrix),
+        to_state=_array(blocks.to_state),
+        from_state=_array(blocks.from_state),
+        frequencies=np.sqrt(np.where(squares < 0.0, np.nan, squares)),
+        squares=squares,
+        shapes=_array(blocks.shapes),
+        layout=blocks.layout,
+        contact_gap=_array(gap),
+        contact_rate=_array(rate),
+        contact_acceleration=_array(acceleration),
+        contact_push=_array(push),
+        contact_side=_array(side),
+        contact_bound=_array(bound),
+        contact_restitution=_array(restitution),
+        contact_stop=np.array(stop_index, dtype=np.int64),
+        contact_letters=tuple(letters),
+    )
+
+
+def _array(values: Any) -> np.ndarray:
+    """A contiguous copy without negative zeros."""
+    return np.array(values, order="C") + 0

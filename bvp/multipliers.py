@@ -1,0 +1,381 @@
+"""Floquet multipliers of impacting orbits: from the saddle-point matrix, and from the product of saltation matrices.
+
+The saddle-point route reduces the linearised multipoint problem by orthogonal transformations to a product pencil and never forms the
+monodromy (`bvp.kernels.pencil`); the saltation route is the textbook product, kept as the second method. Which orbits are stable is
+decided apart from both, from the half map: see `bvp.stability`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from bvp.cycle import Cycle
+from bvp.kernels.flight import flow_matrix
+from bvp.kernels.pencil import pencil, sweep, trivial_directions
+from bvp.system import ImpactSystem
+
+__all__ = [
+    "GRAZING_LIMIT",
+    "Multipliers",
+    "monodromy",
+    "nearest_grazing",
+    "reduced_monodromy",
+    "saddle_point_multipliers",
+    "saltation_matrix",
+    "saltation_multipliers",
+    "sort_multipliers",
+]
+
+SWEEPS = 60
+"""Sweeps round the cycle after which blocks that have not come apart are taken as they are."""
+
+GRADE = 30.0
+"""Ratio of sizes within a diagonal block below which its eigenvalues need no further sweep."""
+
+APART = 1e-15
+"""Coupling of two diagonal blocks below which they are taken apart."""
+
+GRAZING_LIMIT = 1e-13
+"""|g . f| / (|g| |f|) below which an impact counts as grazing and the multipliers as unbounded."""
+
+PAIRING_LIMIT = 1e-6
+TRIVIAL_LIMIT = 1e-8
+"""Quality that `reliable` asks for; the trivial directions are measured against the largest multiplier, which magnifies rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Floquet multipliers of the return map to an impact, and how good they are.
+
+    Parameters
+    ----------
+    nontrivial : (m,) complex
+        By modulus descending, then by angle. m = 2n - 2 for a conservative system (its return map to an impact has one trivial
+        multiplier 1, left out); m = 2n - 1 for one that loses energy (none is trivial). NaN where an impact grazes.
+    trivial : float
+        How badly the saltation product keeps the trivial directions: the larger of |(M - I) f|/|f| and, for a conservative
+        system, |grad H (M - I)|/|grad H|.
+    pairing : float or None
+        Largest |lambda_i lambda_j - 1| over the pairs; None for a system that loses energy, whose multipliers have no pairs.
+    reliable : bool
+        False where an impact grazes, a pair is off by more than 1e-6, or the trivial directions are off by more than 1e-8 of the
+        largest multiplier.
+    sweeps : int
+        Sweeps round the cycle.
+    note : str
+        What is wrong, in words; empty where nothing is.
+    """
+
+    nontrivial: np.ndarray
+    trivial: float
+    pairing: float | None
+    reliable: bool
+    sweeps: int = 0
+    note: str = ""
+
+    @property
+    def trace(self) -> complex:
+        """Sum of the nontrivial multipliers; for n = 2 its real part is tau."""
+        return complex(np.sum(self.nontrivial))
+
+
+def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
+    """Multipliers from the saddle-point matrix, by orthogonal sweeps round its product pencil.
+
+    Small multipliers keep their digits beside large ones, and nothing divides by the speed of an impact before the last step.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        With at least one impact; plain cuts of flights (contact -1) are allowed anywhere.
+    pieces : int
+        Cut each flight into so many pieces first; the multipliers do not depend on it.
+
+    Returns
+    -------
+    Multipliers
+
+    Raises
+    ------
+    ValueError
+        For a cycle without impacts, or pieces < 1.
+
+    Notes
+    -----
+    Periodic QR without shifts: Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11
+    (2001) 2389. A sweep gives M Q = Q+ R with R the product of triangular factors, graded; in the frame Q the map is W R,
+    W = Q^T Q+ orthogonal and, as the sweeps go on, block diagonal: its eigenvalues are those of the diagonal blocks of W R.
+    """
+    if pieces < 1:
+        raise ValueError(f"a flight is cut into 1 or more pieces; received {pieces}")
+    cycle = _from_impact(cycle).cut(pieces)
+    system, modes = cycle.system, cycle.system.modes
+    conservative = system.is_conservative
+    arguments, nodes, size = _arguments(cycle)
+    left = np.zeros((nodes, size, size))
+    right = np.zeros((nodes, size, size))
+    before, after, duration, row, scale, weights = arguments
+    jump = 1.0 + modes.contact_restitution
+    common = (*modes.blocks, weights, modes.contact_gap, modes.contact_rate, modes.contact_push, jump)
+    pencil(*common, conservative, before, after, duration, row, scale, left, right)
+    flow, level = trivial_directions(*common, before, after, duration, row, scale)
+    trivial = max(flow, level) if conservative else flow
+    graze, worst = nearest_grazing(cycle)
+    dimension = size - 1 - int(conservative)
+    unbounded = np.full(dimension, complex(math.nan, math.nan))
+    if worst < GRAZING_LIMIT:
+        return Multipliers(
+            unbounded, math.nan, math.nan if conservative else None, False, 0,
+            f"impact {graze + 1} of {int(np.sum(row >= 0))} grazes (sine of its angle {worst:.1e}): the multipliers are unbounded",
+        )  # fmt: skip
+    free = size - int(conservative)
+    width = np.where(np.roll(row, -1) < 0, free, free - 1)
+    values, singular, sweeps = _pencil_eigenvalues(left, right, width, dimension)
+    if singular or not np.all(np.isfinite(values)):
+        note = f"{singular} singular factors: the multipliers are unbounded" if singular else "the multipliers overflow"
+        return Multipliers(unbounded, trivial, math.nan if conservative else None, False, sweeps, note)
+    values = sort_multipliers(values)
+    pairing = _pairing(values) if conservative else None
+    largest = max(1.0, float(np.max(np.abs(values), initial=0.0)))
+    faults = []
+    if pairing is not None and not pairing < PAIRING_LIMIT:
+        faults.append(f"a pair of multipliers has a product that is off 1 by {pairing:.1e}")
+    if not trivial < TRIVIAL_LIMIT * largest:
+        faults.append(f"the trivial directions are kept to {trivial:.1e} only")
+    return Multipliers(values, float(trivial), pairing, not faults, sweeps, "; ".join(faults))
+
+
+def _from_impact(cycle: Cycle) -> Cycle:
+    """The cycle begun at an impact."""
+    impacts = np.flatnonzero(cycle.contact >= 0)
+    if impacts.size == 0:
+        raise ValueError("an orbit without impacts has no return map to an impact; its multipliers are exp(+-i w T) of its modes")
+    if impacts[0] == 0:
+        return cycle
+    first = -int(impacts[0])
+    lead = cycle.lead + float(np.sum(cycle.duration[:-first]))
+    turned = (np.roll(x, first, axis=0) for x in (cycle.before, cycle.after, cycle.duration, cycle.contact))
+    return Cycle(cycle.system, *turned, lead)
+
+
+def _arguments(cycle: Cycle) -> tuple[tuple[np.ndarray, ...], int, int]:
+    """(before, after, duration, row, scale, weights) as the kernels take them, the number of nodes, and N."""
+    modes = cycle.system.modes
+    nodes, size = cycle.after.shape
+    half = size // 2
+    scale = np.ones(size)
+    if modes.layout != "coupled":
+        for part in (slice(0, half), slice(half, size)):
+            largest = float(np.max(np.abs(cycle.before[:, part])))
+            scale[part] = largest if largest > 0.0 else 1.0
+    weights = np.ones(size)
+    if cycle.system.is_conservative:
+        weights[:half] = modes.squares
+    arrays = [np.ascontiguousarray(x, dtype=float) for x in (cycle.before, cycle.after, cycle.duration)]
+    return (*arrays, np.ascontiguousarray(cycle.contact, dtype=np.int64), scale, weights), nodes, size
+
+
+def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
+    """The impact nearest to grazing among those that are no cuts, and |g . f| / (|g| |f|) there, f the physical velocity."""
+    system, modes = cycle.system, cycle.system.modes
+    hit = np.flatnonzero(cycle.contact >= 0)
+    contact = cycle.contact[hit]
+    n = system.degrees_of_freedom
+    velocity = cycle.before[hit] @ modes.to_state[n:].T
+    rows = np.array([stop.gap for stop in system.stops])[modes.contact_stop[contact]]
+    speed = np.abs(np.sum(rows * velocity, axis=1))
+    size = np.linalg.norm(rows, axis=1) * np.max(np.linalg.norm(velocity, axis=1))
+    sine = np.divide(speed, size, out=np.zeros_like(speed), where=size > 0.0)
+    worst = int(np.argmin(sine))
+    return worst, float(sine[worst])
+
+
+def _pencil_eigenvalues(left: np.ndarray, right: np.ndarray, width: np.ndarray, dimension: int) -> tuple[np.ndarray, int, int]:
+    """Eigenvalues (dimension,) of the product of left[i]^-1 right[i], singular factors met, and sweeps made.
+
+    width (P,) is the number of rows, and of columns of the left factor, of each.
+    """
+    frame = np.eye(dimension)
+    product = np.empty((dimension, dimension))
+    exponent = np.empty(dimension)
+    blocks: list[slice] = []
+    for sweeps in range(1, SWEEPS + 1):
+        older = frame.copy()
+        singular = sweep(left, right, width, width, frame, product, exponent)
+        if singular or not np.all(np.isfinite(product)):
+            return np.full(dimension, complex(math.nan, math.nan)), singular, sweeps
+        turn = older.T @ frame
+        blocks = _blocks(turn)
+        if all(_is_level(product[block, block], exponent[block]) for block in blocks):
+            break
+    values = np.empty(dimension, dtype=complex)
+    for block in blocks:
+        values[block] = _block_eigenvalues(turn[block, block], product[block, block], exponent[block])
+    return values, singular, sweeps
+
+
+def _blocks(turn: np.ndarray) -> list[slice]:
+    """Diagonal blocks of an orthogonal matrix, cut wherever the part below is within rounding of zero."""
+    size = turn.shape[0]
+    cuts = [0] + [j for j in range(1, size) if np.max(np.abs(turn[j:, :j])) < APART] + [size]
+    return [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+
+
+def _is_level(product: np.ndarray, exponent: np.ndarray) -> bool:
+    """True where the rows of a diagonal block are of like size, so that no eigenvalue drowns in the rounding of another."""
+    if product.shape[0] == 1:
+        return True
+    with np.errstate(divide="ignore"):
+        rows = np.log2(np.max(np.abs(product), axis=1)) + exponent
+        diagonal = np.log2(np.abs(np.diag(product))) + exponent
+    return bool(np.max(rows) - np.min(diagonal) < math.log2(GRADE))
+
+
+def _block_eigenvalues(turn: np.ndarray, product: np.ndarray, exponent: np.ndarray) -> np.ndarray:
+    """Eigenvalues of turn . diag(2^exponent) product. Those of a 2 x 2 block come from trace and determinant, the smaller of two
+    real ones as determinant over larger."""
+    largest = float(np.max(exponent))
+    factor = product * np.exp2(exponent - largest)[:, None]
+    matrix = turn @ factor
+    with np.errstate(over="ignore", invalid="ignore"):
+        unit = np.exp2(largest)
+        if matrix.shape[0] == 1:
+            return matrix[0] * unit
+        if matrix.shape[0] > 2:
+            return np.linalg.eigvals(matrix) * unit
+        middle = 0.5 * (matrix[0, 0] + matrix[1, 1])
+        difference = 0.5 * (matrix[0, 0] - matrix[1, 1])
+        square = difference * difference + matrix[0, 1] * matrix[1, 0]
+        if square < 0.0:
+            return np.array([complex(middle, -math.sqrt(-square)), complex(middle, math.sqrt(-square))]) * unit
+        larger = middle + math.copysign(math.sqrt(square), middle)
+        if larger == 0.0:
+            return np.zeros(2, dtype=complex)
+        determinant = np.linalg.det(turn) * product[0, 0] * product[1, 1] * np.exp2(exponent[0] + exponent[1] - largest)
+        return np.array([larger * unit, determinant / larger], dtype=complex)
+
+
+def sort_multipliers(values: np.ndarray) -> np.ndarray:
+    """By modulus descending, then by angle ascending from -pi; moduli equal to 1e-9 count as equal."""
+    values = np.asarray(values, dtype=complex)
+    with np.errstate(divide="ignore"):
+        modulus = np.round(np.log(np.abs(values)), 9)
+    return values[np.lexsort((np.angle(values), -modulus))]
+
+
+def _pairing(values: np.ndarray) -> float:
+    """Largest |lambda_i lambda_j - 1| when each multiplier, from the largest modulus on, takes the best partner that is left."""
+    left = list(range(values.size))
+    worst = 0.0
+    while left:
+        i = left.pop(0)
+        defects = [abs(values[i] * values[j] - 1.0) for j in left]
+        best = int(np.argmin(defects))
+        worst = max(worst, float(defects[best]))
+        left.pop(best)
+    return worst
+
+
+def saltation_matrix(system: ImpactSystem, contact: int, before: np.ndarray) -> np.ndarray:
+    """What an impact makes of a perturbation, in modal coordinates.
+
+    S = R + (f+ - R f-) g / (g . f-), with R = I - (1 + r) d g' the map of the states, f+- = B z+- the flow on either side and
+    g the gradient of the gap (Mueller, Chaos, Solitons & Fractals 5 (1995) 1671).
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    contact : int
+        Row of the contact arrays of `Modes`.
+    before : (2n,) float
+        Modal state before the impact.
+
+    Returns
+    -------
+    (2n, 2n) float
+
+    Raises
+    ------
+    ValueError
+        For an impact at zero speed.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> S = saltation_matrix(vibro_impact_nes(rho=0.7), 1, np.array([1.0, 0.2, 0.3, 0.4]))
+    >>> bool(abs(np.linalg.det(S) - 0.7**2) < 1e-14)
+    True
+    """
+    modes = system.modes
+    before = np.asarray(before, dtype=float)
+    gap, rate = modes.contact_gap[contact], modes.contact_rate[contact]
+    restitution = 1.0 + modes.contact_restitution[contact]
+    impact = np.eye(before.size) - restitution * np.outer(modes.contact_push[contact], rate)
+    flow_before = modes.matrix @ before
+    flow_after = modes.matrix @ (impact @ before)
+    speed = float(gap @ flow_before)
+    if speed == 0.0:
+        raise ValueError(f"the impact on {modes.contact_letters[contact]!r} has zero speed: no saltation matrix exists at grazing")
+    return impact + np.outer(flow_after - impact @ flow_before, gap) / speed
+
+
+def monodromy(cycle: Cycle) -> np.ndarray:
+    """Product of saltation matrices and exponentials once round a cycle, (2n, 2n), in modal coordinates.
+
+    It carries a perturbation from just after the first node of the cycle to just after its return there. For another section,
+    to_state M from_state is the same map of (u, v).
+
+    Raises
+    ------
+    ValueError
+        For an impact at zero speed.
+    """
+    modes = cycle.system.modes
+    nodes, size = cycle.after.shape
+    product = np.eye(size)
+    flow = np.empty((size, size))
+    for i in range(nodes):
+        j = (i + 1) % nodes
+        flow_matrix(*modes.blocks, float(cycle.duration[i]), flow)
+        product = flow @ product
+        if cycle.contact[j] >= 0:
+            product = saltation_matrix(cycle.system, int(cycle.contact[j]), cycle.before[j]) @ product
+    return product
+
+
+def reduced_monodromy(cycle: Cycle) -> np.ndarray:
+    """The monodromy without its trivial directions, in orthonormal coordinates of the states divided by their size.
+
+    (2n - 2, 2n - 2) for a conservative system: perpendicular to the flow and tangent to the energy level; else (2n - 1, 2n - 1),
+    perpendicular to the flow.
+
+    Raises
+    ------
+    ValueError
+        For an impact at zero speed.
+    """
+    arguments, _, size = _arguments(cycle)
+    _, after, _, _, scale, weights = arguments
+    scaled = monodromy(cycle) * scale / scale[:, None]
+    directions = [(cycle.system.modes.matrix @ after[0]) / scale]
+    if cycle.system.is_conservative:
+        directions.append(weights * after[0] * scale)
+    columns = np.column_stack([*(x / np.linalg.norm(x) for x in directions), np.eye(size)])
+    rest = np.linalg.qr(columns)[0][:, len(directions) :]
+    return rest.T @ scaled @ rest
+
+
+def saltation_multipliers(cycle: Cycle) -> np.ndarray:
+    """Nontrivial multipliers from the monodromy, by modulus descending and then angle: the cross-check of `saddle_point_multipliers`.
+
+    They are right to rounding times |M|, so a small multiplier beside a large one is lost.
+
+    Raises
+    ------
+    ValueError
+        For an impact at zero speed.
+    """
+    return sort_multipliers(np.linalg.eigvals(reduced_monodromy(cycle)))

@@ -1,0 +1,387 @@
+"""The multipoint boundary-value problem of an impacting orbit between two ends, or closed on itself.
+
+`MultipointProblem` binds a system, two ends and a word of inner impacts to the compiled kernels: residual and Jacobian, Newton's
+solution at a given energy or quarter period, and the step along the family with everything that is known of the point where it lands.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bvp.kernels import multipoint as kernel
+from bvp.kernels.extrema import Observed
+from bvp.kernels.step import RESULT, end_states, orbit_step
+from bvp.system import ImpactSystem
+
+__all__ = ["EndsError", "MultipointProblem", "NotConverged", "RESULT_INDEX", "Solution"]
+
+RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
+
+KINDS = {"origin": kernel.ORIGIN, "rest": kernel.REST, "stop": kernel.STOP, "periodic": kernel.PERIODIC}
+
+
+class EndsError(ValueError):
+    """The ends asked for do not fit the system; the message names what is missing."""
+
+
+class NotConverged(RuntimeError):
+    """Newton's corrections did not reach a solution; the message says how far they came."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A point where the kernels arrived.
+
+    Parameters
+    ----------
+    y : (u,) float
+        Unknowns of the multipoint problem.
+    tangent : (2, u) float
+        Unit tangent of the family in the metric, and its change with arclength (0 where not known).
+    position : (N + 2,) float
+        (start state / sqrt(2 h), log h, log alpha): the coordinates in which arclength is measured.
+    ends : (k + 1, N) float
+        State at the end of each flight, before the impact there.
+    result : (len(RESULT),) float
+        See `bvp.kernels.step.RESULT`; entries that do not exist are NaN.
+    """
+
+    y: np.ndarray
+    tangent: np.ndarray
+    position: np.ndarray
+    ends: np.ndarray
+    result: np.ndarray
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.result[RESULT_INDEX[name]])
+
+
+class MultipointProblem:
+    """Orbits of a conservative system between two ends, or closed on themselves, with a given word of inner impacts.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        Undamped and elastic.
+    ends : (str, str)
+        Each "origin", "rest", "stop+", "stop-" ("stopa+" with several stops); or ("periodic", "periodic").
+    word : sequence of str
+        Contact letters of the inner impacts in order of time, e.g. ("+", "-"). For periodic orbits the word is that of the whole
+        period and its first impact is the start.
+
+    Raises
+    ------
+    EndsError
+        For ends that the system does not have: `origin` without odd symmetry, an unknown stop, a system that loses energy.
+
+    Notes
+    -----
+    The unknowns are y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]) (see `bvp.kernels.multipoint`); N = 2 n modal coordinates a state.
+    """
+
+    def __init__(self, system: ImpactSystem, ends: tuple[str, str], word: Sequence[str]):
+        reason = system.why_not_conservative()
+        if reason is not None:
+            raise EndsError(f"families of periodic orbits need a conservative system: {reason}")
+        self.system = system
+        self.ends = (str(ends[0]), str(ends[1]))
+        self.word = tuple(word)
+        self.modes = modes = system.modes
+        self.size = size = 2 * system.degrees_of_freedom
+        self.half = size // 2
+        letters = {letter: index for index, letter in enumerate(modes.contact_letters)}
+        kinds = [self._kind(end, letters) for end in self.ends]
+        periodic = kinds[0][0] == kernel.PERIODIC
+        if periodic != (kinds[1][0] == kernel.PERIODIC):
+            raise EndsError(f"the ends {self.ends[0]}, {self.ends[1]} do not go together: a periodic orbit has two periodic ends")
+        contacts = [self._contact(letter, letters) for letter in self.word]
+        if periodic:
+            if not contacts:
+                raise EndsError("a periodic orbit needs at least one impact, where it starts; received an empty word")
+            inner, closing, opening = contacts[1:], contacts[0], contacts[0]
+        else:
+            inner, closing, opening = contacts, kinds[1][1], kinds[0][1]
+        self.inner = len(inner)
+        self.periodic = periodic
+        self.kinds = (kinds[0][0], kinds[1][0])
+        if periodic:
+            quarters = 4
+        else:
+            quarters = 1 if (self.kinds[0] == kernel.ORIGIN) != (self.kinds[1] == kernel.ORIGIN) else 2
+        self.quarters = quarters
+        nodes = [*inner, closing, opening]
+        self.contacts = np.array(nodes)
+        has = np.array([contact >= 0 for contact in nodes])
+        pick = np.where(has, self.contacts, 0)
+        rows = has[:, None]
+
+        def array(values: np.ndarray) -> np.ndarray:
+            return np.ascontiguousarray(values, dtype=np.float64)
+
+        start_map, start_offset = self._end_map(self.kinds[0], opening)
+        end_rows, end_offset = self._end_condition(self.kinds[1], closing)
+        weights = np.concatenate([modes.squares, np.ones(self.half)])
+        self.segment = kernel.Segment(
+            modes.pairs,
+            array(modes.mean),
+            array(modes.delta),
+            array(modes.matrix),
+            array(np.where(rows, modes.contact_gap[pick], 0.0)),
+            array(np.where(rows, modes.contact_rate[pick], 0.0)),
+            array(np.where(rows, modes.contact_push[pick], 0.0)),
+            array(np.where(has, 1.0 + modes.contact_restitution[pick], 0.0)),
+            array(np.where(has, modes.contact_bound[pick], 0.0)),
+            array(np.where(has, modes.contact_side[pick], 0.0)),
+            array(start_map),
+            array(start_offset),
+            array(end_rows),
+            array(end_offset),
+            array(weights),
+            np.array([self.inner, int(periodic), quarters, *self.kinds], dtype=np.int64),
+        )
+        self.observed = observed_of(system)
+        self.parameters = self.segment.start_map.shape[1]
+        self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
+        self._factor = kernel.make_factor(self.segment)
+        self._old = kernel.Metric(np.zeros(size + 2), np.zeros(size + 2))
+        self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
+        self._options = np.array([12, 1, 1], dtype=np.int64)
+        self._zero = np.zeros((2, self.unknowns))
+
+    # -- ends -----------------------------------------------------------------------------------------------------------------
+
+    def _contact(self, letter: str, letters: dict[str, int]) -> int:
+        if letter not in letters:
+            raise EndsError(f"the word has an impact {letter!r}, but this system's stops are {', '.join(letters)}")
+        return letters[letter]
+
+    def _kind(self, end: str, letters: dict[str, int]) -> tuple[int, int]:
+        match = re.fullmatch(r"(origin|rest|periodic|stop)([a-z]?[+-])?", end)
+        if match is None or (match[1] == "stop") != (match[2] is not None):
+            raise EndsError(f"unknown end {end!r}; expected origin, rest, periodic or one of " + ", ".join("stop" + s for s in letters))
+        if match[1] == "origin" and not self.system.has_odd_symmetry:
+            raise EndsError(
+                "an origin end needs odd symmetry (two-sided stops with equal gaps); this system has "
+                + "; ".join(
+                    f"{stop.lower:g} <= {'+'.join(f'{c:g}*{u}' for c, u in zip(stop.gap, self.system.coordinates, strict=True))} "
+                    f"<= {stop.upper:g}"
+                    for stop in self.system.stops
+                    if stop.lower != -stop.upper
+                )
+                + ": use rest or stop ends"
+            )
+        return KINDS[match[1]], self._contact(match[2], letters) if match[2] else -1
+
+    def _transverse(self, contact: int) -> tuple[np.ndarray, np.ndarray]:
+        """Unit normal (n,) of a contact in modal coordinates, and an orthonormal basis (n, n - 1) of its complement."""
+        normal = self.modes.contact_gap[contact, : self.half]
+        basis = np.linalg.qr(np.column_stack([normal, np.eye(self.half)]))[0][:, 1:]
+        return normal / np.linalg.norm(normal), basis
+
+    def _end_map(self, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
+        """Z, c of the start states z = Z s + c."""
+        n, size = self.half, self.size
+        if kind == kernel.PERIODIC:
+            return np.eye(size), np.zeros(size)
+        start_map = np.zeros((size, n))
+        offset = np.zeros(size)
+        if kind == kernel.ORIGIN:
+            start_map[n:] = np.eye(n)
+        elif kind == kernel.REST:
+            start_map[:n] = np.eye(n)
+        else:
+            normal, basis = self._transverse(contact)
+            start_map[:n, : n - 1] = basis
+            start_map[n:, n - 1] = normal
+            offset[:n] = normal * self.modes.contact_bound[contact] / np.linalg.norm(self.modes.contact_gap[contact, :n])
+        return start_map, offset
+
+    def _end_condition(self, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
+        """L, l of the end condition L z = l."""
+        n, size = self.half, self.size
+        if kind == kernel.PERIODIC:
+            return np.zeros((0, size)), np.zeros(0)
+        rows = np.zeros((n, size))
+        offset = np.zeros(n)
+        if kind == kernel.ORIGIN:
+            rows[:, :n] = np.eye(n)
+        elif kind == kernel.REST:
+            rows[:, n:] = np.eye(n)
+        else:
+            _, basis = self._transverse(contact)
+            rows[0, :n] = self.modes.contact_gap[contact, :n]
+            offset[0] = self.modes.contact_bound[contact]
+            rows[1:, n:] = basis.T
+        return rows, offset
+
+    # -- unknowns -------------------------------------------------------------------------------------------------------------
+
+    def pack(self, start: np.ndarray, nodes: np.ndarray, flight_times: Sequence[float]) -> np.ndarray:
+        """Unknowns y (u,) from the start state (N,), the node states (k, N) and the flight times (k + 1,)."""
+        y = np.zeros(self.unknowns)
+        difference = np.asarray(start, float) - self.segment.start_offset
+        y[: self.parameters] = self.segment.start_map.T @ difference
+        at = self.parameters
+        for i in range(self.inner + 1):
+            if i > 0:
+                y[at : at + self.size] = nodes[i - 1]
+                at += self.size
+            y[at] = flight_times[i]
+            at += 1
+        return y
+
+    def flight_times(self, y: np.ndarray) -> np.ndarray:
+        """Flight times (k + 1,)."""
+        last = self.parameters + self.inner * (self.size + 1) + 1
+        return y[self.parameters : last : self.size + 1]
+
+    def nodes(self, y: np.ndarray) -> np.ndarray:
+        """States after each inner impact, (k, N)."""
+        inner = y[self.parameters + 1 : self.parameters + 1 + self.inner * (self.size + 1)]
+        return inner.reshape(self.inner, self.size + 1)[:, : self.size]
+
+    def start(self, y: np.ndarray) -> np.ndarray:
+        """Start state (N,)."""
+        return self.segment.start_map @ y[: self.parameters] + self.segment.start_offset
+
+    def energy(self, y: np.ndarray) -> float:
+        """h at the start."""
+        z = self.start(y)
+        return float(0.5 * np.sum(self.segment.weights * z * z))
+
+    def quarter_period(self, y: np.ndarray) -> float:
+        """alpha = T/4."""
+        return float(np.sum(self.flight_times(y))) / self.quarters
+
+    def end_states(self, y: np.ndarray) -> np.ndarray:
+        """State at the end of each flight, before the impact there, (k + 1, N)."""
+        out = np.empty((self.inner + 1, self.size))
+        end_states(self.segment, np.ascontiguousarray(y), self._work, out)
+        return out
+
+    # -- equations ------------------------------------------------------------------------------------------------------------
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """F(y), (u - 1,)."""
+        residual = np.empty(self.unknowns - 1)
+        kernel.evaluate(self.segment, np.ascontiguousarray(y), self._factor.before, self._work[0, : self.size].copy(), residual)
+        return residual
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        """F'(y), dense (u - 1, u): for switching and for tests; Newton's steps use the block structure."""
+        factor = self._factor
+        y = np.ascontiguousarray(y)
+        self.residual(y)
+        factor.scale[:] = 1.0
+        kernel.fill(self.segment, y, factor)
+        rows = self.size + 1
+        out = np.zeros((self.unknowns - 1, self.unknowns))
+        for j in range(self.inner * rows):
+            base = max(0, (j // rows - 1) * rows)
+            width = min(factor.window.shape[1], self.unknowns - base)
+            out[j, base : base + width] = factor.window[j, :width]
+        out[self.inner * rows :] = factor.closing
+        return out
+
+    def energy_gradient(self, y: np.ndarray) -> np.ndarray:
+        """d h / d y, (u,)."""
+        gradient = np.zeros(self.unknowns)
+        gradient[: self.parameters] = self.segment.start_map.T @ (self.segment.weights * self.start(y))
+        return gradient
+
+    # -- solution and step ----------------------------------------------------------------------------------------------------
+
+    def solve(self, y: np.ndarray, *, energy: float | None = None, quarter_period: float | None = None) -> Solution:
+        """Newton's solution near y: at a given energy, at a given quarter period, or the nearest one of the family.
+
+        Raises
+        ------
+        NotConverged
+            When the update does not shrink to rounding level.
+        """
+        y = np.array(y, float)
+        residual = np.empty(self.unknowns - 1)
+        if energy is not None or quarter_period is not None:
+            row = np.zeros(self.unknowns)
+            previous = np.inf
+            for _ in range(30):
+                if energy is not None:
+                    row = self.energy_gradient(y) / energy
+                    miss = self.energy(y) / energy - 1.0
+                else:
+                    assert quarter_period is not None
+                    row[self.parameters : self.parameters + self.inner * (self.size + 1) + 1 : self.size + 1] = 1.0 / (
+                        self.quarters * quarter_period
+                    )
+                    miss = self.quarter_period(y) / quarter_period - 1.0
+                before = y.copy()
+                good, _, _, worst = kernel.correct(
+                    self.segment, y, row, float(row @ y - miss), self._factor, residual, 1 if previous > 1e-6 else 8, 2e-15
+                )
+                if not np.all(np.isfinite(y)):
+                    raise NotConverged("Newton's corrections diverged")
+                change = float(np.max(np.abs(y - before) / self._factor.scale))
+                if change < 1e-13 or (good and previous < 1e-9 and change >= 0.5 * previous):
+                    break
+                if change > 10.0 * previous and change > 1.0:
+                    raise NotConverged(f"Newton's corrections grow ({previous:.1e} to {change:.1e} of the orbit's size)")
+                previous = change
+            else:
+                raise NotConverged(f"Newton's corrections did not settle in 30 steps (last one {previous:.1e})")
+        solution = self.step(y, self._zero.ravel(), 0.0)
+        if solution is None:
+            raise NotConverged("Newton's corrections did not settle")
+        return solution
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, *, maximum: int = 12, full: bool = True) -> Solution | None:
+        """Step by ds along the family from y with its tangent (2 u,) (tangent, then curvature); None where Newton fails.
+
+        With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes).
+        `full` adds multipliers, admissibility and half-waves.
+        """
+        out = np.empty(self.unknowns)
+        out_tangent = np.empty((2, self.unknowns))
+        result = np.full(len(RESULT), np.nan)
+        metric = kernel.Metric(np.empty(self.size + 2), np.empty(self.size + 2))
+        options = self._options
+        options[0] = maximum
+        options[1] = options[2] = 1 if full else 0
+        orbit_step(
+            self.segment, self.observed, self._factor, y, tangent.reshape(2, -1), ds, options, self._old, metric, self._work,
+            out, out_tangent, result,
+        )  # fmt: skip
+        if result[0] != 1.0:
+            return None
+        return Solution(out, out_tangent.ravel(), metric.position, self._factor.before.copy(), result)
+
+
+def observed_of(system: ImpactSystem) -> Observed:
+    """The functionals that are watched along each flight: the gap of every stop, and the velocities of absorber and primary."""
+    modes = system.modes
+    size = 2 * system.degrees_of_freedom
+    n = system.degrees_of_freedom
+    gap = np.array([modes.to_state[:n].T @ np.asarray(stop.gap) for stop in system.stops]).reshape(-1, size)
+    velocity = np.zeros((0, size))
+    if system.absorber is not None and system.primary is not None:
+        velocity = modes.to_state[[n + system.absorber, n + system.primary]]
+
+    def derivative(rows: np.ndarray, times: int) -> np.ndarray:
+        for _ in range(times):
+            rows = rows @ modes.matrix
+        return np.ascontiguousarray(rows)
+
+    return Observed(
+        derivative(gap, 0),
+        derivative(gap, 1),
+        derivative(gap, 2),
+        derivative(gap, 3),
+        np.array([stop.lower for stop in system.stops], dtype=float),
+        np.array([stop.upper for stop in system.stops], dtype=float),
+        derivative(velocity, 0),
+        derivative(velocity, 1),
+        derivative(velocity, 2),
+    )

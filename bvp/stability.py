@@ -1,0 +1,277 @@
+"""Which orbits are stable, decided by more than the error of the numbers it is decided by.
+
+A reversible orbit between two ends has the half map phi = [[a, b], [c, d]] (`bvp.kernels.halfmap`), symplectic. With nu the eigenvalues of
+b'c, the return map there and back has the traces 2 + 4 nu, and 1 + nu are the eigenvalues of d'a: the orbit is stable where every nu
+lies in (-1, 0), and near the limits nu and 1 + nu are small numbers with small errors, not differences of large ones.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from bvp.cycle import cycle_of
+from bvp.kernels.halfmap import half_map
+from bvp.multipliers import nearest_grazing, reduced_monodromy, saddle_point_multipliers
+from bvp.multipoint import MultipointProblem, Solution
+
+__all__ = ["ERROR_FACTOR", "Stability", "decide", "half_map_of", "stability", "velocity_scale"]
+
+EPSILON = float(np.finfo(float).eps)
+
+ERROR_FACTOR = 64.0
+"""Rounding errors, in units of eps, that one flight with its impact and the solution itself add to an entry of the half map."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """Stability of an orbit.
+
+    Parameters
+    ----------
+    tau : (n - 1,) complex or float
+        Traces lambda + 1/lambda of the full-period map, one for each pair of multipliers; NaN where they are unbounded.
+    tau_half : (n - 1,) complex or float, or None
+        The same of the half-period map composed with u -> -u, for an orbit solved as a quarter; None for others.
+    stable : bool or None
+        None where the errors do not allow to tell.
+    krein : (n - 1,) int
+        Krein signatures of the pairs of the map that tau_half, or where there is none tau, belongs to: the sign of i x* J x for
+        the eigenvector x of the multiplier with positive imaginary part; 0 where the pair is not elliptic or the sign not decided,
+        and for periodic closures, where no reversal gives it.
+    nu : (n - 1,) complex or float
+        Eigenvalues of b'c, sorted by real part; NaN for periodic closures.
+    error : (n - 1,) float
+        Bound of the error of nu; for periodic closures, of tau.
+    note : str
+        What is wrong, in words; empty where nothing is.
+    """
+
+    tau: np.ndarray
+    tau_half: np.ndarray | None
+    stable: bool | None
+    krein: np.ndarray
+    nu: np.ndarray
+    error: np.ndarray
+    note: str = ""
+
+
+def velocity_scale(problem: MultipointProblem, solution: Solution) -> float:
+    """Largest modal velocity over largest modal displacement at the impacts and the ends: the unit that balances b and c."""
+    half = problem.half
+    states = np.abs(np.vstack([problem.start(solution.y), solution.ends]))
+    displacement, velocity = float(np.max(states[:, :half])), float(np.max(states[:, half:]))
+    return velocity / displacement if velocity > 0.0 and displacement > 0.0 else 1.0
+
+
+def decide(
+    a: np.ndarray | float,
+    b: np.ndarray | float,
+    c: np.ndarray | float,
+    d: np.ndarray | float,
+    magnified: np.ndarray | float,
+    impacts: np.ndarray | float,
+    rate: np.ndarray | float,
+) -> np.ndarray:
+    """Stability of orbits with two degrees of freedom from the entries of their half maps: 1 stable, 0 unstable, -1 undecided.
+
+    Parameters
+    ----------
+    a, b, c, d : float or (N,) float
+        The half map (b in units of 1/rate, c of rate).
+    magnified : float or (N,) float
+        Largest factor by which an impact magnifies rounding.
+    impacts : int or (N,) int
+        Inner impacts of the segment.
+    rate : float or (N,) float
+        Velocity over displacement of the orbit, see `velocity_scale`.
+
+    Returns
+    -------
+    () or (N,) int8
+
+    Notes
+    -----
+    Each entry of the balanced map [[a, b r], [c/r, d]] is right to e = 64 eps (k + 2) magnified max|entries|: rounding enters once a
+    flight, the solution is known to rounding, and an impact at an angle to the stop divides both by the sine of that angle. Stable where
+    b c < 0 and a d > 0, each by more than its error: |b c| > e (|b| + |c|) + e^2, |a d| likewise; unstable where one of them is as surely
+    of the other sign.
+
+    Examples
+    --------
+    >>> decide(0.5, 1.0, -0.5, 1.0, 1.0, 0, 1.0), decide(1.5, 1.0, 0.5, 1.0, 1.0, 0, 1.0), decide(1.0, 1e-17, -1.0, 1.0, 1.0, 0, 1.0)
+    (array(1, dtype=int8), array(0, dtype=int8), array(-1, dtype=int8))
+    """
+    a, b, c, d = (np.asarray(x, dtype=float) for x in (a, b, c, d))
+    with np.errstate(invalid="ignore", over="ignore"):
+        b, c = b * rate, c / rate
+        size = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.maximum(np.abs(c), np.abs(d)))
+        error = ERROR_FACTOR * EPSILON * (np.asarray(impacts) + 2.0) * magnified * size
+        lower, lower_error = b * c, error * (np.abs(b) + np.abs(c)) + error * error
+        upper, upper_error = a * d, error * (np.abs(a) + np.abs(d)) + error * error
+        inside = (lower < -lower_error) & (upper > upper_error)
+        outside = (lower > lower_error) | (upper < -upper_error)
+    return np.where(inside, 1, np.where(outside, 0, -1)).astype(np.int8)
+
+
+def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndarray, float]:
+    """phi (2 (n - 1), 2 (n - 1)) between the ends of a solved segment, and the largest factor by which an impact magnifies rounding.
+
+    Raises
+    ------
+    ValueError
+        For a periodic closure, which has no ends.
+    """
+    if problem.periodic:
+        raise ValueError("a periodic closure has no half map; its multipliers tell its stability")
+    if problem.half == 2 and math.isfinite(solution["magnified"]):
+        entries = [[solution["a"], solution["b"]], [solution["c"], solution["d"]]]
+        return np.array(entries), solution["magnified"]
+    phi = np.zeros((2 * (problem.half - 1),) * 2)
+    work = np.zeros((2 * problem.size + 8, problem.size))
+    magnified = half_map(problem.segment, np.ascontiguousarray(solution.y), np.ascontiguousarray(solution.ends), work, phi)
+    return phi, float(magnified)
+
+
+def stability(problem: MultipointProblem, solution: Solution) -> Stability:
+    """Traces, stability and Krein signatures of a solved orbit.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    solution : Solution
+        A converged point of that problem.
+
+    Returns
+    -------
+    Stability
+
+    Notes
+    -----
+    Between two ends (errors as in `decide`): unstable where an eigenvalue nu of b'c is surely not real, or outside [-1, 0]; stable
+    where all lie inside by more than their errors - nu by the errors of b'c, 1 + nu by those of d'a, each eigenvalue with its own
+    condition number - and those nearer to each other than their errors have the same Krein signature (Krein's theorem: Yakubovich &
+    Starzhinskii, Linear Differential Equations with Periodic Coefficients, 1975, ch. III). A pair nu has eigenvectors (x, -2i a'c x / sin
+    theta), cos theta = 1 + 2 nu, so its signature is the sign of x'a'c x. Periodic closure, n = 2: by |tau| - 2 and the error of tau; n > 2: by
+    the moduli, stable where all lie on the unit circle within their errors and apart from each other by more.
+    """
+    if problem.periodic:
+        return _periodic(problem, solution)
+    phi, magnified = half_map_of(problem, solution)
+    m = problem.half - 1
+    if not np.all(np.isfinite(phi)):
+        nothing = np.full(m, math.nan)
+        quarter = nothing if problem.quarters == 1 else None
+        return Stability(nothing, quarter, None, np.zeros(m, int), nothing, nothing, "an impact grazes: the half map is unbounded")
+    rate = velocity_scale(problem, solution)
+    a, b, c, d = phi[:m, :m], phi[:m, m:] * rate, phi[m:, :m] / rate, phi[m:, m:]
+    entry_error = ERROR_FACTOR * EPSILON * (problem.inner + 2) * magnified * float(np.max(np.abs([a, b, c, d])))
+    nu, vectors, error = _eigenvalues(b.T @ c, b, c, entry_error)
+    above, _, above_error = _eigenvalues(d.T @ a, a, d, entry_error)
+    krein = _krein(a.T @ c, vectors, nu, entry_error * (_size(a) + _size(c)) + entry_error**2)
+    stable = _decide(nu, error, above, above_error, krein)
+    traces = 2.0 + 4.0 * nu
+    if problem.quarters == 1:
+        return Stability(traces * traces - 2.0, traces, stable, krein, nu, error)
+    return Stability(traces, None, stable, krein, nu, error)
+
+
+def _size(matrix: np.ndarray) -> float:
+    return float(np.linalg.norm(matrix, 2))
+
+
+def _eigenvalues(matrix: np.ndarray, p: np.ndarray, q: np.ndarray, entry_error: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eigenvalues by real part, unit eigenvectors, error bounds of a product of p and q whose entries are right to `entry_error`."""
+    m = matrix.shape[0]
+    spread = m * entry_error * (_size(p) + _size(q) + m * entry_error)
+    if m == 1:
+        return matrix[0], np.ones((1, 1)), np.array([spread])
+    values, vectors = np.linalg.eig(matrix)
+    with np.errstate(divide="ignore"):
+        try:
+            condition = np.linalg.norm(np.linalg.inv(vectors), axis=1)
+        except np.linalg.LinAlgError:
+            condition = np.full(m, math.inf)
+    order = np.lexsort((values.imag, values.real))
+    return values[order], vectors[:, order], spread * condition[order]
+
+
+def _krein(form: np.ndarray, vectors: np.ndarray, nu: np.ndarray, error: float) -> np.ndarray:
+    """Signs of x'a'c x for the elliptic pairs."""
+    m = nu.size
+    signs = np.zeros(m, dtype=int)
+    for j in range(m):
+        if abs(np.imag(nu[j])) > 0.0 or not -1.0 < np.real(nu[j]) < 0.0:
+            continue
+        x = np.real(vectors[:, j])
+        value = float(x @ form @ x)
+        if abs(value) > m * error:
+            signs[j] = 1 if value > 0.0 else -1
+    return signs
+
+
+def _decide(nu: np.ndarray, error: np.ndarray, above: np.ndarray, above_error: np.ndarray, krein: np.ndarray) -> bool | None:
+    """True, False, or None where the errors overlap a limit."""
+    if not (np.all(np.isfinite(error)) and np.all(np.isfinite(above_error))):
+        return None
+    if np.any(np.abs(np.imag(nu)) > error) or np.any(np.real(nu) > error) or np.any(np.real(above) < -above_error):
+        return False
+    if np.any(np.imag(nu) != 0.0) or np.any(np.real(nu) >= -error) or np.any(np.real(above) <= above_error):
+        return None
+    for i in range(nu.size):
+        for j in range(i):
+            if abs(nu[i] - nu[j]) <= error[i] + error[j] and krein[i] * krein[j] != 1:
+                return None
+    return True
+
+
+def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
+    """By the multipliers of the whole period."""
+    m = problem.half - 1
+    cycle = cycle_of(problem, solution.y)
+    multipliers = saddle_point_multipliers(cycle)
+    none = np.zeros(m, dtype=int)
+    unknown = np.full(m, math.nan)
+    values = multipliers.nontrivial
+    if not np.all(np.isfinite(values)):
+        return Stability(unknown, None, None, none, unknown, unknown, multipliers.note)
+    matrix = reduced_monodromy(cycle)
+    sine = nearest_grazing(cycle)[1]
+    spread = ERROR_FACTOR * EPSILON * (len(cycle.contact) + 2) / sine * _size(matrix)
+    stable: bool | None
+    if m == 1:
+        tau = np.array([float(np.real(multipliers.trace))])
+        error = np.array([2.0 * spread])
+        margin = abs(tau[0]) - 2.0
+        stable = None if abs(margin) <= error[0] else bool(margin < 0.0)
+        return Stability(tau, None, stable, none, unknown, error, multipliers.note)
+    _, vectors = np.linalg.eig(matrix)
+    condition = float(np.linalg.cond(vectors))
+    bound = 2 * m * spread * condition
+    tau = _traces(values)
+    modulus = np.abs(values)
+    gap = min(abs(values[i] - values[j]) for i in range(values.size) for j in range(i))
+    if not math.isfinite(bound):
+        stable = None
+    elif np.any(modulus > 1.0 + bound):
+        stable = False
+    elif gap > 2.0 * bound:
+        stable = True
+    else:
+        stable = None
+    return Stability(tau, None, stable, none, unknown, np.full(m, 2.0 * bound), multipliers.note)
+
+
+def _traces(values: np.ndarray) -> np.ndarray:
+    """lambda + 1/lambda, once for each pair, by real part."""
+    left = list(values)
+    traces = []
+    while left:
+        value = left.pop(0)
+        left.pop(int(np.argmin([abs(value * other - 1.0) for other in left])))
+        trace = value + 1.0 / value
+        traces.append(trace.real if abs(value.imag) == 0.0 else trace)
+    traces = sorted(traces, key=lambda t: (np.real(t), np.imag(t)))
+    return np.array(traces)

@@ -1,0 +1,444 @@
+"""Impacting systems: linear dynamics M u'' + C u' + K u = 0 between rigid stops, checked when made.
+
+A `Stop` bounds one gap coordinate w = c . u on one or both sides; at a bound the velocity jumps along M^-1 c with Newton's
+restitution. An `ImpactSystem` carries the three matrices, the stops and the names of the coordinates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from bvp.modes import Modes
+
+__all__ = ["ImpactSystem", "InvalidSystem", "Stop", "vibro_impact_nes"]
+
+EPSILON = float(np.finfo(float).eps)
+
+
+class InvalidSystem(ValueError):
+    """The description of a system cannot be: the message says in one line what was received and what was expected."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A rigid stop that bounds w = gap . u, lower <= w <= upper.
+
+    Parameters
+    ----------
+    gap : sequence of n floats
+        Row c of the gap coordinate w = c . u.
+    lower, upper : float
+        Bounds of w, in units of displacement; -inf or inf where there is none. At least one is finite.
+    restitution : float
+        Newton's coefficient in [0, 1]: the speed w' after an impact is -restitution times the speed before.
+    name : str
+        One lower-case letter; by default `ImpactSystem` gives "a", "b", ... in order.
+
+    Raises
+    ------
+    InvalidSystem
+        For a gap row that is zero or not finite, for lower >= upper, for no finite bound, for a restitution outside [0, 1].
+
+    Examples
+    --------
+    >>> Stop((1.0, -1.0), -1.0, 1.0).restitution
+    1.0
+    """
+
+    gap: tuple[float, ...]
+    lower: float = -math.inf
+    upper: float = math.inf
+    restitution: float = 1.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        label = f"stop {self.name}" if self.name else "a stop"
+        if not isinstance(self.name, str) or (self.name and not (len(self.name) == 1 and "a" <= self.name <= "z")):
+            raise InvalidSystem(f"the name of a stop is one lower-case letter a to z; received {self.name!r}")
+        try:
+            gap = tuple(float(x) for x in self.gap)
+        except (TypeError, ValueError):
+            raise InvalidSystem(f"the gap row of {label} is a list of numbers; received {self.gap!r}") from None
+        if not gap or not all(math.isfinite(x) for x in gap):
+            raise InvalidSystem(f"the gap row of {label} is a list of finite numbers; received {list(gap)}")
+        if not any(gap):
+            raise InvalidSystem(f"the gap row of {label} is zero: no coordinate moves towards it")
+        object.__setattr__(self, "gap", gap)
+        for key in ("lower", "upper", "restitution"):
+            object.__setattr__(self, key, _number(getattr(self, key), f"{key} of {label}"))
+        if not self.lower < self.upper:
+            raise InvalidSystem(f"lower must be below upper; {label} has lower {self.lower:g}, upper {self.upper:g}")
+        if math.isinf(self.lower) and math.isinf(self.upper):
+            raise InvalidSystem(f"{label} has no finite bound; give lower, upper or both")
+        if not 0.0 <= self.restitution <= 1.0:
+            raise InvalidSystem(f"restitution lies in [0, 1]; {label} has {self.restitution:g}")
+
+    @property
+    def is_symmetric(self) -> bool:
+        """True where lower == -upper."""
+        return self.lower == -self.upper
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactSystem:
+    """M u'' + C u' + K u = 0 with n degrees of freedom between stops.
+
+    Parameters
+    ----------
+    mass : (n, n) array_like
+        M, symmetric positive definite.
+    damping : (n, n) array_like
+        C, any finite matrix (zero where nothing damps).
+    stiffness : (n, n) array_like
+        K, symmetric; it may be semidefinite (rigid-body modes) or indefinite.
+    stops : sequence of Stop
+        At least one.
+    coordinates : sequence of n str
+        Names of the displacements; default u1, u2, ...
+    absorber, primary : int or None
+        Index of the coordinate of the nonlinear energy sink and of the linear oscillator, where the system has them.
+    model, parameters : str, mapping or None
+        The named model that made the system and its parameters, for `describe`.
+
+    Raises
+    ------
+    InvalidSystem
+        For matrices of unequal shape, not finite, asymmetric M or K, indefinite M; for a gap row of another length.
+
+    Examples
+    --------
+    >>> system = ImpactSystem([[1.0]], [[0.0]], [[4.0]], [Stop((1.0,), upper=0.5)])
+    >>> system.degrees_of_freedom, system.is_conservative
+    (1, True)
+    >>> float(system.modes.frequencies[0])
+    2.0
+    """
+
+    mass: np.ndarray
+    damping: np.ndarray
+    stiffness: np.ndarray
+    stops: tuple[Stop, ...]
+    coordinates: tuple[str, ...] = ()
+    absorber: int | None = None
+    primary: int | None = None
+    model: str | None = None
+    parameters: Mapping[str, float] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        mass = _square(self.mass, "mass")
+        n = mass.shape[0]
+        damping = _square(self.damping, "damping", n)
+        stiffness = _symmetric(_square(self.stiffness, "stiffness", n), "stiffness")
+        mass = _symmetric(mass, "mass")
+        _check_positive_definite(mass)
+        for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "stops", _named_stops(self.stops, n))
+        coordinates = tuple(self.coordinates) or tuple(f"u{k + 1}" for k in range(n))
+        if len(coordinates) != n or len(set(coordinates)) != n or not all(isinstance(x, str) and x for x in coordinates):
+            raise InvalidSystem(f"coordinates are {n} different names; received {list(coordinates)}")
+        object.__setattr__(self, "coordinates", coordinates)
+        for key in ("absorber", "primary"):
+            index = getattr(self, key)
+            if index is not None and (isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < n):
+                raise InvalidSystem(f"{key} is the index of a coordinate, 0 to {n - 1}; received {index!r}")
+        if self.absorber is not None and self.absorber == self.primary:
+            raise InvalidSystem(f"absorber and primary are two coordinates; both are {coordinates[self.absorber]}")
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """n, the number of displacements."""
+        return self.mass.shape[0]
+
+    def energy(self, u: Any, v: Any) -> Any:
+        """Kinetic and elastic energy (v M v + u K u)/2.
+
+        Parameters
+        ----------
+        u, v : (..., n) array_like
+            Displacements and velocities.
+
+        Returns
+        -------
+        float or (...) ndarray
+
+        Examples
+        --------
+        >>> vibro_impact_nes(mu=0.1, sigma=0.1).energy([0.0, 0.0], [0.0, 2.0])
+        2.0
+        """
+        u = np.asarray(u, dtype=float)
+        v = np.asarray(v, dtype=float)
+        total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
+        return float(total) if np.ndim(total) == 0 else total
+
+    @property
+    def is_conservative(self) -> bool:
+        """True where nothing loses or gains energy: no damping, restitution 1 at every stop."""
+        return self.why_not_conservative() is None
+
+    def why_not_conservative(self) -> str | None:
+        """One sentence that names what loses energy, or None."""
+        for stop in self.stops:
+            if stop.restitution != 1.0:
+                return f"restitution {stop.restitution:g} of stop {stop.name} loses energy"
+        if np.any(self.damping):
+            i, j = np.unravel_index(int(np.argmax(np.abs(self.damping))), self.damping.shape)
+            return (
+                f"damping acts on {self.coordinates[i]}"
+                + ("" if i == j else f" through {self.coordinates[j]}")
+                + f" (coefficient {self.damping[i, j]:g})"
+            )
+        return None
+
+    @property
+    def has_odd_symmetry(self) -> bool:
+        """True where u -> -u is a symmetry: every stop has lower == -upper."""
+        return all(stop.is_symmetric for stop in self.stops)
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The blocks of free flight, as arrays for the kernels (computed once)."""
+        from bvp.modes import modes_of
+
+        return modes_of(self)
+
+    def describe(self) -> dict[str, Any]:
+        """The system as plain lists, numbers and strings, for JSON and TOML; `from_description` is the inverse."""
+        if self._is_its_model():
+            return {"model": self.model, **{key: float(value) for key, value in (self.parameters or {}).items()}}
+        stops = []
+        for stop in self.stops:
+            entry: dict[str, Any] = {"name": stop.name, "c": list(stop.gap)}
+            entry.update({key: getattr(stop, key) for key in ("lower", "upper") if math.isfinite(getattr(stop, key))})
+            stops.append({**entry, "restitution": stop.restitution})
+        names: dict[str, Any] = {"names": list(self.coordinates)}
+        for key in ("absorber", "primary"):
+            index = getattr(self, key)
+            if index is not None:
+                names[key] = self.coordinates[index]
+        return {
+            "mass": self.mass.tolist(),
+            "damping": self.damping.tolist(),
+            "stiffness": self.stiffness.tolist(),
+            "stops": stops,
+            "coordinates": names,
+        }
+
+    def _is_its_model(self) -> bool:
+        """True where the named model still gives this very system (`dataclasses.replace` may have changed it)."""
+        if self.model not in MODELS or self.parameters is None:
+            return False
+        other = MODELS[self.model][0](**self.parameters)
+        same = all(np.array_equal(getattr(self, key), getattr(other, key)) for key in ("mass", "damping", "stiffness"))
+        return same and all(getattr(self, key) == getattr(other, key) for key in ("stops", "coordinates", "absorber", "primary"))
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> ImpactSystem:
+        """The system that `describe` described.
+
+        Parameters
+        ----------
+        description : mapping
+            Either `model` and its parameters, or `mass`, `stiffness`, `stops` and optionally `damping` and `coordinates`.
+
+        Raises
+        ------
+        InvalidSystem
+            For an unknown or missing key (the nearest known one is named) or for values that cannot be.
+
+        Examples
+        --------
+        >>> ImpactSystem.from_description({"model": "vibro_impact_nes", "mu": 0.2}).mass[0, 0]
+        np.float64(0.2)
+        """
+        if not isinstance(description, Mapping):
+            raise InvalidSystem(f"a system is a table of keys and values; received {type(description).__name__}")
+        given = dict(description)
+        if "model" in given:
+            name = given.pop("model")
+            if name not in MODELS:
+                raise InvalidSystem(f"unknown model {name!r}; known: {', '.join(MODELS)}")
+            function, keys = MODELS[name]
+            _refuse_unknown(given, keys, f"model {name}")
+            return function(**given)
+        _refuse_unknown(given, ("mass", "damping", "stiffness", "stops", "coordinates"), "the system")
+        for key in ("mass", "stiffness", "stops"):
+            if key not in given:
+                raise InvalidSystem(f"the system lacks {key!r}; give mass, stiffness and stops, or a model")
+        names = given.get("coordinates", {})
+        names = dict(names) if isinstance(names, Mapping) else {"names": names}
+        _refuse_unknown(names, ("names", "absorber", "primary"), "coordinates")
+        coordinates = tuple(names.get("names", ()))
+        size = len(np.atleast_2d(np.asarray(given["mass"], dtype=object)))
+        index: dict[str, Any] = {}
+        for key in ("absorber", "primary"):
+            value = names.get(key)
+            known = coordinates or tuple(f"u{k + 1}" for k in range(size))
+            if isinstance(value, str):
+                if value not in known:
+                    raise InvalidSystem(f"{key} {value!r} is none of the coordinates {', '.join(known)}")
+                value = known.index(value)
+            index[key] = value
+        if isinstance(given["stops"], (str, Mapping)) or not isinstance(given["stops"], Sequence):
+            raise InvalidSystem(f"stops is a list of tables; received {given['stops']!r}")
+        stops = []
+        for entry in given["stops"]:
+            if not isinstance(entry, Mapping):
+                raise InvalidSystem(f"a stop is a table with c, lower, upper, restitution; received {entry!r}")
+            _refuse_unknown(entry, ("c", "lower", "upper", "restitution", "name"), "a stop")
+            if "c" not in entry:
+                raise InvalidSystem("a stop lacks its gap row 'c'")
+            stops.append(Stop(entry["c"], **{key: value for key, value in entry.items() if key != "c"}))
+        damping = given.get("damping", np.zeros((size, size)))
+        return cls(given["mass"], damping, given["stiffness"], tuple(stops), coordinates, **index)
+
+    @classmethod
+    def from_lagrangian(cls, *arguments: Any, **options: Any) -> ImpactSystem:
+        """The linear system of kinetic and potential energy given as sympy expressions: see `bvp.lagrangian`."""
+        from bvp.lagrangian import system_from_lagrangian
+
+        return system_from_lagrangian(*arguments, **options)
+
+
+def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho: float = 1.0) -> ImpactSystem:
+    """Linear oscillator u2 that carries a vibro-impact nonlinear energy sink u1 in a cavity of half-width 1.
+
+    mu u1'' + sigma (u1 - u2) = 0,  u2'' + lam u2' + u2 + sigma (u2 - u1) = 0,  |u1 - u2| <= 1
+    (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Eq. 1). The gap is w = u1 - u2; the side "+" is w = 1.
+
+    Parameters
+    ----------
+    mu : float
+        Mass ratio, > 0.
+    sigma : float
+        Stiffness of the coupling over that of the oscillator, >= 0.
+    lam : float
+        Damping of the oscillator, >= 0.
+    rho : float
+        Restitution, in [0, 1].
+
+    Raises
+    ------
+    InvalidSystem
+        For a parameter outside its range or not finite.
+
+    Examples
+    --------
+    >>> vibro_impact_nes(mu=0.1, sigma=0.1).modes.frequencies.round(6)
+    array([0.854309, 1.170537])
+    """
+    mu, sigma, lam, rho = (_number(x, key) for x, key in ((mu, "mu"), (sigma, "sigma"), (lam, "lam"), (rho, "rho")))
+    if not (0.0 < mu < math.inf):
+        raise InvalidSystem(f"mu, the mass ratio, must be above 0 and finite; received {mu:g}")
+    if not (0.0 <= sigma < math.inf):
+        raise InvalidSystem(f"sigma, the coupling stiffness, must be 0 or above and finite; received {sigma:g}")
+    if not (0.0 <= lam < math.inf):
+        raise InvalidSystem(f"lam, the damping, must be 0 or above and finite; received {lam:g}")
+    if not (0.0 <= rho <= 1.0):
+        raise InvalidSystem(f"rho, the restitution, lies in [0, 1]; received {rho:g}")
+    return ImpactSystem(
+        mass=np.array([[mu, 0.0], [0.0, 1.0]]),
+        damping=np.array([[0.0, 0.0], [0.0, lam]]),
+        stiffness=np.array([[sigma, -sigma], [-sigma, 1.0 + sigma]]),
+        stops=(Stop((1.0, -1.0), -1.0, 1.0, rho),),
+        absorber=0,
+        primary=1,
+        model="vibro_impact_nes",
+        parameters={"mu": mu, "sigma": sigma, "lam": lam, "rho": rho},
+    )
+
+
+MODELS = {"vibro_impact_nes": (vibro_impact_nes, ("mu", "sigma", "lam", "rho"))}
+"""Named models: the function that makes one and the names of its parameters."""
+
+
+def _number(value: Any, what: str) -> float:
+    """A float that is not NaN."""
+    if isinstance(value, (str, bool)):
+        raise InvalidSystem(f"{what} is a number; received {value!r}")
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InvalidSystem(f"{what} is a number; received {value!r}") from None
+    if math.isnan(number):
+        raise InvalidSystem(f"{what} is a number; received NaN")
+    return number
+
+
+def _square(value: Any, name: str, size: int | None = None) -> np.ndarray:
+    """A finite (size, size) float matrix, copied."""
+    try:
+        matrix = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidSystem(f"{name} is a square matrix of numbers; received {value!r}") from None
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
+        raise InvalidSystem(f"{name} is a square matrix; received shape {matrix.shape}")
+    if size is not None and matrix.shape[0] != size:
+        raise InvalidSystem(f"{name} is {size} by {size} like mass; received {matrix.shape[0]} by {matrix.shape[1]}")
+    if not np.all(np.isfinite(matrix)):
+        i, j = np.argwhere(~np.isfinite(matrix))[0]
+        raise InvalidSystem(f"{name} holds finite numbers; entry ({i + 1}, {j + 1}) is {matrix[i, j]}")
+    return matrix
+
+
+def _symmetric(matrix: np.ndarray, name: str) -> np.ndarray:
+    """The symmetric part, where the matrix is symmetric to a few roundings of its larger entry."""
+    defect = np.abs(matrix - matrix.T)
+    if np.any(defect > 8.0 * EPSILON * np.maximum(np.abs(matrix), np.abs(matrix.T))):
+        i, j = np.unravel_index(int(np.argmax(defect)), defect.shape)
+        raise InvalidSystem(
+            f"{name} must be symmetric; entry ({i + 1}, {j + 1}) is {matrix[i, j]:g} and ({j + 1}, {i + 1}) is {matrix[j, i]:g}"
+        )
+    return 0.5 * (matrix + matrix.T)
+
+
+def _check_positive_definite(mass: np.ndarray) -> None:
+    """Cholesky of the mass scaled to a unit diagonal, so that mass ratios of any size pass."""
+    diagonal = np.diag(mass)
+    if np.any(diagonal <= 0.0):
+        k = int(np.argmin(diagonal))
+        raise InvalidSystem(f"mass must be positive definite; its diagonal entry {k + 1} is {diagonal[k]:g}")
+    scale = 1.0 / np.sqrt(diagonal)
+    smallest = float(np.linalg.eigvalsh(scale[:, None] * mass * scale)[0])
+    if smallest <= len(mass) * 4.0 * EPSILON:
+        kind = "indefinite" if smallest < -len(mass) * 4.0 * EPSILON else "singular"
+        raise InvalidSystem(
+            f"mass must be positive definite; scaled to a unit diagonal it is {kind} (lowest eigenvalue {smallest:.3g})"
+        )
+
+
+def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
+    """The stops with a name each, and gap rows of the right length."""
+    if isinstance(stops, Stop):
+        stops = (stops,)
+    if not isinstance(stops, Sequence) or not stops or not all(isinstance(stop, Stop) for stop in stops):
+        raise InvalidSystem("stops is a list of at least one Stop")
+    if len(stops) > 26:
+        raise InvalidSystem(f"at most 26 stops can be named a to z; received {len(stops)}")
+    taken = [stop.name for stop in stops if stop.name]
+    if len(set(taken)) != len(taken):
+        raise InvalidSystem(f"stops have different names; received {', '.join(taken)}")
+    free = iter([letter for letter in "abcdefghijklmnopqrstuvwxyz" if letter not in taken])
+    named = tuple(stop if stop.name else replace(stop, name=next(free)) for stop in stops)
+    for stop in named:
+        if len(stop.gap) != n:
+            raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
+    return named
+
+
+def _refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+    """Name the first unknown key and the nearest known one."""
+    for key in given:
+        if key not in known:
+            near = get_close_matches(str(key), known, 1, 0.0)
+            raise InvalidSystem(f"unknown key {key!r} in {where}; nearest known: {near[0] if near else ', '.join(known)}")

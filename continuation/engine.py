@@ -1,0 +1,305 @@
+"""Following a family by pseudo-arclength: step control, refusal of steps, events as they come, and the reason for the end.
+
+Python does little for an accepted point: a few comparisons of floats, the chord, the next step. Everything else - event
+location, closure, switching - happens only where it is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator
+from typing import Any
+
+import numpy as np
+
+from continuation.closure import Closure
+from continuation.ends import End, EndReason, Tally
+from continuation.events import EventFinder, Found, arclength_between, make_event
+from continuation.location import StepRefused
+from continuation.problem import Event, Point, Problem, Step
+from continuation.settings import Settings
+
+_LEVEL = 1e-8  # a smaller |slope| at the start is no direction
+_LONG_CHORD = 2.0  # a chord longer than this many times its step did not come from following the curve
+
+StopWhen = Callable[[Point], "bool | str"]
+
+
+def first_step(problem: Problem, start: np.ndarray | Step, direction: int) -> Step | str:
+    """The first point of a run, corrected and oriented, or words that say why there is none.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    start : ndarray (n + 1,) or Step
+        Where to begin. A `Step` is taken as it is.
+    direction : int
+        +1 or -1: sign of the slope of the parameter; where the slope is zero, the tangent as it comes (+1) or reversed (-1).
+        0: the tangent as it comes.
+    """
+    if direction not in (-1, 0, 1):
+        raise ValueError(f"direction = {direction!r}: expected +1, -1 or 0")
+    step = start if isinstance(start, Step) else problem.begin(np.asarray(start, dtype=float))
+    if not step.converged:
+        return "the corrector did not converge at the start"
+    if not all(math.isfinite(x) for x in step.position):
+        return "the start has no finite position"
+    sense = direction
+    if direction and abs(step.slope) > _LEVEL and step.slope < 0:
+        sense = -direction
+    if sense < 0:
+        reversed_step = problem.step(step.y, -step.tangent, 0.0)
+        if not reversed_step.converged:
+            return "the corrector did not converge at the start with its tangent reversed"
+        return reversed_step
+    return step
+
+
+def follow(
+    problem: Problem,
+    start: np.ndarray | Step,
+    direction: int = 1,
+    settings: Settings | None = None,
+    stop_when: StopWhen | None = None,
+    stop_at: Collection[str] = frozenset(),
+) -> Iterator[Point | Event | End]:
+    """Follow a family from a start in one direction.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is followed; see its duties.
+    start : ndarray (n + 1,) or Step
+        A guess of the first point, or a point that is corrected already.
+    direction : int
+        +1 or -1: sign of the slope of the parameter at the first step; where the slope is zero, the tangent of the start as it
+        comes (+1) or reversed (-1). 0: along the tangent as it comes.
+    settings : Settings, optional
+        Step control, limits, tolerances.
+    stop_when : callable, optional
+        Called with every `Point` after the start; the family ends there when it gives True, or words that say why.
+    stop_at : collection of str, optional
+        The family ends at the first event with one of these codes.
+
+    Yields
+    ------
+    Point
+        Each point as it is accepted, in order of arclength; a point at an event has its `event`.
+    Event
+        Each event, right after its point.
+    End
+        Last, and once.
+
+    Raises
+    ------
+    ValueError
+        A direction or a test function that is not known.
+
+    Notes
+    -----
+    The point that comes next is corrected from the last one; the step is refused and halved when the corrector fails or
+    contracts badly, when the tangent turns by more than `Settings.maximum_turn`, when the chord is more than twice the step,
+    or when the steps to an event inside it are refused for one of these reasons: a step that jumps to another branch flips the
+    orientation of a bordered determinant without passing its zero. The next step grows or shrinks so that the turn and the
+    contraction come to their targets, for both go with the square of the step.
+
+    An event within `Settings.coincidence_tolerance` of the start is that of the start, and not reported here
+    (`continuation.trace`, which sees both sides, reports it); a guard is reported there too.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from continuation import GenericProblem, Settings, follow
+    >>> circle = GenericProblem(lambda y: np.array([y[0]**2 + y[1]**2 - 1]), lambda y: np.array([[2*y[0], 2*y[1]]]))
+    >>> *path, end = follow(circle, np.array([1.0, 0.1]), settings=Settings(maximum_points=200))
+    >>> end.reason.name, [round(item.point.parameter, 9) for item in path if hasattr(item, "code")]
+    ('CLOSED', [1.0, -1.0])
+    """
+    settings = Settings() if settings is None else settings
+    first = first_step(problem, start, direction)
+    if isinstance(first, str):
+        yield End(EndReason.NO_START, first)
+        return
+    yield from walk(problem, first, settings, stop_when, stop_at, Allowance(settings.maximum_points))
+
+
+class Allowance:
+    """How many points may still be made; shared by the two directions of a trace, which may `resume` when there are more."""
+
+    __slots__ = ("points", "resume", "started")
+
+    def __init__(self, points: int, resume: bool = False) -> None:
+        self.points = points
+        self.resume = resume
+        self.started = False
+
+
+def walk(
+    problem: Problem,
+    first: Step,
+    settings: Settings,
+    stop_when: StopWhen | None,
+    stop_at: Collection[str],
+    allowance: Allowance,
+    goal: tuple[Step, np.ndarray] | None = None,
+) -> Iterator[Point | Event | End]:
+    """The run that `follow` describes, from a corrected and oriented start.
+
+    It gives an `End` with reason POINTS whenever the allowance is used up; an allowance that can be raised lets it go on when
+    it is asked for more. Every other `End` is its last word. The family is closed when it comes back to the `goal`, a point
+    with the direction in which the run would pass it; the start, if not given.
+    """
+    take = problem.step
+    finder = EventFinder(problem, settings)
+    scan = finder.scan
+    dist = math.dist
+    tolerance = settings.coincidence_tolerance
+    least_turn = math.cos(settings.maximum_turn)
+    slowest = settings.maximum_contraction
+    turn_scale = 2.0 / settings.target_turn**2  # turn angle^2 ~ 2 (1 - cosine)
+    contraction_scale = 1.0 / settings.target_contraction
+    growth = settings.maximum_growth
+    easy = 1.0 / growth**2
+    shortest, longest = settings.minimum_step, settings.maximum_step
+    accepted = not_converged = slow = turned = jumped = 0
+
+    point = Point(0, 0.0, first)
+    index = 0
+    arclength = 0.0
+    allowance.points -= 1
+    yield point
+    step = first
+    position: Any = first.position
+    origin: Any = position if goal is None else goal[0].position
+    values: list[float] = _floats(first.tests)
+    older: list[float] | None = None
+    length_old = 0.0
+    ds = settings.initial_step
+    closure = None if goal is None else Closure(problem, settings, *goal)
+
+    while True:
+        while allowance.points <= 0:
+            yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
+            if not allowance.resume:
+                return
+        new = take(step.y, step.tangent, ds)
+        cause = ""
+        length = 0.0
+        found: list[Found] = []
+        closed = False
+        if not new.converged:
+            not_converged += 1
+            cause = "the corrector does not converge"
+        elif not new.turn >= least_turn:
+            turned += 1
+            cause = "the tangent turns too far"
+        elif not new.contraction <= slowest:
+            slow += 1
+            cause = f"the corrector contracts by {new.contraction:.3g} only"
+        else:
+            chord = dist(position, new.position)
+            if not chord <= _LONG_CHORD * ds:
+                jumped += 1
+                cause = f"the corrector goes {chord:.3g} away in a step of {ds:.3g}"
+            else:
+                if closure is not None and dist(new.position, origin) <= 2.0 * chord:
+                    landing = closure.landing(point, new, ds)
+                    if landing is not None:
+                        ds, new = landing
+                        chord = dist(position, new.position)
+                        closed = True
+                half = 0.5 * (1.0 - new.turn)
+                if half > 1e-12:  # as in arclength_between, written out: this runs at every point
+                    sine = math.sqrt(half)
+                    length = chord * math.asin(sine) / sine
+                else:
+                    length = chord
+                tests: Any = new.tests
+                if type(tests) is not list:
+                    tests = _floats(tests)
+                suspects = scan(older, values, tests, length_old, length)
+                if suspects:
+                    try:
+                        found = finder.find(suspects, point, Point(index + 1, arclength + length, new, ds), ds)
+                    except StepRefused as refused:
+                        jumped += 1
+                        cause = f"{refused} (inside a step of {ds:.3g})"
+                    else:
+                        if not closed and ds > 4 * max(tolerance, shortest):
+                            if any(ds - event.location.s <= tolerance and not event.details.terminal for event in found):
+                                ds *= 0.75  # an accepted point on an event would have test functions of undecided sign
+                                continue
+        if cause:
+            ds *= 0.5
+            if ds < shortest:
+                words = f"{cause} at arclength {arclength:.6g}"
+                failure = getattr(problem, "failure", None)
+                if failure is not None:
+                    words += f"; {failure(step.y, step.tangent, 2 * ds)}"
+                yield End(EndReason.MINIMUM_STEP, words, Tally(accepted, not_converged, slow, turned, jumped))
+                return
+            continue
+
+        accepted += 1
+        for event in found:
+            s = arclength_between(position, event.location.step)
+            guard = problem.tests[event.index].kind == "guard"
+            if not guard and (arclength + s <= tolerance or (closed and length - s <= tolerance)):
+                continue  # at the start
+            while allowance.points <= 0:
+                yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
+                if not allowance.resume:
+                    return
+            index += 1
+            allowance.points -= 1
+            special = make_event(event, position, arclength, index)
+            at_event = Point(index, special.arclength, event.location.step, event.location.s, special)
+            yield at_event
+            yield special
+            tally = Tally(accepted, not_converged, slow, turned, jumped)
+            if special.terminal:
+                yield End(EndReason.EVENT, f"{special.code} at arclength {special.arclength:.9g}", tally)
+                return
+            if special.code in stop_at:
+                yield End(EndReason.STOP_AT, f"{special.code} at arclength {special.arclength:.9g}", tally)
+                return
+            if stop_when is not None:
+                verdict = stop_when(at_event)
+                if verdict:
+                    yield End(EndReason.STOP_WHEN, verdict if isinstance(verdict, str) else "", tally)
+                    return
+        while allowance.points <= 0:
+            yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
+            if not allowance.resume:
+                return
+        index += 1
+        allowance.points -= 1
+        arclength += length
+        point = Point(index, arclength, new, ds)
+        yield point
+        if stop_when is not None:
+            verdict = stop_when(point)
+            if verdict:
+                words = verdict if isinstance(verdict, str) else ""
+                yield End(EndReason.STOP_WHEN, words, Tally(accepted, not_converged, slow, turned, jumped))
+                return
+        if closed:
+            yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(accepted, not_converged, slow, turned, jumped))
+            return
+        if closure is None:
+            closure = Closure(problem, settings, first, np.asarray(new.position) - np.asarray(first.position))
+        step = new
+        position = new.position
+        older, values, length_old = values, tests, length
+        effort = max(turn_scale * (1.0 - new.turn), contraction_scale * new.contraction)
+        ds *= growth if effort < easy else max(0.5, 1.0 / math.sqrt(effort))
+        if ds > longest:
+            ds = longest
+        elif ds < shortest:
+            ds = shortest
+
+
+def _floats(values: Any) -> list[float]:
+    """Test functions as a list of plain floats, whose comparison is far faster than that of array items."""
+    return values.tolist() if isinstance(values, np.ndarray) else [float(value) for value in values]

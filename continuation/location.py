@@ -1,0 +1,259 @@
+"""Locating an event inside one step: bracketing root finding and bisection along the steps from the accepted point before it.
+
+The unknown is the length s of a step from the accepted point, so every trial is a corrected point of the family and no error
+is carried from trial to trial.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+from continuation.problem import Point, Problem, Status, Step
+from continuation.settings import Settings
+
+FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
+
+# A zero that is steeper than this is not told from a jump: what is left of the test function in a bracket of the location
+# tolerance, over its larger value at the ends of the step.
+JUMP_RATIO = 0.01
+
+# Where in the bracket a function is tried that could not be evaluated at the best place.
+_OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)
+
+
+class StepRefused(RuntimeError):
+    """A step inside an accepted step cannot be taken; the message says why."""
+
+
+class RootBracket(NamedTuple):
+    """The best argument `root` with its `value`, in [`low`, `high`]; `interrupted` says why the search stopped early."""
+
+    root: float
+    value: float
+    low: float
+    high: float
+    interrupted: str = ""
+
+
+def bracketed_root(
+    function: Callable[[float], float], low: float, value_low: float, high: float, value_high: float, tolerance: float
+) -> RootBracket:
+    """Root of a function in a bracket by the method of Chandrupatla: inverse quadratic interpolation where it is safe, else
+    bisection.
+
+    Both ends close in, so the final bracket is an error bar. A function that changes sign by a jump or a pole is bracketed
+    too; its `value` then shows it.
+
+    Parameters
+    ----------
+    function : callable
+        Takes a float, gives a float. It may raise `StepRefused`; then other places in the bracket are tried.
+    low, high : float
+        Ends of the bracket, low < high.
+    value_low, value_high : float
+        The function there, of different sign (one may be 0).
+    tolerance : float
+        Width of the final bracket.
+
+    Returns
+    -------
+    RootBracket
+        With `interrupted` not empty where the function could not be evaluated inside the bracket.
+
+    Raises
+    ------
+    ValueError
+        The values have the same sign, or one is nan.
+
+    References
+    ----------
+    T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function without using
+    derivatives, Advances in Engineering Software 28 (1997) 145.
+
+    Examples
+    --------
+    >>> found = bracketed_root(lambda x: x * x - 2, 0.0, -2.0, 2.0, 2.0, 1e-12)
+    >>> abs(found.root - 2**0.5) < 1e-12, found.low <= 2**0.5 <= found.high
+    (True, True)
+    """
+    if value_low == 0:
+        return RootBracket(low, 0.0, low, low)
+    if value_high == 0:
+        return RootBracket(high, 0.0, high, high)
+    if not value_low * value_high < 0 and not (value_low < 0 < value_high or value_high < 0 < value_low):
+        raise ValueError(f"expected values of different sign at the ends of the bracket, got {value_low!r} and {value_high!r}")
+    newest, value_newest, other, value_other = high, value_high, low, value_low
+    third, value_third = math.nan, math.nan
+    fraction = 0.5
+    while True:
+        interrupted = ""
+        for attempt in (fraction, *_OTHER_PLACES):
+            trial = newest + attempt * (other - newest)
+            try:
+                value = function(trial)
+                break
+            except StepRefused as refused:
+                interrupted = str(refused)
+        else:
+            best = (newest, value_newest) if abs(value_newest) < abs(value_other) else (other, value_other)
+            return RootBracket(*best, min(newest, other), max(newest, other), interrupted)
+        if (value > 0) == (value_newest > 0):
+            third, value_third = newest, value_newest
+        else:
+            third, value_third = other, value_other
+            other, value_other = newest, value_newest
+        newest, value_newest = trial, value
+        if value == 0:
+            return RootBracket(trial, 0.0, trial, trial)
+        width = abs(other - newest)
+        least = max(0.5 * tolerance, 2 * math.ulp(max(abs(other), abs(newest)))) / width
+        if least > 0.5:
+            best = (newest, value_newest) if abs(value_newest) < abs(value_other) else (other, value_other)
+            return RootBracket(*best, min(newest, other), max(newest, other))
+        place = (newest - other) / (third - other)
+        size = (value_newest - value_other) / (value_third - value_other)
+        if size * size < place and (1 - size) ** 2 < 1 - place:
+            fraction = value_newest / (value_other - value_newest) * value_third / (value_other - value_third)
+            fraction += (
+                (third - newest)
+                / (other - newest)
+                * value_newest
+                / (value_third - value_newest)
+                * value_other
+                / (value_third - value_other)
+            )
+        else:
+            fraction = 0.5
+        fraction = min(max(fraction, least), 1 - least)
+
+
+class Location(NamedTuple):
+    """Where an event is, seen from the accepted point before it.
+
+    Attributes
+    ----------
+    kind : str
+        ``"zero"``; ``"change"`` of a key; ``"pole"``: the value grows without bound where its sign changes; ``"jump"``: it
+        stays away from zero; ``"outside"``: a guard is violated at the accepted point already; ``"interrupted"``: the steps
+        inside the bracket fail.
+    status : str
+        ``"located"`` for zero, change and outside, else ``"bracketed"``.
+    s : float
+        Length of the step to the event.
+    step : Step
+        The corrected point there.
+    residual : float
+        |test function| there; 0 for a change.
+    low, high : Step
+        The steps at the ends of the bracket.
+    reason : str
+        Why it was interrupted, else empty.
+    """
+
+    kind: FoundKind
+    status: Status
+    s: float
+    step: Step
+    residual: float
+    low: Step
+    high: Step
+    reason: str = ""
+
+
+class Locator:
+    """Steps from one accepted point, and the events that they enclose.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    before : Point
+        The accepted point.
+    settings : Settings
+        `location_tolerance`, `coincidence_tolerance` and `maximum_turn` are used.
+    """
+
+    def __init__(self, problem: Problem, before: Point, settings: Settings) -> None:
+        self._problem = problem
+        self._before = before.step
+        self._settings = settings
+        self._least_turn = math.cos(settings.maximum_turn)
+        self._taken: dict[float, Step] = {0.0: before.step}
+
+    def enter(self, s: float, step: Step) -> None:
+        """Make a step known that was taken already."""
+        self._taken[s] = step
+
+    def step(self, s: float) -> Step:
+        """The step of length s from the accepted point.
+
+        Raises
+        ------
+        StepRefused
+            It does not converge, or its tangent turns too far: the family is not followed there.
+        """
+        known = self._taken.get(s)
+        if known is not None:
+            return known
+        step = self._problem.step(self._before.y, self._before.tangent, s)
+        if not step.converged:
+            raise StepRefused("a shorter step does not converge")
+        if not step.turn >= self._least_turn:
+            raise StepRefused(f"the tangent of a shorter step turns too far (cosine {step.turn:.3g})")
+        self._taken[s] = step
+        return step
+
+    def value(self, index: int, s: float) -> float:
+        """Value of a test function at the step of length s; `StepRefused` where it is not defined."""
+        value = float(self.step(s).tests[index])
+        if math.isnan(value):
+            raise StepRefused("the test function is not defined inside the step")
+        return value
+
+    def crossing(self, index: int, low: float, high: float) -> Location:
+        """The change of sign of a test function between steps of length low and high.
+
+        Raises
+        ------
+        StepRefused
+            The steps between fail, in a bracket wider than the coincidence tolerance: then the long step is not to be trusted.
+        """
+        value_low, value_high = self.value(index, low), self.value(index, high)
+        tolerance = self._settings.location_tolerance
+        found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance)
+        if found.interrupted and found.high - found.low > self._settings.coincidence_tolerance:
+            raise StepRefused(found.interrupted)
+        scale = max(abs(value_low), abs(value_high))
+        residual = abs(found.value)
+        kind: FoundKind = "interrupted" if found.interrupted else "zero"
+        if residual > JUMP_RATIO * scale:
+            kind = "pole" if residual > scale else "jump"
+        status: Status = "located" if kind == "zero" else "bracketed"
+        ends = self.step(found.low), self.step(found.high)
+        return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted)
+
+    def change(self, index: int, low: float, high: float, terminal: bool) -> tuple[Location, float]:
+        """The first change of key that bisection meets between steps of length low and high, and the upper end of its bracket.
+
+        The event's point is the first with the new key, or the last with the old key where the family ends.
+        """
+        key = self.value(index, low)
+        while high - low > self._settings.location_tolerance:
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            try:
+                same = self.value(index, middle) == key
+            except StepRefused as refused:
+                if high - low > self._settings.coincidence_tolerance:
+                    raise
+                ends = self.step(low), self.step(high)
+                return Location("interrupted", "bracketed", low, ends[0], 0.0, *ends, str(refused)), high
+            if same:
+                low = middle
+            else:
+                high = middle
+        s = low if terminal else high
+        return Location("change", "located", s, self.step(s), 0.0, self.step(low), self.step(high)), high

@@ -1,0 +1,255 @@
+"""The contract between a problem and the engine, and what a run consists of: steps, points, events.
+
+The engine in `continuation.engine` follows the solutions of n equations in n + 1 unknowns y. All that it knows of them it gets
+from an object with the duties of `Problem`. Everything is measured in the problem's own *metric*: a few coordinates,
+`Step.position`, in which the curve has an arclength.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from continuation.location import Location
+
+Kind = Literal["crossing", "change", "guard"]
+Status = Literal["located", "bracketed"]
+
+
+class Test(NamedTuple):
+    """A test function, which marks events by its value along the family.
+
+    Attributes
+    ----------
+    code : str
+        Type of the event, e.g. ``"SN"``.
+    kind : str
+        ``"crossing"``: an event where the value changes sign.
+        ``"guard"``: the value is positive where the family is valid; an event where it falls to zero. Rising is no event. A
+        start outside (value <= 0) that stays outside of a terminal guard is an event at the start.
+        ``"change"``: an event where the value, a whole number used as a key, changes; located by bisection.
+        A value nan means: not defined here; it never makes an event.
+    terminal : bool
+        The family ends at the event, and the event's point is its last.
+    label : str
+        What the event is, in words.
+    oriented : bool
+        The value changes sign when the tangent is reversed (a slope, a determinant bordered by the tangent).
+    absorbs : tuple of str
+        Codes of events that are this same event when they coincide with it, and are then not reported: a branch point on a
+        curve that turns back there is a branch point, not a branch point and a fold.
+    """
+
+    code: str
+    kind: Kind
+    terminal: bool = False
+    label: str = ""
+    oriented: bool = False
+    absorbs: tuple[str, ...] = ()
+
+
+class Step(NamedTuple):
+    """One corrected point of the family, as a problem gives it.
+
+    Attributes
+    ----------
+    converged : bool
+        False: nothing else in it is looked at.
+    y : ndarray, shape (n + 1,)
+        The corrected unknowns.
+    tangent : ndarray, shape (n + 1,)
+        Unit tangent in the metric, pointing along the tangent that was given.
+    position : tuple of float, or ndarray
+        Metric coordinates; a tuple is faster.
+    turn : float
+        Cosine between the given and the new tangent in the metric; 1 for `Problem.begin`.
+    contraction : float
+        Largest ratio of successive corrector updates above rounding level; 0 where there was one update only.
+    iterations : int
+        Corrector iterations.
+    residual : float
+        Size of the residual at y.
+    parameter, slope : float
+        The reported parameter, and its derivative along the arclength.
+    tests : sequence of float
+        Values of the test functions, in the order of `Problem.tests`. A list is fastest, an ndarray is welcome.
+    extra : object
+        The problem's own data, carried on untouched.
+    """
+
+    converged: bool
+    y: np.ndarray
+    tangent: np.ndarray
+    position: Sequence[float] | np.ndarray
+    turn: float
+    contraction: float
+    iterations: int
+    residual: float
+    parameter: float
+    slope: float
+    tests: Sequence[float] | np.ndarray
+    extra: Any = None
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def __ne__(self, other: object) -> bool:
+        return self is not other
+
+    def __hash__(self) -> int:
+        return id(self)
+
+
+class EventDetails(NamedTuple):
+    """What a problem makes of a located event: its final `code`, whether the family ends there, and free `data`."""
+
+    code: str
+    terminal: bool = False
+    data: dict[str, Any] = {}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Event:
+    """A special point of the family, with its error bar.
+
+    Attributes
+    ----------
+    code : str
+        Type, as the problem's `classify` gave it.
+    test : int
+        Index of the test function that marked it.
+    status : str
+        ``"located"``: a zero or a change of key, inside `bracket`. ``"bracketed"``: it happens inside `bracket`, but is no zero
+        (a pole or a jump) or could not be brought nearer.
+    arclength : float
+        Where it is.
+    bracket : tuple of float
+        Arclengths between which it certainly is.
+    residual : float
+        |test function| at `point`; for a change of key, 0.
+    point : Step
+        The corrected point at the event.
+    index : int
+        Index of the event's point among the points of the run.
+    terminal : bool
+        Whether the family ends here.
+    details : dict
+        The problem's own data. The engine adds ``"absorbed"``, a tuple of codes of coincident events that this one stands for,
+        and ``"kind"`` where it is not a plain zero or change: ``"pole"``, ``"jump"`` or ``"interrupted"`` (with ``"reason"``).
+    """
+
+    code: str
+    test: int
+    status: Status
+    arclength: float
+    bracket: tuple[float, float]
+    residual: float
+    point: Step
+    index: int
+    terminal: bool
+    details: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Point:
+    """A point of a run: a corrected `step` with its place.
+
+    Attributes
+    ----------
+    index : int
+        Place in the run.
+    arclength : float
+        Arclength from the first point.
+    step : Step
+        The corrected point; its fields are also attributes of the point.
+    step_size : float
+        The pseudo-arclength step that led here (0 at the start).
+    event : Event or None
+        The event that this point was made for.
+    """
+
+    index: int
+    arclength: float
+    step: Step
+    step_size: float = 0.0
+    event: Event | None = None
+
+    @property
+    def y(self) -> np.ndarray:
+        """The unknowns, shape (n + 1,)."""
+        return self.step.y
+
+    @property
+    def tangent(self) -> np.ndarray:
+        """Unit tangent in the direction of growing arclength, shape (n + 1,)."""
+        return self.step.tangent
+
+    @property
+    def position(self) -> Sequence[float] | np.ndarray:
+        """Metric coordinates."""
+        return self.step.position
+
+    @property
+    def parameter(self) -> float:
+        """The reported parameter."""
+        return self.step.parameter
+
+    @property
+    def slope(self) -> float:
+        """Derivative of the parameter along the arclength."""
+        return self.step.slope
+
+    @property
+    def residual(self) -> float:
+        """Size of the residual."""
+        return self.step.residual
+
+    @property
+    def tests(self) -> Sequence[float] | np.ndarray:
+        """Values of the test functions."""
+        return self.step.tests
+
+    @property
+    def extra(self) -> Any:
+        """The problem's own data."""
+        return self.step.extra
+
+
+@runtime_checkable
+class Problem(Protocol):
+    """What a problem owes the engine.
+
+    1. `tests` is fixed for the life of the problem.
+    2. `begin(y)` corrects y onto the curve with no condition on the arclength, and gives the tangent in either
+       orientation, the same for the same y.
+    3. `step(y, tangent, ds)` solves for the point of the curve on the hyperplane at the distance ds from y along the unit
+       tangent, in the metric, and gives the tangent there pointing to the same side (`turn` > 0). ds may have
+       either sign, and may be 0: then y itself is given back, with test functions in the given orientation. It never raises
+       because of the numbers: what fails has ``converged=False``.
+    4. The result depends on the arguments alone, so that any step can be taken again. Arrays are new with each step.
+    5. `classify(index, before, at, after, location)` says what the event of test `index` is; None: spurious, drop it.
+       `before` and `after` are the points between which it was found (`after` need not be kept), `at` is the step at the
+       event, and ``location.kind`` says how it was found: ``"zero"``, ``"change"``, ``"pole"``, ``"jump"``, ``"outside"``
+       or ``"interrupted"``.
+    6. `residual(y)` (n,) and `jacobian(y)` (n, n + 1) are used for switching only.
+
+    Optional, found by name: ``failure(y, tangent, ds) -> str``, words for the end of a family where steps fail;
+    ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.
+    """
+
+    @property
+    def tests(self) -> tuple[Test, ...]: ...
+
+    def begin(self, y: np.ndarray) -> Step: ...
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step: ...
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None: ...
+
+    def residual(self, y: np.ndarray) -> np.ndarray: ...
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray: ...

@@ -1,0 +1,259 @@
+"""A whole run: both directions from the start, put together in order of arclength."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from continuation.ends import End, EndReason, Tally
+from continuation.engine import Allowance, StopWhen, first_step, walk
+from continuation.events import EventFinder, make_event
+from continuation.problem import Event, Point, Problem, Step
+from continuation.settings import Settings
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A family as far as it was followed.
+
+    Attributes
+    ----------
+    points : tuple of Point
+        In order of arclength, which is 0 at the first. Tangents, slopes and oriented test functions point along growing
+        arclength.
+    events : tuple of Event
+        In order of arclength; ``events[k].index`` is the index of its point.
+    ends : tuple of End
+        Why it ended at the first point and at the last. A direction that was not followed ends with reason POINTS or, for a
+        closed family, CLOSED.
+    start : int
+        Index of the point that the run was started from.
+    """
+
+    points: tuple[Point, ...]
+    events: tuple[Event, ...]
+    ends: tuple[End, End]
+    start: int
+
+    @property
+    def closed(self) -> bool:
+        """Whether the family closes on itself."""
+        return self.ends[1].reason is EndReason.CLOSED
+
+    @property
+    def tally(self) -> Tally:
+        """Steps accepted and refused in both directions."""
+        first, last = (end.tally for end in self.ends)
+        return last if self.closed else Tally(*(a + b for a, b in zip(first, last, strict=True)))
+
+
+def trace(
+    problem: Problem,
+    start: np.ndarray | Step,
+    settings: Settings | None = None,
+    *,
+    both: bool = True,
+    direction: int = 1,
+    stop_when: StopWhen | None = None,
+    stop_at: Collection[str] = frozenset(),
+    on_point: Callable[[Point], object] | None = None,
+    on_event: Callable[[Event], object] | None = None,
+) -> Run:
+    """Follow a family from a start in both directions.
+
+    Parameters
+    ----------
+    problem, start, settings, stop_when, stop_at
+        As for `continuation.follow`. The number of points is for both directions together: each may have half, and takes what
+        the other leaves.
+    both : bool
+        False: the direction alone.
+    direction : int
+        Sign of the slope in the direction that is followed first, and that the run is oriented by; 0: the tangent of the start.
+    on_point, on_event : callable, optional
+        Called with each point and each event as it is found, that is, with arclength and index counted from the start in its
+        direction.
+
+    Returns
+    -------
+    Run
+        With an `End` of reason NO_START at both ends and no points if there is no first point.
+
+    Raises
+    ------
+    ValueError
+        A direction or a test function that is not known.
+    """
+    settings = Settings() if settings is None else settings
+    first = first_step(problem, start, direction)
+    if isinstance(first, str):
+        none = End(EndReason.NO_START, first)
+        return Run((), (), (none, none), 0)
+    total = settings.maximum_points
+    allowance = Allowance(min(total // 2 + 1, total) if both else total, resume=both)
+    forward = _Half(problem, first, settings, stop_when, stop_at, allowance, on_point, on_event)
+    forward.go()
+    if not both or forward.closed:
+        return _one_way(problem, settings, forward)
+    allowance.points = total - len(forward.points) + 1  # the start is one point, though each half has it
+    opposite = problem.step(first.y, -first.tangent, 0.0)
+    if not opposite.converged:
+        lost = End(EndReason.NO_START, "the corrector did not converge at the start with its tangent reversed")
+        return Run(tuple(forward.points), tuple(forward.events), (lost, forward.end), 0)
+    backward = _Half(
+        problem, opposite, settings, stop_when, stop_at, allowance, on_point, on_event, forward.last_place(problem)
+    )
+    backward.go()
+    if forward.end.reason is EndReason.POINTS and not backward.closed and allowance.points > 0:
+        forward.go()
+        if forward.closed:
+            return _one_way(problem, settings, forward)
+    return _both_ways(problem, settings, backward, forward)
+
+
+class _Half:
+    """One direction of a trace, which can be gone on with when its points were used up."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        first: Step,
+        settings: Settings,
+        stop_when: StopWhen | None,
+        stop_at: Collection[str],
+        allowance: Allowance,
+        on_point: Callable[[Point], object] | None,
+        on_event: Callable[[Event], object] | None,
+        goal: tuple[Step, np.ndarray] | None = None,
+    ) -> None:
+        self.points: list[Point] = []
+        self.events: list[Event] = []
+        self.end = End(EndReason.POINTS)
+        self._items = walk(problem, first, settings, stop_when, stop_at, allowance, goal)
+        self._first = not allowance.started
+        allowance.started = True
+        self._near = settings.coincidence_tolerance
+        self._on_point = on_point
+        self._on_event = on_event
+
+    @property
+    def closed(self) -> bool:
+        return self.end.reason is EndReason.CLOSED
+
+    def go(self) -> None:
+        """Follow until the next end."""
+        for item in self._items:
+            if isinstance(item, Point):
+                self.points.append(item)
+                if self._on_point is not None and (item.index or self._first):
+                    self._on_point(item)
+            elif isinstance(item, Event):
+                self.events.append(item)
+                if self._on_event is not None:
+                    self._on_event(item)
+            else:
+                self.end = item
+                return
+
+    def last_place(self, problem: Problem) -> tuple[Step, np.ndarray] | None:
+        """The last point seen from the other direction, and the way along the curve there; None if it is the start."""
+        last = np.asarray(self.points[-1].position, dtype=float)
+        for point in reversed(self.points[:-1]):
+            way = np.asarray(point.position, dtype=float) - last
+            if float(np.linalg.norm(way)) > self._near:
+                return _turned_round(problem, self.points[-1].step), way
+        return None
+
+    def moved(self, index: int, arclength: float) -> tuple[list[Point], list[Event]]:
+        """Points and events with indices and arclengths that start later."""
+        events = {event.index: _moved_event(event, event.index + index, arclength, event.point) for event in self.events}
+        points = [
+            Point(p.index + index, p.arclength + arclength, p.step, p.step_size, events.get(p.index)) for p in self.points
+        ]
+        return points, list(events.values())
+
+    def reversed(self, problem: Problem) -> tuple[list[Point], list[Event]]:
+        """Points and events seen the other way: the last comes first, tangents are turned round."""
+        last, total = self.points[-1].index, self.points[-1].arclength
+        points: list[Point] = []
+        events: list[Event] = []
+        for p in reversed(self.points):
+            step, index, event = _turned_round(problem, p.step), last - p.index, None
+            if p.event is not None:
+                low, high = p.event.bracket
+                event = replace(
+                    p.event, arclength=total - p.event.arclength, bracket=(total - high, total - low), index=index, point=step
+                )
+                events.append(event)
+            points.append(Point(index, total - p.arclength, step, p.step_size, event))
+        return points, events
+
+
+def _moved_event(event: Event, index: int, arclength: float, point: Step) -> Event:
+    low, high = event.bracket
+    return replace(
+        event, arclength=event.arclength + arclength, bracket=(low + arclength, high + arclength), index=index, point=point
+    )
+
+
+def _turned_round(problem: Problem, step: Step) -> Step:
+    """The same point seen along the opposite tangent."""
+    tests = [-float(v) if test.oriented else float(v) for test, v in zip(problem.tests, step.tests, strict=True)]
+    return step._replace(tangent=-step.tangent, slope=-step.slope, tests=tests)
+
+
+def _one_way(problem: Problem, settings: Settings, half: _Half) -> Run:
+    """A run in one direction, which may be closed."""
+    points, events = half.points, half.events
+    if not half.closed:
+        return Run(tuple(points), tuple(events), (End(EndReason.POINTS, "this direction was not asked for"), half.end), 0)
+    points, events = _with_events_at(0, problem, settings, points, events)
+    return Run(tuple(points), tuple(events), (half.end, half.end), 0)
+
+
+def _both_ways(problem: Problem, settings: Settings, backward: _Half, forward: _Half) -> Run:
+    """Both halves as one run, oriented by the forward one; closed where the backward half has met the forward one."""
+    points, events = backward.reversed(problem)
+    start = len(points) - 1
+    later, later_events = forward.moved(start, points[-1].arclength)
+    points += later[1:]
+    events += later_events
+    if 0 < start < len(points) - 1:
+        points, events = _with_events_at(start, problem, settings, points, events)
+    if not backward.closed:
+        return Run(tuple(points), tuple(events), (backward.end, forward.end), start)
+    points, events = _with_events_at(0, problem, settings, points, events)
+    tally = Tally(*(a + b for a, b in zip(backward.end.tally, forward.end.tally, strict=True)))
+    end = End(EndReason.CLOSED, f"length {points[-1].arclength:.9g}", tally)
+    return Run(tuple(points), tuple(events), (end, end), start)
+
+
+def _with_events_at(
+    place: int, problem: Problem, settings: Settings, points: list[Point], events: list[Event]
+) -> tuple[list[Point], list[Event]]:
+    """Add the events that lie on the start of a half, which neither half reports; they share its point.
+
+    Place 0 is where a closed family begins and ends.
+    """
+    last = len(points) - 1
+    regular = [
+        point.index for point in points if point.event is None and point.index not in (place, last if place == 0 else place)
+    ]
+    earlier = [index for index in regular if index < place or place == 0]
+    further = [index for index in regular if index > place]
+    if not earlier or not further:
+        return points, events
+    before, after = points[earlier[-1]], points[further[0]]
+    if place == 0:
+        known = {event.test for event in events if event.index > before.index or event.index < after.index}
+    else:
+        known = {event.test for event in events if before.index < event.index < after.index}
+    at = points[place]
+    for found in EventFinder(problem, settings).at_start(before, at, after, known):
+        event = make_event(found, at.position, at.arclength, at.index)
+        events = [*events, event]
+        if points[place].event is None:
+            points = [*points[:place], replace(at, event=event), *points[place + 1 :]]
+    return points, sorted(events, key=lambda event: (event.arclength, event.index))

@@ -1,0 +1,79 @@
+"""The command `saltus`: finds the subcommand, runs it, and turns errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from saltus import __version__
+from saltus.arguments import OneLineParser, joined_values
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line, say
+
+__all__ = ["main"]
+
+# Modules are imported when their command is asked for: the help of the program loads none of them.
+COMMANDS = {
+    "continue": ("saltus.commands.continue_", "follow the family of periodic orbits that has a name"),
+    "orbit": ("saltus.commands.orbit", "show one orbit of a named family: its impacts, multipliers and shape"),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        The arguments; by default those of the process.
+
+    Returns
+    -------
+    int
+        0 done; 1 a numerical failure or a file that could not be written; 2 bad input, nothing started; 130 interrupted.
+    """
+    try:
+        code = _command(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        say("interrupted, nothing was computed")
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader has left; what Python still holds for it must not fail again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        known = exit_code(error)
+        if known is None:
+            raise
+        say(one_line(error))
+        return known
+    return code
+
+
+def _command(words: list[str]) -> int:
+    parser = OneLineParser(prog="saltus", description="Families of periodic orbits of systems that impact.")
+    parser.add_argument("--version", action="version", version=f"saltus {__version__}")
+    asked = next((word for word in words if not word.startswith("-")), None)
+    if asked is not None and asked not in COMMANDS:
+        raise BadInput(f"unknown command {asked!r}, expected {' or '.join(COMMANDS)}{nearest(asked, COMMANDS)}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    for name, (module, summary) in COMMANDS.items():
+        command = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+        if name == asked:
+            importlib.import_module(module).add_arguments(command)
+            asked_parser = command
+    arguments, unknown = parser.parse_known_args(joined_values(words))
+    if asked is None:
+        if unknown:
+            raise BadInput(f"unknown option {unknown[0]}{nearest(unknown[0], parser.options())}")
+        parser.print_help()
+        return DONE
+    if unknown:
+        asked_parser.refuse(unknown[0])
+    return importlib.import_module(COMMANDS[asked][0]).run(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,158 @@
+"""Reading command-line arguments: a parser whose errors are one line, and the kinds of value that options have."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from saltus.errors import BadInput, nearest
+
+__all__ = ["OneLineParser", "energy_range", "joined_values", "number", "one_of", "positive", "whole_above_zero"]
+
+_LOOKS_NEGATIVE = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that raises `BadInput` where argparse would print its usage and end the process."""
+
+    def __init__(self, **options: Any) -> None:
+        options.setdefault("allow_abbrev", False)
+        super().__init__(**options)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise what argparse found wrong."""
+        message = message.replace("the following arguments are required: ", "missing: ").removeprefix("argument ")
+        raise BadInput(f"{message} (see {self.prog} --help)")
+
+    def options(self) -> list[str]:
+        """Return the options that the help shows."""
+        return sorted(set(re.findall(r"--[a-z][a-z-]*", self.format_help())))
+
+    def refuse(self, word: str) -> NoReturn:
+        """Raise for a word that is no option and no argument of this parser."""
+        option = word.partition("=")[0]
+        if not option.startswith("-"):
+            raise BadInput(f"unexpected argument {word!r} (see {self.prog} --help)")
+        raise BadInput(f"unknown option {option} of {self.prog}{nearest(option, self.options())}")
+
+
+def joined_values(words: list[str]) -> list[str]:
+    """Join an option with a value that looks like an option itself because it starts with a minus sign.
+
+    Parameters
+    ----------
+    words : list of str
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> joined_values(["continue", "S13+", "--energy", "-1:2", "--json", "-"])
+    ['continue', 'S13+', '--energy=-1:2', '--json', '-']
+    """
+    joined: list[str] = []
+    for word in words:
+        if joined and joined[-1].startswith("--") and "=" not in joined[-1] and _LOOKS_NEGATIVE.match(word):
+            joined[-1] += "=" + word
+        else:
+            joined.append(word)
+    return joined
+
+
+def number(text: str) -> float:
+    """Read a number; NaN is none.
+
+    Examples
+    --------
+    >>> number("nan")
+    Traceback (most recent call last):
+    argparse.ArgumentTypeError: received 'nan', expected a number
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if math.isnan(value):
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected a number")
+    return value
+
+
+def positive(text: str) -> float:
+    """Read a finite number above 0."""
+    value = number(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected a number above 0")
+    return value
+
+
+def whole_above_zero(text: str) -> int:
+    """Read a whole number above 0."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected a whole number above 0")
+    return value
+
+
+def energy_range(text: str) -> tuple[float, float]:
+    """Read a range of energies.
+
+    Parameters
+    ----------
+    text : str
+        ``LO:HI`` with 0 < LO < HI.
+
+    Returns
+    -------
+    tuple of float
+
+    Examples
+    --------
+    >>> energy_range("0.1:10")
+    (0.1, 10.0)
+    >>> energy_range("10:0.1")
+    Traceback (most recent call last):
+    argparse.ArgumentTypeError: received '10:0.1', a reversed range, expected LO:HI with 0 < LO < HI
+    """
+    expected = "expected LO:HI with 0 < LO < HI"
+    parts = text.split(":")
+    try:
+        low, high = (float(part) for part in parts)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"received {text!r}, {expected}") from None
+    if math.isnan(low) or math.isnan(high):
+        raise argparse.ArgumentTypeError(f"received {text!r}, NaN is no energy, {expected}")
+    if low > high:
+        raise argparse.ArgumentTypeError(f"received {text!r}, a reversed range, {expected}")
+    if low == high:
+        raise argparse.ArgumentTypeError(f"received {text!r}, an empty range, {expected}")
+    if low <= 0.0:
+        raise argparse.ArgumentTypeError(f"received {text!r}, an energy that is not above 0, {expected}")
+    if math.isinf(high):
+        raise argparse.ArgumentTypeError(f"received {text!r}, an energy that is not finite, {expected}")
+    return low, high
+
+
+def one_of(*known: str) -> Callable[[str], str]:
+    """Return a reader of one of several words.
+
+    Examples
+    --------
+    >>> one_of("up", "down", "both")("downn")
+    Traceback (most recent call last):
+    argparse.ArgumentTypeError: received 'downn', expected one of up, down, both; nearest: down
+    """
+
+    def read(text: str) -> str:
+        if text not in known:
+            raise argparse.ArgumentTypeError(f"received {text!r}, expected one of {', '.join(known)}{nearest(text, known)}")
+        return text
+
+    return read

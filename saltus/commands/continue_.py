@@ -1,0 +1,142 @@
+"""`saltus continue NAME`: follow a named family of periodic orbits and tell its special points as they are found."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from saltus import events_table, outputs, scene_arguments
+from saltus.arguments import energy_range, one_of, whole_above_zero
+from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from saltus.scene import Scene
+
+__all__ = ["add_arguments", "run"]
+
+EVENT_TYPES = {
+    "SN": "saddle-node (fold)",
+    "BP": "branch point",
+    "SB": "symmetry breaking",
+    "PD": "period doubling",
+    "RT": "q-tupling",
+    "NS": "Krein collision",
+    "GR": "grazing",
+    "IO": "impulsive orbit",
+    "LB": "change of label",
+    "EP": "end",
+}
+
+FAILURES = ("MINIMUM_STEP", "NO_START")
+"""The reasons of an end, as `continuation.ends.EndReason` names them, that are numerical failures."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, or a family's id")
+    parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
+    parser.add_argument("--points", metavar="N", type=whole_above_zero, help="end when there are N points in total")
+    parser.add_argument(
+        "--direction",
+        metavar="WAY",
+        type=one_of("up", "down", "both"),
+        default="both",
+        help="up: the first step raises h; down: lowers it; both (default); folds are followed either way",
+    )
+    types = ", ".join(f"{code} {words}" for code, words in EVENT_TYPES.items())
+    parser.add_argument("--stop-at", metavar="TYPE", type=one_of(*EVENT_TYPES), help=f"end at the first event: {types}")
+    parser.add_argument(
+        "--frequency",
+        metavar="AXIS",
+        type=one_of("index", "fundamental"),
+        default="index",
+        help="axis of the picture: index (default), m 2 pi/T with m the half-waves of the NES, or fundamental, 2 pi/T",
+    )
+    outputs.add_arguments(parser)
+    scene_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code."""
+    files = outputs.from_arguments(arguments)
+
+    from branches.labels import parse_name
+
+    parse_name(arguments.name)
+    scene = scene_arguments.from_arguments(arguments)
+    if arguments.model:
+        from saltus.model import explain
+
+        for line in explain(scene.system, arguments.name):
+            print(f"model  {line}", file=files.words, flush=True)
+    branch, code = _follow(arguments, scene, files)
+    if branch is None:
+        return code
+    for line in _doubts(branch):
+        print(line, file=files.words, flush=True)
+    return max(code, _write(branch, files, arguments.frequency))
+
+
+def _follow(arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs) -> tuple[Branch | None, int]:
+    """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
+    from saltus.progress import ProgressBar
+    from saltus.tracing import trace
+
+    with ProgressBar(arguments.points) as bar:
+        tell = partial(bar.line, stream=files.words)
+
+        def start(text: str) -> None:
+            tell(f"start  {text}")
+            tell(events_table.HEADER)
+
+        try:
+            branch = trace(
+                arguments.name,
+                scene=scene,
+                energy=arguments.energy,
+                points=arguments.points,
+                direction=arguments.direction,
+                stop_at=arguments.stop_at,
+                on_start=start,
+                on_event=lambda event: tell(events_table.event_line(event)),
+                on_end=lambda end: tell(f"end    {end.text}"),
+                on_point=bar.update,
+            )
+        except (KeyboardInterrupt, RuntimeError) as error:
+            # What was computed before travels with the error.
+            partial_branch = getattr(error, "branch", None)
+            if partial_branch is None:
+                raise
+            interrupted = isinstance(error, KeyboardInterrupt)
+            say("interrupted, with the points that were computed so far" if interrupted else one_line(error))
+            return partial_branch, INTERRUPTED if interrupted else FAILED
+    return branch, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE
+
+
+def _doubts(branch: Branch) -> list[str]:
+    """Say out loud where the multipliers are not reliable."""
+    import numpy as np
+
+    # At grazing the multipliers have no bound, which the table tells; that is no doubt about their quality.
+    doubtful = ~branch.points["reliable"] & np.isfinite(branch.points["multipliers"]).all(axis=1)
+    if not doubtful.any():
+        return []
+    energies = branch.points["h"][doubtful]
+    return [
+        f"doubt  the multipliers of {doubtful.sum()} of {len(doubtful)} points are not reliable,"
+        f" between h = {energies.min():.8g} and {energies.max():.8g}: see quality in the files"
+    ]
+
+
+def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:
+    from branches.record import to_csv, to_json
+
+    def draw(path: Path) -> None:
+        from branches.diagram import draw_branch
+
+        draw_branch(branch, path, frequency=frequency)
+
+    return files.write(json=lambda: to_json(branch), csv=lambda: to_csv(branch), draw=draw)

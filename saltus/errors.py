@@ -1,0 +1,102 @@
+"""Errors in the user's words: what was received, what was expected, the nearest thing that exists, and the exit code."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Iterable
+
+__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say"]
+
+DONE = 0
+FAILED = 1
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+class BadInput(ValueError):
+    """Input that cannot be used; the message is one line for the user."""
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Name the known word nearest to `word`, as the end of a message.
+
+    Parameters
+    ----------
+    word : str
+        What was received.
+    known : iterable of str
+        What exists.
+
+    Returns
+    -------
+    str
+        ``"; nearest: ..."``, or nothing when no known word is like `word`.
+
+    Examples
+    --------
+    >>> nearest("stifness", ["mass", "damping", "stiffness"])
+    '; nearest: stiffness'
+    >>> nearest("xyz", ["mass", "damping"])
+    ''
+    """
+    candidates = list(known)
+    # Case is no difference that a user means.
+    lowered = {candidate.lower(): candidate for candidate in reversed(candidates)}
+    found = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.5)
+    return f"; nearest: {lowered[found[0]]}" if found else ""
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's message as one line.
+
+    Parameters
+    ----------
+    error : BaseException
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> one_line(ValueError("a stop\\n  has no gap"))
+    'a stop has no gap'
+    """
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def say(message: str) -> None:
+    """Tell the user one line on standard error."""
+    print(f"saltus: {message}", file=sys.stderr, flush=True)
+
+
+def exit_code(error: Exception) -> int | None:
+    """Tell how the program ends after an error.
+
+    Parameters
+    ----------
+    error : Exception
+
+    Returns
+    -------
+    int or None
+        2 for bad input (`ValueError`), 1 for a numerical failure (`RuntimeError`, `ArithmeticError`, numpy's `LinAlgError`,
+        or not enough memory), None for what is neither and therefore a fault of the program.
+
+    Examples
+    --------
+    >>> exit_code(BadInput("mu = -1")), exit_code(ZeroDivisionError()), exit_code(KeyError("h"))
+    (2, 1, None)
+    """
+    # LinAlgError is a ValueError, but no fault of the input. Where numpy is not loaded, nothing of it was raised.
+    numpy = sys.modules.get("numpy")
+    if numpy is not None and isinstance(error, numpy.linalg.LinAlgError):
+        return FAILED
+    if isinstance(error, NotImplementedError | RecursionError):
+        return None
+    if isinstance(error, RuntimeError | ArithmeticError | MemoryError):
+        return FAILED
+    if isinstance(error, ValueError):
+        return BAD_INPUT
+    return None

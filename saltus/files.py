@@ -1,0 +1,106 @@
+"""Output files of the command line: checked before any work starts, written whole or not at all, `-` for standard output."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from branches.diagram.files import PICTURE_FORMATS, picture_format
+from branches.files import WriteFailure, reason, replacing, write_text
+from saltus.errors import BadInput, nearest
+
+__all__ = ["STANDARD_OUTPUT", "WriteFailure", "check_picture", "check_writable", "replacing", "write_data"]
+
+STANDARD_OUTPUT = "-"
+
+
+def check_writable(path: str) -> None:
+    """Refuse a file that could not be written, before the work that would fill it.
+
+    Parameters
+    ----------
+    path : str
+        A file's path, or ``-`` for standard output.
+
+    Raises
+    ------
+    BadInput
+        If the directory does not exist or may not be written, or `path` is a directory or a file that may not be written.
+
+    Examples
+    --------
+    >>> check_writable("no/such/place/branch.json")
+    Traceback (most recent call last):
+    saltus.errors.BadInput: cannot write no/such/place/branch.json: the directory no/such/place does not exist
+    """
+    if path == STANDARD_OUTPUT:
+        return
+    if not path or "\0" in path:
+        raise BadInput(f"cannot write {path!r}: expected the path of a file, or - for standard output")
+    try:
+        target = Path(os.path.realpath(path))
+        if target.is_dir():
+            raise BadInput(f"cannot write {path}: it is a directory, expected a file")
+        if not target.parent.exists():
+            raise BadInput(f"cannot write {path}: the directory {Path(path).parent} does not exist")
+        if not target.parent.is_dir():
+            raise BadInput(f"cannot write {path}: {Path(path).parent} is not a directory")
+        special = target.exists() and not target.is_file()
+        if not special and not os.access(target.parent, os.W_OK | os.X_OK):
+            raise BadInput(f"cannot write {path}: permission is denied in the directory {Path(path).parent}")
+        if target.exists() and not os.access(target, os.W_OK):
+            raise BadInput(f"cannot write {path}: permission is denied")
+    except OSError as error:
+        raise BadInput(f"cannot write {path}: {reason(error)}") from error
+
+
+def check_picture(path: str) -> None:
+    """Refuse a picture whose format is unknown or that could not be written.
+
+    Parameters
+    ----------
+    path : str
+        A file's path; its suffix tells the format.
+
+    Raises
+    ------
+    BadInput
+
+    Examples
+    --------
+    >>> check_picture("branch.pgn")
+    Traceback (most recent call last):
+    saltus.errors.BadInput: unknown picture format 'pgn' of 'branch.pgn': expected png, pdf or svg; nearest: png
+    """
+    if path == STANDARD_OUTPUT:
+        raise BadInput("a picture cannot go to standard output: expected a file ending in .png, .pdf or .svg")
+    try:
+        picture_format(path)
+    except ValueError as error:
+        raise BadInput(f"{error}{nearest(Path(path).suffix.lstrip('.'), PICTURE_FORMATS)}") from error
+    check_writable(path)
+
+
+def write_data(path: str, text: str) -> None:
+    """Write data to a file, whole or not at all, or to standard output.
+
+    Parameters
+    ----------
+    path : str
+        A file's path, or ``-`` for standard output.
+    text : str
+
+    Raises
+    ------
+    WriteFailure
+        With the reason in words.
+    """
+    if path != STANDARD_OUTPUT:
+        write_text(path, text)
+        return
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except OSError as error:
+        raise WriteFailure(f"cannot write standard output: {reason(error)}") from error

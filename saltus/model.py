@@ -1,0 +1,89 @@
+"""Which model a system and a name lead to, and why: nothing that the system lacks is computed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["explain"]
+
+_PARTS = {1: "whole", 2: "half", 4: "quarter"}
+
+
+def explain(system: ImpactSystem, name: str) -> list[str]:
+    """Say which model is chosen for the orbits of a name, and why.
+
+    Parameters
+    ----------
+    system : bvp.system.ImpactSystem
+    name : str
+        The name of an orbit or family; its label or id tells the ends of the solved segment.
+
+    Returns
+    -------
+    list of str
+        Lines ``reason -> choice``.
+
+    Raises
+    ------
+    ValueError
+        If the name does not parse.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> print("\\n".join(explain(vibro_impact_nes(), "S13O00+")))
+    undamped -> real modes: free flight is a sum of sines and cosines, exact to rounding
+    elastic stops -> momentum and energy are kept, nothing sticks: sticking is not modelled
+    symmetric with an impact at the quarter -> quarter-period problem between the ends origin and stop
+    the ends fix the phase -> no phase condition
+    reversible, and energy varies along the family -> no unfolding parameter
+    >>> explain(vibro_impact_nes(rho=0.7), "S13O00+")
+    ['restitution 0.7 of stop a loses energy -> no family of periodic orbits without forcing']
+    """
+    from branches.labels import parse_name
+
+    parsed = parse_name(name)
+    why = system.why_not_conservative()
+    if why is not None:
+        return [f"{why} -> no family of periodic orbits without forcing"]
+    lines = ["undamped -> real modes: free flight is a sum of sines and cosines, exact to rounding"]
+    if (system.modes.frequencies == 0.0).any():
+        lines.append("a rigid-body mode has frequency 0 -> it moves uniformly, without any division by the frequency")
+    lines.append("elastic stops -> momentum and energy are kept, nothing sticks: sticking is not modelled")
+    label = parsed.label
+    if label is None:
+        return lines + _of_ends(parsed.family or "")
+    if label.kind == "L":
+        return [*lines, "a linear mode has no impacts -> it is known in closed form, no boundary-value problem"]
+    if label.kind == "U":
+        problem = "unsymmetric -> half-period problem between two ends origin"
+    elif label.parity == "E":
+        problem = "symmetric without an impact at the quarter -> quarter-period problem between the ends origin and rest"
+    elif label.parity == "O" or label.sign is not None:
+        problem = "symmetric with an impact at the quarter -> quarter-period problem between the ends origin and stop"
+    else:
+        problem = "symmetric -> quarter-period problem between an end origin and an end rest (E) or stop (O)"
+    return [*lines, problem, *_REVERSIBLE]
+
+
+_REVERSIBLE = [
+    "the ends fix the phase -> no phase condition",
+    "reversible, and energy varies along the family -> no unfolding parameter",
+]
+
+
+def _of_ends(family: str) -> list[str]:
+    """Explain the problem that a family's id names."""
+    from branches.words import PERIODIC, segments_per_period, split_family_id
+
+    ends = split_family_id(family)[0]
+    if ends == PERIODIC:
+        return [
+            "the orbit has no reversal -> whole-period problem that closes on itself, with a phase condition",
+            "conservative, so periodic orbits are not isolated -> one unfolding parameter, zero on solutions",
+        ]
+    part = _PARTS[segments_per_period(ends)]
+    return [f"the orbit reverses at its ends -> {part}-period problem between the ends {ends[0]} and {ends[1]}", *_REVERSIBLE]

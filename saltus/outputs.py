@@ -1,0 +1,116 @@
+"""The files that a command was asked for: checked together before the work, written together after it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from saltus.errors import DONE, FAILED, BadInput, say
+from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
+
+__all__ = ["Outputs", "add_arguments", "from_arguments"]
+
+_HYPHEN = "; - is standard output, which then carries nothing else"
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Where the results go; None for what was not asked for.
+
+    Attributes
+    ----------
+    json, csv : str or None
+        Paths, or ``-`` for standard output.
+    plot : str or None
+        Path of a picture.
+    """
+
+    json: str | None = None
+    csv: str | None = None
+    plot: str | None = None
+
+    def check(self) -> None:
+        """Refuse what could not be written.
+
+        Raises
+        ------
+        saltus.errors.BadInput
+            For a path that cannot be written, an unknown picture format, or one place for two results.
+        """
+        for path in (self.json, self.csv):
+            if path is not None:
+                check_writable(path)
+        if self.plot is not None:
+            check_picture(self.plot)
+        taken: dict[str, str] = {}
+        for option, path in (("--json", self.json), ("--csv", self.csv), ("--plot", self.plot)):
+            if path is None:
+                continue
+            place = path if path == STANDARD_OUTPUT else os.path.realpath(path)
+            if place in taken and (place == STANDARD_OUTPUT or not Path(place).exists() or Path(place).is_file()):
+                where = "standard output" if path == STANDARD_OUTPUT else path
+                raise BadInput(f"{taken[place]} and {option} both go to {where}: expected a place for each")
+            taken[place] = option
+
+    @property
+    def words(self) -> TextIO:
+        """The stream for what is told: standard error where standard output carries data."""
+        return sys.stderr if STANDARD_OUTPUT in (self.json, self.csv) else sys.stdout
+
+    def write(self, json: Callable[[], str], csv: Callable[[], str], draw: Callable[[Path], None]) -> int:
+        """Write what was asked for. One failure does not keep the others from being written.
+
+        Parameters
+        ----------
+        json, csv : callable
+            Return the text of the file.
+        draw : callable
+            Draws into the file that it is given.
+
+        Returns
+        -------
+        int
+            The exit code: 1 if a file could not be written, which is told on standard error.
+        """
+
+        def picture(path: str) -> None:
+            with replacing(path) as beside:
+                draw(beside)
+
+        code = DONE
+        jobs = (
+            (self.json, lambda path: write_data(path, json())),
+            (self.csv, lambda path: write_data(path, csv())),
+            (self.plot, picture),
+        )
+        for path, job in jobs:
+            if path is None:
+                continue
+            try:
+                job(path)
+            except WriteFailure as failure:
+                say(str(failure))
+                code = FAILED
+            else:
+                if path != STANDARD_OUTPUT:
+                    print(f"wrote  {path}", file=self.words, flush=True)
+        return code
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json``, ``--csv`` and ``--plot``."""
+    parser.add_argument("--json", metavar="FILE", help=f"write all data as JSON{_HYPHEN}")
+    parser.add_argument("--csv", metavar="FILE", help=f"write all data as CSV{_HYPHEN}")
+    parser.add_argument("--plot", metavar="FILE", help="draw a picture: FILE.png, FILE.pdf or FILE.svg")
+
+
+def from_arguments(arguments: argparse.Namespace) -> Outputs:
+    """Return the outputs asked for, checked."""
+    outputs = Outputs(json=arguments.json, csv=arguments.csv, plot=arguments.plot)
+    outputs.check()
+    return outputs

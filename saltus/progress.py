@@ -1,0 +1,77 @@
+"""A progress bar for long runs, on standard error only, and only where that is a terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Any
+
+__all__ = ["ProgressBar"]
+
+PATIENCE = 1.0
+"""Seconds before the bar appears: a short run shows none."""
+
+
+class ProgressBar:
+    """Shows how many points are done; lines printed through `line` do not disturb it.
+
+    Parameters
+    ----------
+    total : int or None
+        How many points there will be at most, if that is known.
+
+    Examples
+    --------
+    >>> with ProgressBar() as bar:
+    ...     bar.update(1)
+    ...     bar.line("one line", sys.stdout)
+    one line
+    """
+
+    def __init__(self, total: int | None = None) -> None:
+        self._total = total
+        self._bar: Any = None
+        self._task: Any = None
+        self._wanted = sys.stderr is not None and sys.stderr.isatty()
+        self._start = time.monotonic()
+
+    def __enter__(self) -> ProgressBar:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def update(self, count: int) -> None:
+        """Tell how many points are done."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=count)
+        elif self._wanted and time.monotonic() - self._start > PATIENCE:
+            self._show(count)
+
+    def line(self, text: str, stream: Any) -> None:
+        """Print a line to a stream and flush it."""
+        if self._bar is not None:
+            self._bar.stop()
+        print(text, file=stream, flush=True)
+        if self._bar is not None:
+            self._bar.start()
+
+    def _show(self, count: int) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        self._bar = Progress(
+            BarColumn(),
+            TextColumn("{task.completed} points"),
+            TimeElapsedColumn(),
+            console=Console(stderr=True),
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        self._task = self._bar.add_task("", total=self._total, completed=count)
+        self._bar.start()

@@ -1,0 +1,259 @@
+"""A scene: a system, the bounds inside which its orbits are looked for, and the names that its literature uses.
+
+A scene is a TOML file. ``[system]`` is ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``, or the matrices
+``mass``, ``damping``, ``stiffness`` with ``[[stops]]`` (``c``, ``lower``, ``upper``, ``restitution``, ``name``) and
+``[coordinates]`` (``names``, ``LO``, ``NES``). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``; ``[names]``
+pins a bare name to a cited point. What is not known is refused.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from branches.files import reason
+from saltus.errors import BadInput, nearest, one_line
+from saltus.table import Table
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["DEFAULT", "Scene", "load_scene"]
+
+DEFAULT = "lee2009"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A system with its bounds and names.
+
+    Attributes
+    ----------
+    system : bvp.system.ImpactSystem
+    energy : tuple of float
+        Lowest and highest energy h that a family is followed to.
+    quarter_period : float
+        Longest quarter period alpha that is searched.
+    impacts : int
+        Most impacts inside the solved part of an orbit that are searched.
+    pins : mapping of str to mapping of str to float
+        Bare names with the point, ``h`` and ``alpha``, that the literature shows; used only to choose among matches.
+    title, source : str
+        What the scene is, and where it is published.
+    """
+
+    system: ImpactSystem
+    energy: tuple[float, float]
+    quarter_period: float
+    impacts: int
+    pins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    title: str = ""
+    source: str = ""
+
+    @property
+    def bounds(self) -> dict[str, Any]:
+        """The bounds of a search for names: ``energy``, ``quarter_period``, ``impacts``."""
+        return {"energy": self.energy, "quarter_period": self.quarter_period, "impacts": self.impacts}
+
+    def pins_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
+        """Return the pins that hold for a system.
+
+        Parameters
+        ----------
+        system : bvp.system.ImpactSystem
+
+        Returns
+        -------
+        dict
+            `pins` if `system` is the one of the scene, else empty.
+        """
+        if system.describe() != self.system.describe():
+            return {}
+        return {name: dict(point) for name, point in self.pins.items()}
+
+
+def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) -> Scene:
+    """Read a scene.
+
+    Parameters
+    ----------
+    path : path-like, optional
+        A TOML file, or the bare name of a scene that ships with saltus; by default the reference scene.
+    **parameters : float
+        Values that replace those of the scene's model: ``mu``, ``sigma``, ``lam``, ``rho``.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ValueError
+        With one line that says what was wrong and what was expected.
+
+    Examples
+    --------
+    >>> scene = load_scene()
+    >>> scene.energy, sorted(scene.pins)
+    ((0.05, 10000.0), ['S73O33-', 'U8353-'])
+    >>> load_scene(mu=0.37, sigma=0.81).system.describe()["mu"]
+    0.37
+    """
+    shipped = _shipped()
+    if path is None:
+        where, text = DEFAULT, shipped[DEFAULT]
+    elif Path(path).exists() or os.fspath(path) not in shipped:
+        where, text = os.fspath(path), _read(Path(path), shipped)
+    else:
+        where, text = os.fspath(path), shipped[os.fspath(path)]
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"scene {where} is no TOML: {error}") from error
+    except RecursionError as error:
+        raise BadInput(f"scene {where} is no TOML that can be read: its values are nested too deeply") from error
+    return _build(Table(content, f"scene {where}"), parameters)
+
+
+@cache
+def _shipped() -> dict[str, str]:
+    """Return the text of each scene in the package `catalogues`, by bare name."""
+    directory = resources.files("catalogues")
+    return {
+        entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8")
+        for entry in directory.iterdir()
+        if entry.name.endswith(".toml")
+    }
+
+
+def _read(path: Path, shipped: Mapping[str, str]) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise BadInput(f"scene {path} is no TOML: byte {error.start} is not UTF-8 text") from error
+    except FileNotFoundError as error:
+        beside = [str(entry) for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        hint = nearest(str(path), [*beside, *shipped]) or f"; shipped: {', '.join(sorted(shipped))}"
+        raise BadInput(f"scene {path} does not exist{hint}") from error
+    except (OSError, ValueError) as error:
+        said = reason(error) if isinstance(error, OSError) else str(error)
+        raise BadInput(f"cannot read scene {path}: {said}") from error
+
+
+def _build(scene: Table, overrides: Mapping[str, float]) -> Scene:
+    scene.only("system", "stops", "coordinates", "bounds", "names", "title", "source")
+    own, system = _system(scene, overrides)
+    pins = _pins(scene.table("names", {}))
+    bounds = scene.table("bounds")
+    bounds.only("energy", "quarter_period", "impacts")
+    energy = bounds.numbers("energy", 2)
+    if not 0.0 < energy[0] < energy[1] < math.inf:
+        raise bounds.wrong("energy", list(energy), "[lowest, highest] with 0 < lowest < highest")
+    quarter_period = bounds.number("quarter_period")
+    if not 0.0 < quarter_period < math.inf:
+        raise bounds.wrong("quarter_period", quarter_period, "a number above 0")
+    impacts = bounds.integer("impacts")
+    if impacts < 0:
+        raise bounds.wrong("impacts", impacts, "a whole number, 0 or more")
+    # A cited point says nothing about another system.
+    holds = system.describe() == own.describe()
+    return Scene(
+        system=system,
+        energy=(energy[0], energy[1]),
+        quarter_period=quarter_period,
+        impacts=impacts,
+        pins=pins if holds else MappingProxyType({}),
+        title=scene.text("title", ""),
+        source=scene.text("source", ""),
+    )
+
+
+def _pins(names: Table) -> Mapping[str, Mapping[str, float]]:
+    from branches.labels import parse_name
+
+    pins = {}
+    for name in names.keys():
+        point = names.table(name)
+        point.only("h", "alpha")
+        if not point.keys():
+            raise names.wrong(name, {}, "h, alpha or both")
+        try:
+            parse_name(name)
+        except ValueError as error:
+            raise BadInput(f"{names.where}: {one_line(error)}") from error
+        pins[name] = MappingProxyType({key: point.number(key) for key in point.keys()})
+        for key, value in pins[name].items():
+            if not 0.0 < value < math.inf:
+                raise point.wrong(key, value, "a number above 0")
+    return MappingProxyType(pins)
+
+
+def _system(scene: Table, overrides: Mapping[str, float]) -> tuple[ImpactSystem, ImpactSystem]:
+    """Build the system of ``[system]``, ``[[stops]]`` and ``[coordinates]``, and that with the overriding parameters."""
+    from bvp.system import MODELS, ImpactSystem
+
+    system = scene.table("system")
+    description = system.content()
+    if "model" in description:
+        model = system.text("model")
+        if model not in MODELS:
+            raise system.wrong("model", model, " or ".join(MODELS) + nearest(model, MODELS))
+        known = MODELS[model][1]
+        system.only("model", *known)
+        for other in ("stops", "coordinates"):
+            if other in scene.keys():
+                raise BadInput(f"{scene.where}: [{other}] goes with matrices; model {model} brings its own")
+        for name in overrides:
+            if name not in known:
+                raise BadInput(f"unknown parameter {name!r} of model {model}{nearest(name, known)}")
+        own = _described(description, scene.where)
+        if not overrides:
+            return own, own
+        return own, ImpactSystem.from_description({**description, **overrides})
+    system.only("model", "mass", "damping", "stiffness")
+    if overrides:
+        name = next(iter(overrides))
+        raise BadInput(f"{name} is a parameter of a model, and {scene.where} gives matrices instead of a model")
+    for required in ("mass", "stiffness"):
+        system.matrix(required)
+    description["stops"] = [stop.content() for stop in _stops(scene)]
+    if "coordinates" in scene.keys():
+        description["coordinates"] = _coordinates(scene.table("coordinates"))
+    system_of_scene = _described(description, scene.where)
+    return system_of_scene, system_of_scene
+
+
+def _stops(scene: Table) -> list[Table]:
+    stops = scene.tables("stops")
+    if not stops:
+        raise BadInput(f"{scene.where}: [[stops]] is missing; a scene with matrices has at least one stop")
+    for stop in stops:
+        stop.only("c", "lower", "upper", "restitution", "name")
+        stop.numbers("c")
+    return stops
+
+
+def _coordinates(coordinates: Table) -> dict[str, object]:
+    coordinates.only("names", "LO", "NES")
+    known = {"names": "names", "LO": "primary", "NES": "absorber"}
+    if "names" in coordinates.keys():
+        coordinates.texts("names")
+    return {known[key]: value for key, value in coordinates.content().items()}
+
+
+def _described(description: Mapping[str, Any], where: str) -> ImpactSystem:
+    """Make the system of a description, and say where the description stands when there is none."""
+    from bvp.system import ImpactSystem
+
+    try:
+        return ImpactSystem.from_description(description)
+    except ValueError as error:
+        raise BadInput(f"{where}: {one_line(error)}") from error

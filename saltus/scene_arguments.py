@@ -1,0 +1,36 @@
+"""The options that choose the scene, shared by the commands."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from saltus.arguments import number
+
+if TYPE_CHECKING:
+    from saltus.scene import Scene
+
+__all__ = ["add_arguments", "from_arguments"]
+
+_PARAMETERS = {
+    "mu": "mass ratio, above 0",
+    "sigma": "coupling stiffness, 0 or more",
+    "lam": "viscous damping of the oscillator, 0 or more",
+    "rho": "restitution, 0 to 1",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--scene``, the parameters of the model, and ``--model``."""
+    parser.add_argument("--scene", metavar="FILE", help="TOML file of the system and its bounds (default: lee2009)")
+    for name, meaning in _PARAMETERS.items():
+        parser.add_argument(f"--{name}", metavar="X", type=number, help=f"{meaning}, in place of the scene's")
+    parser.add_argument("--model", action="store_true", help="say which model was chosen and why")
+
+
+def from_arguments(arguments: argparse.Namespace) -> Scene:
+    """Return the scene asked for."""
+    from saltus.scene import load_scene
+
+    given = {name: getattr(arguments, name) for name in _PARAMETERS if getattr(arguments, name) is not None}
+    return load_scene(arguments.scene, **given)

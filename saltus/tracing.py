@@ -1,0 +1,70 @@
+"""Tracing a named family with what the scene says: its system, bounds, energy range, and the names that its literature uses."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from saltus.errors import BadInput
+from saltus.scene import Scene, load_scene
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from bvp.system import ImpactSystem
+
+__all__ = ["trace"]
+
+
+def trace(
+    name: str,
+    system: ImpactSystem | None = None,
+    *,
+    scene: Scene | str | os.PathLike[str] | None = None,
+    energy: tuple[float, float] | None = None,
+    **options: Any,
+) -> Branch:
+    """Follow the family of periodic orbits that has a name.
+
+    Parameters
+    ----------
+    name : str
+        A label of Lee et al., Physica D 238 (2009) 1868, such as ``S13O00+`` or ``U8353-@h=1.9,alpha=4.9``, or a family's id.
+    system : bvp.system.ImpactSystem, optional
+        By default the system of the scene.
+    scene : Scene or path-like, optional
+        Where the bounds of the search and the energy range come from; by default the reference scene. Its pinned names hold
+        only for its own system.
+    energy : tuple of float, optional
+        Lowest and highest energy h; by default those of the scene.
+    **options
+        ``points``, ``direction``, ``stop_at``, ``stop_when`` and the callbacks of `branches.tracing.trace`.
+
+    Returns
+    -------
+    branches.branch.Branch
+
+    Raises
+    ------
+    ValueError
+        For a name that does not parse, that no orbit or more than one family has, or options that cannot be, in one line.
+    RuntimeError
+        Where the family cannot be followed for numerical reasons.
+
+    Examples
+    --------
+    >>> branch = trace("S13O00+", energy=(0.1, 1.0))
+    >>> branch.events[0].type, round(branch.events[0].h, 10)
+    ('GR', 0.1185078106)
+    """
+    from branches.tracing import trace as follow
+
+    if not isinstance(scene, Scene):
+        scene = load_scene(scene)
+    if system is None:
+        system = scene.system
+    elif not hasattr(system, "describe"):
+        raise BadInput(f"the system is {system!r}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
+    energy = scene.energy if energy is None else energy
+    pins = {**scene.pins_for(system), **options.pop("pins", {})}
+    bounds = {**scene.bounds, **options.pop("bounds", {})}
+    return follow(name, system, energy=energy, pins=pins, bounds=bounds, **options)

@@ -1,0 +1,638 @@
+"""Pictures of branches and orbits, measured by matplotlib's own renderer.
+
+The drawn orbits are exact: the family with one impact a half period (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238
+(2009) 1868, Section 2) has the closed form G = sum b_k^2 tan(w_k alpha)/w_k, h = sum b_k^2 sec^2(w_k alpha)/(2 G^2).
+"""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from branches.diagram import branch_figure, draw_branch, draw_orbit, orbit_figure, picture_format
+from branches.diagram.marks import crowds, curve_runs
+from branches.diagram.placement import Cover, crossing_boxes, crossing_segments, even_points, overlapping, place_texts, thinned
+from branches.diagram.scales import energy_ticks, linear_ticks
+from branches.diagram.style import picture_settings
+from branches.diagram.titles import family_text, symbol_of
+from branches.diagram.walls import beyond, segment_within
+
+MU = SIGMA = 0.1
+ROOT_MASS = np.sqrt(np.array([MU, 1.0]))
+SQUARES, VECTORS = np.linalg.eigh(np.array([[SIGMA, -SIGMA], [-SIGMA, 1 + SIGMA]]) / np.outer(ROOT_MASS, ROOT_MASS))
+W, SHAPES = np.sqrt(SQUARES), VECTORS / ROOT_MASS[:, None]
+B = SHAPES[0] - SHAPES[1]
+
+
+def energy(alpha):
+    phase = np.multiply.outer(alpha, W)
+    stiffness = np.sum(B**2 * np.tan(phase) / W, axis=-1)
+    return np.sum(B**2 / np.cos(phase) ** 2, axis=-1) / (2 * stiffness**2)
+
+
+def motion(alpha, times):
+    """Displacements and velocities (k, 2) of the closed form, counted from the middle of a flight (zero displacement)."""
+    t = (np.asarray(times, dtype=float) + alpha) % (4 * alpha)
+    sign = np.where(t < 2 * alpha, 1.0, -1.0)
+    phase = np.multiply.outer(np.where(t < 2 * alpha, t, t - 2 * alpha) - alpha, W)
+    impulse = 2 / np.sum(B**2 * np.tan(W * alpha) / W)
+    q = B * impulse * np.sin(phase) / (2 * W * np.cos(W * alpha))
+    p = B * impulse * np.cos(phase) / (2 * np.cos(W * alpha))
+    return sign[:, None] * (q @ SHAPES.T), sign[:, None] * (p @ SHAPES.T)
+
+
+def make_system(**changed):
+    described = {"model": "vibro_impact_nes", "mu": MU, "sigma": SIGMA, "lam": 0.0, "rho": 1.0}
+    plain = {
+        "coordinates": ("u1", "u2"),
+        "absorber": 0,
+        "primary": 1,
+        "stops": (SimpleNamespace(gap=(1.0, -1.0), lower=-1.0, upper=1.0, name="a"),),
+        "describe": lambda: described,
+    }
+    return SimpleNamespace(**{**plain, **changed})
+
+
+def make_branch(alpha, stable=1, events=(), turns=1, system=None, label="S13O00+", **points):
+    alpha = np.asarray(alpha, dtype=float)
+    count = len(alpha)
+    turns = np.broadcast_to(turns, count)
+    given_points = {
+        "h": energy(alpha),
+        "alpha": alpha,
+        "frequency": np.pi / 2 / alpha,
+        "frequency_index": turns * np.pi / 2 / alpha,
+        "half_waves": turns,
+        "stable": np.broadcast_to(np.asarray(stable, dtype=np.int8), count),
+        "velocities": np.array([motion(a, [0.0])[1][0] for a in alpha]),
+        "start_u": np.zeros((count, 2)),
+    }
+    given_points.update(points)
+    if "arclength" not in points:
+        steps = np.hypot(np.diff(np.log(given_points["h"])), np.diff(np.log(alpha)))
+        given_points["arclength"] = np.concatenate([[0.0], np.cumsum(steps)])
+    made, number = [], {}
+    for kind, i in events:
+        number[kind] = number.get(kind, 0) + 1
+        at = {key: given_points[key][i] for key in ("h", "alpha", "arclength")}
+        made.append(SimpleNamespace(id=f"{kind}{number[kind]}", type=kind, point=i, **at))
+    return SimpleNamespace(
+        system=system or make_system(), ends=("origin", "stop+"), word="", label=label, points=given_points, events=made
+    )
+
+
+def make_orbit(alpha=1.7, **changed):
+    plain = {
+        "system": make_system(),
+        "ends": ("origin", "stop+"),
+        "word": "",
+        "label": "S13O00+",
+        "h": float(energy(np.array(alpha))),
+        "alpha": alpha,
+        "period": 4 * alpha,
+        "impacts": [SimpleNamespace(time=alpha, stop="+", speed=1.0), SimpleNamespace(time=3 * alpha, stop="-", speed=1.0)],
+        "sample": lambda times: motion(alpha, times),
+        "stable": True,
+        "quality": {"reliable": True},
+    }
+    return SimpleNamespace(**{**plain, **changed})
+
+
+IN_PHASE = np.linspace(1.835, 1.6265, 300)  # from near the grazing of the in-phase mode to high energy
+
+
+def backbone():
+    stable = np.where(np.arange(300) < 200, 1, 0)
+    stable[200] = -1
+    events = [("GR", 0), ("RT", 90), ("RT", 92), ("RT", 94), ("SB", 200), ("PD", 240), ("GR", 299), ("EP", 299)]
+    return make_branch(IN_PHASE, stable, events)
+
+
+def grazing_cluster():
+    """Forty special points, most of them at one grazing, with two changes of m and all three kinds of stability."""
+    count = 1200
+    index = np.arange(count)
+    events = [("GR", 0), ("SN", 0), ("LB", 0), ("BP", 1), ("RT", 2), ("PD", 3), ("SB", 4), ("IO", 5), ("NS", 6), ("GR", 7)]
+    events += [("RT", int(k)) for k in np.linspace(10, 500, 14)]
+    events += [("LB", 540), ("LB", 780), *(("PD", int(k)) for k in np.linspace(560, 1190, 12)), ("EP", count - 1)]
+    turns = np.where(index < 540, 1, np.where(index < 780, 3, 2))
+    return make_branch(np.linspace(1.835, 1.6265, count), (index // 150) % 3 - 1, events, turns)
+
+
+def twelve_decades():
+    count = 10_000
+    h = np.geomspace(1e-4, 1e8, count)
+    velocities = np.stack([np.sqrt(h), -np.sqrt(h) / 3], axis=1)
+    events = [("GR", 0), *(("SB", k) for k in range(500, 9900, 500)), ("EP", count - 1)]
+    return make_branch(np.linspace(1.2, 0.02, count), (np.sin(np.arange(count) / 900) > 0), events, h=h, velocities=velocities)
+
+
+def narrow():
+    return make_branch(1.7 + np.linspace(0, 1e-7, 7), [1, 1, 1, 0, 0, -1, -1], [("SN", 3), ("SB", 3), ("EP", 6)])
+
+
+def single():
+    return make_branch([1.7], 0, [("EP", 0)])
+
+
+def no_origin_start():
+    system = make_system(absorber=None, primary=None, coordinates=("x", "hull_y"), describe=lambda: {"mass": [[1.0]]})
+    start = np.stack([IN_PHASE, -(IN_PHASE**2)], axis=1)
+    return make_branch(IN_PHASE, 1, [("GR", 0)], system=system, label="", start_u=start, velocities=np.full((300, 2), np.nan))
+
+
+def one_coordinate():
+    system = make_system(absorber=None, primary=None, coordinates=("x",), describe=lambda: {"mass": [[1.0]]})
+    return make_branch(IN_PHASE, 0, [("GR", 0)], system=system, label="", velocities=np.sqrt(2 * energy(IN_PHASE))[:, None])
+
+
+CASES = [backbone, grazing_cluster, twelve_decades, narrow, single, no_origin_start, one_coordinate]
+FIGURES: dict[str, tuple] = {}
+
+
+@pytest.fixture(params=CASES, ids=lambda case: case.__name__)
+def drawn(request):
+    """(branch, figure) of each case, drawn once."""
+    name = request.param.__name__
+    if name not in FIGURES:
+        branch = request.param()
+        FIGURES[name] = (branch, branch_figure(branch))
+    return FIGURES[name]
+
+
+def panels_of(figure):
+    return {axes.get_label(): axes for axes in figure.axes}
+
+
+def by_gid(axes, gid):
+    return [artist for artist in axes.get_lines() if artist.get_gid() == gid]
+
+
+def text_boxes(figure, kind):
+    """Texts and their boxes in points, as the png's renderer or as the one of vector pictures measures them."""
+    from matplotlib.backends.backend_svg import RendererSVG
+    from matplotlib.text import Text
+
+    with picture_settings():
+        figure.set_dpi(200 if kind == "png" else 72)
+        figure.canvas.draw()
+        size = figure.get_size_inches() * figure.dpi
+        renderer = figure.canvas.get_renderer() if kind == "png" else RendererSVG(*size, io.StringIO(), image_dpi=72)
+        texts = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
+        boxes = np.array([t.get_window_extent(renderer).extents for t in texts]) * 72 / figure.dpi
+        figure.set_dpi(200)
+    return texts, boxes
+
+
+def assert_texts_apart(figure, kind):
+    texts, boxes = text_boxes(figure, kind)
+    hit = overlapping(boxes, boxes) & ~np.eye(len(boxes), dtype=bool)
+    pairs = {tuple(sorted((texts[i].get_text(), texts[j].get_text()))) for i, j in np.argwhere(hit)}
+    assert not pairs
+    width, height = figure.get_size_inches() * 72
+    assert (boxes >= -0.5).all() and (boxes[:, [0, 2]] <= width + 0.5).all() and (boxes[:, [1, 3]] <= height + 0.5).all()
+    return texts, boxes
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_no_two_texts_overlap_and_all_lie_in_the_figure(drawn, kind):
+    """Oracle: the text extents of the renderers of bitmaps and of vector pictures."""
+    assert_texts_apart(drawn[1], kind)
+
+
+def test_names_of_special_points_keep_off_markers_and_frames(drawn):
+    """Oracle: text extents against each marker's box and the panel's box."""
+    from matplotlib.text import Annotation
+
+    figure = drawn[1]
+    texts, boxes = text_boxes(figure, "png")
+    for axes in figure.axes:
+        mine = [box for t, box in zip(texts, boxes, strict=True) if isinstance(t, Annotation) and t.axes is axes]
+        marks = [line for line in axes.get_lines() if "-events-" in (line.get_gid() or "")]
+        if not mine:
+            continue
+        markers = []
+        for line in marks:
+            at = axes.transData.transform(line.get_xydata()) * 72 / 200
+            markers += [np.concatenate([p - line.get_markersize() / 2, p + line.get_markersize() / 2]) for p in at]
+        assert not overlapping(np.array(mine), np.array(markers)).any()
+        frame = np.array(axes.get_window_extent().extents) * 72 / 200
+        assert (np.array(mine)[:, :2] > frame[:2]).all() and (np.array(mine)[:, 2:] < frame[2:]).all()
+
+
+def test_nothing_in_print_is_smaller_than_seven_points(drawn):
+    texts, _ = text_boxes(drawn[1], "png")
+    assert min(t.get_fontsize() for t in texts) >= 7.0
+
+
+def test_each_special_point_has_a_marker_on_the_curve_and_a_name_in_each_panel(drawn):
+    """Oracle: the branch's own arrays at the events' points."""
+    branch, figure = drawn
+    index = np.array([event.point for event in branch.events], dtype=int)
+    for name, axes in panels_of(figure).items():
+        marks = [line for line in axes.get_lines() if (line.get_gid() or "").startswith(f"{name}-events-")]
+        assert sum(len(line.get_xdata()) for line in marks) == len(branch.events)
+        drawn_at = np.concatenate([line.get_xydata() for line in marks])
+        if name == "frequency":
+            expected = np.stack([branch.points["h"][index], branch.points["frequency_index"][index]], axis=1)
+            np.testing.assert_allclose(drawn_at[np.lexsort(drawn_at.T)], expected[np.lexsort(expected.T)], rtol=1e-13)
+        names = {t.get_text() for t in axes.texts}
+        for event in branch.events:
+            in_crowd = [n for n in names if n.startswith(event.type) and "\N{EN DASH}" in n]
+            ranges = [tuple(int(k) for k in n[len(event.type) :].split("\N{EN DASH}")) for n in in_crowd]
+            number = int(event.id[len(event.type) :])
+            assert event.id in names or any(low <= number <= high for low, high in ranges)
+
+
+def test_energy_axes_are_logarithmic_and_marked_at_the_energies_they_show(drawn):
+    branch, figure = drawn
+    for axes in figure.axes:
+        assert axes.get_xscale() == "log"
+        low, high = axes.get_xlim()
+        assert low < branch.points["h"].min() and branch.points["h"].max() < high
+        inside = [tick for tick in axes.get_xticks() if low <= tick <= high]
+        assert 2 <= len(inside) <= 15
+        assert axes.lines  # no panel is empty
+
+
+def test_points_of_each_stability_are_on_the_lines_that_say_so(drawn):
+    """Oracle: membership of each (h, frequency) in the drawn data; a solid line joins stable points only."""
+    branch, figure = drawn
+    axes = panels_of(figure)["frequency"]
+    at = np.stack([branch.points["h"], branch.points["frequency_index"]], axis=1)
+    stable = np.asarray(branch.points["stable"]).astype(int)
+    on = {}
+    for code, name in ((1, "stable"), (0, "unstable"), (-1, "undecided")):
+        lines = by_gid(axes, f"frequency-{name}")
+        on[code] = {tuple(p) for line in lines for p in line.get_xydata() if np.isfinite(p).all()}
+        if code == 0 and (stable == 0).any():
+            crosses = by_gid(axes, "frequency-unstable-crosses") + by_gid(axes, "frequency-unstable-single")
+            assert sum(len(line.get_xdata()) for line in crosses) > 0
+    lone = (stable == -1) & (np.append(stable[1:], 0) != -1) & (np.append(0, stable[:-1]) != -1) & (len(stable) > 1)
+    for point, code, alone in zip(map(tuple, at), stable, lone, strict=True):
+        assert alone or point in on[code]
+        assert code != 0 or point not in on[1]
+
+
+def test_crosses_of_unstable_stretches_do_not_merge():
+    figure = branch_figure(make_branch(np.concatenate([IN_PHASE, IN_PHASE[::-1]]), 0))
+    axes = panels_of(figure)["frequency"]
+    (crosses,) = by_gid(axes, "frequency-unstable-crosses")
+    at = axes.transData.transform(crosses.get_xydata()) * 72 / figure.dpi
+    apart = np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1)) + 1e9 * np.eye(len(at))
+    assert len(at) > 20 and apart.min() > crosses.get_markersize()
+
+
+def test_index_axis_breaks_where_m_changes_and_the_fundamental_does_not():
+    """Oracle: m = 1, 3, 2 over three stretches: three pieces of index axis, one of the fundamental."""
+    turns = np.where(np.arange(300) < 100, 1, np.where(np.arange(300) < 180, 3, 2))
+    branch = make_branch(IN_PHASE, 1, turns=turns)
+    for frequency, key, breaks in (("index", "frequency_index", [100, 180]), ("fundamental", "frequency", [])):
+        axes = panels_of(branch_figure(branch, frequency=frequency))["frequency"]
+        (line,) = by_gid(axes, "frequency-stable")
+        pieces = np.split(line.get_ydata(), np.flatnonzero(np.isnan(line.get_ydata())))
+        expected = np.split(branch.points[key], breaks)
+        assert len(pieces) == len(expected)
+        for piece, wanted in zip(pieces, expected, strict=True):
+            np.testing.assert_array_equal(piece[np.isfinite(piece)], wanted)
+        assert ("m" in axes.get_ylabel().split("$")[1]) == (frequency == "index")
+
+
+def test_start_velocities_are_those_of_absorber_and_primary():
+    """Oracle: closed form; the coordinates' order in the system does not matter."""
+    branch = backbone()
+    panels = panels_of(branch_figure(branch))
+    for name, k, text in (("start0", 0, r"\dot{u}_{1}"), ("start1", 1, r"\dot{u}_{2}")):
+        line = by_gid(panels[name], f"{name}-stable")[0]
+        np.testing.assert_array_equal(line.get_ydata()[:200], branch.points["velocities"][:200, k])
+        assert text in panels[name].get_ylabel()
+    swapped = make_branch(IN_PHASE, system=make_system(absorber=1, primary=0, coordinates=("u2", "u1")))
+    assert [axes.get_label() for axes in branch_figure(swapped).axes] == ["frequency", "start1", "start0"]
+
+
+def test_without_a_start_at_zero_displacement_the_panels_show_displacements_and_say_so():
+    branch = no_origin_start()
+    panels = panels_of(branch_figure(branch))
+    for name, k in (("start0", 0), ("start1", 1)):
+        np.testing.assert_array_equal(by_gid(panels[name], f"{name}-stable")[0].get_ydata(), branch.points["start_u"][:, k])
+        assert "start displacement" in panels[name].get_ylabel() and "no start" in panels[name].get_ylabel()
+
+
+def test_more_names_than_room_are_counted_in_the_picture():
+    """300 special points spread over the curve: names that fit stay apart; the rest is said."""
+    kinds = ["SN", "BP", "SB", "PD", "RT", "NS", "GR"]
+    events = [(kinds[k % 7], k) for k in range(300)]
+    figure = branch_figure(make_branch(IN_PHASE, 1, events))
+    assert_texts_apart(figure, "png")
+    notes = [axes.get_title(loc="right") for axes in figure.axes]
+    assert any(notes)
+    for axes, note in zip(figure.axes, notes, strict=True):
+        written = sum(1 for t in axes.texts if t.get_text())
+        if note:
+            missing, wanted = (int(word) for word in note.split() if word.isdigit())
+            assert missing > 0 and missing + written == wanted
+
+
+def test_title_names_the_family_and_the_system():
+    title = branch_figure(backbone()).get_suptitle()
+    assert r"\mathrm{S13O00}^{+}" in title and r"\mu = 0.1" in title and r"\sigma = 0.1" in title
+    assert family_text("", ("rest", "stop+"), "+-") == "rest to stop+, word +\N{MINUS SIGN}"
+    assert len(family_text("", ("rest", "stop+"), "+-" * 200)) < 80
+    assert symbol_of("a$b") == r"\mathrm{a\$b}"
+
+
+@pytest.mark.parametrize(
+    ("name", "magic"), [("picture.png", b"\x89PNG\r\n\x1a\n"), ("picture.PDF", b"%PDF-"), ("picture.svg", b"<?xml")]
+)
+def test_files_are_of_their_format_and_the_same_each_time(tmp_path, name, magic):
+    """Oracle: the formats' first bytes; two runs byte by byte."""
+    for k, draw in enumerate((lambda p: draw_branch(single(), p), lambda p: draw_orbit(make_orbit(), p))):
+        first, second = tmp_path / f"{k}a{name}", tmp_path / f"{k}b{name}"
+        draw(first)
+        draw(second)
+        assert first.read_bytes().startswith(magic)
+        assert first.read_bytes() == second.read_bytes()
+        assert sorted(p.name for p in tmp_path.glob(f"*{k}*part")) == []
+
+
+def test_an_open_file_takes_the_named_format():
+    file = io.BytesIO()
+    draw_orbit(make_orbit(), file, format="svg")
+    assert b"</svg>" in file.getvalue()
+
+
+@pytest.mark.parametrize("target", ["picture.jpg", "picture", io.BytesIO()])
+def test_unknown_formats_are_refused_in_one_line(tmp_path, target):
+    for draw, what in ((draw_branch, single()), (draw_orbit, make_orbit())):
+        with pytest.raises(ValueError, match="png, pdf or svg") as caught:
+            draw(what, target)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(ValueError, match="'gif'.*png, pdf or svg"):
+        picture_format("picture.png", "gif")
+
+
+def test_bad_branches_are_refused_in_one_line():
+    with pytest.raises(ValueError, match="'angular': expected index or fundamental"):
+        branch_figure(single(), frequency="angular")
+    with pytest.raises(ValueError, match="positive energies: the lowest is -1"):
+        branch_figure(make_branch([1.7, 1.75, 1.8], h=np.array([1.0, -1.0, 2.0]), arclength=np.arange(3.0)))
+    empty = make_branch([1.7])
+    empty.points = {key: values[:0] for key, values in empty.points.items()}
+    with pytest.raises(ValueError, match="no points"):
+        branch_figure(empty)
+
+
+def test_a_failed_picture_leaves_the_old_file(tmp_path):
+    path = tmp_path / "old.png"
+    path.write_bytes(b"old")
+    with pytest.raises(ValueError, match="frequency"):
+        draw_branch(single(), path, frequency="angular")
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["old.png"]
+
+
+def test_the_users_settings_neither_enter_nor_change(tmp_path):
+    import matplotlib
+
+    draw_orbit(make_orbit(), tmp_path / "plain.svg")
+    with matplotlib.rc_context({"font.size": 31.0, "lines.linewidth": 9.0, "axes.facecolor": "red"}):
+        draw_orbit(make_orbit(), tmp_path / "loud.svg")
+        assert matplotlib.rcParams["font.size"] == 31.0
+    assert (tmp_path / "plain.svg").read_bytes() == (tmp_path / "loud.svg").read_bytes()
+
+
+def test_importing_the_package_loads_neither_matplotlib_nor_numpy():
+    code = "import sys, branches.diagram; assert not {'matplotlib', 'numpy'} & set(sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    code = "import sys, branches.diagram as d; d.draw_branch, d.draw_orbit; assert 'matplotlib' not in sys.modules"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_drawing_leaves_pyplot_alone():
+    code = (
+        "import sys, io; sys.path.insert(0, 'tests/branches'); import test_diagram as t; "
+        "t.draw_orbit(t.make_orbit(), io.BytesIO(), format='png'); assert 'matplotlib.pyplot' not in sys.modules"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_orbit_panels_show_the_closed_form_with_sharp_kinks():
+    """Oracle: closed form at alpha = 1.7; impacts at alpha and 3 alpha, where |u1 - u2| = 1 to rounding."""
+    alpha = 1.7
+    figure = orbit_figure(make_orbit(alpha))
+    panels = panels_of(figure)
+    (gap,) = by_gid(panels["stop0"], "gap-a")
+    times, values = gap.get_data()
+    assert times[0] == 0.0 and times[-1] == 4 * alpha and panels["stop0"].get_xlim() == (0.0, 4 * alpha)
+    u, _ = motion(alpha, times)
+    np.testing.assert_allclose(values, u[:, 0] - u[:, 1], rtol=0, atol=1e-15)
+    assert {alpha, 3 * alpha} <= set(times)
+    assert abs(values[times == alpha][0] - 1) < 1e-13 and abs(values[times == 3 * alpha][0] + 1) < 1e-13
+    for k in range(2):
+        (line,) = by_gid(panels["displacement"], f"displacement-{k}")
+        np.testing.assert_array_equal(line.get_ydata(), u[:, k])
+        (marks,) = by_gid(panels["displacement"], f"displacement-{k}-impacts")
+        np.testing.assert_array_equal(marks.get_xdata(), [alpha, 3 * alpha])
+
+
+def test_orbit_walls_stand_at_one_and_minus_one():
+    """Oracle: |u1 - u2| = 1, in the gap's panel and as two lines over the whole configuration plane."""
+    figure = orbit_figure(make_orbit())
+    panels = panels_of(figure)
+    assert sorted(line.get_ydata()[0] for line in by_gid(panels["stop0"], "gap-a-wall")) == [-1.0, 1.0]
+    walls = [line.get_xydata() for line in by_gid(panels["plane"], "plane-wall-a")]
+    assert sorted(round(float(x - y), 12) for wall in walls for x, y in wall) == [-1.0, -1.0, 1.0, 1.0]
+    (left, right), (bottom, top) = panels["plane"].get_xlim(), panels["plane"].get_ylim()
+    for wall in walls:
+        on_frame = np.isclose(wall, [left, bottom]) | np.isclose(wall, [right, top])
+        assert on_frame.any(axis=1).all()
+    (start,) = by_gid(panels["plane"], "plane-start")
+    np.testing.assert_allclose(start.get_xydata(), [[0.0, 0.0]], atol=1e-14)
+    size = panels["plane"].get_window_extent().size
+    assert (right - left) / size[0] == pytest.approx((top - bottom) / size[1], rel=0.02)  # one scale on both axes
+    assert_texts_apart(figure, "svg")
+    assert_texts_apart(figure, "png")
+
+
+def test_orbit_title_says_stability_and_its_quality():
+    for stable, words in ((True, "  stable"), (False, "unstable"), (None, "undecided"), (-1, "undecided")):
+        assert words in orbit_figure(make_orbit(stable=stable)).get_suptitle()
+    title = orbit_figure(make_orbit(quality={"reliable": False})).get_suptitle()
+    assert "not reliable" in title and "h = 0.58874813" in title and r"\alpha = 1.7" in title
+
+
+def test_impacts_are_marked_at_their_own_stop_and_far_walls_are_named():
+    """Three coordinates, two stops: only stop a is hit, by a triangle wave; stop b has one wall, stop a's gap is x1."""
+
+    def sample(times):
+        t = np.asarray(times, dtype=float)
+        wave = 2 * np.abs((t % 2) - 1) - 1
+        return np.stack([wave, np.sin(np.pi * t / 4), 0.2 * np.cos(np.pi * t / 4)], axis=1), np.zeros((len(t), 3))
+
+    stops = (
+        SimpleNamespace(gap=(1.0, 0.0, 0.0), lower=-1.0, upper=1.0, name="a"),
+        SimpleNamespace(gap=(0.0, 1.0, -1.0), lower=-np.inf, upper=50.0, name="b"),
+    )
+    system = make_system(
+        coordinates=("x1", "x2", "y"), absorber=None, primary=None, stops=stops, describe=lambda: {"mass": [[1.0]]}
+    )
+    hits = [SimpleNamespace(time=float(k), stop="a-" if k % 2 else "a+", speed=1.0) for k in range(8)]
+    figure = orbit_figure(make_orbit(2.0, system=system, sample=sample, impacts=hits, label="", word="a+a-"))
+    panels = panels_of(figure)
+    (marks,) = by_gid(panels["stop0"], "gap-a-impacts")
+    np.testing.assert_allclose(marks.get_ydata(), [1.0, -1.0] * 4)
+    assert not by_gid(panels["stop1"], "gap-b-impacts") and not by_gid(panels["stop1"], "gap-b-wall")
+    assert "wall at 50" in panels["stop1"].get_title(loc="right")
+    assert {line.get_gid() for line in panels["plane"].get_lines()} >= {"plane-wall-a"}
+    assert not by_gid(panels["plane"], "plane-wall-b")
+    assert_texts_apart(figure, "png")
+
+
+def test_one_degree_of_freedom_gets_its_phase_plane():
+    """x = -cos(t - T/2) up to the wall at x = d: the velocity's jump there is drawn from side to side."""
+    period = 1.6 * np.pi
+    wall = -np.cos(period / 2)
+
+    def sample(times):
+        t = np.asarray(times, dtype=float) % period - period / 2
+        return -np.cos(t)[:, None], np.sin(t)[:, None]
+
+    system = make_system(
+        coordinates=("x",),
+        stops=(SimpleNamespace(gap=(1.0,), lower=-np.inf, upper=wall, name="a"),),
+        absorber=None,
+        primary=None,
+    )
+    hits = [SimpleNamespace(time=0.0, stop="+", speed=1.0)]
+    panels = panels_of(orbit_figure(make_orbit(period / 4, system=system, sample=sample, impacts=hits)))
+    (line,) = by_gid(panels["plane"], "plane-orbit")
+    speed = np.sin(period / 2)
+    assert line.get_ydata().max() == pytest.approx(1.0, abs=1e-5)
+    touching = line.get_ydata()[np.abs(line.get_xdata() - wall) < 1e-9]
+    assert touching.min() == pytest.approx(-speed, abs=1e-9) and touching.max() == pytest.approx(speed, abs=1e-9)
+    np.testing.assert_allclose(by_gid(panels["plane"], "plane-wall-a")[0].get_xdata(), wall)
+
+
+coordinates = st.floats(0, 200, allow_nan=False)
+spots = st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=14)
+
+
+@settings(max_examples=25, deadline=None)
+@given(spots, st.booleans())
+def test_placed_texts_overlap_nothing(points, squeezed):
+    """Oracle: the definition, on random points; squeezed: all of them in one corner."""
+    anchors = np.array(points) * (0.02 if squeezed else 1.0) + 10
+    sizes = np.stack([12.0 + 4.0 * (np.arange(len(points)) % 3), np.full(len(points), 8.0)], axis=1)
+    frame = (0.0, 0.0, 230.0, 230.0)
+    markers = np.concatenate([anchors - 3, anchors + 3], axis=1)
+    places = place_texts(anchors, sizes, np.full(len(points), 3.0), frame, markers, [anchors])
+    boxes = np.array([(p.left, p.bottom, p.left + s[0], p.bottom + s[1]) for p, s in zip(places, sizes, strict=True) if p])
+    assert len(boxes) == len(points)  # there is room for fourteen
+    assert not (overlapping(boxes, boxes) & ~np.eye(len(boxes), dtype=bool)).any()
+    assert not overlapping(boxes, markers).any()
+    assert (boxes[:, :2] >= 0).all() and (boxes[:, 2:] <= 230).all()
+    assert places == place_texts(anchors, sizes, np.full(len(points), 3.0), frame, markers, [anchors])
+    for place, anchor, box in zip(places, anchors, boxes, strict=True):
+        if place.leader:
+            np.testing.assert_allclose(place.leader, np.clip(anchor, box[:2], box[2:]), atol=1e-12)
+
+
+def test_a_text_without_any_room_is_left_out():
+    anchor = np.array([[5.0, 5.0]])
+    marker = np.array([[3.0, 3.0, 7.0, 7.0]])
+    assert place_texts(anchor, np.array([[20.0, 8.0]]), np.array([2.0]), (0, 0, 10, 10), marker) == [None]
+
+
+pairs = st.tuples(st.floats(-9, 9), st.floats(-9, 9))
+
+
+@settings(max_examples=60, deadline=None)
+@given(pairs, pairs, pairs, pairs)
+def test_plane_geometry_agrees_with_dense_sampling(a, b, c, d):
+    """Oracle: many points on the segment; a crossing found by sampling is always reported."""
+    a, b, c, d = (np.array([p]) for p in (a, b, c, d))
+    box = np.concatenate([np.minimum(c, d), np.maximum(c, d)], axis=1)
+    along = a + np.linspace(0, 1, 4001)[:, None] * (b - a)
+    inside = ((along > box[:, :2] + 1e-9) & (along < box[:, 2:] - 1e-9)).all(axis=1).any()
+    if inside:
+        assert crossing_boxes(a, b, box)[0, 0]
+    wider = np.concatenate([box[:, :2] - 1e-6, box[:, 2:] + 1e-6], axis=1)
+    if not ((along >= wider[:, :2] - 0.01) & (along <= wider[:, 2:] + 0.01)).all(axis=1).any():
+        assert not crossing_boxes(a, b, box)[0, 0]
+    parts = np.linalg.lstsq(np.stack([(b - a)[0], (c - d)[0]], axis=1), (c - a)[0], rcond=None)[0]
+    regular = abs(np.linalg.det(np.stack([(b - a)[0], (c - d)[0]], axis=1))) > 1e-6
+    if regular and ((parts > 1e-6) & (parts < 1 - 1e-6)).all():
+        assert crossing_segments(a, b, c, d)[0, 0]
+    if regular and ((parts < -1e-6) | (parts > 1 + 1e-6)).any():
+        assert not crossing_segments(a, b, c, d)[0, 0]
+
+
+def test_even_points_and_thinning():
+    """Oracle: a square's side, measured."""
+    path = np.array([[0.0, 0.0], [10.0, 0.0], [np.nan, np.nan], [100.0, 0.0], [100.0, 10.0]])
+    np.testing.assert_allclose(even_points(path, 4.0), [[2, 0], [6, 0], [100, 0], [100, 4], [100, 8]], atol=1e-12)
+    assert thinned(np.array([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0], [3.5, 2.0]]), 2.5).tolist() == [True, False, True, False]
+    boxes = np.array([[0.0, 0.0, 5.0, 5.0], [0.0, 2.0, 5.0, 5.0]])
+    assert Cover((0, 0, 20, 20), [path[:2]]).within(boxes).tolist() == [5.0, 0.0]
+
+
+def test_runs_are_stable_only_where_both_ends_are():
+    """Oracle: by hand. A single undecided point (an event) takes each neighbour's side; two of them are a stretch."""
+    x = np.arange(9.0)
+    runs = curve_runs(np.array([1, 1, -1, 0, 0, -1, -1, 1, 1]), x, x, np.zeros(8, dtype=bool))
+    assert [np.nan_to_num(runs[code][:, 0], nan=-1.0).tolist() for code in (1, 0, -1)] == [
+        [0.0, 1.0, 2.0, -1.0, 7.0, 8.0],
+        [2.0, 3.0, 4.0],
+        [4.0, 5.0, 6.0, 7.0],
+    ]
+    lone = curve_runs(np.array([1, 0, 1]), x[:3], x[:3], np.array([True, True]))
+    assert lone[0].tolist() == [[1.0, 1.0]]
+
+
+def test_a_crowd_of_one_type_shares_one_text():
+    anchors = np.array([[k * 1.0, 0.0] for k in range(6)] + [[50.0, 0.0]])
+    names = [f"RT{k + 1}" for k in range(7)]
+    assert crowds(names, ["RT"] * 7, anchors) == [(3, "RT1\N{EN DASH}6"), (6, "RT7")]
+    assert crowds(names[:3], ["RT"] * 3, anchors[:3]) == [(0, "RT1"), (1, "RT2"), (2, "RT3")]
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-8, 8), st.floats(-7, 1.08), st.integers(3, 14))
+def test_ticks_read_back_as_their_positions(exponent, width, count):
+    """Oracle: text times scale plus reference is the position, to the digits shown; two or more ticks, all inside."""
+    low = 10.0**exponent
+    high = low * (1 + 10.0**width)
+    for ticks in (energy_ticks(low, high, count), linear_ticks(low, high, count), linear_ticks(-high, -low, count)):
+        assert len(ticks.positions) >= 2 and len(set(ticks.texts)) == len(ticks.texts)
+        for position, text in zip(ticks.positions, ticks.texts, strict=True):
+            number = text.replace("\N{MINUS SIGN}", "-").strip("$").replace(r"\times10^{", "e").replace("10^{", "1e").strip("}")
+            value = float(number) * ticks.scale + ticks.reference
+            assert value == pytest.approx(position, abs=1e-4 * (high - low), rel=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(pairs, st.floats(-9, 9))
+def test_walls_bound_the_region_behind_them(normal, bound):
+    """Oracle: a . x - b is zero on the wall, not negative behind it; areas of both sides add up to the frame's."""
+    if np.hypot(*normal) < 1e-3:
+        return
+    frame = (-2.0, -1.0, 2.0, 3.0)
+    regions = [beyond(normal, bound, side, frame) for side in (1.0, -1.0)]
+    area = 0.0
+    for side, region in zip((1.0, -1.0), regions, strict=True):
+        assert (side * (region @ np.array(normal) - bound) >= -1e-9).all()
+        if len(region):
+            after = np.roll(region, -1, axis=0)
+            area += abs(np.sum(region[:, 0] * after[:, 1] - region[:, 1] * after[:, 0])) / 2
+    assert area == pytest.approx(16.0, rel=1e-9)
+    wall = segment_within(normal, bound, frame)
+    assert (wall is not None) == (min(map(len, regions)) > 2)
+    if wall is not None:
+        np.testing.assert_allclose(wall @ np.array(normal), bound, atol=1e-9)

@@ -1,0 +1,394 @@
+"""Labels and names.
+
+Oracles: the labels printed in Lee et al., Physica D 238 (2009) 1868, and what the notation says about them; round trips and
+equivalences as properties; for turns, counts taken from the sequence of impacts itself.
+"""
+
+import dataclasses
+import re
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from branches import words
+from branches.labels import (
+    ImpossibleLabelError,
+    Label,
+    LabelSyntaxError,
+    Name,
+    canonical,
+    count_half_waves,
+    label_of,
+    latex,
+    matches,
+    nearest,
+    parse,
+    parse_name,
+    roots,
+    turns,
+    why_impossible,
+)
+
+HALF_WAVES = st.integers(1, 120)
+IMPACTS = st.integers(0, 120)
+SIGN = st.sampled_from("+-")
+
+
+@st.composite
+def complete_labels(draw):
+    kind = draw(st.sampled_from("SUL"))
+    sign = draw(SIGN)
+    if kind == "L":
+        m = draw(HALF_WAVES)
+        return Label("L", m, m, sign=sign)
+    if kind == "U":
+        p, q = draw(IMPACTS), draw(IMPACTS)
+        assume(p + q > 0)
+        return Label("U", draw(HALF_WAVES), draw(HALF_WAVES), None, p, q, sign)
+    parity = draw(st.sampled_from("EO"))
+    p = draw(IMPACTS)
+    assume(parity == "O" or p)
+    return Label("S", 2 * draw(HALF_WAVES) - 1, 2 * draw(HALF_WAVES) - 1, parity, p, p, sign)
+
+
+@st.composite
+def patterns_of(draw, label):
+    """What is left when a label is cut off at one of the places where the notation allows it."""
+    if label.kind == "L":
+        return Label("L", label.m, label.n, sign=draw(st.sampled_from([None, label.sign])))
+    cut = draw(st.integers(0, 3))
+    parity = label.parity if cut else None
+    p, q = (label.p, label.q) if cut >= 2 else (None, None)
+    sign = label.sign if cut == 3 or (draw(st.booleans()) and (label.kind == "U" or parity)) else None
+    return Label(label.kind, label.m, label.n, parity, p, q, sign)
+
+
+PATTERNS = complete_labels().flatmap(patterns_of)
+
+
+@given(st.one_of(complete_labels(), PATTERNS))
+def test_text_round_trip(label):
+    assert parse(str(label)) == label
+
+
+@given(complete_labels().flatmap(lambda label: st.tuples(st.just(label), patterns_of(label))))
+def test_a_shortened_label_matches_the_whole_one(pair):
+    label, pattern = pair
+    assert matches(pattern, label) and matches(pattern, canonical(label))
+    assert matches(label, label) and label.is_complete
+    assert pattern.is_complete == (pattern == label)
+
+
+@given(complete_labels(), complete_labels())
+def test_complete_labels_match_only_their_equivalents(one, other):
+    assert matches(one, other) == (canonical(one) == canonical(other))
+    assert canonical(canonical(one)) == canonical(one)
+
+
+@given(complete_labels())
+def test_a_changed_field_does_not_match(label):
+    changes = [{"sign": "-" if label.sign == "+" else "+"}]
+    if label.kind != "L":
+        changes += [{"m": label.m + 2}, {"n": label.n + 2}]
+    assert not any(matches(dataclasses.replace(label, **change), label) for change in changes)
+
+
+PUBLISHED = {
+    "S13O00+": ("S", 1, 3, "O", 0, 0, "+"),
+    "S73O33-": ("S", 7, 3, "O", 3, 3, "-"),
+    "S95E22-": ("S", 9, 5, "E", 2, 2, "-"),
+    "S31O11-": ("S", 3, 1, "O", 1, 1, "-"),
+    "U8353-": ("U", 8, 3, None, 5, 3, "-"),
+    "U(15)578-": ("U", 15, 5, None, 7, 8, "-"),
+    "U2201+": ("U", 2, 2, None, 0, 1, "+"),
+    "L11+": ("L", 1, 1, None, None, None, "+"),
+}
+
+
+@pytest.mark.parametrize(("text", "fields"), PUBLISHED.items())
+def test_published_labels(text, fields):
+    assert parse(text) == Label(*fields)
+    assert str(parse(text)) == text
+
+
+def test_short_names_and_patterns():
+    assert parse("S11-") == parse("S11O00-") and parse("S13+") == parse("S13O00+")
+    assert parse("S13") == Label("S", 1, 3)
+    assert matches(parse("S13"), parse("S13+")) and matches(parse("S13"), parse("S13E11-"))
+    assert not matches(parse("S13+"), parse("S13O11+"))
+    assert matches(parse("U21"), parse("U2101+")) and not matches(parse("U21"), parse("S31O11+"))
+    assert matches(parse("U21-"), parse("U2101-")) and not matches(parse("U21-"), parse("U2101+"))
+    assert matches(parse("S73O"), parse("S73O33-")) and not matches(parse("S73E"), parse("S73O33-"))
+
+
+def test_a_pattern_asks_for_what_the_other_leaves_open():
+    assert not matches(parse("U8353-"), parse("U8353")) and matches(parse("U8353"), parse("U8353-"))
+
+
+def test_equivalent_labels():
+    assert matches(parse("U8335-"), parse("U8353-"))
+    assert str(canonical(parse("U8353-"))) == "U8335-" and str(parse("U8353-")) == "U8353-"
+    assert matches(parse("L33-"), parse("L11-")) and str(canonical(parse("L33-"))) == "L11-"
+
+
+def test_other_minus_signs():
+    for minus in "\N{MINUS SIGN}\N{EN DASH}\N{SUPERSCRIPT MINUS}":
+        assert parse("U8353" + minus) == parse("U8353-")
+    assert parse("S13\N{SUPERSCRIPT PLUS SIGN}") == parse("S13+")
+
+
+@pytest.mark.parametrize(
+    ("text", "position", "expected"),
+    [
+        ("", 1, "S (symmetric)"),
+        ("T13", 1, "S (symmetric)"),
+        ("s13", 1, "S (symmetric)"),
+        (" S13", 1, "S (symmetric)"),
+        ("S", 2, "half-waves m"),
+        ("S1", 3, "half-waves n"),
+        ("S1x", 3, "half-waves n"),
+        ("S13X00+", 4, "O or E"),
+        ("S13000+", 4, "O or E"),
+        ("S13O0", 6, "impacts q"),
+        ("S13O0+", 6, "impacts q"),
+        ("S13Ox", 5, "impacts p"),
+        ("S13O00*", 7, "a sign + or -"),
+        ("S13O00+ ", 8, "the end"),
+        ("S13O00+-", 8, "the end"),
+        ("U835", 5, "impacts q"),
+        ("U83E53-", 4, "impacts p"),
+        ("U15578-", 6, "a sign + or -"),
+        ("U(15", 5, "a digit or )"),
+        ("U()", 3, "a digit"),
+        ("U(05)", 3, "leading zeros"),
+        ("U(1234567890)1", 12, "at most 9 digits"),
+        ("L1", 3, "half-waves n"),
+        ("L11E", 4, "a sign + or -"),
+        ("S03X", 4, "O or E"),
+        ("S\N{ARABIC-INDIC DIGIT ONE}3", 2, "half-waves m"),
+    ],
+)
+def test_syntax_errors_point_at_the_character(text, position, expected):
+    with pytest.raises(LabelSyntaxError, match=re.escape(expected)) as caught:
+        parse(text)
+    error = caught.value
+    assert (error.text, error.position) == (text, position)
+    assert error.caret.splitlines() == [text, " " * (position - 1) + "^"] or not text
+    assert "\n" not in str(error) and f"character {position}" in str(error) and isinstance(error, ValueError)
+
+
+@given(st.text("SULEO0123456789()+-@=,.:halp ", max_size=14))
+def test_any_text_is_read_or_refused_in_one_line(text):
+    for read in (parse, parse_name):
+        try:
+            again = read(text)
+        except (LabelSyntaxError, ImpossibleLabelError) as error:
+            assert "\n" not in str(error)
+        else:
+            assert read(str(again)) == again
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("S13E01+", "second quarter as in its first, here 0 and 1"),
+        ("S13O12", "second quarter as in its first, here 1 and 2"),
+        ("S03O00+", "NES has 0 half-waves"),
+        ("U10", "LO has 0 half-waves"),
+        ("S13E00+", "no impact at all"),
+        ("U2100-", "no impact at all"),
+        ("L13+", "differ"),
+        ("S23O11+", "m and n are odd, here 2 and 3"),
+        ("S14", "m and n are odd"),
+    ],
+)
+def test_impossible_labels(text, reason):
+    with pytest.raises(ImpossibleLabelError, match=reason) as caught:
+        parse(text)
+    assert "\n" not in str(caught.value) and str(caught.value).startswith(text)
+    assert not isinstance(caught.value, LabelSyntaxError)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        ("X", 1, 1),
+        ("U", 1, 1, "E", 1, 1, "+"),
+        ("S", 1, 1, "A", 1, 1, "+"),
+        ("S", 1, 1, "O", 1, None, "+"),
+        ("S", 1, 1, None, 1, 1, "+"),
+        ("L", 1, 1, None, 1, 1, "+"),
+        ("S", 1, 1, "O", 1, 1, "*"),
+        ("S", -1, 1),
+        ("S", 1.0, 1),
+    ],
+)
+def test_fields_that_make_no_label(fields):
+    with pytest.raises(ValueError, match="label"):
+        Label(*fields)
+
+
+@given(complete_labels())
+def test_possible_labels_have_no_reason(label):
+    assert why_impossible(label) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("U8353-@h=1.9458,alpha=4.9065", (1.9458, 4.9065)),
+        ("U8353-@alpha=4.9065", (None, 4.9065)),
+        ("U8353-@alpha=4.9065,h=1.9458", (1.9458, 4.9065)),
+        ("U8353-,alpha=4.9065", (None, 4.9065)),
+        ("U8353-@h=1e-3", (1e-3, None)),
+        ("U8353-", (None, None)),
+    ],
+)
+def test_names(text, name):
+    assert parse_name(text) == Name(parse("U8353-"), None, *name)
+
+
+@pytest.mark.parametrize("family", ["origin-stop+::03fa9c1e", "rest-rest:+-+:0123", "periodic:a+b-:ffff0000ffff"])
+def test_family_names(family):
+    assert parse_name(family) == Name(None, family)
+    assert parse_name(family + "@alpha=1.5") == Name(None, family, None, 1.5)
+    assert str(parse_name(family + "@alpha=1.5")) == family + "@alpha=1.5"
+
+
+POSITIVE = st.floats(min_value=1e-300, max_value=1e300)
+
+
+@given(st.one_of(complete_labels(), PATTERNS), st.one_of(st.none(), POSITIVE), st.one_of(st.none(), POSITIVE))
+def test_name_round_trip(label, h, alpha):
+    name = Name(label, None, h, alpha)
+    assert parse_name(str(name)) == name
+
+
+@pytest.mark.parametrize(
+    ("text", "position", "expected"),
+    [
+        ("S13+@", 6, "h=.. or alpha=.."),
+        ("S13+@x=1", 6, "h=.. or alpha=.."),
+        ("S13+@h=", 8, "positive number"),
+        ("S13+@h=-1", 8, "positive number"),
+        ("S13+@h=0", 8, "positive number"),
+        ("S13+@h=1e999", 8, "positive number"),
+        ("S13+@h=nan", 8, "positive number"),
+        ("S13+@h=1,h=2", 10, "alpha=.."),
+        ("S13+@h=1;alpha=2", 9, "a comma or the end"),
+        ("S13+@h=1,alpha=2,", 17, "the end of the name"),
+        ("S13+ @h=1", 5, "@ or the end of the name"),
+        ("S13X@h=1", 4, "O or E"),
+        ("origin-wall:+:0123", 1, "family id"),
+        ("origin-stop+:+:0123,h=1", 1, "family id"),
+        ("origin-stop+:+:0123@h=1,", 25, "alpha=.."),
+    ],
+)
+def test_name_errors_point_at_the_character(text, position, expected):
+    with pytest.raises(LabelSyntaxError, match=re.escape(expected)) as caught:
+        parse_name(text)
+    assert caught.value.position == position and "\n" not in str(caught.value)
+
+
+def test_latex():
+    assert latex(parse("S13+")) == r"$\mathrm{S13O00}^{+}$" and latex(parse("S13+"), short=True) == r"$\mathrm{S13}^{+}$"
+    assert latex(parse("U(15)578-")) == r"$\mathrm{U(15)578}^{-}$"
+    assert latex(parse("U21")) == r"$\mathrm{U21}$"
+    assert latex(parse("S73O33-"), short=True) == r"$\mathrm{S73O33}^{-}$"
+    assert latex(parse("S13O00"), short=True) == r"$\mathrm{S13O00}$"
+
+
+@given(complete_labels())
+@settings(max_examples=20, deadline=None)
+def test_latex_is_mathtext(label):
+    from matplotlib.mathtext import MathTextParser
+
+    assert MathTextParser("path").parse(latex(label)).width > 0
+
+
+@given(st.integers(0, 6), st.lists(st.integers(0, 3), min_size=7, max_size=7), SIGN)
+def test_half_waves_of_runs_separated_by_zeros(changes, zeros, first):
+    signs, sign = [], 1 if first == "+" else -1
+    for k in range(changes + 1):
+        signs += [0.0] * zeros[k] + [sign * 0.5] + [0.0] * zeros[-k - 1] + [sign * 2]
+        sign = -sign
+    assert count_half_waves(signs) == changes
+
+
+def test_half_waves_edge_cases():
+    assert count_half_waves([]) == count_half_waves([0, 0.0, -0.0]) == 0
+    with pytest.raises(ValueError, match="NaN"):
+        count_half_waves([1.0, float("nan")])
+
+
+def test_label_of():
+    assert str(label_of(15, 5, None, 8, 7, "-")) == "U(15)587-" and str(label_of(7, 3, "O", 3, 3, "-")) == "S73O33-"
+    with pytest.raises(ImpossibleLabelError, match="odd"):
+        label_of(2, 3, "O", 0, 0, "+")
+
+
+def test_nearest():
+    existing = [parse("S73O33-"), parse("S13O00+"), parse("U8353-")]
+    assert nearest("U8535-", existing, 1) == ("U8353-",)
+    assert nearest("S13E11+", existing)[0] == "S13O00+" and len(nearest("x", existing * 2)) == 3
+    assert nearest("S13", []) == ()
+
+
+@given(st.lists(st.sampled_from("+-"), max_size=5).map(tuple), st.sampled_from(["rest", "stop+"]), st.integers(1, 6))
+def test_turns_of_symmetric_orbits_against_their_impacts(word, last, count):
+    """The impacts in the two quarters of k turns, read off the sequence of the impacts of the orbit itself."""
+    ends = ("origin", last)
+    assume(word or last != "rest")
+    label = label_of(3, 5, words.parity(ends), len(word), len(word), "-")
+    longer = turns(label, count)
+    if count % 2:
+        quarter, long_ends = words.unfold(word, ends, count)
+        assert (longer.kind, longer.parity, longer.p, longer.q) == ("S", words.parity(long_ends), len(quarter), len(quarter))
+    else:
+        quarter, _ = words.unfold(word, ends, count)
+        assert (longer.kind, longer.p, longer.q) == ("U", len(quarter), len(quarter))
+    assert (longer.m, longer.n, longer.sign) == (3 * count, 5 * count, "-")
+
+
+@given(IMPACTS, IMPACTS, st.integers(1, 7), SIGN)
+def test_turns_of_unsymmetric_orbits_against_impact_times(p, q, count, sign):
+    """Impacts placed at fractions of the period: p in (0, 1/4), q in (1/4, 1/2), the second half by reversal, then repeated."""
+    assume(p + q > 0)
+    half = [(k + 1) / (p + 1) for k in range(p)] + [1 + (k + 1) / (q + 1) for k in range(q)]
+    period = half + [4 - time for time in half]
+    times = [time + 4 * k for k in range(count) for time in period]
+    longer = turns(Label("U", 3, 2, None, p, q, sign), count)
+    assert (longer.m, longer.n) == (3 * count, 2 * count)
+    assert longer.p == sum(time < count for time in times)
+    assert longer.q == sum(count < time < 2 * count for time in times)
+    assert longer.sign == (None if sign == "-" and count % 2 == 0 else sign)
+
+
+SMALL = st.one_of(
+    st.builds(
+        lambda m, n, parity, p, sign: Label("S", 2 * m + 1, 2 * n + 1, parity, p + (parity == "E"), p + (parity == "E"), sign),
+        st.integers(0, 2), st.integers(0, 2), st.sampled_from("EO"), st.integers(0, 3), SIGN,
+    ),
+    st.builds(
+        lambda m, n, p, q, sign: Label("U", m, n, None, p, q + 1, sign),
+        st.integers(1, 4), st.integers(1, 4), st.integers(0, 3), st.integers(0, 3), SIGN,
+    ),
+)  # fmt: skip
+
+
+@given(SMALL, st.integers(2, 4))
+def test_roots_find_what_was_turned(label, count):
+    longer = turns(label, count)
+    for sign in (longer.sign,) if longer.sign else ("+", "-"):
+        whole = Label(longer.kind, longer.m, longer.n, longer.parity, longer.p, longer.q, sign)
+        assert (canonical(label), count) in roots(whole)
+        assert all(matches(turns(root, times), whole) and root.m * times == whole.m for root, times in roots(whole))
+
+
+def test_labels_without_roots():
+    assert roots(parse("S73O33-")) == roots(parse("S13+")) == roots(parse("L33+")) == ()
+    assert roots(parse("S33O11-")) == ((parse("S11-"), 3),)
+    assert turns(parse("L11+"), 3) == parse("L11+")
+    with pytest.raises(ValueError, match="complete label"):
+        turns(parse("U21"), 2)

@@ -1,0 +1,288 @@
+"""Files of branches and orbits: what is written is read back bit for bit, and what is no branch is refused in one line."""
+
+import csv
+import io
+import json
+import math
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import saltus
+from branches import record
+from branches.check import RecordError, check_branch
+from bvp.system import vibro_impact_nes
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+POSITIVE = st.floats(min_value=1e-300, max_value=1e300)
+
+
+def made_of(points, events=(), system=None):
+    """Return what a record reads of a branch, from columns."""
+    return SimpleNamespace(
+        system=system or vibro_impact_nes(),
+        id="origin-stop+:+-:0badcafe",
+        label="S13O00+",
+        aliases=[{"label": "S13O00+", "from": 0.0, "to": 1.5}],
+        ends=("origin", "stop+"),
+        word="+-",
+        points=points,
+        events=list(events),
+        ended=(SimpleNamespace(reason="EVENT", text="it grazes"), SimpleNamespace(reason="POINTS", text="3 points")),
+    )
+
+
+def columns(count=3, flights=3, coordinates=2, seed=0):
+    """Return random columns of a branch, with each kind of value that is null in a file."""
+    random = np.random.default_rng(seed)
+    multipliers = random.normal(size=(count, 2)) + 1j * random.normal(size=(count, 2))
+    multipliers[0] = complex(math.inf, 0.0)
+    scalars = {name: random.lognormal(size=count) for name in record.SCALARS}
+    scalars["tau"][0] = math.nan
+    scalars["tau_half"][:] = math.nan
+    return scalars | {
+        "half_waves": random.integers(1, 9, count),
+        "stable": np.array([-1, 0, 1], dtype=np.int8)[:count],
+        "label": np.array(["S13O00+", "U(15)578-", "U21"])[:count],
+        "velocities": random.normal(size=(count, coordinates)),
+        "start_u": random.normal(size=(count, coordinates)),
+        "start_v": random.normal(size=(count, coordinates)),
+        "flight_times": random.lognormal(size=(count, flights)),
+        "impact_speeds": random.lognormal(size=(count, flights - 1)),
+        "multipliers": multipliers,
+        "trivial": np.array([math.nan, 1e-14, 1e-13])[:count],
+        "pairing": random.lognormal(size=count),
+        "reliable": np.array([False, True, True])[:count],
+    }
+
+
+def event(**changes):
+    """Return an event that reads like one of a branch."""
+    values = {
+        "id": "RT1",
+        "type": "RT",
+        "point": 1,
+        "number": -2,
+        "h": 0.1,
+        "alpha": 1.7,
+        "arclength": 0.3,
+        "status": "located",
+        "bracket": (0.3, 0.3 + 1e-11),
+        "residual": 1e-15,
+        "label": "S13O00+",
+        "stop": None,
+        "p_q": (1, 3),
+        "breaks": None,
+        "note": "",
+        "stable": None,
+        "multiplier": math.inf,
+    }
+    return SimpleNamespace(**(values | changes))
+
+
+def test_arrays_come_back_bit_for_bit():
+    """Oracle: the arrays that the record was made from."""
+    points = columns()
+    back = record.points_of(json.loads(record.to_json(made_of(points))))
+    assert set(back) == set(points)
+    for name, column in points.items():
+        if name == "multipliers":
+            np.testing.assert_array_equal(back[name][1:], column[1:])
+            assert np.all(np.isnan(back[name][0]))
+        else:
+            np.testing.assert_array_equal(back[name], column, err_msg=name)
+
+
+@given(st.lists(st.tuples(POSITIVE, FINITE, FINITE), min_size=1, max_size=4))
+def test_every_float_survives(values):
+    """Oracle: the floats themselves, signed zero and subnormals included."""
+    points = {name: column[:1].repeat(len(values), axis=0) for name, column in columns().items()}
+    points["h"] = np.array([h for h, _, _ in values])
+    points["start_v"] = np.array([[first, second] for _, first, second in values])
+    back = record.points_of(json.loads(record.to_json(made_of(points))))
+    assert back["h"].tobytes() == points["h"].tobytes()
+    assert back["start_v"].tobytes() == points["start_v"].tobytes()
+
+
+def test_what_is_unbounded_is_null_with_a_note():
+    """Oracle: the format: no NaN or Infinity in any file."""
+    made = made_of(columns(), [event()])
+    text = record.to_json(made)
+    assert not re.search(r"NaN|Infinity", text)
+    data = json.loads(text)
+    assert data["schema"] == 1
+    assert data["points"][0]["multipliers"] == [None, None] and "multipliers" in data["points"][0]["note"]
+    assert data["points"][0]["tau"] is None and data["points"][0]["stable"] is None
+    assert data["points"][1]["note"] is None and data["points"][1]["stable"] is False
+    assert data["events"][0]["multiplier"] is None and data["events"][0]["p_q"] == [1, 3]
+    assert not re.search(r"nan|inf", record.to_csv(made), re.IGNORECASE)
+
+
+def test_a_record_of_what_was_read_is_the_same():
+    """Oracle: writing is idempotent."""
+    data = record.to_record(made_of(columns(), [event()]))
+    assert record.to_record(made_of(record.points_of(data), [event()])) == data
+
+
+def test_velocities_without_an_origin_start_are_null():
+    """Oracle: the format; the CSV keeps a column for each."""
+    points = columns()
+    points["velocities"] = np.full((3, 2), math.nan)
+    made = made_of(points)
+    assert [point["velocities"] for point in record.to_record(made)["points"]] == [None] * 3
+    rows = list(csv.DictReader(io.StringIO(record.to_csv(made))))
+    assert rows[0]["velocities.1"] == rows[0]["velocities.2"] == ""
+    np.testing.assert_array_equal(record.points_of(record.to_record(made))["velocities"], points["velocities"])
+
+
+def test_csv_holds_the_numbers_of_the_json():
+    """Oracle: the JSON record, name by name."""
+    made = made_of(columns(), [event()])
+    data = record.to_record(made)
+    rows = list(csv.DictReader(io.StringIO(record.to_csv(made))))
+    assert len(rows) == len(data["points"])
+    for row, point in zip(rows, data["points"], strict=True):
+        assert float(row["h"]) == point["h"]
+        assert float(row["start.v.2"]) == point["start"]["v"][1]
+        assert float(row["flight_times.3"]) == point["flight_times"][2]
+        assert row["quality.reliable"] == str(point["quality"]["reliable"]).lower()
+        expected = point["multipliers"][1]
+        assert row["multipliers.2.im"] == ("" if expected is None else repr(expected[1]))
+    assert [row["event"] for row in rows] == ["", "RT1", ""]
+
+
+def orbit():
+    """Return what a record reads of an orbit: a circle in the plane of the coordinates."""
+    return SimpleNamespace(
+        system=vibro_impact_nes(),
+        ends=("origin", "stop+"),
+        word="",
+        label="S13O00+",
+        h=0.5887,
+        alpha=1.7,
+        period=6.8,
+        impacts=[SimpleNamespace(time=1.7, stop="+", speed=2.5), SimpleNamespace(time=5.1, stop="-", speed=2.5)],
+        multipliers=np.array([1j, -1j]),
+        tau=0.0,
+        tau_half=math.nan,
+        stable=True,
+        quality={"trivial": 1e-15, "pairing": 1e-15, "reliable": True},
+        residual=1e-16,
+        velocities=np.array([1.0, 2.0]),
+        sample=lambda times: (np.zeros((len(times), 2)), np.tile([1.0, 2.0], (len(times), 1))),
+    )
+
+
+def test_the_record_of_an_orbit():
+    """Oracle: the orbit's own values; frequency 2 pi / T."""
+    data = json.loads(record.orbit_to_json(orbit()))
+    assert data["system"] == vibro_impact_nes().describe()
+    assert data["orbit"]["frequency"] == 2.0 * math.pi / 6.8
+    assert data["orbit"]["start"] == {"u": [0.0, 0.0], "v": [1.0, 2.0]}
+    assert data["orbit"]["impacts"][1] == {"time": 5.1, "stop": "-", "speed": 2.5}
+    assert data["orbit"]["tau_half"] is None and data["orbit"]["stable"] is True
+    (row,) = csv.DictReader(io.StringIO(record.orbit_to_csv(orbit())))
+    assert row["impacts.2.stop"] == "-" and float(row["impacts.2.time"]) == 5.1 and row["multipliers.1.im"] == "1.0"
+
+
+def refuse(path):
+    """Return the one line that refuses a file."""
+    with pytest.raises(RecordError) as caught:
+        record.read_branch(path)
+    message = str(caught.value)
+    assert "\n" not in message and str(path) in message
+    return message
+
+
+@pytest.fixture
+def good(tmp_path):
+    """A file of a branch, as text."""
+    return record.to_json(made_of(columns(), [event()]))
+
+
+def test_a_truncated_file_is_refused(tmp_path, good):
+    """Oracle: every proper prefix of the text that ends inside the outermost object is incomplete."""
+    path = tmp_path / "branch.json"
+    for end in (0, 1, 40, len(good) // 2, len(good) - 3):
+        path.write_text(good[:end])
+        assert "truncated" in refuse(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda data: data.update(schema=2), "schema is 2, expected 1"),
+        (lambda data: data.pop("schema"), "lacks 'schema'"),
+        (lambda data: data.pop("points"), "lacks 'points'"),
+        (lambda data: data["points"][1].pop("alpha"), "points[1] lacks 'alpha'"),
+        (lambda data: data["points"][1].update(h="high"), "points[1].h is 'high', expected a number"),
+        (lambda data: data["points"][1].update(h=True), "points[1].h is True, expected a number"),
+        (lambda data: data["points"][2]["flight_times"].pop(), "points[2].flight_times has 2 entries, expected 3"),
+        (lambda data: data["points"][2]["start"]["u"].append(1.0), "points[2].start.u has 3 entries, expected 2"),
+        (lambda data: data["points"].clear(), "no points"),
+        (lambda data: data["events"][0].update(point=3), "events[0].point is 3, expected 0 to 2"),
+        (lambda data: data["ended"].pop(), "ended is [{"),
+        (lambda data: data["branch"].update(ends="origin"), "branch.ends is 'origin', expected a list of 2"),
+    ],
+)
+def test_another_content_is_refused_at_its_place(tmp_path, good, change, expected):
+    """Oracle: the change that was made."""
+    data = json.loads(good)
+    check_branch(data, record.SCHEMA)
+    change(data)
+    path = tmp_path / "branch.json"
+    path.write_text(json.dumps(data))
+    assert expected in refuse(path)
+
+
+def test_other_files_are_refused(tmp_path, good):
+    """Oracle: what each file is."""
+    path = tmp_path / "branch.json"
+    assert "no such file" in refuse(path)
+    assert "directory" in refuse(tmp_path)
+    path.write_bytes(b"\x89PNG\r\n\xff\xfe")
+    assert "UTF-8" in refuse(path)
+    path.write_text("h,alpha\n1,2\n")
+    assert "no JSON" in refuse(path)
+    path.write_text("[1, 2]")
+    assert "expected an object" in refuse(path)
+    path.write_text(good.replace('"schema": 1', '"schema": NaN'))
+    assert "NaN" in refuse(path)
+    path.write_text("[" * 100_000)
+    assert refuse(path)
+    path.write_text(re.sub(r'"h": [^,]+', '"h": 1e999', good, count=1))
+    assert "points[0].h is inf" in refuse(path)
+
+
+@pytest.fixture(scope="module")
+def traced():
+    """A branch as the program makes it."""
+    return saltus.trace("S13O00+", energy=(0.05, 1.0))
+
+
+def test_a_traced_branch_comes_back(traced, tmp_path):
+    """Oracle: the branch that was saved: its record, and an orbit solved again from the file."""
+    path = tmp_path / "branch.json"
+    traced.save(path)
+    back = saltus.read_branch(path)
+    assert record.to_record(back) == record.to_record(traced)
+    middle = len(traced.points["h"]) // 2
+    times = np.linspace(0.0, traced.orbit(middle).period, 50)
+    for ours, theirs in zip(traced.orbit(middle).sample(times), back.orbit(middle).sample(times), strict=True):
+        np.testing.assert_allclose(theirs, ours, rtol=0.0, atol=1e-12)
+
+
+def test_points_and_events_stand_in_order(traced):
+    """Oracle: the format: both in the order of arclength, alpha = T/4, frequency 2 pi / T."""
+    data = record.to_record(traced)
+    for entries in (data["points"], data["events"]):
+        arclengths = [entry["arclength"] for entry in entries]
+        assert arclengths == sorted(arclengths)
+    for point in data["points"]:
+        assert math.isclose(point["frequency"] * 4.0 * point["alpha"], 2.0 * math.pi, rel_tol=1e-15)
+        moduli = [abs(complex(*pair)) for pair in point["multipliers"] if pair]
+        assert all(first >= second * (1.0 - 1e-9) for first, second in zip(moduli, moduli[1:], strict=False))

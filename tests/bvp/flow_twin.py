@@ -1,0 +1,121 @@
+"""A second event-driven flow of impacting systems, in plain numpy and in physical coordinates: an oracle for tests.
+
+It shares nothing with `bvp`: the modes come from numpy's symmetric eigenproblem (from scipy's matrix exponential where the system is
+damped), impacts are found by sampling and bisection, so it may miss a grazing touch - tests keep away from those.
+"""
+
+import numpy as np
+from scipy.linalg import expm
+
+from tests.bvp.backbone import modes_of
+
+
+class Twin:
+    """The flow of one system; states are x = (u, v), (2n,)."""
+
+    def __init__(self, system, samples=60, restitution_sign=1.0):
+        self.system = system
+        self.n = system.degrees_of_freedom
+        n = self.n
+        inverse = np.linalg.inv(system.mass)
+        self.matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ system.stiffness, -inverse @ system.damping]])
+        self.damped = bool(np.any(system.damping))
+        self.frequencies, self.shapes = modes_of(system)
+        self.to_modes = self.shapes.T @ system.mass
+        self.longest = 2.0 * np.pi / np.max(self.frequencies) / samples
+        self.restitution_sign = restitution_sign
+        self.contacts = []
+        for index, stop in enumerate(system.stops):
+            c = np.array(stop.gap)
+            for side, bound in ((-1.0, stop.lower), (1.0, stop.upper)):
+                if np.isfinite(bound):
+                    name = stop.name if len(system.stops) > 1 else ""
+                    self.contacts.append((c, side, bound, stop.restitution, name + ("+" if side > 0 else "-")))
+
+    def flow(self, x, t):
+        """States at times t: (2n,) for a number, (m, 2n) for an array."""
+        if np.ndim(t):
+            return np.array([self.flow(x, s) for s in t]) if self.damped else self._modal(x, np.asarray(t))
+        return expm(self.matrix * t) @ x if self.damped else self._modal(x, np.array([t]))[0]
+
+    def _modal(self, x, t):
+        n, w = self.n, self.frequencies
+        q, p = self.to_modes @ x[:n], self.to_modes @ x[n:]
+        c = np.cos(np.outer(t, w))
+        s = np.where(w > 0, np.sin(np.outer(t, w)) / np.where(w > 0, w, 1.0), t[:, None])
+        return np.hstack([(c * q + s * p) @ self.shapes.T, (c * p - s * w * w * q) @ self.shapes.T])
+
+    def impact(self, x, contact):
+        """The state after an impact on a contact: Newton's restitution along M^-1 c."""
+        c, _, _, restitution, _ = self.contacts[contact]
+        direction = np.linalg.solve(self.system.mass, c)
+        speed = c @ x[self.n :]
+        out = x.copy()
+        out[self.n :] -= (1.0 + self.restitution_sign * restitution) * speed / (c @ direction) * direction
+        return out
+
+    def distances(self, states):
+        """side (bound - w) of every contact, (m, contacts)."""
+        return np.array([side * (bound - states[:, : self.n] @ c) for c, side, bound, _, _ in self.contacts]).T
+
+    def next_hit(self, x, leaving, horizon):
+        """(time, contact) of the first impact within the horizon; contact None where there is none."""
+        t = 0.0
+        dt = min(self.longest, horizon)
+        here = self.distances(x[None])[0]
+        speeds = np.array([-side * (c @ x[self.n :]) for c, side, *_ in self.contacts])
+        accelerations = np.array([-side * (c @ (self.matrix @ x)[self.n :]) for c, side, *_ in self.contacts])
+        for j in range(len(self.contacts)):
+            if j == leaving and accelerations[j] < 0:
+                dt = min(dt, max(0.5 * speeds[j] / -accelerations[j], 1e-9))
+            elif j != leaving and speeds[j] < 0:
+                dt = min(dt, max(0.2 * here[j] / -speeds[j], 1e-9))
+        while t < horizon:
+            times = t + dt * np.arange(1, 33)
+            if t == 0.0:
+                times = np.concatenate([dt * np.array([0.01, 0.1, 0.4]), times])
+            states = self.flow(x, times)
+            outside = self.distances(states) < 0.0
+            if leaving is not None and t == 0.0:
+                outside[0, leaving] = False
+            if np.any(outside):
+                first = int(np.argmax(np.any(outside, axis=1)))
+                low = times[first - 1] if first else t
+                roots = [(self._bisect(x, j, low, times[first]), j) for j in np.flatnonzero(outside[first])]
+                time, contact = min(roots)
+                return (time, contact) if time <= horizon else (horizon, None)
+            t = times[-1]
+            dt = min(2.0 * dt, self.longest)
+        return horizon, None
+
+    def _bisect(self, x, contact, low, high):
+        c, side, bound, _, _ = self.contacts[contact]
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            if middle in (low, high):
+                break
+            if side * (bound - c @ self.flow(x, middle)[: self.n]) < 0.0:
+                high = middle
+            else:
+                low = middle
+        return 0.5 * (low + high)
+
+    def run(self, x, duration, leaving=None, most=1000):
+        """(end state, [(time, contact, state before, state after)]) over a duration, or up to `most` impacts."""
+        t = 0.0
+        events = []
+        while t < duration and len(events) < most:
+            step, contact = self.next_hit(x, leaving, duration - t)
+            before = self.flow(x, step)
+            t += step
+            if contact is None:
+                return before, events
+            x = self.impact(before, contact)
+            events.append((t, contact, before, x))
+            leaving = contact
+        return x, events
+
+    def energy(self, x):
+        """H, for states (2n,) or (m, 2n)."""
+        u, v = x[..., : self.n], x[..., self.n :]
+        return 0.5 * (np.einsum("...i,ij,...j", v, self.system.mass, v) + np.einsum("...i,ij,...j", u, self.system.stiffness, u))

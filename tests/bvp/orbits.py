@@ -1,0 +1,132 @@
+"""Orbits for tests, found with the numpy flow alone: scanning a start set at fixed energy, and random starts polished by Newton."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.system import ImpactSystem, Stop
+from tests.bvp.flow_twin import Twin
+
+
+@dataclass
+class Found:
+    """A solved orbit."""
+
+    problem: object
+    solution: object
+    energy: float
+
+    @property
+    def name(self):
+        return "..".join(self.problem.ends) + ":" + "".join(self.problem.word)
+
+
+def chain(rng, n, absolute=False):
+    """A chain of n masses, ends free (one rigid-body mode) or tied to the ground, with one odd-symmetric stop between two of them."""
+    mass = np.diag(rng.uniform(0.2, 2.0, n))
+    stiffness = np.zeros((n, n))
+    for i in range(n - 1):
+        k = rng.uniform(0.2, 2.0)
+        stiffness[i : i + 2, i : i + 2] += k * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    if absolute:
+        stiffness[0, 0] += 1.0
+    j = int(rng.integers(n - 1))
+    row = np.zeros(n)
+    row[j], row[j + 1] = 1.0, -1.0
+    return ImpactSystem(mass, np.zeros((n, n)), stiffness, (Stop(tuple(row), -1.0, 1.0),))
+
+
+def start_states(system, kind, energy, angles):
+    """Start states (m, 2n) of a two-degree-of-freedom system in an end set at an energy; NaN where there is none."""
+    twin = Twin(system)
+    n = 2
+    out = np.full((len(angles), 4), np.nan)
+    for i, angle in enumerate(angles):
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        if kind == "origin":
+            out[i] = np.concatenate([np.zeros(n), twin.shapes @ (np.sqrt(2.0 * energy) * direction)])
+        elif kind == "rest":
+            u = twin.shapes @ (np.sqrt(2.0 * energy) / np.where(twin.frequencies > 0, twin.frequencies, 1.0) * direction)
+            if np.min(twin.distances(np.concatenate([u, u])[None])) > 0:
+                out[i] = np.concatenate([u, np.zeros(n)])
+        else:
+            c, side, bound, _, _ = next(x for x in twin.contacts if "stop" + x[4] == kind)
+            gradient = twin.shapes.T @ c
+            normal = gradient / np.linalg.norm(gradient)
+            reach = np.sqrt(2.0 * energy) / min(w for w in twin.frequencies if w > 0)
+            q = normal * bound / np.linalg.norm(gradient) + np.array([-normal[1], normal[0]]) * reach * np.cos(angle)
+            left = 2.0 * energy - np.sum((twin.frequencies * q) ** 2)
+            if left > 0:
+                out[i] = np.concatenate([twin.shapes @ q, twin.shapes @ (-side * np.sqrt(left) * normal)])
+    return out
+
+
+def scan(system, start, energy, *, angles=160, impacts=6, far=("stop", "rest", "origin"), most=12):
+    """Orbits from one end set at an energy, each word once: sign changes of the end condition between neighbouring angles, polished."""
+    twin = Twin(system)
+    to_modes = np.kron(np.eye(2), twin.to_modes)
+    grid = np.linspace(0.01, np.pi - 0.01 if start != "rest" else 2 * np.pi, angles)
+    leaving = next((j for j, x in enumerate(twin.contacts) if "stop" + x[4] == start), None)
+    c = twin.contacts[0][0]
+    basis = None
+    gradient = twin.shapes.T @ c
+    basis = np.array([-gradient[1], gradient[0]])
+    other = np.array([0.0, 1.0])
+    candidates = []
+    previous = None
+    for x in start_states(system, start, energy, grid):
+        if np.isnan(x[0]):
+            previous = None
+            continue
+        _, events = twin.run(x, 60.0, leaving, impacts + 1)
+        seen = {}
+        word, state, t0 = (), x, 0.0
+        for time, contact, before, after in events:
+            if "rest" in far or "origin" in far:
+                times = np.linspace(0.0, time - t0, 80)
+                states = twin.flow(state, times)
+                for kind, row in (("origin", np.concatenate([c, np.zeros(2)])), ("rest", np.concatenate([np.zeros(2), c]))):
+                    if kind not in far or (kind == "origin" and not system.has_odd_symmetry):
+                        continue
+                    values = states @ row
+                    if not word and kind == start:
+                        continue
+                    for order, i in enumerate(np.flatnonzero(values[:-1] * values[1:] < 0)):
+                        s = times[i] + (times[i + 1] - times[i]) * values[i] / (values[i] - values[i + 1])
+                        z = twin.flow(state, s)
+                        value = z[:2] @ other if kind == "origin" else z[2:] @ other
+                        seen[kind, word, order] = (value, s)
+            letter = twin.contacts[contact][4]
+            if "stop" in far:
+                seen["stop" + letter, word, 0] = (basis @ (twin.to_modes @ before[2:]), time - t0)
+            word, state, t0 = (*word, letter), after, time
+        flights = np.diff([0.0] + [e[0] for e in events])
+        nodes = np.array([to_modes @ e[3] for e in events]).reshape(-1, 4)
+        if previous is not None:
+            for key, (value, s) in seen.items():
+                if key in previous[0] and previous[0][key][0] * value < 0 and len(key[1]) <= impacts:
+                    candidates.append((key, x, nodes[: len(key[1])], [*flights[: len(key[1])], s]))
+        previous = (seen,)
+    found, words = [], set()
+    for (kind, word, _), x, nodes, flights in candidates:
+        if (kind, word) in words or len(found) >= most:
+            continue
+        orbit = polish(system, (start, kind), word, to_modes @ x, nodes, flights, energy)
+        if orbit is not None:
+            words.add((kind, word))
+            found.append(orbit)
+    return found
+
+
+def polish(system, ends, word, start, nodes, flights, energy):
+    """Newton from a guess; None where it does not arrive at an admissible orbit."""
+    problem = MultipointProblem(system, ends, word)
+    y = problem.pack(start, nodes, flights)
+    try:
+        solution = problem.solve(y, energy=energy)
+    except NotConverged:
+        return None
+    impacts = bool(word) or any(end.startswith("stop") for end in ends)
+    ok = impacts and solution["clearance"] > 1e-6 and solution["flight"] > 1e-3 and solution["speed"] > 1e-3
+    return Found(problem, solution, energy) if ok else None

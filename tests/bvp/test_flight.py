@@ -1,0 +1,172 @@
+"""Exact free flight. Oracles: mpmath's exponential at 50 digits, the group property, energy, closed forms, scipy's expm as twin."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bvp.kernels.flight import circular, flow_block, flow_matrix, flow_state, rate
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp.test_modes import exceptional_point
+from tests.bvp.twins import chain, exact_flow_matrix, first_order, flow
+
+EPSILON = np.finfo(float).eps
+
+
+def physical_flow(system, t):
+    """exp(A t) of (u, v) through the kernels."""
+    modes = system.modes
+    out = np.empty_like(modes.matrix)
+    flow_matrix(*modes.blocks, t, out)
+    return modes.to_state @ out @ modes.from_state
+
+
+def flow_error(system, t):
+    """Largest error of exp(A t) over its own size, both in coordinates sqrt(M) w u and sqrt(M) v with the system's own rate w."""
+    root = np.sqrt(np.diag(system.mass))
+    fastest = max(float(np.nanmax(np.abs(system.modes.squares))) ** 0.5, 1e-3)
+    scale = np.concatenate([root * fastest, root])
+    exact = exact_flow_matrix(system, t) * scale[:, None] / scale
+    return np.abs(physical_flow(system, t) * scale[:, None] / scale - exact).max() / np.abs(exact).max()
+
+
+def one(c, k):
+    """u'' + c u' + k u = 0."""
+    return ImpactSystem([[1.0]], [[c]], [[k]], (Stop((1.0,), -1.0, 1.0),))
+
+
+@pytest.mark.parametrize("mu", [1e-8, 1e-3, 0.1, 1.0, 1e8])
+@pytest.mark.parametrize("t", [1e-9, 0.3, 7.0, 50.0])
+def test_the_reference_system_at_any_mass_ratio(mu, t):
+    """50 digits; the error of a phase w t grows with it."""
+    system = vibro_impact_nes(mu, 0.1)
+    assert flow_error(system, t) <= 8 * EPSILON * (2.0 + np.max(system.modes.frequencies) * t)
+
+
+@pytest.mark.parametrize("offset", [-0.5, -1e-4, -1e-8, -1e-12, -1e-15, 0.0, 1e-15, 1e-12, 1e-8, 1e-4, 0.5])
+@pytest.mark.parametrize("t", [1e-6, 0.7, 5.0, 40.0])
+def test_critical_damping_above_and_below(offset, t):
+    """zeta = 1 + offset; 50 digits."""
+    assert flow_error(one(2.0 * (1.0 + offset), 1.0), t) <= 8 * EPSILON * (4.0 + 4.0 * t)
+
+
+@pytest.mark.parametrize("c", [1e2, 1e4, 1e8])
+@pytest.mark.parametrize("t", [1e-3, 1.0, 100.0])
+def test_strong_overdamping_neither_overflows_nor_loses_the_slow_rate(c, t):
+    """50 digits on the displacement row; the slow rate is k/c and exp(-c t) is far below the smallest number."""
+    exact = exact_flow_matrix(one(c, 1.0), t)
+    np.testing.assert_allclose(physical_flow(one(c, 1.0), t)[0, 0], exact[0, 0], rtol=8 * EPSILON)
+    np.testing.assert_allclose(physical_flow(one(c, 1.0), t)[0, 1], exact[0, 1], rtol=8 * EPSILON)
+
+
+@pytest.mark.parametrize("k", [-4.0, -1e-12, 0.0, 1e-12])
+@pytest.mark.parametrize("c", [0.0, 0.3, -0.2])
+def test_rigid_negative_and_tiny_stiffness(k, c):
+    """Zero frequency, hyperbolic pair, negative damping; 50 digits."""
+    for t in (1e-5, 1.0, 8.0):
+        assert flow_error(one(c, k), t) <= 64 * EPSILON
+
+
+def test_nearly_equal_frequencies():
+    """w1 - w2 = 1e-10, shapes turned by 53 degrees; 50 digits."""
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    stiffness = turn @ np.diag([1.0, (1.0 + 1e-10) ** 2]) @ turn.T
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), 0.5 * (stiffness + stiffness.T), (Stop((1.0, 0.0), -1.0, 1.0),))
+    for t in (1.0, 30.0, 1000.0):
+        assert flow_error(system, t) <= 4 * EPSILON * (2.0 + t)
+
+
+@settings(max_examples=40)
+@given(st.integers(1, 4), st.integers(0, 2**31), st.floats(-4, 1.5), st.floats(0.0, 20.0))
+def test_random_damped_systems(n, seed, size, t):
+    """Non-proportional damping from light to overdamped; 50 digits."""
+    rng = np.random.default_rng(seed)
+    half, root = rng.normal(size=(n, n)), rng.normal(size=(n, n))
+    mass = np.diag(10.0 ** rng.uniform(-1, 1, n))
+    system = ImpactSystem(mass, 10.0**size * half @ half.T, root @ root.T, (Stop(tuple(rng.normal(size=n)), -1.0, 1.0),))
+    fastest = np.abs(np.linalg.eigvals(first_order(system))).max()
+    assert flow_error(system, t) <= 2000 * EPSILON * (1.0 + fastest * t)
+
+
+@settings(max_examples=30)
+@given(st.integers(2, 6), st.integers(0, 2**31), st.floats(0.0, 30.0))
+def test_free_free_chains(n, seed, t):
+    """One rigid-body mode, masses over six decades; 50 digits."""
+    rng = np.random.default_rng(seed)
+    system = chain(10.0 ** rng.uniform(-3, 3, n), rng.uniform(0.1, 2.0, n - 1))
+    fastest = system.modes.frequencies[-1]
+    assert flow_error(system, t) <= 16 * n * EPSILON * (2.0 + fastest * t)
+
+
+def test_coalescing_complex_pairs():
+    """The dense block of an exceptional point; 50 digits."""
+    system = exceptional_point()
+    for t in (1e-3, 1.0, 20.0):
+        assert flow_error(system, t) <= 200 * EPSILON * (1.0 + t)
+
+
+def test_the_larger_block_alone_against_fifty_digits():
+    """A nilpotent block has a polynomial for exponential; a random one mpmath's."""
+    nilpotent = np.diag([1.0, 1.0], 1)
+    np.testing.assert_allclose(flow_block(0.0, nilpotent, 0, 3, 2.0), [[1, 2, 2], [0, 1, 2], [0, 0, 1]], rtol=0, atol=4 * EPSILON)
+    a = np.random.default_rng(5).normal(size=(5, 5))
+    mean = np.trace(a[1:5, 1:5]) / 4
+    with mpmath.workdps(50):
+        exact = np.array(mpmath.expm(mpmath.matrix(a[1:5, 1:5].tolist()) * 3).tolist(), dtype=float)
+    np.testing.assert_allclose(flow_block(mean, a, 1, 4, 3.0), exact, rtol=0, atol=1e-13 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("x", [-40.0, -0.0301, -0.03, -0.0299, -1e-9, 0.0, 1e-9, 0.0299, 0.03, 0.0301, 40.0])
+def test_circular_functions_are_continuous_through_zero(x):
+    """C and S from mpmath, at t = 0.7 and delta = x/t^2."""
+    t = 0.7
+    delta = x / t**2
+    with mpmath.workdps(40):
+        root = mpmath.sqrt(mpmath.mpf(delta))
+        c = float(mpmath.re(mpmath.cosh(root * mpmath.mpf(t))))
+        s = float(mpmath.re(mpmath.sinh(root * mpmath.mpf(t)) / root)) if delta != 0.0 else t
+    np.testing.assert_allclose(circular(delta, t), [c, s], rtol=8 * EPSILON, atol=2 * EPSILON)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**31), st.floats(0.0, 10.0), st.floats(-3.0, 10.0), st.sampled_from([0.0, 0.05, 1.0]))
+def test_flights_add_up(seed, s, t, damping):
+    """exp(B (s + t)) = exp(B s) exp(B t), also backwards."""
+    rng = np.random.default_rng(seed)
+    plain = chain(rng.uniform(0.2, 2.0, 3), rng.uniform(0.2, 2.0, 2))
+    system = ImpactSystem(plain.mass, damping * np.diag(rng.uniform(0.0, 1.0, 3)), plain.stiffness, plain.stops)
+    whole, first, second = physical_flow(system, s + t), physical_flow(system, s), physical_flow(system, t)
+    np.testing.assert_allclose(second @ first, whole, rtol=0, atol=1e-13 * np.abs(second).max() * np.abs(first).max() * 20)
+
+
+@settings(max_examples=40)
+@given(st.integers(1, 6), st.integers(0, 2**31), st.floats(0.0, 1000.0))
+def test_an_undamped_flight_keeps_its_energy(n, seed, t):
+    rng = np.random.default_rng(seed)
+    system = chain(rng.uniform(0.2, 2.0, n), rng.uniform(0.2, 2.0, n - 1), rng.choice([0.0, 1.0]))
+    modes = system.modes
+    u, v = rng.normal(size=n), rng.normal(size=n)
+    out = np.empty(2 * n)
+    flow_state(*modes.blocks, modes.from_state @ np.concatenate([u, v]), t, out)
+    after = modes.to_state @ out
+    # the rigid-body displacement carries no energy but rounds with its size
+    travelled = np.abs(after[:n]).max() ** 2 * np.abs(system.stiffness).max()
+    assert abs(system.energy(after[:n], after[n:]) - system.energy(u, v)) <= 64 * EPSILON * (system.energy(u, v) + travelled)
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 2**31), st.floats(0.0, 10.0), st.floats(-3, 1))
+def test_states_and_rates_agree_with_the_plain_twins(seed, t, size):
+    """flow_state against scipy's expm, rate against the first-order matrix."""
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(3, 3))
+    plain = chain(rng.uniform(0.2, 2.0, 3), rng.uniform(0.2, 2.0, 2), 1.0)
+    system = ImpactSystem(plain.mass, 10.0**size * half @ half.T, plain.stiffness, plain.stops)
+    modes = system.modes
+    u, v = rng.normal(size=3), rng.normal(size=3)
+    z, out = modes.from_state @ np.concatenate([u, v]), np.empty(6)
+    flow_state(*modes.blocks, z, t, out)
+    np.testing.assert_allclose(modes.to_state @ out, flow(system, u, v, t), rtol=0, atol=1e-10)
+    rate(modes.pairs, modes.matrix, z, out)
+    np.testing.assert_allclose(modes.to_state @ out, first_order(system) @ np.concatenate([u, v]), rtol=0, atol=1e-10)

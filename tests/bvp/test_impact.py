@@ -1,0 +1,319 @@
+"""Next impact by bounds, and restitution. Oracles: dense sampling with Brent's method (twin), touches constructed exactly, closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from bvp.impact import CONTACT_TOLERANCE, ImpactStatus, next_impact, restitute
+from bvp.kernels.bounds import amplitudes
+from bvp.kernels.flight import flow_state
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp import twins
+from tests.bvp.test_modes import exceptional_point
+from tests.bvp.twins import amplitude_samples, chain, distances, first_order, flow
+
+
+def oscillator(lower=-math.inf, upper=math.inf, k=1.0, c=0.0, restitution=1.0):
+    """u'' + c u' + k u = 0 between stops."""
+    return ImpactSystem([[1.0]], [[c]], [[k]], (Stop((1.0,), lower, upper, restitution),))
+
+
+def random_system(rng, n, damping, stiffness_shift=0.0):
+    """Full matrices, a two-sided stop and a one-sided one."""
+    half, root = rng.normal(size=(n, n)), rng.normal(size=(n, n))
+    stiffness = root @ root.T - stiffness_shift * np.eye(n)
+    stops = (Stop(tuple(rng.normal(size=n)), -1.0, rng.uniform(0.5, 2.0)), Stop(tuple(rng.normal(size=n)), upper=rng.uniform(0.5, 2.0)))
+    return ImpactSystem(np.diag(rng.uniform(0.2, 2.0, n)), damping * half @ half.T, stiffness, stops)
+
+
+@settings(max_examples=80)
+@given(
+    st.integers(1, 4), st.integers(0, 2**31), st.sampled_from([0.0, 0.01, 0.3, 5.0]), st.sampled_from([0.0, 0.5]), st.floats(0.01, 5.0)
+)
+def test_amplitudes_bound_what_dense_sampling_finds(n, seed, damping, shift, horizon):
+    rng = np.random.default_rng(seed)
+    modes = random_system(rng, n, damping, shift).modes
+    z = rng.normal(size=2 * n)
+    bounds = amplitudes(*modes.blocks, modes.contact_gap, 0, z, horizon)
+    for order, bound in zip((0, 2, 3), bounds, strict=True):
+        samples = amplitude_samples(modes.matrix, modes.contact_gap[0], z, horizon, order)
+        assert samples.max() <= bound * (1.0 + 1e-9)
+
+
+def test_amplitudes_of_a_larger_block_bound_what_dense_sampling_finds():
+    modes = exceptional_point().modes
+    z = np.array([1.0, -0.3, 0.2, 0.7])
+    bounds = amplitudes(*modes.blocks, modes.contact_gap, 0, z, 10.0)
+    for order, bound in zip((0, 2, 3), bounds, strict=True):
+        assert amplitude_samples(modes.matrix, modes.contact_gap[0], z, 10.0, order).max() <= bound
+
+
+def test_amplitudes_of_one_mode_are_its_amplitude():
+    """|u| <= hypot(u, v/w), |u''| <= w^2 of it, |u'''| <= w^3 of it: attained."""
+    modes = oscillator(upper=1.0, k=4.0).modes
+    size = math.hypot(0.3, 0.8 / 2.0)
+    bounds = amplitudes(*modes.blocks, modes.contact_gap, 0, modes.from_state @ [0.3, 0.8], math.inf)
+    np.testing.assert_allclose(bounds, [size, 4 * size, 8 * size], rtol=1e-8)
+
+
+@settings(max_examples=50)
+@given(st.integers(1, 5), st.integers(0, 2**31), st.floats(0.0, 1.0))
+def test_restitution_against_the_plain_twin(n, seed, restitution):
+    """From M and c alone; momentum along directions that c does not see is kept, the rate of w is reversed, energy as formula."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(n, n))
+    system = ImpactSystem(root @ root.T + np.eye(n), np.zeros((n, n)), np.eye(n), (Stop(tuple(rng.normal(size=n)), 0.0, 1.0, restitution),))
+    v = rng.normal(size=n)
+    after = restitute(system, "+", v)
+    np.testing.assert_allclose(after, twins.restitute(system, 0, v), atol=1e-12 * np.linalg.cond(system.mass))
+    c = np.array(system.stops[0].gap)
+    assert c @ after == pytest.approx(-restitution * (c @ v), abs=1e-12)
+    reduced = 1.0 / (c @ np.linalg.solve(system.mass, c))
+    loss = 0.5 * (1.0 - restitution**2) * reduced * (c @ v) ** 2
+    rest = np.zeros(n)
+    assert system.energy(rest, v) - system.energy(rest, after) == pytest.approx(loss, abs=1e-11 * system.energy(rest, v) + 1e-14)
+
+
+def test_restitution_is_formula_3_of_the_paper():
+    """mu u1' + u2' is kept and the relative velocity is multiplied by -rho (Lee et al. 2009, Eqs. 2 and 3)."""
+    mu, rho = 0.1, 0.7
+    before = np.array([2.0, 0.4])
+    after = restitute(vibro_impact_nes(mu=mu, sigma=0.1, rho=rho), "-", before)
+    assert mu * after[0] + after[1] == pytest.approx(mu * before[0] + before[1], rel=1e-15)
+    assert after[0] - after[1] == pytest.approx(-rho * (before[0] - before[1]), rel=1e-14)
+
+
+@pytest.mark.parametrize(("sign", "factor"), [(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
+def test_a_flipped_sign_in_restitution_is_seen(sign, factor):
+    """Mutation: the comparison above fails with either sign of the twin turned."""
+    system = vibro_impact_nes(rho=0.7)
+    v = np.array([2.0, 0.4])
+    assert np.abs(restitute(system, "+", v) - twins.restitute(system, 0, v, sign, factor)).max() > 0.1
+    np.testing.assert_allclose(restitute(system, "+", v), twins.restitute(system, 0, v), rtol=1e-14)
+
+
+@settings(max_examples=80)
+@given(st.integers(1, 4), st.integers(0, 2**31), st.sampled_from([0.0, 0.02, 1.0, 8.0]), st.floats(0.1, 6.0))
+def test_no_impact_is_missed_and_none_invented(n, seed, damping, speed):
+    """The plain twin samples at steps of 0.01 and minimises between samples."""
+    rng = np.random.default_rng(seed)
+    system = random_system(rng, n, damping)
+    u, v = np.zeros(n), speed * rng.normal(size=n)
+    expected = twins.next_impact(system, u, v, 10.0, 0.01)
+    found = next_impact(system, u, v, 10.0)
+    if expected is None:
+        assert found.status is ImpactStatus.NONE and found.time == 10.0
+        return
+    assert found.status is ImpactStatus.HIT
+    assert found.contact == system.modes.contact_letters[expected[0]]
+    assert found.speed >= 0.0
+    assert abs(found.time - expected[1]) * max(found.speed, 1e-6) <= 1e-9 * (1.0 + speed)
+    assert abs(distances(system, np.concatenate([found.u, found.v]))[expected[0]]) <= 1e-12 * (1.0 + np.abs(found.u).max())
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**31), st.floats(0.0, 5.0), st.sampled_from([0.0, 0.05]))
+def test_no_return_to_the_stop_just_left_is_missed(seed, speed, damping):
+    """Starts on the stop, moving away or pulled back at once; the twin skips the first 1e-7."""
+    rng = np.random.default_rng(seed)
+    system = chain(rng.uniform(0.2, 2.0, 3), rng.uniform(0.5, 4.0, 2), rng.uniform(0.0, 1.0), damping)
+    u = rng.normal(size=3)
+    u[2] = u[0] - 1.0
+    v = rng.normal(size=3)
+    v[0] = v[2] - speed
+    assume(speed > 1e-4)
+    expected = twins.next_impact(system, u, v, 10.0, 0.01, 1e-7)
+    found = next_impact(system, u, v, 10.0, leaving="+")
+    if expected is None:
+        assert found.status is ImpactStatus.NONE
+        return
+    assert found.status is ImpactStatus.HIT and found.contact == system.modes.contact_letters[expected[0]]
+    assert abs(found.time - expected[1]) * max(found.speed, 1e-6) <= 1e-9 * (1.0 + speed)
+
+
+@pytest.mark.parametrize("system", [oscillator(upper=1.0, k=-1.0), oscillator(upper=1.0, k=-1.0, c=0.5), oscillator(upper=1.0, k=0.2, c=-0.3)])
+def test_growing_motion(system):
+    """Hyperbolic pairs and negative damping against the twin, and started so that a hyperbolic motion turns before the stop."""
+    for u, v in ((0.0, 0.01), (-0.5, 1.0), (-0.5, 0.3), (0.9, -1.2), (0.5, -0.49)):
+        expected = twins.next_impact(system, np.array([u]), np.array([v]), 15.0, 0.01)
+        found = next_impact(system, [u], [v], 15.0)
+        assert (found.status is ImpactStatus.HIT) == (expected is not None)
+        if expected is not None:
+            assert found.time == pytest.approx(expected[1], rel=1e-9)
+
+
+def test_the_larger_block_finds_what_the_twin_finds():
+    system = exceptional_point()
+    for v in ([3.0, 0.0], [0.0, 2.5], [1.2, -1.3], [0.1, 0.1]):
+        expected = twins.next_impact(system, np.zeros(2), np.array(v), 20.0, 0.01)
+        found = next_impact(system, [0.0, 0.0], v, 20.0)
+        assert (found.status is ImpactStatus.HIT) == (expected is not None)
+        if expected is not None:
+            assert found.time == pytest.approx(expected[1], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("depth", "status"),
+    [(0.0, "TOUCH"), (1e-12, "HIT"), (1e-6, "HIT"), (1e-2, "HIT"), (-1e-12, "NONE"), (-1e-6, "NONE"), (-1e-2, "NONE")],
+)
+def test_grazing_of_one_oscillator(depth, status):
+    """u = (1 + depth) sin t and the stop u <= 1: crossing at asin(1/(1 + depth)), a touch at pi/2."""
+    found = next_impact(oscillator(upper=1.0), [0.0], [1.0 + depth], 3.0)
+    assert found.status is ImpactStatus[status]
+    if status == "TOUCH":
+        assert found.time == pytest.approx(math.pi / 2, abs=1e-12)
+    if status == "HIT":
+        assert found.time == pytest.approx(math.pi / 2 - math.acos(1.0 / (1.0 + depth)), abs=1e-15 / math.sqrt(depth))
+        assert found.speed == pytest.approx(math.sqrt((1.0 + depth) ** 2 - 1.0), rel=1e-3 if depth < 1e-9 else 1e-8)
+
+
+@settings(max_examples=60)
+@given(
+    st.integers(2, 4),
+    st.integers(0, 2**31),
+    st.sampled_from([(0.0, "TOUCH"), (1e-11, "HIT"), (1e-6, "HIT"), (-1e-11, "NONE"), (-1e-6, "NONE")]),
+    st.sampled_from([0.0, 0.05, 2.0]),
+    st.floats(0.05, 0.6),
+)
+def test_grazing_of_random_systems(n, seed, case, damping, back):
+    """A turning point of w at a chosen distance beyond the stop, made at time 0 and flown backwards; nothing else is reached."""
+    depth, status = case
+    rng = np.random.default_rng(seed)
+    plain = random_system(rng, n, damping)
+    row = rng.normal(size=n)
+    row /= np.linalg.norm(row)
+    system = ImpactSystem(plain.mass, plain.damping, plain.stiffness, (Stop(tuple(row), upper=1.0),))
+    u, v = rng.normal(size=n), rng.normal(size=n)
+    u += row * (1.0 + depth - row @ u)
+    v -= row * (row @ v)
+    bend = row @ (first_order(system) @ np.concatenate([u, v]))[n:]
+    assume(bend < -0.3)
+    early = flow(system, u, v, -back)
+    times = np.linspace(-back, 0.05, 400)
+    path = np.array([row @ flow(system, u, v, t)[:n] for t in times])
+    assume(np.all(path[times < -0.02] < 1.0 - 1e-5) and np.all(np.diff(path)[times[:-1] < -1e-3] > 0.0) and np.abs(early).max() < 50.0)
+    found = next_impact(system, early[:n], early[n:], back + 0.04)
+    assert found.status is ImpactStatus[status]
+    if status == "TOUCH":
+        assert found.time == pytest.approx(back, abs=1e-6)
+    if status == "HIT":
+        assert found.time == pytest.approx(back - math.sqrt(2 * depth / -bend), abs=2e-2 * math.sqrt(depth) + 1e-7)
+
+
+def two_modes(bound):
+    """Modes 1 and 2 with w = q1 + q2 and w <= bound."""
+    return ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 4.0]), (Stop((1.0, 1.0), upper=bound),))
+
+
+def test_a_touch_of_fourth_order_is_a_touch():
+    """w = 4 cos t - cos 2t has w = 3, w' = w'' = w''' = 0 at t = 0 and 2 pi: found from t = 1."""
+    start = [4 * math.cos(1.0), -math.cos(2.0)], [-4 * math.sin(1.0), 2 * math.sin(2.0)]
+    touch = next_impact(two_modes(3.0), *start, 10.0)
+    assert touch.status is ImpactStatus.TOUCH
+    assert touch.time == pytest.approx(2 * math.pi - 1.0, abs=2e-3)  # w is within 1e-13 of 3 for 7e-4 around it
+    assert next_impact(two_modes(3.0 + 1e-9), *start, 10.0).status is ImpactStatus.NONE
+    hit = next_impact(two_modes(3.0 - 1e-9), *start, 10.0)
+    assert hit.status is ImpactStatus.HIT
+    assert hit.time == pytest.approx(2 * math.pi - 1.0 - (2e-9) ** 0.25, abs=1e-4)
+
+
+def test_a_crossing_of_third_order_is_a_hit():
+    """w = 2 sin t - sin 2t goes through 0 as t^3 at t = 0: found from t = -1, as well as rounding allows."""
+    start = [2 * math.sin(-1.0), -math.sin(-2.0)], [2 * math.cos(-1.0), -2 * math.cos(-2.0)]
+    hit = next_impact(two_modes(0.0), *start, 10.0)
+    assert hit.status is ImpactStatus.HIT
+    assert hit.time == pytest.approx(1.0, abs=2e-4)
+
+
+@pytest.mark.parametrize("speed", [1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14])
+def test_leaving_a_stop_at_any_speed(speed):
+    """u'' = -u pushed against u <= -1/2, left at `speed`: back at t = 2 atan(2 speed) and at the same speed."""
+    found = next_impact(oscillator(upper=-0.5), [-0.5], [-speed], 20.0, leaving="+")
+    assert found.status is ImpactStatus.HIT and found.contact == "+"
+    assert found.time == pytest.approx(2 * math.atan(2 * speed), rel=1e-13)
+    assert found.speed == pytest.approx(speed, rel=1e-9 if speed > 1e-9 else 1.0)
+
+
+@pytest.mark.parametrize("speed", [1.0, 1e-3, 1e-6, 1e-9, 1e-12])
+def test_leaving_is_not_returning(speed):
+    """u'' = -u pulled away from u <= 1/2, left at `speed`: back after the long way, at t = 2 pi - 2 atan(2 speed)."""
+    found = next_impact(oscillator(upper=0.5), [0.5], [-speed], 20.0, leaving="+")
+    assert found.time == pytest.approx(2 * math.pi - 2 * math.atan(2 * speed), rel=1e-9 if speed > 1e-8 else 1e-7)
+
+
+def test_a_start_at_rest_on_a_stop():
+    """Pulled away: it leaves and touches again after 2 pi. Pushed: it stays. Neither (rigid body): nothing happens."""
+    away = next_impact(oscillator(upper=0.5), [0.5], [0.0], 10.0)
+    assert away.status is ImpactStatus.TOUCH and away.time == pytest.approx(2 * math.pi, abs=1e-9)
+    assert next_impact(oscillator(upper=-0.5), [-0.5], [0.0], 10.0).status is ImpactStatus.PRESSED
+    assert next_impact(oscillator(upper=-0.5), [-0.5], [0.0], 10.0, leaving="+").status is ImpactStatus.PRESSED
+    assert next_impact(oscillator(upper=0.5, k=0.0), [0.5], [0.0], 10.0).status is ImpactStatus.NONE
+
+
+def test_a_start_on_a_stop_and_moving_into_it_is_a_hit_at_once():
+    for leaving in (None, "+"):
+        found = next_impact(oscillator(upper=0.5), [0.5], [1.0], 10.0, leaving)
+        assert found.status is ImpactStatus.HIT and found.time == pytest.approx(0.0, abs=1e-15) and found.speed == pytest.approx(1.0)
+
+
+def test_a_start_beyond_a_stop_is_said():
+    found = next_impact(oscillator(-1.0, 0.5), [0.6], [0.0], 10.0)
+    assert found.status is ImpactStatus.OUTSIDE and found.contact == "+"
+    assert next_impact(oscillator(-1.0, 0.5), [-1.0 - 1e-9], [0.0], 10.0).contact == "-"
+    assert next_impact(oscillator(-1.0, 0.5), [0.5 * (1 + 0.5 * CONTACT_TOLERANCE)], [-1.0], 10.0).status is ImpactStatus.HIT
+
+
+def test_the_speed_is_positive_on_approach_to_either_side():
+    """side * w' just before the impact."""
+    for v, letter in ((2.0, "+"), (-2.0, "-")):
+        found = next_impact(oscillator(-1.0, 1.0), [0.0], [v], 10.0)
+        assert found.contact == letter and found.speed == pytest.approx(math.sqrt(3.0), rel=1e-14)
+
+
+def test_rigid_motion_is_exact():
+    """u = v t."""
+    found = next_impact(oscillator(-1.0, 1.0, k=0.0), [0.25], [3.0], 10.0)
+    assert found.time == 0.25 and found.speed == 3.0
+
+
+def test_an_impact_after_the_horizon_is_none():
+    at = math.asin(0.5)
+    assert next_impact(oscillator(upper=0.5), [0.0], [1.0], at * (1 - 1e-12)).status is ImpactStatus.NONE
+    assert next_impact(oscillator(upper=0.5), [0.0], [1.0], at * (1 + 1e-12)).status is ImpactStatus.HIT
+
+
+def test_an_unreachable_stop_costs_no_search():
+    """|w| stays below the bound for good: nothing in a million periods."""
+    assert next_impact(oscillator(-1.0, 1.0), [0.0], [0.999], 1e7).status is ImpactStatus.NONE
+
+
+def test_the_kernel_state_at_a_hit_is_on_the_stop():
+    system = vibro_impact_nes()
+    modes = system.modes
+    rng = np.random.default_rng(8)
+    for _ in range(100):
+        v = rng.normal(size=2) * 3
+        found = next_impact(system, [0.0, 0.0], v, 100.0)
+        if found.status is ImpactStatus.HIT:
+            out = np.empty(4)
+            flow_state(*modes.blocks, modes.from_state @ np.array([0.0, 0.0, *v]), found.time, out)
+            assert abs(abs(modes.contact_gap[0] @ out) - 1.0) <= 2e-15 * (1.0 + np.abs(modes.contact_gap[0] * out).sum())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (([0.0], [1.0, 2.0], 1.0), "v is a list of 1 finite numbers"),
+        (([math.nan], [1.0], 1.0), "u is a list of 1 finite numbers"),
+        ((["x"], [1.0], 1.0), "u is a list of 1 numbers"),
+        (([0.0], [1.0], -1.0), "horizon is a finite time"),
+        (([0.0], [1.0], math.inf), "horizon is a finite time"),
+        (([0.0], [1.0], 1.0, "a+"), r"no contact 'a\+'; nearest: '\+', all: \+"),
+    ],
+)
+def test_bad_input_is_refused(arguments, words):
+    with pytest.raises(ValueError, match=words):
+        next_impact(oscillator(upper=1.0), *arguments)

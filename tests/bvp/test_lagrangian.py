@@ -1,0 +1,268 @@
+"""Systems from their energies.
+
+Oracles: the reference system written with its matrices (Lee et al., Physica D 238 (2009) 1868, Eq. 1); random quadratic forms,
+whose matrices are known exactly; Lagrange's equations derived by sympy's own LagrangesMethod.
+"""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bvp.lagrangian import LagrangianError, system_from_lagrangian
+from bvp.system import ImpactSystem, InvalidSystem, vibro_impact_nes
+
+KINETIC = "mu*u1_dot**2/2 + u2_dot**2/2"
+POTENTIAL = "u2**2/2 + sigma*(u1 - u2)**2/2"
+GAPS = [("u1 - u2", -1, 1, "rho")]
+
+
+def reference(kinetic=KINETIC, potential=POTENTIAL, coordinates=("u1", "u2"), gaps=GAPS, **options):
+    options.setdefault("parameters", {"mu": 0.1, "sigma": 0.1, "rho": 0.7, "lam": 0.01})
+    return system_from_lagrangian(kinetic, potential, coordinates, gaps=gaps, **options)
+
+
+def assert_equal(system, other):
+    for key in ("mass", "damping", "stiffness"):
+        np.testing.assert_array_equal(getattr(system, key), getattr(other, key))
+    assert system.stops == other.stops and system.coordinates == other.coordinates
+
+
+@given(st.floats(1e-3, 1e3), st.floats(0, 1e3), st.floats(0, 10), st.floats(0, 1))
+@settings(max_examples=20, deadline=None)
+def test_reference_system_from_text(mu, sigma, lam, rho):
+    values = {"mu": mu, "sigma": sigma, "lam": lam, "rho": rho}
+    system = reference(dissipation="lam*u2_dot**2/2", parameters=values, absorber="u1", primary="u2")
+    other = vibro_impact_nes(**values)
+    assert_equal(system, other)
+    assert (system.absorber, system.primary) == (other.absorber, other.primary)
+
+
+def test_reference_system_from_functions_of_time():
+    from sympy.physics.mechanics import dynamicsymbols
+
+    u1, u2 = dynamicsymbols("u1 u2")
+    time = dynamicsymbols._t
+    mu, sigma, rho = sympy.symbols("mu sigma rho", positive=True)
+    kinetic = (mu * u1.diff(time) ** 2 + u2.diff(time) ** 2) / 2
+    potential = (u2**2 + sigma * (u1 - u2) ** 2) / 2
+    values = {mu: 0.1, sigma: 0.1, rho: 0.7}
+    other = vibro_impact_nes(mu=0.1, sigma=0.1, rho=0.7)
+    assert_equal(system_from_lagrangian(kinetic, potential, [u1, u2], gaps=[(u1 - u2, -1, 1, rho)], parameters=values), other)
+    assert_equal(system_from_lagrangian(KINETIC, potential, [u1, u2], gaps=GAPS, parameters=values, time=time), other)
+    assert_equal(ImpactSystem.from_lagrangian(kinetic, POTENTIAL, [u1, u2], gaps=GAPS, parameters=values), other)
+
+
+def test_reference_system_from_symbols_with_given_velocities():
+    u1, u2, v1, v2 = sympy.symbols("u1 u2 v1 v2", real=True)
+    system = reference((v1**2 / 10 + v2**2) / 2, POTENTIAL, [u1, u2], velocities=[v1, "v2"])
+    assert_equal(system, vibro_impact_nes(mu=0.1, sigma=0.1, rho=0.7))
+
+
+RATIONAL = st.fractions(min_value=-9, max_value=9, max_denominator=16)
+
+
+@st.composite
+def systems(draw):
+    n = draw(st.integers(1, 4))
+    square = st.lists(st.lists(RATIONAL, min_size=n, max_size=n), min_size=n, max_size=n)
+    forms = []
+    for k in range(3):
+        a = draw(square)
+        form = [[a[i][j] + a[j][i] for j in range(n)] for i in range(n)]
+        if k == 0:  # diagonally dominant: positive definite
+            form = [
+                [form[i][j] + (2 + sum(map(abs, form[i])) + abs(form[i][i])) * (i == j) for j in range(n)] for i in range(n)
+            ]
+        forms.append(form)
+    row = draw(st.lists(RATIONAL, min_size=n, max_size=n).filter(any))
+    return n, forms, row, draw(RATIONAL), draw(st.fractions(0, 5, max_denominator=8).filter(bool))
+
+
+def quadratic_text(matrix, names):
+    return " + ".join(f"({matrix[i][j]})*{a}*{b}/2" for i, a in enumerate(names) for j, b in enumerate(names))
+
+
+@given(systems())
+@settings(max_examples=40, deadline=None)
+def test_random_quadratic_forms_are_recovered_exactly(drawn):
+    n, (mass, damping, stiffness), row, constant, half = drawn
+    names = [f"x{k}" for k in range(n)]
+    dots = [f"x{k}_dot" for k in range(n)]
+    system = system_from_lagrangian(
+        quadratic_text(mass, dots) + " + 3",
+        f"({quadratic_text(stiffness, names)}) - 7/2",
+        names,
+        gaps=[(" + ".join(f"({c})*{x}" for c, x in zip(row, names, strict=True)) + f" + ({constant})", f"{-half}", str(half))],
+        dissipation=quadratic_text(damping, dots),
+    )
+    for matrix, exact in ((system.mass, mass), (system.damping, damping), (system.stiffness, stiffness)):
+        assert matrix.tolist() == [[float(x) for x in line] for line in exact]
+    stop = system.stops[0]
+    assert stop.gap == tuple(map(float, row)) and stop.restitution == 1.0
+    assert (stop.lower, stop.upper) == (float(-half - constant), float(half - constant))
+
+
+@given(systems())
+@settings(max_examples=10, deadline=None)
+def test_against_lagranges_equations_of_sympy(drawn):
+    from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
+
+    n, (mass, _, stiffness), row, _, _ = drawn
+    u = list(dynamicsymbols(f"u1:{n + 1}"))
+    v = [item.diff() for item in u]
+    # other coordinates of the same system
+    shear = sympy.Matrix(n, n, lambda i, j: 1 if i == j else Fraction(i + 1, j + 2) if i < j else 0)
+    old_u, old_v = shear * sympy.Matrix(u), shear * sympy.Matrix(v)
+    kinetic = (old_v.T * sympy.Matrix(mass) * old_v)[0] / 2
+    potential = (old_u.T * sympy.Matrix(stiffness) * old_u)[0] / 2
+    method = LagrangesMethod(kinetic - potential, u)
+    equations = method.form_lagranges_equations()
+    system = system_from_lagrangian(kinetic, potential, u, gaps=[(u[0], None, 1)])
+    expected_mass = equations.jacobian([item.diff() for item in v])
+    expected_stiffness = equations.jacobian(u)
+    np.testing.assert_array_equal(system.mass, np.array(expected_mass.tolist(), dtype=float))
+    np.testing.assert_array_equal(system.stiffness, np.array(expected_stiffness.tolist(), dtype=float))
+
+
+def test_one_sided_gaps_and_bounds_with_parameters():
+    system = reference(
+        gaps=[("u1 - u2 + d", None, "2*d"), (sympy.Symbol("u2"), -math.inf, 3), ("u2", "-e/2", sympy.oo, 0.5)],
+        parameters={"mu": 0.1, "sigma": 0.1, "d": 0.25, "e": 4},
+    )
+    assert [(stop.lower, stop.upper, stop.restitution) for stop in system.stops] == [
+        (-math.inf, 0.25, 1.0),
+        (-math.inf, 3.0, 1.0),
+        (-2.0, math.inf, 0.5),
+    ]
+
+
+def test_a_nonlinear_term_with_coefficient_zero_is_no_term():
+    values = {"mu": 0.1, "sigma": 0.1, "rho": 1, "k3": 0, "a": 0.0, "n": 2}
+    system = reference(potential="u2**n/2 + sigma*(u1 - u2)**2/2 + k3*u1**4/4 + a*cos(u1)", parameters=values)
+    assert_equal(system, vibro_impact_nes(mu=0.1, sigma=0.1))
+
+
+def test_irrational_coefficients():
+    system = reference(
+        potential="sqrt(2)*u2**2/2 + sigma*(u1-u2)**2/2 + exp(-a)*u1**2/2", parameters={"mu": 1, "sigma": 0, "rho": 1, "a": 1}
+    )
+    assert system.stiffness.tolist() == [[math.exp(-1), 0.0], [0.0, math.sqrt(2)]]
+
+
+def test_a_coordinate_may_have_a_functions_name():
+    system = system_from_lagrangian("log_dot**2/2", "log**2*sqrt(4)", ["log"], gaps=[("log", -1, 1)])
+    assert system.stiffness.tolist() == [[4.0]]
+
+
+REFUSED = [
+    # nonlinear terms, by name
+    (
+        {"potential": POTENTIAL + " + u1**4/4"},
+        "the potential energy has the term u1**4/4, which is not quadratic in the coordinates",
+    ),
+    ({"potential": POTENTIAL + " + mu*(u1 - u2)**3"}, "which is not quadratic"),
+    (
+        {"potential": POTENTIAL + " + 2*cos(u1)"},
+        "the potential energy has the term 2*cos(u1), which is not quadratic in the coordinates",
+    ),
+    ({"potential": "sigma/u1"}, "has the term sigma/u1"),
+    ({"potential": "Abs(u1)"}, "has the term Abs(u1)"),
+    ({"potential": POTENTIAL + " - mu*u1"}, "has the term -mu*u1, a constant load, which is not quadratic"),
+    ({"potential": POTENTIAL + " + u1*u1_dot"}, "the potential energy has the velocity u1_dot in the term u1*u1_dot"),
+    ({"kinetic": KINETIC + " + u1**2*u1_dot**2"}, "the kinetic energy has the coordinate u1 in the term u1**2*u1_dot**2"),
+    ({"kinetic": KINETIC + " + u1_dot"}, "the kinetic energy has the term u1_dot, which is not quadratic in the velocities"),
+    ({"dissipation": "u1_dot**3"}, "the dissipation has the term u1_dot**3"),
+    ({"gaps": [("u1 - u2**2", -1, 1)]}, "gap 1 has the term -u2**2, which is not linear in the coordinates"),
+    ({"gaps": [("u1", -1, 1), ("sin(u2)", -1, 1)]}, "gap 2 has the term sin(u2), which is not linear"),
+    ({"gaps": [("u1_dot", -1, 1)]}, "gap 1 has the velocity u1_dot"),
+    ({"gaps": [("mu", -1, 1)]}, "contains no coordinate"),
+    # symbols without meaning
+    ({"potential": "k*u2**2"}, "the potential energy has the symbol k, which is neither a coordinate nor a velocity"),
+    ({"potential": "sigm*u2**2"}, "the nearest known is sigma"),
+    ({"potential": "u3**2"}, "has the symbol u3, which is neither a coordinate nor a velocity (u1, u2, u1_dot, u2_dot)"),
+    ({"potential": "t*u2**2"}, "depends on the time t"),
+    ({"potential": sympy.Function("f")(sympy.Symbol("t")) ** 2}, "has f(t), which is neither a coordinate nor a velocity"),
+    ({"gaps": [("u1", -1, "gap")]}, "the upper bound of gap 1 has the symbol gap"),
+    ({"gaps": [("u1", "u2", 1)]}, "the lower bound of gap 1 has the coordinate u2"),
+    ({"primary": "u4"}, "primary 'u4' is none of the coordinates u1, u2"),
+    # numbers
+    ({"parameters": {"mu": math.nan, "sigma": 1, "rho": 1}}, "parameter mu is a finite real number"),
+    ({"parameters": {"mu": "0.1", "sigma": 1, "rho": 1}}, "parameter mu is a finite real number"),
+    ({"parameters": {"mu": 1, "sigma": 1j, "rho": 1}}, "parameter sigma is a finite real number"),
+    ({"potential": "u1**2/(mu - 1/10)", "parameters": {"mu": sympy.Rational(1, 10)}}, "is a finite real number"),
+    ({"potential": "sqrt(-1)*u1**2"}, "not a finite real expression"),
+    ({"potential": "u1**2/0"}, "not a finite real expression"),
+    ({"potential": math.nan}, "not a finite real expression"),
+    ({"gaps": [("u1", math.nan, 1)]}, "the lower bound of gap 1 is not a finite real expression"),
+    # shapes
+    ({"coordinates": "u1"}, "coordinates is a list"),
+    ({"coordinates": []}, "coordinates is a list"),
+    ({"coordinates": [1, 2]}, "coordinate 1 is neither a name nor a symbol"),
+    ({"coordinates": ["u1", "u1"]}, "the name u1 is given twice"),
+    ({"parameters": {"u1": 1}}, "the name u1 is given twice"),
+    ({"velocities": ["v1"]}, "velocities is a list of 2"),
+    ({"gaps": "u1"}, "gaps is a list"),
+    ({"gaps": ["u1 - u2"]}, "gap 1 is (expression, lower, upper)"),
+    ({"kinetic": None}, "the kinetic energy is neither an expression, text nor a number"),
+    ({"kinetic": True}, "the kinetic energy is"),
+    # text that is no arithmetic
+    ({"potential": "u1**"}, 'the potential energy "u1**" cannot be read: not an expression'),
+    ({"potential": ""}, "cannot be read"),
+    ({"potential": "u1^2"}, "a power is written **"),
+    ({"potential": "u1.__class__"}, "attributes such as .__class__ are not allowed"),
+    ({"potential": "u1.real**2"}, "attributes such as .real are not allowed"),
+    ({"potential": "__import__('os').getcwd()"}, "cannot be read"),
+    ({"potential": "__builtins__*u1**2"}, "the name __builtins__ is not allowed"),
+    ({"potential": "eval('1')*u1**2"}, "the functions known"),
+    ({"potential": "Integer(3)*u1**2"}, "the functions known"),
+    ({"potential": "u1[0]"}, "only + - * / **"),
+    ({"potential": "(lambda: 1)()"}, "cannot be read"),
+    ({"potential": "[u1 for u1 in (1, 2)]"}, "only + - * / **"),
+    ({"potential": "'u1'"}, "is not a finite real number"),
+    ({"potential": "1e999*u1**2"}, "is not a finite real number"),
+    ({"potential": "u1**2 + 9**9**9"}, "a power is at most"),
+    ({"potential": "u1**1000"}, "a power is at most"),
+    ({"potential": "(" * 500 + "u1" + ")" * 500}, "cannot be read"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), REFUSED)
+def test_refusals(change, message):
+    with pytest.raises(LagrangianError) as caught:
+        reference(**change)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_what_makes_no_system_is_refused_by_the_system():
+    for change in (
+        {"kinetic": "u1_dot**2 - u2_dot**2"},
+        {"gaps": [("u1", 1, -1)]},
+        {"gaps": [("u1", -1, 1, 1.5)]},
+        {"gaps": []},
+    ):
+        with pytest.raises(InvalidSystem):
+            reference(**change)
+
+
+def test_functions_of_two_times_are_refused():
+    t, s = sympy.symbols("t s")
+    u1, u2 = sympy.Function("u1"), sympy.Function("u2")
+    with pytest.raises(LagrangianError, match="depend on s and t, expected one time"):
+        reference(coordinates=[u1(t), u2(s)])
+    with pytest.raises(LagrangianError, match="nor a function of time"):
+        reference(coordinates=[u1(t, s), u2(t)])
+    with pytest.raises(LagrangianError, match="neither a coordinate nor a velocity"):
+        reference(kinetic=u1(t).diff(t, 2) ** 2, coordinates=[u1(t), u2(t)])
+
+
+def test_sympy_is_loaded_only_by_use():
+    import subprocess
+    import sys
+
+    code = "import sys, bvp.lagrangian, bvp.system; print('sympy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "False"

@@ -1,0 +1,184 @@
+"""ImpactSystem and Stop: what is refused and in which words; energy, symmetry and description. Oracles: definitions, round trips."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from bvp.system import ImpactSystem, InvalidSystem, Stop, vibro_impact_nes
+
+EYE = np.eye(2)
+ZERO = np.zeros((2, 2))
+STOP = Stop((1.0, -1.0), -1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"mass": [[1.0, 0.1], [0.2, 1.0]]}, r"mass must be symmetric; entry \(1, 2\) is 0.1 and \(2, 1\) is 0.2"),
+        ({"mass": [[1.0, 2.0], [2.0, 1.0]]}, "mass must be positive definite; scaled to a unit diagonal it is indefinite"),
+        ({"mass": [[1.0, 1.0], [1.0, 1.0]]}, "mass must be positive definite; scaled to a unit diagonal it is singular"),
+        ({"mass": [[1.0, 0.0], [0.0, -1.0]]}, "mass must be positive definite; its diagonal entry 2 is -1"),
+        ({"mass": [[1.0, 0.0], [0.0, 0.0]]}, "mass must be positive definite; its diagonal entry 2 is 0"),
+        ({"stiffness": [[1.0, 0.1], [0.2, 1.0]]}, "stiffness must be symmetric"),
+        ({"mass": [[math.nan, 0.0], [0.0, 1.0]]}, r"mass holds finite numbers; entry \(1, 1\) is nan"),
+        ({"stiffness": [[1.0, math.inf], [math.inf, 1.0]]}, "stiffness holds finite numbers"),
+        ({"damping": [[math.nan, 0.0], [0.0, 1.0]]}, "damping holds finite numbers"),
+        ({"damping": np.zeros((3, 3))}, "damping is 2 by 2 like mass; received 3 by 3"),
+        ({"mass": [1.0, 2.0]}, "mass is a square matrix"),
+        ({"mass": "heavy"}, "mass is a square matrix of numbers; received 'heavy'"),
+        ({"stops": (Stop((1.0,), 0.0, 1.0),)}, "gap row of stop a has 1 entries; the system has 2 coordinates"),
+        ({"stops": ()}, "at least one Stop"),
+        ({"stops": (Stop((1.0, 0.0), 0.0, 1.0, name="b"), Stop((0.0, 1.0), 0.0, 1.0, name="b"))}, "different names"),
+        ({"coordinates": ("x", "x")}, "coordinates are 2 different names"),
+        ({"coordinates": ("x",)}, "coordinates are 2 different names"),
+        ({"absorber": 2}, "absorber is the index of a coordinate, 0 to 1; received 2"),
+        ({"absorber": 1, "primary": 1}, "two coordinates; both are u2"),
+    ],
+)
+def test_matrices_that_cannot_be_are_refused_by_name(change, words):
+    given = {"mass": EYE, "damping": ZERO, "stiffness": EYE, "stops": (STOP,)} | change
+    with pytest.raises(InvalidSystem, match=words) as error:
+        ImpactSystem(**given)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"gap": (0.0, 0.0), "upper": 1.0}, "gap row of a stop is zero"),
+        ({"gap": (), "upper": 1.0}, "list of finite numbers"),
+        ({"gap": (1.0, math.inf), "upper": 1.0}, "list of finite numbers"),
+        ({"gap": "row", "upper": 1.0}, "list of numbers"),
+        ({"gap": (1.0,), "lower": 1.0, "upper": 1.0}, "lower must be below upper; a stop has lower 1, upper 1"),
+        ({"gap": (1.0,), "lower": 2.0, "upper": 1.0, "name": "c"}, "lower must be below upper; stop c has lower 2, upper 1"),
+        ({"gap": (1.0,)}, "no finite bound"),
+        ({"gap": (1.0,), "upper": math.nan}, "upper of a stop is a number; received NaN"),
+        ({"gap": (1.0,), "upper": 1.0, "restitution": 1.1}, r"restitution lies in \[0, 1\]; a stop has 1.1"),
+        ({"gap": (1.0,), "upper": 1.0, "restitution": -0.1}, r"restitution lies in \[0, 1\]"),
+        ({"gap": (1.0,), "upper": 1.0, "restitution": math.nan}, "received NaN"),
+        ({"gap": (1.0,), "upper": 1.0, "name": "A"}, "one lower-case letter"),
+        ({"gap": (1.0,), "upper": 1.0, "name": "ab"}, "one lower-case letter"),
+    ],
+)
+def test_stops_that_cannot_be_are_refused(given, words):
+    with pytest.raises(InvalidSystem, match=words):
+        Stop(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"mu": 0.0}, "mu, the mass ratio, must be above 0"),
+        ({"mu": -1.0}, "received -1"),
+        ({"mu": math.inf}, "mu, the mass ratio"),
+        ({"mu": math.nan}, "mu is a number; received NaN"),
+        ({"sigma": -0.1}, "sigma, the coupling stiffness, must be 0 or above"),
+        ({"sigma": math.nan}, "sigma is a number; received NaN"),
+        ({"lam": -0.1}, "lam, the damping, must be 0 or above"),
+        ({"lam": math.nan}, "lam is a number; received NaN"),
+        ({"rho": 1.5}, r"rho, the restitution, lies in \[0, 1\]; received 1.5"),
+        ({"rho": -0.5}, "rho, the restitution"),
+        ({"rho": math.nan}, "rho is a number; received NaN"),
+        ({"rho": "one"}, "rho is a number; received 'one'"),
+    ],
+)
+def test_parameters_of_the_reference_system_that_cannot_be_are_refused(given, words):
+    with pytest.raises(InvalidSystem, match=words):
+        vibro_impact_nes(**given)
+
+
+def test_the_reference_system_has_the_energy_of_the_paper():
+    """H = (mu u1'^2 + u2'^2 + u2^2 + sigma (u1 - u2)^2)/2, for one state and for an array of states."""
+    system = vibro_impact_nes(mu=0.3, sigma=0.7)
+    u = np.random.default_rng(1).normal(size=(5, 3, 2))
+    v = np.random.default_rng(2).normal(size=(5, 3, 2))
+    h = (0.3 * v[..., 0] ** 2 + v[..., 1] ** 2 + u[..., 1] ** 2 + 0.7 * (u[..., 0] - u[..., 1]) ** 2) / 2
+    np.testing.assert_allclose(system.energy(u, v), h, rtol=1e-14)
+    assert isinstance(system.energy(u[0, 0], v[0, 0]), float)
+
+
+def test_a_system_says_what_loses_energy():
+    assert vibro_impact_nes().is_conservative and vibro_impact_nes().why_not_conservative() is None
+    assert vibro_impact_nes(rho=0.7).why_not_conservative() == "restitution 0.7 of stop a loses energy"
+    assert vibro_impact_nes(lam=0.01).why_not_conservative() == "damping acts on u2 (coefficient 0.01)"
+    assert not vibro_impact_nes(lam=0.01).is_conservative
+
+
+def test_odd_symmetry_needs_equal_gaps_on_both_sides():
+    def with_stop(*bounds):
+        return ImpactSystem(EYE, ZERO, EYE, (Stop((1.0, 0.0), *bounds),))
+
+    assert with_stop(-1.0, 1.0).has_odd_symmetry
+    assert not with_stop(-1.0, 1.1).has_odd_symmetry
+    assert not with_stop(-1.0).has_odd_symmetry
+
+
+def test_names_default_in_order_around_those_given():
+    stops = (Stop((1.0, 0.0), upper=1.0), Stop((0.0, 1.0), upper=1.0, name="a"), Stop((1.0, 1.0), upper=1.0))
+    assert [stop.name for stop in ImpactSystem(EYE, ZERO, EYE, stops).stops] == ["b", "a", "c"]
+
+
+def test_arrays_are_copies_and_read_only():
+    mass = np.eye(2)
+    system = ImpactSystem(mass, ZERO, EYE, (STOP,))
+    mass[0, 0] = 7.0
+    assert system.mass[0, 0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        system.stiffness[0, 0] = 2.0
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        vibro_impact_nes(0.37, 0.81, 0.01, 0.7),
+        ImpactSystem(
+            [[2.0, 0.1], [0.1, 1.0]],
+            [[0.1, 0.0], [0.0, 0.0]],
+            [[1.0, -1.0], [-1.0, 1.0]],
+            (Stop((1.0, 0.0), upper=0.5, restitution=0.9), Stop((1.0, -1.0), -1.0, 2.0, name="g")),
+            ("x", "y"),
+            absorber=0,
+        ),
+    ],
+)
+def test_a_description_survives_json_and_gives_the_same_system(system):
+    text = json.dumps(system.describe(), allow_nan=False)
+    again = ImpactSystem.from_description(json.loads(text))
+    for key in ("mass", "damping", "stiffness"):
+        np.testing.assert_array_equal(getattr(again, key), getattr(system, key))
+    for key in ("stops", "coordinates", "absorber", "primary", "model"):
+        assert getattr(again, key) == getattr(system, key)
+    assert json.dumps(again.describe()) == text
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"model": "vibro_impact_ness"}, "unknown model 'vibro_impact_ness'; known: vibro_impact_nes"),
+        ({"model": "vibro_impact_nes", "sigm": 0.1}, "unknown key 'sigm' in model vibro_impact_nes; nearest known: sigma"),
+        ({"mass": [[1.0]], "stiffness": [[1.0]]}, "lacks 'stops'"),
+        ({"mas": [[1.0]]}, "unknown key 'mas' in the system; nearest known: mass"),
+        ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"upper": 1.0}]}, "a stop lacks its gap row 'c'"),
+        ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "uper": 1.0}]}, "nearest known: upper"),
+        ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [3]}, "a stop is a table"),
+        ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": 3}, "stops is a list of tables"),
+        (
+            {"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": 1.0}], "coordinates": {"absorber": "x"}},
+            "absorber 'x' is none of the coordinates u1",
+        ),
+        ([1, 2], "a table of keys and values"),
+    ],
+)
+def test_a_description_that_cannot_be_is_refused(given, words):
+    with pytest.raises(InvalidSystem, match=words):
+        ImpactSystem.from_description(given)
+
+
+def test_a_changed_matrix_is_not_described_as_the_model_it_came_from():
+    """`describe` must never give a description that makes another system."""
+    from dataclasses import replace
+
+    system = replace(vibro_impact_nes(), stiffness=np.array([[0.2, -0.2], [-0.2, 1.2]]))
+    assert ImpactSystem.from_description(system.describe()).stiffness[0, 0] == 0.2

@@ -1,0 +1,158 @@
+"""Plain numpy and mpmath twins of the compiled kernels: the slow, obvious way to the same numbers, and the systems they are tried on."""
+
+import mpmath
+import numpy as np
+from scipy.linalg import expm
+from scipy.optimize import brentq, minimize_scalar
+
+from bvp.system import ImpactSystem, Stop
+
+
+def first_order(system):
+    """The 2n x 2n matrix of (u, v)' from M, C and K."""
+    n = system.degrees_of_freedom
+    inverse = np.linalg.inv(system.mass)
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ system.stiffness, -inverse @ system.damping]])
+
+
+def flow(system, u, v, t):
+    """(u, v) after a free flight of duration t, by scipy's expm of the first-order matrix."""
+    return expm(first_order(system) * t) @ np.concatenate([u, v])
+
+
+def exact_flow_matrix(system, t, digits=50):
+    """exp(A t) of (u, v) by mpmath from the exact values of the floats M, C, K: scaling, 60 terms of Taylor's series, squaring."""
+    with mpmath.workdps(digits + 20):
+        n = system.degrees_of_freedom
+        inverse = mpmath.matrix(system.mass.tolist()) ** -1
+        low = -inverse * mpmath.matrix(system.stiffness.tolist())
+        damp = -inverse * mpmath.matrix(system.damping.tolist())
+        a = mpmath.zeros(2 * n)
+        for i in range(n):
+            a[i, n + i] = mpmath.mpf(1)
+            for j in range(n):
+                a[n + i, j] = low[i, j]
+                a[n + i, n + j] = damp[i, j]
+        a *= mpmath.mpf(t)
+        halvings = max(0, int(mpmath.ceil(mpmath.log(mpmath.mnorm(a, 1) + 1, 2))) + 2)
+        with mpmath.workdps(digits + 20 + halvings):
+            a /= mpmath.mpf(2) ** halvings
+            term = total = mpmath.eye(2 * n)
+            for k in range(1, 61):
+                term = term * a / k
+                total = total + term
+            for _ in range(halvings):
+                total = total * total
+        return np.array(total.tolist(), dtype=float)
+
+
+def amplitude_samples(matrix, row, z, horizon, order, points=400):
+    """|row . B^order exp(B t) z| at many times."""
+    step = expm(matrix * horizon / points)
+    functional = row @ np.linalg.matrix_power(matrix, order)
+    values = []
+    for _ in range(points + 1):
+        values.append(abs(functional @ z))
+        z = step @ z
+    return np.array(values)
+
+
+def restitute(system, index, v, sign=1.0, factor=1.0):
+    """Velocities after an impact on stop `index` from M and c alone; sign and factor are 1 unless a mutation is tried."""
+    stop = system.stops[index]
+    c = np.array(stop.gap)
+    direction = np.linalg.solve(system.mass, c)
+    return v - sign * (1.0 + factor * stop.restitution) * direction * (c @ v) / (c @ direction)
+
+
+def distances(system, state):
+    """Signed distance of each contact, lower before upper, from (u, v) alone; (contacts,) for state (2n,)."""
+    n = system.degrees_of_freedom
+    out = []
+    for stop in system.stops:
+        w = np.array(stop.gap) @ state[:n]
+        out += [w - stop.lower] if np.isfinite(stop.lower) else []
+        out += [stop.upper - w] if np.isfinite(stop.upper) else []
+    return np.array(out)
+
+
+def rates(system, state):
+    """Rate of each distance: d'."""
+    n = system.degrees_of_freedom
+    out = []
+    for stop in system.stops:
+        w = np.array(stop.gap) @ state[n:]
+        out += [w] if np.isfinite(stop.lower) else []
+        out += [-w] if np.isfinite(stop.upper) else []
+    return np.array(out)
+
+
+def next_impact(system, u, v, horizon, step, skip_start=0.0):
+    """(contact, time) of the first crossing by dense sampling, Brent's method on crossings and on minima between samples; or None.
+
+    Distances at times up to `skip_start` are not looked at.
+    """
+    a = first_order(system)
+    state = np.concatenate([u, v])
+    move = expm(a * step)
+    samples = [state]
+    count = int(np.ceil(horizon / step))
+    for _ in range(count):
+        samples.append(move @ samples[-1])
+
+    def distance(k, c, s):
+        return distances(system, expm(a * s) @ samples[k])[c]
+
+    for k in range(count):
+        here, there = distances(system, samples[k]), distances(system, samples[k + 1])
+        slope_here, slope_there = rates(system, samples[k]), rates(system, samples[k + 1])
+        found = []
+        for c in range(len(here)):
+            start = max(0.0, min(step, skip_start - k * step))
+            first = distance(k, c, start)
+            if start >= step or first <= 0.0:
+                continue
+            end = step if there[c] < 0.0 else None
+            if end is None and slope_here[c] < 0.0 < slope_there[c]:
+                low = minimize_scalar(
+                    lambda s, k=k, c=c: distance(k, c, s), bounds=(start, step), method="bounded", options={"xatol": 1e-12}
+                )
+                end = low.x if low.fun < 0.0 else None
+            if end is not None:
+                found.append((k * step + brentq(lambda s, k=k, c=c: distance(k, c, s), start, end, xtol=1e-15), c))
+        if found:
+            time, c = min(found)
+            return (c, time) if time <= horizon else None
+    return None
+
+
+def run(system, u, v, impacts, step=0.01, horizon=100.0, sign=1.0, factor=1.0):
+    """(times, states after) of the first impacts by `next_impact` and `restitute` of this file."""
+    owner = [k for k, stop in enumerate(system.stops) for bound in (stop.lower, stop.upper) if np.isfinite(bound)]
+    n = system.degrees_of_freedom
+    times, states, t = [], [], 0.0
+    u, v = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
+    for _ in range(impacts):
+        found = next_impact(system, u, v, horizon, step, 1e-7 if times else 0.0)
+        if found is None:
+            break
+        state = flow(system, u, v, found[1])
+        u, v = state[:n], restitute(system, owner[found[0]], state[n:], sign, factor)
+        t += found[1]
+        times.append(t)
+        states.append(np.concatenate([u, v]))
+    return np.array(times), np.array(states)
+
+
+def chain(masses, springs, ground=0.0, damping=0.0, stops=None):
+    """Masses in a row joined by springs, free at both ends where ground is 0; damping is proportional to the springs' stiffness."""
+    n = len(masses)
+    stiffness = np.zeros((n, n))
+    for k, spring in enumerate(springs):
+        stiffness[k : k + 2, k : k + 2] += spring * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stiffness[0, 0] += ground
+    if stops is None:
+        row = np.zeros(n)
+        row[0], row[-1] = 1.0, -1.0 if n > 1 else 1.0
+        stops = (Stop(tuple(row), -1.0, 1.0),)
+    return ImpactSystem(np.diag(masses), damping * stiffness, stiffness, stops)

@@ -1,0 +1,277 @@
+"""Events on a line whose test functions are known functions of the arclength: the exact places are the oracle."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from continuation import EndReason, EventDetails, Settings, follow
+from continuation import Test as Marker
+from tests.continuation.curves import Line, parts
+
+SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=60)
+
+
+def run(problem, settings=SHORT, **options):
+    points, events, ends = parts(follow(problem, np.array([0.0]), settings=settings, **options))
+    assert len(ends) == 1
+    return points, events, ends[0]
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_crossing_is_located_inside_its_bracket_and_is_a_point(direction):
+    root = 1.2345678901 * direction
+    points, events, _ = run(Line((Marker("A", "crossing"), lambda s: math.sin(s - root))), direction=direction)
+    (event,) = [event for event in events if event.arclength < 3]
+    low, high = event.bracket
+    assert low <= abs(root) <= high and high - low <= 1e-10
+    assert abs(event.arclength - abs(root)) <= 1e-10 and event.residual <= 1e-10
+    assert event.status == "located" and event.details == {}
+    assert points[event.index].event is event and points[event.index].step is event.point
+    assert event.point.extra == {"at": pytest.approx(root, abs=1e-10)}
+
+
+def test_location_is_superlinear():
+    """One event costs at most 9 further steps for 1e-10; bisection from 0.1 would need 30."""
+    plain, marked = Line(), Line((Marker("A", "crossing"), lambda s: math.exp(s) - 5))
+    run(plain)
+    _, events, _ = run(marked, Settings(initial_step=0.1, maximum_step=0.1, maximum_points=61))
+    assert len(events) == 1
+    assert marked.steps - plain.steps <= 9
+
+
+def test_several_tests_in_one_step_come_in_order_of_arclength():
+    problem = Line(
+        (Marker("LATE", "crossing"), lambda s: s - 1.07),
+        (Marker("KEY", "change"), lambda s: float(s > 1.05)),
+        (Marker("EARLY", "crossing"), lambda s: 1.02 - s),
+    )
+    points, events, _ = run(problem)
+    assert [event.code for event in events] == ["EARLY", "KEY", "LATE"]
+    assert [event.arclength for event in events] == pytest.approx([1.02, 1.05, 1.07], abs=1e-10)
+    assert [point.arclength for point in points] == sorted(point.arclength for point in points)
+    assert [point.index for point in points] == list(range(len(points)))
+
+
+def test_all_changes_of_a_key_in_one_step_are_found():
+    changes = [1.01, 1.031, 1.0312, 1.07]
+    _, events, _ = run(Line((Marker("K", "change"), lambda s: float(sum(s > c for c in changes)))))
+    assert [event.arclength for event in events] == pytest.approx(changes, abs=1e-10)
+    assert all(event.status == "located" and event.residual == 0 for event in events)
+    for event, change in zip(events, changes, strict=True):
+        assert event.bracket[0] <= change <= event.bracket[1]
+        assert event.point.parameter > change  # the first point with the new key
+
+
+def test_terminal_change_ends_on_the_old_side():
+    points, events, end = run(Line((Marker("K", "change", terminal=True), lambda s: float(s > 1.03))))
+    assert end.reason is EndReason.EVENT and points[-1].event is events[-1]
+    assert 1.03 - 1e-10 <= points[-1].parameter <= 1.03
+
+
+def test_undefined_values_make_no_event():
+    def crossing(s):
+        return math.nan if 0.45 < s < 1.55 else 1.0 - s
+
+    def key(s):
+        return math.nan if 0.45 < s < 1.55 else float(s > 1)
+
+    tests = (Marker("A", "crossing"), crossing), (Marker("G", "guard"), crossing), (Marker("K", "change"), key)
+    points, events, _ = run(Line(*tests))
+    assert events == [] and len(points) == 60
+    points, events, end = run(Line((Marker("G", "guard", terminal=True), crossing)))
+    assert end.reason is EndReason.EVENT and events[0].details["kind"] == "outside"  # violated where it is defined again
+    assert 1.55 < points[-1].parameter < 1.75
+
+
+@pytest.mark.parametrize(
+    ("function", "kind"),
+    [
+        (lambda s: 1 / (1.0432 - s), "pole"),
+        (lambda s: 1e9 if s < 1.0432 else -1e9, "jump"),
+        (lambda s: math.copysign(1.0, s - 1.0432) + 0.1 * s, "jump"),
+    ],
+)
+def test_jumps_and_poles_are_not_called_zeros(function, kind):
+    seen = []
+
+    def classify(index, before, at, after, location):
+        seen.append((location.kind, location.status, before.parameter, after.parameter))
+        return EventDetails("J", data={"mine": 1})
+
+    _, events, _ = run(Line((Marker("A", "crossing"), function), classify=classify))
+    assert [event.status for event in events] == ["bracketed"]
+    assert events[0].details == {"mine": 1, "kind": kind}
+    assert events[0].bracket[0] <= 1.0432 <= events[0].bracket[1] and events[0].residual > 0.5
+    (found_kind, status, before, after) = seen[0]
+    assert (found_kind, status) == (kind, "bracketed") and before < 1.0432 < after
+
+
+def test_steep_zeros_are_zeros():
+    _, events, _ = run(Line((Marker("A", "crossing"), lambda s: math.tanh((s - 1.0432) / 1e-6))))
+    assert [(event.status, event.arclength) for event in events] == [("located", pytest.approx(1.0432, abs=1e-10))]
+
+
+def test_classify_may_drop_rename_and_end():
+    def classify(index, before, at, after, location):
+        if at.parameter < 2:
+            return None
+        return EventDetails("NEW", terminal=at.parameter > 4, data={"where": at.parameter})
+
+    points, events, end = run(Line((Marker("A", "crossing"), lambda s: math.sin(math.pi * (s + 0.5))), classify=classify))
+    assert [event.code for event in events] == ["NEW"] * 3
+    assert [event.details["where"] for event in events] == pytest.approx([2.5, 3.5, 4.5], abs=1e-9)
+    assert end.reason is EndReason.EVENT and "NEW" in end.detail
+    assert points[-1].arclength == pytest.approx(4.5, abs=1e-10)
+
+
+def test_terminal_event_is_the_last_point_and_later_events_are_none():
+    problem = Line(
+        (Marker("END", "guard", terminal=True), lambda s: 1.03 - s),
+        (Marker("B", "crossing"), lambda s: s - 1.01),
+        (Marker("C", "crossing"), lambda s: s - 1.05),
+    )
+    points, events, end = run(problem)
+    assert [event.code for event in events] == ["B", "END"]
+    assert events[-1].terminal and points[-1].event is events[-1]
+    assert points[-1].arclength == pytest.approx(1.03, abs=1e-10)
+    assert end.reason is EndReason.EVENT
+
+
+def test_guard_may_rise_but_not_fall():
+    _, events, _ = run(Line((Marker("G", "guard"), lambda s: math.sin(s - 1.0))))
+    assert [event.arclength for event in events] == pytest.approx([1 + math.pi], abs=1e-10)
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-17, -1e-17])
+def test_family_that_starts_on_its_guard_goes_inward_only(value):
+    """A start at grazing to rounding: inward is a family, outward ends at once."""
+    _, _, inward = run(Line((Marker("G", "guard", terminal=True), lambda s: s + value)))
+    assert inward.reason is EndReason.POINTS
+    points, events, outward = run(Line((Marker("G", "guard", terminal=True), lambda s: value - s)))
+    assert outward.reason is EndReason.EVENT
+    assert abs(points[-1].arclength) <= 1e-10 and events[0].residual <= 1e-10
+
+
+def test_event_on_the_start_is_not_reported_by_one_direction():
+    for value in (1e-17, -1e-17, 0.0):
+        _, events, _ = run(Line((Marker("A", "crossing", terminal=True), lambda s, value=value: s + value)))
+        assert events == []
+
+
+def test_coincident_events_are_one_where_a_test_absorbs_another():
+    strong = Marker("BP", "crossing", absorbs=("SN",))
+    for first, second in (
+        ((strong, 1.03), (Marker("SN", "crossing"), 1.03)),
+        ((Marker("SN", "crossing"), 1.03), (strong, 1.03)),
+    ):
+        problem = Line(*((test, lambda s, place=place: place - s) for test, place in (first, second)))
+        _, events, _ = run(problem)
+        assert [(event.code, event.details) for event in events] == [("BP", {"absorbed": ("SN",)})]
+
+
+def test_events_further_apart_than_the_tolerance_are_two():
+    problem = Line(
+        (Marker("BP", "crossing", absorbs=("SN",)), lambda s: s - 1.03), (Marker("SN", "crossing"), lambda s: s - 1.03001)
+    )
+    _, events, _ = run(problem)
+    assert [event.code for event in events] == ["BP", "SN"]
+
+
+@given(st.floats(-3e-9, 3e-9), st.floats(-3e-9, 3e-9))
+@hypothesis_settings(max_examples=40, deadline=None)
+def test_coincident_events_about_an_accepted_point_are_one(offset_strong, offset_weak):
+    """Steps of 0.1 land on 0.5; the zeros lie on either side of it by a few 1e-9."""
+    problem = Line(
+        (Marker("BP", "crossing", absorbs=("SN",)), lambda s: s - 0.5 - offset_strong),
+        (Marker("SN", "crossing"), lambda s: s - 0.5 - offset_weak),
+    )
+    points, events, _ = run(problem)
+    assert [event.code for event in events] == ["BP"]
+    near = [point for point in points if point.event is None and abs(point.arclength - 0.5) < 1e-7]
+    assert len(near) <= 1
+
+
+@given(st.floats(1.0, 4.0), st.floats(0.004, 0.09), st.floats(0.3, 3.0))
+@hypothesis_settings(max_examples=60, deadline=None)
+def test_two_zeros_in_one_step_are_found_where_the_test_is_a_parabola(middle, distance, size):
+    """Oracle: the zeros of size (s - m)^2 - size d^2; steps are 0.1 long, so most pairs leave no change of sign."""
+    problem = Line((Marker("A", "crossing"), lambda s: size * ((s - middle) ** 2 - distance**2)))
+    _, events, _ = run(problem)
+    assert [event.arclength for event in events] == pytest.approx([middle - distance, middle + distance], abs=2e-10)
+
+
+def test_two_zeros_in_one_step_of_a_function_that_is_no_parabola():
+    problem = Line((Marker("A", "crossing"), lambda s: math.cosh(3 * (s - 2.05)) - 1.003 + 0.2 * (s - 2.05) ** 3))
+    _, events, _ = run(problem)
+    assert len(events) == 2 and all(abs(event.arclength - 2.05) < 0.03 for event in events)
+
+
+def test_guard_that_dips_below_zero_inside_a_step_ends_the_family():
+    problem = Line((Marker("G", "guard", terminal=True), lambda s: (s - 2.05) ** 2 - 0.02**2))
+    points, _, end = run(problem)
+    assert end.reason is EndReason.EVENT and points[-1].arclength == pytest.approx(2.03, abs=1e-10)
+
+
+def test_a_dip_that_stays_above_zero_is_no_event_and_costs_few_steps():
+    plain, dipping = Line(), Line((Marker("A", "crossing"), lambda s: (s - 2.05) ** 2 + 1e-6))
+    run(plain)
+    _, events, _ = run(dipping)
+    assert events == [] and dipping.steps - plain.steps <= 4
+
+
+@given(st.lists(st.floats(0.3, 5.0), min_size=1, max_size=5, unique=True))
+@hypothesis_settings(max_examples=50, deadline=None)
+def test_all_zeros_of_a_polynomial_are_found_in_order(roots):
+    """Oracle: the roots the polynomial is made of, kept 0.11 apart so that no step holds two."""
+    roots = sorted(roots)
+    roots = [roots[0]] + [b for a, b in zip(roots, roots[1:], strict=False) if b - a > 0.11]
+    problem = Line((Marker("A", "crossing"), lambda s: math.prod(s - root for root in roots)))
+    _, events, _ = run(problem, Settings(initial_step=0.1, maximum_step=0.1, maximum_points=65))
+    assert [event.arclength for event in events] == pytest.approx(roots, abs=1e-10)
+    assert all(e.bracket[0] - 1e-12 <= root <= e.bracket[1] + 1e-12 for e, root in zip(events, roots, strict=True))
+
+
+def test_unknown_kind_of_test_is_refused():
+    with pytest.raises(ValueError, match="kind 'zero', expected crossing, guard or change"):
+        run(Line((Marker("A", "zero"), lambda s: s)))
+
+
+def test_step_whose_inside_cannot_be_followed_is_refused_until_the_event_is_outside_the_gap():
+    """A sign change across a gap where the corrector fails: the steps shrink, and the family ends at the gap with no event."""
+    problem = Line((Marker("A", "crossing"), lambda s: s - 1.05), broken=lambda s: 1.04 < s < 1.06)
+    points, events, end = run(problem)
+    assert events == [] and end.reason is EndReason.MINIMUM_STEP and end.tally.jumped > 0
+    assert points[-1].arclength < 1.04
+
+
+def test_event_in_a_gap_smaller_than_the_coincidence_tolerance_is_bracketed():
+    problem = Line((Marker("A", "crossing"), lambda s: s - 1.05), broken=lambda s: abs(s - 1.05) < 1e-8)
+    _, events, _ = run(problem)
+    (event,) = events
+    assert event.status == "bracketed" and event.details["kind"] == "interrupted" and "converge" in event.details["reason"]
+    assert event.bracket[0] <= 1.05 <= event.bracket[1] and event.bracket[1] - event.bracket[0] <= 1e-6
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, -1.0])
+def test_constant_test_functions_make_no_event(value):
+    plain, constant = Line(), Line((Marker("A", "crossing"), lambda s: value), (Marker("K", "change"), lambda s: value))
+    run(plain)
+    _, events, _ = run(constant)
+    assert events == [] and constant.steps == plain.steps
+
+
+def test_touching_zero_exactly_at_accepted_points_makes_at_most_one_event_each():
+    """|s - 0.5| has its zero at a point that the steps of 0.1 meet to rounding; it never changes sign for good."""
+    _, events, _ = run(Line((Marker("A", "crossing"), lambda s: abs(s - 0.5))))
+    assert len(events) <= 2 and all(abs(event.arclength - 0.5) < 1e-9 for event in events)
+
+
+def test_a_key_that_changes_very_often_asks_for_shorter_steps():
+    problem = Line((Marker("K", "change"), lambda s: float(math.floor(400 * s))))
+    points, events, end = run(problem, Settings(initial_step=0.1, maximum_step=0.1, maximum_points=100))
+    assert end.tally.jumped > 0
+    assert [event.arclength for event in events] == pytest.approx([(k + 1) / 400 for k in range(len(events))], abs=1e-10)

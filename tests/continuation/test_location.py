@@ -1,0 +1,107 @@
+"""Bracketing root finding. Oracles: roots in closed form; the bracket must hold the root; order of convergence."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from continuation.location import StepRefused, bracketed_root
+
+
+class Counted:
+    """A function that counts its calls."""
+
+    def __init__(self, function):
+        self.function, self.calls = function, 0
+
+    def __call__(self, s):
+        self.calls += 1
+        return self.function(s)
+
+
+FUNCTIONS = [
+    (lambda s: s**3 - 2, 2 ** (1 / 3), 0.0, 3.0),
+    (lambda s: math.cos(s) - s, 0.7390851332151607, 0.0, 1.0),
+    (lambda s: math.exp(s) - 5, math.log(5), 0.0, 4.0),
+    (lambda s: math.tanh(50 * (s - 0.3)), 0.3, 0.0, 1.0),
+    (lambda s: math.copysign(math.sqrt(abs(s - 0.4)), s - 0.4), 0.4, 0.0, 1.0),
+]
+
+
+@pytest.mark.parametrize(("function", "root", "low", "high"), FUNCTIONS)
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-8, 1e-12])
+def test_brackets_the_root_to_the_tolerance(function, root, low, high, tolerance):
+    found = bracketed_root(function, low, function(low), high, function(high), tolerance)
+    assert found.high - found.low <= 1.001 * tolerance
+    assert found.low - 1e-15 <= root <= found.high + 1e-15
+    assert found.value == function(found.root)
+    assert not found.interrupted
+
+
+@pytest.mark.parametrize(("function", "root", "low", "high"), FUNCTIONS[:3])
+def test_convergence_is_superlinear(function, root, low, high):
+    """Twelve more digits cost fewer calls than the forty of bisection: the count grows like the logarithm of the digits."""
+    calls = []
+    for tolerance in (1e-3, 1e-6, 1e-12):
+        counted = Counted(function)
+        bracketed_root(counted, low, function(low), high, function(high), tolerance)
+        calls.append(counted.calls)
+    assert calls[-1] <= 14
+    assert calls[2] - calls[1] <= 4  # bisection would need 20
+
+
+@given(st.floats(0.01, 0.99), st.floats(0.1, 10), st.integers(0, 3), st.sampled_from([1.0, -1.0]))
+def test_any_monotone_function_in_either_direction(root, steepness, power, sign):
+    def function(s):
+        return sign * ((s - root) * steepness + (s - root) ** (2 * power + 1))
+
+    found = bracketed_root(function, 0.0, function(0.0), 1.0, function(1.0), 1e-12)
+    assert abs(found.root - root) <= 1e-12
+    assert found.low <= root + 1e-15 and root - 1e-15 <= found.high
+
+
+def test_jump_and_pole_are_bracketed_and_their_value_shows_them():
+    jump = bracketed_root(lambda s: 1.0 if s > 0.3 else -1.0, 0.0, -1.0, 1.0, 1.0, 1e-10)
+    assert jump.low <= 0.3 <= jump.high and jump.high - jump.low <= 1e-10 and abs(jump.value) == 1
+    pole = bracketed_root(lambda s: 1 / (s - 0.3), 0.0, -1 / 0.3, 1.0, 1 / 0.7, 1e-10)
+    assert pole.low <= 0.3 <= pole.high and pole.high - pole.low <= 1e-10 and abs(pole.value) > 1e9
+
+
+def test_zero_at_an_end_is_exact():
+    assert bracketed_root(lambda s: s, 0.0, 0.0, 1.0, 1.0, 1e-10).root == 0.0
+    found = bracketed_root(lambda s: s - 1, 0.0, -1.0, 1.0, 0.0, 1e-10)
+    assert (found.root, found.low, found.high) == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("values", [(1.0, 2.0), (-1.0, -2.0), (math.nan, 1.0), (1.0, math.nan)])
+def test_refuses_a_bracket_without_a_change_of_sign(values):
+    with pytest.raises(ValueError, match="different sign"):
+        bracketed_root(lambda s: s, 0.0, values[0], 1.0, values[1], 1e-10)
+
+
+def test_tiny_values_of_different_sign_are_a_bracket():
+    """The product of the ends underflows; the root is there all the same."""
+    found = bracketed_root(lambda s: 1e-200 * (s - 0.25), 0.0, -0.25e-200, 1.0, 0.75e-200, 1e-10)
+    assert abs(found.root - 0.25) <= 1e-10
+
+
+def test_goes_round_a_place_where_the_function_is_refused():
+    def function(s):
+        if abs(s - 0.5) < 0.01:
+            raise StepRefused("here")
+        return s - 0.3
+
+    found = bracketed_root(function, 0.0, -0.3, 1.0, 0.7, 1e-10)
+    assert abs(found.root - 0.3) <= 1e-10 and not found.interrupted
+
+
+def test_says_why_it_was_interrupted_and_keeps_its_bracket():
+    def function(s):
+        if 0.2 < s < 0.4:
+            raise StepRefused("no curve there")
+        return s - 0.3
+
+    found = bracketed_root(function, 0.0, -0.3, 1.0, 0.7, 1e-10)
+    assert found.interrupted == "no curve there"
+    assert found.low <= 0.2 and found.high >= 0.4

@@ -1,0 +1,186 @@
+"""Both directions put together. Oracles: one run through the whole family; exact places on lines and circles."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from continuation import EndReason, GenericProblem, Settings, trace
+from continuation import Test as Marker
+from tests.continuation.curves import Line, Ring, circle, cubic, pitchfork
+
+TESTS = (
+    (Marker("A", "crossing"), lambda s: s + 1.234),
+    (Marker("O", "crossing", oriented=True), lambda s: s - 0.77),
+    (Marker("K", "change"), lambda s: float(math.floor(s + 0.5))),
+    (Marker("LOW", "guard", terminal=True), lambda s: s + 2.1),
+    (Marker("HIGH", "guard", terminal=True), lambda s: 3.3 - s),
+)
+SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=200)
+
+
+def consistent(run):
+    """What holds for every run."""
+    assert [point.index for point in run.points] == list(range(len(run.points)))
+    arclength = [point.arclength for point in run.points]
+    assert arclength == sorted(arclength) and arclength[0] == 0
+    assert [event.arclength for event in run.events] == sorted(event.arclength for event in run.events)
+    for event in run.events:
+        assert event.bracket[0] <= event.arclength <= event.bracket[1]
+        assert run.points[event.index].arclength == event.arclength
+        assert run.points[event.index].event is not None and run.points[event.index].step is event.point
+    for a, b in zip(run.points, run.points[1:], strict=False):
+        assert float((b.y - a.y) @ a.tangent) >= -1e-15
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("start", [0.0, -1.9, 3.0])
+def test_two_directions_are_one_run(start, direction):
+    run = trace(Line(*TESTS), np.array([start]), SHORT, direction=direction)
+    consistent(run)
+    places = {"LOW": [-2.1], "A": [-1.234], "K": [-1.5, -0.5, 0.5, 1.5, 2.5], "O": [0.77], "HIGH": [3.3]}
+    for code, exact in places.items():
+        found = [event.point.parameter for event in run.events if event.code == code]
+        assert found == pytest.approx(sorted(exact, reverse=direction < 0), abs=2e-10)
+    first, last = (-2.1, 3.3) if direction > 0 else (3.3, -2.1)
+    assert run.points[0].parameter == pytest.approx(first, abs=1e-9)
+    assert run.points[-1].parameter == pytest.approx(last, abs=1e-9)
+    assert run.points[-1].arclength == pytest.approx(5.4, abs=1e-9)
+    assert [end.reason for end in run.ends] == [EndReason.EVENT, EndReason.EVENT]
+    assert run.points[run.start].parameter == start and run.points[run.start].event is None
+    assert all(point.slope == direction and point.tangent[0] == direction for point in run.points)
+    for point in run.points:  # the oriented test points one way along the whole run
+        assert float(point.tests[1]) == pytest.approx(direction * (point.parameter - 0.77), abs=1e-12)
+
+
+@given(st.sampled_from([1e-17, -1e-17, 0.0, 1e-9, -1e-9, 3e-11]), st.sampled_from([1, -1]), st.booleans())
+@hypothesis_settings(max_examples=20, deadline=None)
+def test_event_on_the_start_is_reported_once(offset, direction, oriented):
+    problem = Line((Marker("A", "crossing", oriented=oriented), lambda s: math.sin(s + offset)))
+    run = trace(problem, np.array([0.0]), Settings(maximum_points=30, initial_step=0.1, maximum_step=0.1), direction=direction)
+    consistent(run)
+    assert [event.code for event in run.events] == ["A"]
+    assert run.events[0].index == run.start and run.events[0].residual <= 1e-9 and run.events[0].status == "located"
+
+
+def test_start_on_a_branch_point_and_fold_is_one_branch_point():
+    """On the side branch of the pitchfork, followed with its exact tangent: the start is the origin."""
+    problem = Line(
+        (Marker("SN", "crossing", oriented=True), lambda s: s),
+        (Marker("BP", "crossing", oriented=True, absorbs=("SN",)), lambda s: -s),
+    )
+    run = trace(problem, np.array([0.0]), Settings(maximum_points=20))
+    assert [(event.code, event.details) for event in run.events] == [("BP", {"absorbed": ("SN",)})]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, -math.pi / 2, 2.0])
+def test_closed_family_has_its_two_folds_from_any_start(angle):
+    """At +-pi/2 the start is a fold itself."""
+    run = trace(circle(), np.array([math.cos(angle), math.sin(angle)]))
+    assert run.closed and run.ends[0].reason is EndReason.CLOSED
+    assert sorted(event.point.parameter for event in run.events) == pytest.approx([-1.0, 1.0], abs=1e-10)
+    assert run.points[-1].arclength == pytest.approx(2 * math.pi, abs=1e-9)
+    consistent(run)
+
+
+@pytest.mark.parametrize("number", [40, 66, 100, 133])
+def test_family_that_closes_late_is_covered_at_most_once(number):
+    """With half of the points for each direction the circle may close in either, or not at all."""
+    run = trace(circle(), np.array([math.cos(0.3), math.sin(0.3)]), Settings(maximum_points=number))
+    consistent(run)
+    assert len(run.points) <= number
+    assert len(run.events) == (2 if number >= 66 else 1)
+    assert run.closed == (run.points[-1].arclength > 6.28)
+    assert run.points[-1].arclength < 2 * math.pi + 1e-9
+    if number >= 100:
+        assert run.closed
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 10, 11])
+def test_points_limit_is_for_both_directions_together(number):
+    run = trace(Line(), np.array([0.0]), Settings(maximum_points=number))
+    assert len(run.points) == number
+    assert [end.reason for end in run.ends] == [EndReason.POINTS, EndReason.POINTS]
+    consistent(run)
+
+
+def test_a_direction_takes_the_points_that_the_other_leaves():
+    run = trace(Line((Marker("LOW", "guard", terminal=True), lambda s: s + 0.2)), np.array([0.0]), SHORT)
+    assert len(run.points) == SHORT.maximum_points
+    assert [end.reason for end in run.ends] == [EndReason.EVENT, EndReason.POINTS]
+    consistent(run)
+    run = trace(Line((Marker("HIGH", "guard", terminal=True), lambda s: 0.2 - s)), np.array([0.0]), SHORT)
+    assert len(run.points) == SHORT.maximum_points
+    assert [end.reason for end in run.ends] == [EndReason.POINTS, EndReason.EVENT]
+
+
+def test_one_direction_alone():
+    run = trace(Line(*TESTS), np.array([0.0]), SHORT, both=False, direction=-1)
+    assert run.points[-1].parameter == pytest.approx(-2.1, abs=1e-9) and run.points[0].parameter == 0
+    assert run.ends[0].reason is EndReason.POINTS and "not asked for" in run.ends[0].detail
+    consistent(run)
+
+
+def test_same_family_from_two_starts():
+    """The cubic from either side gives the same folds at the same distance."""
+    lengths = []
+    for x in (-1.5, 1.5):
+        run = trace(cubic(), np.array([x, x**3 - x]), Settings(maximum_points=150), direction=1)
+        consistent(run)
+        assert len(run.events) == 2
+        lengths.append(run.events[1].arclength - run.events[0].arclength)
+        assert all(np.sign(event.point.tangent[0]) == np.sign(run.points[0].tangent[0]) for event in run.events)
+    assert lengths[0] == pytest.approx(lengths[1], rel=1e-4)
+
+
+def test_callbacks_hear_everything_as_it_is_found():
+    points, events = [], []
+    run = trace(Line(*TESTS), np.array([0.0]), SHORT, on_point=points.append, on_event=events.append)
+    assert len(points) == len(run.points) and len(events) == len(run.events)
+    assert {event.code for event in events} == {event.code for event in run.events}
+
+
+def test_stop_conditions_hold_in_both_directions():
+    run = trace(Line(*TESTS), np.array([0.0]), SHORT, stop_at={"O"}, stop_when=lambda point: point.parameter < -1)
+    assert [end.reason for end in run.ends] == [EndReason.STOP_WHEN, EndReason.STOP_AT]
+    assert run.tally.accepted == run.ends[0].tally.accepted + run.ends[1].tally.accepted
+
+
+def test_no_start_is_an_empty_run_with_words():
+    nowhere = GenericProblem(lambda y: np.array([y @ y + 1]), lambda y: 2 * y[None, :])
+    run = trace(nowhere, np.array([0.3, 0.2]))
+    assert run.points == () and run.events == ()
+    assert all(end.reason is EndReason.NO_START for end in run.ends)
+
+
+def test_run_is_the_same_each_time():
+    runs = [trace(pitchfork(), np.array([1.0, 1.0]), Settings(maximum_points=60)) for _ in range(2)]
+    for a, b in zip(*(run.points for run in runs), strict=True):
+        assert a.arclength == b.arclength and np.array_equal(a.y, b.y)
+
+
+@given(st.floats(0, 2 * math.pi), st.integers(90, 140), st.sampled_from([1, -1]))
+@hypothesis_settings(max_examples=15, deadline=None)
+def test_circle_is_covered_once_wherever_the_directions_meet(angle, number, direction):
+    """With 90 to 140 points one direction alone may or may not go round; both together always do."""
+    start = np.array([math.cos(angle), math.sin(angle)])
+    run = trace(circle(), start, Settings(maximum_points=number), direction=direction)
+    consistent(run)
+    assert run.closed and run.points[-1].arclength == pytest.approx(2 * math.pi, abs=1e-8)
+    assert sorted(event.point.parameter for event in run.events) == pytest.approx([-1.0, 1.0], abs=1e-9)
+    np.testing.assert_allclose(run.points[0].y, run.points[-1].y, atol=1e-6)
+    assert run.points[run.start].y == pytest.approx(start, abs=1e-9)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-17, -1e-17, 1e-12, -1e-12, 3e-10, -3e-10, 1e-8, -1e-8])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_event_on_the_start_of_a_closed_family_is_reported_once(offset, direction):
+    problem = Ring((Marker("A", "crossing"), lambda angle: math.sin(angle + offset)))
+    run = trace(problem, np.array([0.0]), direction=direction)
+    consistent(run)
+    assert run.closed
+    assert [event.arclength for event in run.events] == pytest.approx([0.0, math.pi], abs=1e-7)
+    assert run.events[0].index == 0

@@ -1,0 +1,141 @@
+"""Switching at branch points. Oracles: the directions and the branches in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from continuation import GenericProblem, Settings, SwitchError, branch_directions, follow, switch, trace
+from tests.continuation.curves import circle, parts, pitchfork, transcritical
+
+
+def test_pitchfork_from_the_trivial_branch_lands_on_the_side_branch():
+    problem = pitchfork()
+    (event,) = trace(problem, np.array([0.0, -1.0]), Settings(maximum_points=100)).events
+    steps = switch(problem, event)
+    assert len(steps) == 2
+    assert sorted(np.sign(step.y[0]) for step in steps) == [-1, 1]
+    for step in steps:
+        assert abs(step.y[0]) == pytest.approx(math.sqrt(step.y[1]), abs=1e-14) and abs(step.y[0]) == pytest.approx(
+            0.02, rel=1e-3
+        )
+        points, events, _ = parts(follow(problem, step, 0, Settings(maximum_points=30)))
+        assert events == [] and all(abs(abs(p.y[0]) - math.sqrt(p.y[1])) < 1e-13 for p in points)
+        assert points[-1].y[0] / step.y[0] > 1  # away from the branch point
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_pitchfork_from_the_side_branch_lands_on_the_trivial_branch(side):
+    problem = pitchfork()
+    (event,) = trace(problem, np.array([side, 1.0]), Settings(maximum_points=100)).events
+    steps = switch(problem, event, distance=0.1)
+    assert [step.y[0] for step in steps] == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert sorted(step.y[1] for step in steps) == pytest.approx([-0.1, 0.1], abs=1e-7)
+
+
+def test_transcritical_directions():
+    directions = branch_directions(transcritical(), np.zeros(2), np.array([0.0, 1.0]))
+    diagonal = np.array([1.0, 1.0]) / math.sqrt(2)
+    for found, exact in zip(directions, (diagonal, -diagonal, np.array([0.0, 1.0]), np.array([0.0, -1.0])), strict=True):
+        np.testing.assert_allclose(found * np.sign(found[1]), exact * np.sign(exact[1]), atol=1e-9)
+    np.testing.assert_array_equal(directions[0], -directions[1])
+    other = branch_directions(transcritical(), np.zeros(2), diagonal)
+    np.testing.assert_allclose(np.abs(other[0]), [0.0, 1.0], atol=1e-9)
+
+
+def crossing_in_space(one: np.ndarray, two: np.ndarray, curvature: float) -> GenericProblem:
+    """Two curves through the origin of R^3 with tangents one and two: a product of planes with a bent surface."""
+    normal = np.cross(one, two)
+    normal = normal / np.linalg.norm(normal)
+    across_one, across_two = np.cross(normal, one), np.cross(normal, two)
+
+    def function(y):
+        height = normal @ y - curvature * (y @ y)
+        return np.array([height, (across_one @ y) * (across_two @ y) + 0.3 * height])
+
+    def jacobian(y):
+        height = normal - 2 * curvature * y
+        return np.array([height, across_one * (across_two @ y) + across_two * (across_one @ y) + 0.3 * height])
+
+    return GenericProblem(function, jacobian)
+
+
+@given(st.floats(0.1, 1.5), st.floats(-1.0, 1.0), st.floats(0.0, 6.0), st.booleans())
+@hypothesis_settings(max_examples=25, deadline=None)
+def test_directions_of_any_crossing_in_space(angle, curvature, turn, exact_second_derivative):
+    first = np.array([math.cos(turn), math.sin(turn), 0.5])
+    first /= np.linalg.norm(first)
+    perpendicular = np.cross(first, [0.3, -0.2, 0.9])
+    perpendicular /= np.linalg.norm(perpendicular)
+    second = math.cos(angle) * first + math.sin(angle) * perpendicular
+    problem = crossing_in_space(first, second, curvature)
+    if exact_second_derivative:
+        step = 1e-3  # the Jacobian is linear in y: this difference is exact
+        problem.second_derivative = lambda y, a, b: (
+            (problem.jacobian(y + step * b) - problem.jacobian(y - step * b)) @ a / (2 * step)
+        )
+    other, opposite, known, _ = branch_directions(problem, np.zeros(3), first)
+    assert abs(other @ second) == pytest.approx(1, abs=1e-9) and abs(known @ first) == pytest.approx(1, abs=1e-9)
+    np.testing.assert_array_equal(other, -opposite)
+
+
+def test_second_derivative_of_the_problem_is_used():
+    calls = []
+
+    def second(y, a, b):
+        calls.append(1)
+        hessian = np.array([[-6 * y[0], 1.0], [1.0, 0.0]])
+        return np.array([a @ hessian @ b])
+
+    problem = GenericProblem(
+        lambda y: np.array([y[0] * (y[1] - y[0] ** 2)]),
+        lambda y: np.array([[y[1] - 3 * y[0] ** 2, y[0]]]),
+        second_derivative=second,
+    )
+    other = branch_directions(problem, np.zeros(2), np.array([0.0, 1.0]))[0]
+    assert calls and np.abs(other) == pytest.approx([1.0, 0.0], abs=1e-14)
+
+
+def test_directions_are_of_unit_length_in_the_metric():
+    weights = np.array([9.0, 0.5])
+    problem = GenericProblem(
+        lambda y: np.array([y[0] * (y[1] - y[0])]), lambda y: np.array([[y[1] - 2 * y[0], y[0]]]), weights=weights
+    )
+    for direction in branch_directions(problem, np.zeros(2), np.array([0.0, 1.0])):
+        assert float(weights * direction @ direction) == pytest.approx(1)
+    other = branch_directions(problem, np.zeros(2), np.array([0.0, 1.0]))[0]
+    assert other[0] == pytest.approx(other[1], rel=1e-8)
+
+
+def test_refuses_a_fold_in_words():
+    fold = next(event for event in trace(circle(), np.array([1.0, 0.0])).events)
+    with pytest.raises(SwitchError, match="null space of the Jacobian is one-dimensional"):
+        switch(circle(), fold)
+
+
+def test_refuses_an_isolated_point_and_branches_that_touch():
+    isolated = GenericProblem(lambda y: np.array([y @ y]), lambda y: 2 * y[None, :])
+    with pytest.raises(SwitchError, match="no two different real solutions"):
+        branch_directions(isolated, np.zeros(2), np.array([1.0, 0.0]))
+    touching = GenericProblem(
+        lambda y: np.array([y[0] * (y[0] - y[1] ** 2)]), lambda y: np.array([[2 * y[0] - y[1] ** 2, -2 * y[0] * y[1]]])
+    )
+    with pytest.raises(SwitchError, match="no two different real solutions"):
+        branch_directions(touching, np.zeros(2), np.array([0.0, 1.0]))
+
+
+def test_refuses_a_larger_null_space():
+    problem = GenericProblem(
+        lambda y: np.array([y[0] * y[2], y[1] * y[2]]), lambda y: np.array([[y[2], 0.0, y[0]], [0.0, y[2], y[1]]])
+    )
+    with pytest.raises(SwitchError, match="more than two dimensions"):
+        branch_directions(problem, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+
+
+def test_refuses_a_distance_that_is_not_positive():
+    (event,) = trace(pitchfork(), np.array([0.0, -1.0]), Settings(maximum_points=100)).events
+    with pytest.raises(ValueError, match="distance = 0"):
+        switch(pitchfork(), event, distance=0.0)

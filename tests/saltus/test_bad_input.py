@@ -1,0 +1,148 @@
+"""Bad input: one line on standard error that says what was wrong and what was expected, exit code 2, nothing started."""
+
+import subprocess
+import sys
+
+import pytest
+
+from saltus.__main__ import main
+
+ONE_SIDED = """
+[system]
+mass = [[1.0]]
+stiffness = [[1.0]]
+[[stops]]
+c = [1.0]
+upper = 0.5
+[bounds]
+energy = [0.1, 10]
+quarter_period = 8
+impacts = 6
+"""
+
+INDEFINITE = ONE_SIDED.replace("mass = [[1.0]]", "mass = [[1.0, 2.0], [2.0, 1.0]]")
+INDEFINITE = INDEFINITE.replace("[[1.0]]", "[[1.0, 0.0], [0.0, 1.0]]")
+UNEVEN = INDEFINITE.replace("[[1.0, 2.0], [2.0, 1.0]]", "[[1.0, 0.0], [0.0, 1.0]]").replace("c = [1.0]", "c = [1.0, -1.0]\nlower = -1.0")
+DAMPED = ONE_SIDED.replace("[system]", "[system]\ndamping = [[0.1]]").replace("upper", "lower = -0.5\nupper")
+
+CASES = [
+    # a label that does not parse: points at the character
+    ("continue S1x", ["S1x", "character 3", "half-waves"]),
+    ("continue X13O00+", ["X13O00+", "character 1", "S", "U", "L"]),
+    ("continue S13O00+@energy=1", ["character 9", "h=..", "alpha=.."]),
+    ("orbit S13O0 --energy 1", ["S13O0", "character 6"]),
+    # a label that parses but cannot be: says why
+    ("continue S13E01+", ["S13E01+", "cannot be", "0 and 1"]),
+    ("continue S23O00+", ["S23O00+", "odd"]),
+    ("continue U2100-", ["U2100-", "no impact"]),
+    # a label that no orbit has in the range: what was searched, the nearest that exists
+    ("continue S13O00- --energy 0.1:1", ["S13O00-", "0.1", "1", "nearest"]),
+    ("orbit S13O00+ --energy 0.01", ["S13O00+", "0.01", "0.1185078"]),
+    # a label that several families have
+    ("continue S73O33- --mu 0.1000001", ["S73O33-", "@h="]),
+    # parameters
+    ("continue S13O00+ --mu 0", ["mu", "above 0", "0"]),
+    ("continue S13O00+ --mu -0.1", ["mu", "above 0", "-0.1"]),
+    ("continue S13O00+ --mu inf", ["mu", "finite"]),
+    ("continue S13O00+ --mu nan", ["mu", "'nan'", "a number"]),
+    ("continue S13O00+ --mu abc", ["mu", "'abc'", "a number"]),
+    ("continue S13O00+ --sigma -1", ["sigma", "-1"]),
+    ("continue S13O00+ --sigma nan", ["sigma", "'nan'", "a number"]),
+    ("continue S13O00+ --rho 1.5", ["rho", "[0, 1]", "1.5"]),
+    ("continue S13O00+ --rho -0.5", ["rho", "[0, 1]", "-0.5"]),
+    ("continue S13O00+ --rho nan", ["rho", "'nan'", "a number"]),
+    ("continue S13O00+ --lam -0.5", ["lam", "-0.5"]),
+    # what is not conservative
+    ("continue S13O00+ --rho 0.7", ["restitution 0.7", "stop a"]),
+    ("continue S13O00+ --lam 0.01", ["damping", "0.01"]),
+    ("orbit S13O00+ --energy 1 --rho 0.7", ["restitution 0.7", "stop a"]),
+    ("continue S13O00+ --scene {damped}", ["damping", "0.1"]),
+    # energy ranges
+    ("continue S13O00+ --energy 2:1", ["'2:1'", "reversed", "LO:HI"]),
+    ("continue S13O00+ --energy 1:1", ["'1:1'", "empty", "LO:HI"]),
+    ("continue S13O00+ --energy -1:2", ["'-1:2'", "above 0", "LO:HI"]),
+    ("continue S13O00+ --energy nan:2", ["'nan:2'", "NaN", "LO:HI"]),
+    ("continue S13O00+ --energy 1:inf", ["'1:inf'", "finite", "LO:HI"]),
+    ("continue S13O00+ --energy 1", ["'1'", "LO:HI"]),
+    ("continue S13O00+ --energy a:b", ["'a:b'", "LO:HI"]),
+    ("orbit S13O00+ --energy -1", ["'-1'", "above 0"]),
+    ("orbit S13O00+ --alpha nan", ["'nan'", "a number"]),
+    ("orbit S13O00+", ["--energy", "--alpha"]),
+    # files
+    ("continue S13O00+ --json {missing}/a.json", ["cannot write", "directory", "does not exist"]),
+    ("continue S13O00+ --csv {here}", ["cannot write", "is a directory"]),
+    ("continue S13O00+ --plot {here}/a.pgn", ["'pgn'", "nearest: png"]),
+    ("continue S13O00+ --plot {here}/a", ["no picture format", "png, pdf or svg"]),
+    ("continue S13O00+ --plot {missing}/a.png", ["cannot write", "does not exist"]),
+    ("continue S13O00+ --plot -", ["standard output", ".png"]),
+    ("continue S13O00+ --json - --csv -", ["--json", "--csv", "standard output"]),
+    ("continue S13O00+ --json {here}/a --csv {here}/a", ["--json", "--csv", "both"]),
+    # scenes
+    ("continue S13O00+ --scene {unknown}", ["unknown key 'stifness'", "nearest: stiffness"]),
+    ("continue S13O00+ --scene {text}", ["is no TOML", "line 1", "column"]),
+    ("continue S13O00+ --scene {here}/gone.toml", ["gone.toml", "does not exist"]),
+    ("continue S13O00+ --scene {indefinite}", ["mass", "positive definite"]),
+    ("continue S13O00+ --scene {asymmetric}", ["mass", "symmetric"]),
+    ("continue S13O00+ --scene {one_sided} --mu 0.1", ["mu", "matrices"]),
+    # origin ends without odd symmetry
+    ("continue S13O00+ --scene {uneven}", ["origin", "odd symmetry"]),
+    # words of the command line
+    ("contnue S13O00+", ["'contnue'", "nearest: continue"]),
+    ("continue", ["NAME"]),
+    ("continue S13O00+ --enrgy 1:2", ["--enrgy", "nearest: --energy"]),
+    ("continue S13O00+ more", ["'more'"]),
+    ("continue S13O00+ --points 0", ["--points", "'0'", "above 0"]),
+    ("continue S13O00+ --points 2.5", ["--points", "'2.5'", "whole"]),
+    ("continue S13O00+ --direction upp", ["--direction", "'upp'", "nearest: up"]),
+    ("continue S13O00+ --frequency indexx", ["--frequency", "nearest: index"]),
+    ("continue S13O00+ --stop-at sn", ["--stop-at", "'sn'", "nearest: SN"]),
+    ("--versoin", ["--versoin", "nearest: --version"]),
+]
+
+
+@pytest.fixture
+def places(tmp_path):
+    """Files and directories that the cases name."""
+    texts = {
+        "unknown": ONE_SIDED.replace("stiffness", "stifness"),
+        "text": "h,alpha\n",
+        "indefinite": INDEFINITE,
+        "asymmetric": INDEFINITE.replace("[2.0, 1.0]", "[0.5, 1.0]"),
+        "one_sided": ONE_SIDED,
+        "damped": DAMPED,
+        "uneven": UNEVEN,
+    }
+    for name, text in texts.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    return {"here": tmp_path, "missing": tmp_path / "missing", **{name: tmp_path / f"{name}.toml" for name in texts}}
+
+
+@pytest.mark.parametrize(("words", "expected"), CASES, ids=[words for words, _ in CASES])
+def test_one_line_and_exit_code_2(capsys, places, words, expected):
+    """Oracle: the input; each message holds what was received and what was expected."""
+    before = sorted(entry.name for entry in places["here"].iterdir())
+    code = main(words.format(**places).split())
+    out, err = capsys.readouterr()
+    assert code == 2, (code, err)
+    assert out == "", "something was started"
+    assert err.startswith("saltus: ") and len(err.splitlines()) == 1 and err.endswith("\n"), err
+    for part in expected:
+        assert part in err, err
+    assert sorted(entry.name for entry in places["here"].iterdir()) == before
+
+
+def test_the_process_ends_with_the_code():
+    """Oracle: exit code 2, one line, no traceback."""
+    done = subprocess.run([sys.executable, "-m", "saltus", "continue", "S1x"], capture_output=True, text=True)
+    assert done.returncode == 2 and done.stdout == "" and len(done.stderr.splitlines()) == 1
+
+
+def test_a_fault_of_the_program_is_not_called_bad_input(monkeypatch):
+    """Oracle: the error itself: a `KeyError` is no fault of the user's."""
+
+    def fail(*arguments, **options):
+        raise KeyError("h")
+
+    monkeypatch.setattr("saltus.tracing.trace", fail)
+    with pytest.raises(KeyError):
+        main(["continue", "S13O00+"])

@@ -1,0 +1,296 @@
+"""The command line: what it prints and writes, and how it ends."""
+
+import csv
+import io
+import json
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import saltus
+from saltus.__main__ import main
+from saltus.progress import ProgressBar
+
+NUMBER = r"[-+0-9.e]+"
+EVENT = re.compile(rf"^ *-?\d+  [A-Z]{{2}} +\S+ +({NUMBER}) +({NUMBER}) +(yes|no|undecided) +({NUMBER}|unbounded)")
+QUICK = ("--energy", "0.05:1")
+
+
+def run(capsys, *words):
+    """Return exit code, standard output and standard error of a command."""
+    code = main(list(words))
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_help_and_version_are_quick_and_load_nothing():
+    """Oracle: the modules that Python has loaded after it; the heavy ones are named."""
+    heavy = "numpy", "scipy", "sympy", "matplotlib", "networkx", "numba", "rich"
+    for word in ("--help", "--version"):
+        loaded = f"print([name for name in {heavy} if name in sys.modules])"
+        code = f"import sys\nfrom saltus.__main__ import main\ntry: main(['{word}'])\nfinally: {loaded}"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert done.stdout.splitlines()[-1] == "[]", done.stdout
+    assert f"saltus {saltus.__version__}" in done.stdout
+
+
+def test_importing_the_package_loads_nothing():
+    """Oracle: the modules that Python has loaded after it."""
+    heavy = "numpy", "scipy", "sympy", "numba", "argparse"
+    code = f"import sys, saltus; dir(saltus); print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_the_public_names_exist():
+    """Oracle: the list of public names."""
+    for name in saltus.__all__:
+        assert getattr(saltus, name) is not None and name in dir(saltus)
+    with pytest.raises(AttributeError, match="tracee"):
+        _ = saltus.tracee
+
+
+def test_no_command_prints_the_help(capsys):
+    """Oracle: the help names each command."""
+    code, out, err = run(capsys)
+    assert code == 0 and "continue" in out and "orbit" in out and not err
+
+
+def test_continue_tells_each_event(capsys):
+    """Oracle: the grazing energy of the in-phase linear mode, w^2/(2 b^2) = 0.118507810593582, where the family begins."""
+    code, out, err = run(capsys, "continue", "S13O00+", *QUICK)
+    lines = out.splitlines()
+    assert code == 0 and err == ""
+    assert lines[0].startswith("start  ")
+    assert lines[1].split()[:3] == ["point", "type", "label"]
+    events = [line for line in lines if EVENT.match(line)]
+    grazing = next(line for line in events if " GR " in line)
+    assert math.isclose(float(EVENT.match(grazing).group(1)), 0.118507810593582, rel_tol=1e-9)
+    assert sum(line.startswith("end    ") for line in lines) == 2
+    assert all(len(line.split(None, 1)[1]) > 10 for line in lines if line.startswith("end"))
+
+
+def test_json_on_standard_output_is_alone(capsys):
+    """Oracle: the format; the table goes to standard error."""
+    code, out, err = run(capsys, "continue", "S13O00+", *QUICK, "--json", "-")
+    data = json.loads(out)
+    assert code == 0 and data["schema"] == 1 and data["branch"]["label"] == "S13O00+"
+    assert err.startswith("start  ")
+    assert len([line for line in err.splitlines() if EVENT.match(line)]) == len(data["events"])
+
+
+def test_csv_on_standard_output_is_alone(capsys):
+    """Oracle: the JSON of the same run."""
+    code, out, err = run(capsys, "continue", "S13O00+", *QUICK, "--csv", "-")
+    rows = list(csv.DictReader(io.StringIO(out)))
+    _, text, _ = run(capsys, "continue", "S13O00+", *QUICK, "--json", "-")
+    points = json.loads(text)["points"]
+    assert code == 0 and [float(row["h"]) for row in rows] == [point["h"] for point in points]
+
+
+@pytest.mark.parametrize(("suffix", "magic"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_pictures(capsys, tmp_path, suffix, magic):
+    """Oracle: the first bytes of each format; the files are named as they are written."""
+    picture, data = tmp_path / f"family.{suffix}", tmp_path / "family.json"
+    words = ("--plot", str(picture), "--json", str(data), "--frequency", "fundamental")
+    code, out, _ = run(capsys, "continue", "S13O00+", *QUICK, *words)
+    assert code == 0 and picture.read_bytes().startswith(magic)
+    assert f"wrote  {picture}" in out and f"wrote  {data}" in out
+    assert {entry.name for entry in tmp_path.iterdir()} == {f"family.{suffix}", "family.json"}
+
+
+def test_the_number_of_points_is_a_reason_to_end(capsys):
+    """Oracle: the number that was asked for."""
+    code, out, _ = run(capsys, "continue", "S13O00+", "--points", "30", "--json", "-")
+    data = json.loads(out)
+    assert code == 0 and len(data["points"]) == 30
+    assert any("points" in end["text"] for end in data["ended"])
+
+
+@pytest.mark.parametrize(("direction", "sign"), [("up", 1), ("down", -1)])
+def test_directions(capsys, direction, sign):
+    """Oracle: the first step raises or lowers h."""
+    code, out, _ = run(capsys, "continue", "S13O00+@h=0.5", "--points", "4", "--direction", direction, "--json", "-")
+    energies = [point["h"] for point in json.loads(out)["points"]]
+    assert code == 0
+    assert min(energies) < max(energies)
+    # The start is the point of that energy: all others lie on the side that was asked for.
+    start = min(energies, key=lambda h: sign * h)
+    assert all(sign * (h - start) >= 0.0 for h in energies)
+
+
+def test_stop_at_an_event(capsys):
+    """Oracle: closed form: the only change of stability of S13O00+ is one SB."""
+    code, out, _ = run(capsys, "continue", "S13O00+", "--stop-at", "SB", "--direction", "up", "--json", "-")
+    events = json.loads(out)["events"]
+    assert code == 0 and events[-1]["type"] == "SB"
+
+
+def test_the_energy_range_bounds_the_family(capsys):
+    """Oracle: the range asked for."""
+    _, out, _ = run(capsys, "continue", "S13O00+", "--energy", "0.2:0.7", "--json", "-")
+    energies = [point["h"] for point in json.loads(out)["points"]]
+    assert math.isclose(min(energies), 0.2, rel_tol=1e-9) and math.isclose(max(energies), 0.7, rel_tol=1e-9)
+
+
+def test_other_systems(capsys):
+    """Oracle: the system that the file names; the grazing energy w^2/(2 b^2) of its in-phase mode, from numpy's modes."""
+    import numpy as np
+
+    mu, sigma = 0.37, 0.81
+    scale = np.diag([mu**-0.5, 1.0])
+    squares, vectors = np.linalg.eigh(scale @ np.array([[sigma, -sigma], [-sigma, 1.0 + sigma]]) @ scale)
+    gap = np.array([1.0, -1.0]) @ scale @ vectors
+    expected = squares[0] / (2.0 * gap[0] ** 2)
+    words = ("--mu", str(mu), "--sigma", str(sigma), "--energy", "0.05:100", "--json", "-")
+    code, out, _ = run(capsys, "continue", "S13O00+", *words)
+    data = json.loads(out)
+    assert code == 0 and data["system"]["mu"] == mu and data["system"]["sigma"] == sigma
+    assert any(math.isclose(event["h"], expected, rel_tol=1e-9) for event in data["events"] if event["type"] == "GR")
+
+
+def test_the_model_is_explained(capsys):
+    """Oracle: an undamped elastic system with odd symmetry, and a symmetric orbit with an impact at the quarter."""
+    code, out, _ = run(capsys, "continue", "S13O00+", *QUICK, "--points", "5", "--model")
+    model = [line for line in out.splitlines() if line.startswith("model  ")]
+    assert code == 0
+    for words in ("real modes", "quarter-period problem", "no phase condition", "no unfolding parameter"):
+        assert any(words in line for line in model), words
+    assert all(" -> " in line for line in model)
+
+
+def test_an_orbit(capsys, tmp_path):
+    """Oracle: published: S13O00+ has alpha = 1.7 at h = 0.58875 (Fig. 7(a)); closed form h = 0.588748128566443."""
+    picture, data = tmp_path / "orbit.png", tmp_path / "orbit.json"
+    words = ("--alpha", "1.7", "--json", str(data), "--plot", str(picture), "--csv", str(tmp_path / "orbit.csv"))
+    code, out, err = run(capsys, "orbit", "S13O00+", *words)
+    orbit = json.loads(data.read_text())["orbit"]
+    assert code == 0 and not err and "multiplier" in out and "impacts  2 in a period" in out
+    assert math.isclose(orbit["h"], 0.588748128566443, rel_tol=1e-12)
+    assert [impact["stop"] for impact in orbit["impacts"]] in (["+", "-"], ["-", "+"])
+    assert math.isclose(orbit["impacts"][0]["time"], 1.7, rel_tol=1e-12)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "orbit.csv").read_text().splitlines()[0].startswith("label,")
+
+
+def test_several_orbits_at_an_energy_are_listed(capsys):
+    """Oracle: closed form: S11O00- has a fold at h = 0.0691164, so two orbits at h = 0.08; each suffix selects its orbit."""
+    code, out, err = run(capsys, "orbit", "S11O00-", "--energy", "0.08")
+    names = re.findall(r"S11O00-@\S+", err)
+    assert code == 2 and not out and len(err.splitlines()) == 1 and len(names) == 2
+    found = []
+    for name in names:
+        code, out, _ = run(capsys, "orbit", name, "--json", "-")
+        assert code == 0
+        found.append(json.loads(out)["orbit"])
+        assert math.isclose(found[-1]["alpha"], float(name.rsplit("=", 1)[1]), rel_tol=1e-4)
+    assert found[0]["alpha"] != found[1]["alpha"]
+    assert all(math.isclose(orbit["h"], 0.08, rel_tol=1e-10) for orbit in found)
+
+
+def test_the_label_asked_for_is_meant(capsys):
+    """Oracle: published: S73O33- has h = 7.3348 at alpha = 1.6459 (Fig. 7(b)); its family has a second orbit there, S71O33+."""
+    code, out, _ = run(capsys, "orbit", "S73O33-", "--energy", "7.3348", "--json", "-")
+    orbit = json.loads(out)["orbit"]
+    assert code == 0 and orbit["label"] == "S73O33-"
+    assert math.isclose(orbit["h"], 7.3348, rel_tol=1e-12) and abs(orbit["alpha"] - 1.6459) < 1e-4
+    code, out, _ = run(capsys, "orbit", "S71O33+@h=7.3348,alpha=1.64595", "--json", "-")
+    assert code == 0 and json.loads(out)["orbit"]["label"] == "S71O33+"
+
+
+def test_an_interrupted_run_writes_what_it_has(capsys, tmp_path, monkeypatch):
+    """Oracle: the exit code 130, and the points before the interruption."""
+
+    def interrupt(self, count):
+        if count >= 20:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(ProgressBar, "update", interrupt)
+    path = tmp_path / "family.json"
+    code, out, err = run(capsys, "continue", "S13O00+", "--json", str(path))
+    assert code == 130 and len(err.splitlines()) == 1 and "interrupted" in err
+    assert 15 <= len(json.loads(path.read_text())["points"]) <= 25
+
+
+def test_a_failed_run_writes_what_it_has(capsys, tmp_path, monkeypatch):
+    """Oracle: the exit code 1, the reason, and the points that travel with the error."""
+    branch = saltus.trace("S13O00+", energy=(0.2, 0.7), points=10)
+
+    def fail(*arguments, **options):
+        error = RuntimeError("the corrector does not converge")
+        error.branch = branch
+        raise error
+
+    monkeypatch.setattr("saltus.tracing.trace", fail)
+    path = tmp_path / "family.json"
+    code, _, err = run(capsys, "continue", "S13O00+", "--json", str(path))
+    assert code == 1 and err == "saltus: the corrector does not converge\n"
+    assert len(json.loads(path.read_text())["points"]) == 10
+
+
+def test_an_end_for_numerical_reasons_is_a_failure(capsys, monkeypatch):
+    """Oracle: the exit code 1 for the shortest step, 0 for other reasons."""
+    branch = saltus.trace("S13O00+", energy=(0.2, 0.7), points=10)
+    monkeypatch.setattr("saltus.tracing.trace", lambda *arguments, **options: branch)
+    assert run(capsys, "continue", "S13O00+")[0] == 0
+    first, last = branch.ended
+    object.__setattr__(branch, "ended", (first, type(last)("MINIMUM_STEP", "steps were refused")))
+    assert run(capsys, "continue", "S13O00+")[0] == 1
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
+def test_a_full_disk_is_a_failure_and_the_other_files_are_written(capsys, tmp_path):
+    """Oracle: /dev/full refuses every byte."""
+    path = tmp_path / "family.csv"
+    code, _, err = run(capsys, "continue", "S13O00+", *QUICK, "--json", "/dev/full", "--csv", str(path))
+    assert code == 1 and err == "saltus: cannot write /dev/full: no space is left on the device\n"
+    assert path.read_text().startswith("h,alpha,")
+
+
+def test_a_reader_that_leaves_is_no_traceback():
+    """Oracle: `head -1` in a shell."""
+    command = f"{sys.executable} -m saltus continue S13O00+ --energy 0.05:1 --csv - | head -1"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert done.stdout.startswith("h,alpha,") and "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+def test_the_interrupt_key_ends_the_process_with_130():
+    """Oracle: the exit code; no traceback, whenever it comes."""
+    command = [sys.executable, "-m", "saltus", "continue", "S11O00-"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    line = process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert line.startswith("start") and "Traceback" not in err
+    assert process.returncode in (0, 130)
+
+
+class Terminal(io.StringIO):
+    """Standard error as a terminal."""
+
+    def isatty(self):
+        """Say that it is one."""
+        return True
+
+
+def test_the_bar_shows_on_a_terminal_only_and_late(monkeypatch):
+    """Oracle: what standard error gets: nothing within a second, nothing where it is no terminal."""
+    for stream, wait, expected in ((Terminal(), 0.0, False), (Terminal(), 2.0, True), (io.StringIO(), 2.0, False)):
+        now = [time.monotonic()]
+        monkeypatch.setattr("sys.stderr", stream)
+        monkeypatch.setattr("saltus.progress.time", type("Clock", (), {"monotonic": staticmethod(lambda now=now: now[0])}))
+        printed = io.StringIO()
+        with ProgressBar(100) as bar:
+            bar.update(1)
+            now[0] += wait
+            bar.update(50)
+            bar.line("a line", printed)
+        assert bool(stream.getvalue()) is expected
+        assert printed.getvalue() == "a line\n"

@@ -1,0 +1,131 @@
+"""Safe files: an old file survives whatever goes wrong, and what cannot be written is refused before the work."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from branches.files import WriteFailure, replacing, write_text
+from saltus.errors import BadInput
+from saltus.files import check_picture, check_writable, write_data
+
+PRIVILEGED = hasattr(os, "geteuid") and os.geteuid() == 0
+
+
+def test_a_new_file_has_the_users_mode(tmp_path):
+    """Oracle: the mode of a file that Python's open makes."""
+    with open(tmp_path / "plain", "w"):
+        pass
+    write_text(tmp_path / "ours", "text\n")
+    assert (tmp_path / "ours").read_bytes() == b"text\n"
+    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_a_replaced_file_keeps_its_mode_and_links(tmp_path):
+    """Oracle: mode before; the link still is one."""
+    target, link = tmp_path / "target", tmp_path / "link"
+    target.write_text("old")
+    target.chmod(0o640)
+    link.symlink_to(target)
+    write_text(link, "new")
+    assert link.is_symlink() and target.read_text() == "new"
+    assert stat.S_IMODE(target.stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no"), KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
+def test_the_old_file_stays_when_the_writer_fails(tmp_path, error):
+    """Oracle: the content before; nothing is left beside it."""
+    target = tmp_path / "branch.json"
+    target.write_text("old")
+    expected = WriteFailure if isinstance(error, OSError) else type(error)
+    with pytest.raises(expected) as caught, replacing(target) as beside:
+        beside.write_text("half of it")
+        raise error
+    if isinstance(error, OSError):
+        assert str(caught.value) == f"cannot write {target}: no space is left on the device"
+    assert target.read_text() == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["branch.json"]
+
+
+def test_the_old_file_stays_when_the_move_fails(tmp_path, monkeypatch):
+    """Oracle: the content before."""
+    target = tmp_path / "branch.json"
+    target.write_text("old")
+
+    def refuse(source, destination):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(WriteFailure, match="permission is denied"):
+        write_text(target, "new")
+    assert target.read_text() == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["branch.json"]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
+def test_a_full_device_is_said_in_words():
+    """Oracle: /dev/full, which refuses every byte; it stays a device."""
+    with pytest.raises(WriteFailure, match="^cannot write /dev/full: no space is left on the device$"):
+        write_text("/dev/full", "text")
+    assert stat.S_ISCHR(os.stat("/dev/full").st_mode)
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/null"), reason="needs a device")
+def test_a_device_is_written_to_and_not_replaced():
+    """Oracle: /dev/null stays a device."""
+    check_writable("/dev/null")
+    write_text("/dev/null", "text")
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+
+
+def test_unwritable_places_are_refused(tmp_path):
+    """Oracle: what each place is."""
+    (tmp_path / "file").write_text("")
+    for path, expected in (
+        (tmp_path, "it is a directory"),
+        (tmp_path / "missing" / "a.json", f"the directory {tmp_path / 'missing'} does not exist"),
+        (tmp_path / "file" / "a.json", "is not a directory"),
+        ("", "expected the path of a file"),
+        ("a\0b", "expected the path of a file"),
+    ):
+        with pytest.raises(BadInput, match="^cannot write ") as caught:
+            check_writable(str(path))
+        assert expected in str(caught.value) and "\n" not in str(caught.value)
+    check_writable("-")
+    check_writable(str(tmp_path / "file"))
+    check_writable(str(tmp_path / "new"))
+    assert not (tmp_path / "new").exists()
+
+
+def test_missing_permission_is_refused(tmp_path, monkeypatch):
+    """Oracle: the answer of the operating system (asked for by a stand-in, as a privileged user may write anywhere)."""
+    if PRIVILEGED:
+        monkeypatch.setattr(os, "access", lambda path, mode: False)
+    else:
+        tmp_path.chmod(0o500)
+    with pytest.raises(BadInput, match="permission is denied"):
+        check_writable(str(tmp_path / "a.json"))
+
+
+@pytest.mark.parametrize("name", ["a.pgn", "a", "a.jpg", "-", ".png/"])
+def test_unknown_picture_formats_are_refused(name):
+    """Oracle: the three formats png, pdf, svg."""
+    with pytest.raises(BadInput) as caught:
+        check_picture(name)
+    assert "png" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.PDF", "S13O00+.svg"])
+def test_known_picture_formats_pass(name, tmp_path, monkeypatch):
+    """Oracle: the three formats, in either case."""
+    monkeypatch.chdir(tmp_path)
+    check_picture(name)
+    assert not Path(name).exists()
+
+
+def test_standard_output_gets_the_data_alone(capsys):
+    """Oracle: the text."""
+    write_data("-", "a,b\n1,2\n")
+    assert capsys.readouterr() == ("a,b\n1,2\n", "")

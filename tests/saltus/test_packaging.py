@@ -1,0 +1,54 @@
+"""What is installed, and that it says so: packages, data, licence, dependencies, entry point."""
+
+import configparser
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+from setuptools import find_packages
+
+ROOT = Path(__file__).parents[2]
+CONFIGURATION = configparser.ConfigParser()
+CONFIGURATION.read(ROOT / "setup.cfg", encoding="utf-8")
+
+
+def listed(section, key):
+    """Return the lines of a list in setup.cfg."""
+    return CONFIGURATION[section][key].split("\n")[1:]
+
+
+def test_all_code_is_installed_and_nothing_else():
+    """Oracle: each folder with Python files, except tests and benchmarks, is a package that setup.cfg includes."""
+    included = set(find_packages(str(ROOT), include=listed("options.packages.find", "include")))
+    top = {"bvp", "continuation", "branches", "saltus", "catalogues"}
+    folders = {".".join(path.parent.relative_to(ROOT).parts) for name in top for path in (ROOT / name).rglob("*.py")}
+    assert included == folders
+    assert {name.partition(".")[0] for name in included} == top
+
+
+def test_each_dependency_has_its_reason_in_the_readme():
+    """Oracle: setup.cfg."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for line in listed("options", "install_requires") + listed("options.extras_require", "test"):
+        name = re.match(r"[a-z]+", line).group()
+        assert re.search(rf"^\| {name} \| \S.*\|$", readme, re.MULTILINE), name
+
+
+def test_the_entry_point_exists():
+    """Oracle: setup.cfg."""
+    (line,) = listed("options.entry_points", "console_scripts")
+    module, _, function = line.split(" = ")[1].partition(":")
+    assert callable(getattr(importlib.import_module(module), function))
+
+
+def test_the_licence_is_mit():
+    """Oracle: its first line; setup.cfg."""
+    assert (ROOT / "LICENSE").read_text(encoding="utf-8").startswith("MIT License\n")
+    assert CONFIGURATION["metadata"]["license"] == "MIT"
+
+
+@pytest.mark.parametrize("package", ["bvp", "continuation", "branches", "saltus", "catalogues"])
+def test_a_package_imports_alone(package):
+    """Oracle: it has a docstring that says what it is for."""
+    assert importlib.import_module(package).__doc__

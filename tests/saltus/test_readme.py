@@ -1,0 +1,108 @@
+"""The README and the pages of docs/: every command and snippet runs as it stands there, and every link leads somewhere."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from saltus.__main__ import main
+from saltus.scene import load_scene
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page):
+    """Return the fenced blocks of a page: language and text."""
+    return FENCE.findall(page.read_text(encoding="utf-8"))
+
+
+def commands(page):
+    """Return the shell commands of a page."""
+    return [line for language, text in blocks(page) if language == "sh" for line in text.splitlines()]
+
+
+SHORT = [(page.name, line) for page in PAGES for line in commands(page) if line.startswith("saltus ")]
+SETUP = [line for line in commands(ROOT / "README.md") if not line.startswith("saltus ")]
+
+
+@pytest.mark.parametrize(("page", "line"), SHORT, ids=[f"{page}: {line}" for page, line in SHORT])
+def test_a_command_runs(page, line, tmp_path, monkeypatch, capsys):
+    """Oracle: exit code 0, and the files that the command names."""
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(line)[1:]
+    assert main(words) == 0
+    out, err = capsys.readouterr()
+    assert out and ("-" in words or not err)
+    for option, value in zip(words, words[1:], strict=False):
+        if option in ("--json", "--csv", "--plot") and value != "-":
+            assert (tmp_path / value).stat().st_size > 0
+
+
+def test_the_two_commands_do_all_the_set_up_in_one_line(tmp_path, monkeypatch):
+    """Oracle: the words of each line: an environment, an installation, then the program; the program's part runs here."""
+    assert len(SETUP) == 2
+    for line in SETUP:
+        environment, install, work = line.split(" && ")
+        assert environment == "python3 -m venv .venv"
+        assert install.startswith(".venv/bin/python -m pip install ")
+        assert work.startswith(".venv/bin/")
+    assert SETUP[0].endswith("saltus continue S13O00+ --plot S13O00+.png")
+    assert SETUP[1].endswith("-m pytest")
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(SETUP[0].rpartition("saltus ")[2])) == 0
+    assert (tmp_path / "S13O00+.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_continuous_integration_runs_the_test_command_of_the_readme():
+    """Oracle: the script's own pattern finds the command, and only it; the script has no copy of it."""
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    pattern = re.search(r"grep -E '(.*)' README.md", script).group(1)
+    found = [line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if re.search(pattern, line)]
+    assert found == [SETUP[1]]
+    assert "pip install" not in script
+    assert (ROOT / ".ci" / "run").stat().st_mode & 0o111
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_the_python_and_toml_of_a_page_run(page, tmp_path, monkeypatch):
+    """Oracle: no error; the blocks of a page build on each other, as a reader would type them."""
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for language, text in blocks(page):
+        if language == "toml":
+            (tmp_path / "two-masses.toml").write_text(text, encoding="utf-8")
+            assert load_scene(tmp_path / "two-masses.toml").title
+        elif language == "python":
+            exec(compile(text, page.name, "exec"), names)
+    if "drift" in names:
+        assert names["drift"] < 1e-13
+    if "born" in names:
+        assert names["born"]
+
+
+def test_the_scene_of_the_how_to_is_followed(tmp_path, capsys):
+    """Oracle: exit code 0 for the command that the page gives in its text."""
+    page = ROOT / "docs" / "howto.md"
+    line = re.search(r"`(saltus continue \S+ --scene two-masses.toml)`", page.read_text(encoding="utf-8")).group(1)
+    scene = tmp_path / "two-masses.toml"
+    scene.write_text(next(text for language, text in blocks(page) if language == "toml"), encoding="utf-8")
+    assert main(shlex.split(line.replace("two-masses.toml", str(scene)))[1:]) == 0
+    assert "start" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_links_lead_somewhere(page):
+    """Oracle: the files of the repository."""
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+        assert target.startswith("https://") or (page.parent / target).exists(), target
+
+
+def test_every_block_has_a_language_that_is_tested():
+    """Oracle: the languages that the tests above run."""
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert text.count("```") == 2 * len(blocks(page))
+        assert {language for language, _ in blocks(page)} <= {"sh", "python", "toml"}

@@ -1,0 +1,187 @@
+"""Scenes: what ships is cited and complete, what is wrong is refused with its place and the nearest thing that exists."""
+
+import tomllib
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from branches.labels import parse
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from saltus import load_scene
+
+MATRICES = """
+title = "two masses"
+[system]
+mass = [[1, 0], [0, 2.0]]
+stiffness = [[2, -1], [-1, 1]]
+[[stops]]
+c = [1, -1]
+upper = 0.5
+restitution = 0.9
+[coordinates]
+names = ["x", "y"]
+LO = "y"
+NES = "x"
+[bounds]
+energy = [0.1, 10]
+quarter_period = 8
+impacts = 6
+[names]
+"S13+" = { h = 1.5 }
+"""
+
+MODEL = """
+[system]
+model = "vibro_impact_nes"
+mu = 0.2
+[bounds]
+energy = [0.1, 10]
+quarter_period = 8
+impacts = 6
+"""
+
+
+def written(tmp_path, text):
+    """Return the path of a scene with a text."""
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_default_scene_is_the_reference_system(tmp_path, monkeypatch):
+    """Oracle: Lee et al. 2009, mu = sigma = 0.1, no damping, elastic; found from any working directory."""
+    monkeypatch.chdir(tmp_path)
+    scene = load_scene()
+    assert scene.system.describe() == vibro_impact_nes(0.1, 0.1, 0.0, 1.0).describe()
+    assert scene.pins["S73O33-"] == {"h": 7.3348, "alpha": 1.6459}
+    assert scene.pins["U8353-"] == {"h": 1.9458, "alpha": 4.9065}
+    assert "Physica D 238 (2009) 1868" in scene.source
+    assert load_scene("lee2009").system.describe() == scene.system.describe()
+
+
+def test_each_shipped_scene_loads_and_cites_its_source():
+    """Oracle: the scene's own file."""
+    names = [entry.name for entry in resources.files("catalogues").iterdir() if entry.name.endswith(".toml")]
+    assert "lee2009.toml" in names
+    for name in names:
+        scene = load_scene(name.removesuffix(".toml"))
+        assert scene.title and scene.source
+        for pin in scene.pins:
+            assert parse(pin)
+
+
+def test_parameters_replace_those_of_the_model_and_drop_its_pins():
+    """Oracle: the system made directly; a cited point says nothing about another system."""
+    scene = load_scene(mu=0.37, sigma=0.81)
+    assert scene.system.describe() == vibro_impact_nes(0.37, 0.81).describe()
+    assert dict(scene.pins) == {}
+    assert "U8353-" in load_scene(mu=0.1).pins
+    assert load_scene().pins_for(vibro_impact_nes(0.2, 0.1)) == {}
+    assert "U8353-" in load_scene().pins_for(vibro_impact_nes(0.1, 0.1))
+
+
+def test_a_scene_with_matrices(tmp_path):
+    """Oracle: the system made directly."""
+    scene = load_scene(written(tmp_path, MATRICES))
+    expected = ImpactSystem(
+        np.diag([1.0, 2.0]),
+        np.zeros((2, 2)),
+        [[2.0, -1.0], [-1.0, 1.0]],
+        (Stop((1.0, -1.0), upper=0.5, restitution=0.9),),
+        ("x", "y"),
+        absorber=0,
+        primary=1,
+    )
+    assert scene.system.describe() == expected.describe()
+    assert scene.energy == (0.1, 10.0) and scene.quarter_period == 8.0 and scene.impacts == 6
+    assert scene.pins == {"S13+": {"h": 1.5}}
+    assert scene.bounds == {"energy": (0.1, 10.0), "quarter_period": 8.0, "impacts": 6}
+
+
+def changed(text, old, new):
+    """Return a text with one place changed."""
+    assert text.count(old) == 1
+    return text.replace(old, new)
+
+
+WRONG = [
+    (changed(MATRICES, "stiffness =", "stifness ="), ["unknown key 'stifness'", "nearest: stiffness", "[system]"]),
+    (changed(MATRICES, "restitution", "restitutoin"), ["unknown key 'restitutoin'", "nearest: restitution", "[[stops]]"]),
+    (changed(MATRICES, "[bounds]", "[bound]"), ["unknown key 'bound'", "nearest: bounds"]),
+    (changed(MATRICES, "quarter_period = 8", "quarterperiod = 8"), ["nearest: quarter_period"]),
+    (changed(MATRICES, 'NES = "x"', 'NSE = "x"'), ["unknown key 'NSE'", "nearest: NES"]),
+    (changed(MATRICES, "h = 1.5", "energy = 1.5"), ["unknown key 'energy'", "h, alpha"]),
+    (changed(MATRICES, "h = 1.5", "h = -1.5"), ["h = -1.5", "above 0"]),
+    (changed(MATRICES, "S13+", "S1x"), ["S1x", "character 3"]),
+    (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 0.5], [0, 2.0]"), ["symmetric"]),
+    (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 0], [0, -2.0]"), ["positive definite"]),
+    (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 2], [2, 1]"), ["indefinite"]),
+    (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 0], [0]"), ["mass", "square matrix"]),
+    (changed(MATRICES, "[1, 0], [0, 2.0]", '[1, 0], [0, "a"]'), ["mass[1][1] = 'a'", "a number"]),
+    (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 0], [0, nan]"), ["mass[1][1]", "a number"]),
+    (changed(MATRICES, "c = [1, -1]", "c = [1, -1, 0]"), ["gap"]),
+    (changed(MATRICES, "upper = 0.5", ""), ["bound"]),
+    (changed(MATRICES, "restitution = 0.9", "restitution = 1.9"), ["restitution", "1.9", "[0, 1]"]),
+    (changed(MATRICES, 'LO = "y"', 'LO = "z"'), ["z", "x, y"]),
+    (changed(MATRICES, "energy = [0.1, 10]", "energy = [10, 0.1]"), ["energy = [10.0, 0.1]", "lowest < highest"]),
+    (changed(MATRICES, "energy = [0.1, 10]", "energy = [1]"), ["a list of 2 numbers"]),
+    (changed(MATRICES, "energy = [0.1, 10]", ""), ["energy is missing"]),
+    (changed(MATRICES, "impacts = 6", "impacts = 6.5"), ["impacts = 6.5", "a whole number"]),
+    (changed(MATRICES, "impacts = 6", "impacts = true"), ["impacts = True", "a whole number"]),
+    (changed(MATRICES, "quarter_period = 8", 'quarter_period = "8"'), ["quarter_period = '8'", "a number"]),
+    (changed(MATRICES, 'title = "two masses"', "title = 2"), ["title = 2", "a string"]),
+    (changed(MODEL, "mu = 0.2", "mue = 0.2"), ["unknown key 'mue'", "nearest: mu"]),
+    (changed(MODEL, "mu = 0.2", "mu = 0"), ["mu", "above 0"]),
+    (changed(MODEL, "mu = 0.2", "sigma = -1"), ["sigma", "-1"]),
+    (changed(MODEL, "mu = 0.2", "rho = 1.5"), ["rho", "[0, 1]", "1.5"]),
+    (changed(MODEL, "mu = 0.2", "rho = nan"), ["rho", "number"]),
+    (changed(MODEL, "mu = 0.2", 'mu = "0.2"'), ["mu", "'0.2'", "number"]),
+    (changed(MODEL, "vibro_impact_nes", "vibro_impact_nse"), ["vibro_impact_nse", "nearest: vibro_impact_nes"]),
+    (MODEL + "[[stops]]\nc = [1, -1]\n", ["stops", "brings its own"]),
+    (changed(MODEL, "mu = 0.2", "mu = = 0.2"), ["is no TOML", "line 4", "column"]),
+    ("h,alpha\n0.1,2\n", ["is no TOML", "line 1"]),
+    ("", ["system is missing"]),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), WRONG, ids=[str(i) for i in range(len(WRONG))])
+def test_what_is_wrong_is_named(tmp_path, text, words):
+    """Oracle: the change that was made to a scene that loads."""
+    path = written(tmp_path, text)
+    with pytest.raises(ValueError) as caught:
+        load_scene(path)
+    message = str(caught.value)
+    assert "\n" not in message and "scene.toml" in message
+    for word in words:
+        assert word in message
+
+
+def test_other_files_are_no_scene(tmp_path):
+    """Oracle: what each file is."""
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match="UTF-8"):
+        load_scene(path)
+    with pytest.raises(ValueError, match="scene.toml$"):
+        load_scene(tmp_path / "scen.toml")
+    with pytest.raises(ValueError, match="directory"):
+        load_scene(tmp_path)
+    with pytest.raises(ValueError, match="nearest: lee2009"):
+        load_scene("lee2008")
+
+
+def test_parameters_need_a_model(tmp_path):
+    """Oracle: matrices have no parameter mu; the model has no parameter nu."""
+    with pytest.raises(ValueError, match="mu is a parameter of a model"):
+        load_scene(written(tmp_path, MATRICES), mu=0.2)
+    with pytest.raises(ValueError, match="unknown parameter 'nu'"):
+        load_scene(nu=0.2)
+
+
+def test_a_changed_copy_of_a_shipped_scene_loads(tmp_path):
+    """Oracle: the shipped scene, changed in one value by its text."""
+    text = (resources.files("catalogues") / "lee2009.toml").read_text(encoding="utf-8")
+    assert tomllib.loads(text)["system"]["mu"] == 0.1
+    changed_scene = load_scene(written(tmp_path, changed(text, "mu = 0.1 ", "mu = 0.3 ")))
+    assert changed_scene.system.describe() == vibro_impact_nes(0.3, 0.1).describe()
