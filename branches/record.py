@@ -64,10 +64,7 @@ def to_record(branch: Branch) -> dict[str, Any]:
         "branch": {
             "id": branch.id,
             "label": branch.label,
-            "aliases": [
-                {"label": alias["label"], "from": _finite(alias["from"]), "to": _finite(alias["to"])}
-                for alias in branch.aliases
-            ],
+            "aliases": [{"label": alias["label"], "from": _finite(alias["from"]), "to": _finite(alias["to"])} for alias in branch.aliases],
             "ends": list(branch.ends),
             "word": branch.word,
         },

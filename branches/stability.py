@@ -149,7 +149,8 @@ def _planar(problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray
 
 def _general(problem: MultipointProblem, solutions: Sequence[Solution], grazing: np.ndarray) -> dict[str, np.ndarray]:
     """More degrees of freedom: orbit by orbit."""
-    from bvp.multipliers import saddle_point_multipliers, stability
+    from bvp.multipliers import saddle_point_multipliers
+    from bvp.stability import stability
 
     count, size = len(solutions), problem.size
     columns: dict[str, np.ndarray] = {

@@ -1,8 +1,8 @@
 """Floquet multipliers of impacting orbits: from the saddle-point matrix, and from the product of saltation matrices.
 
-The saddle-point route reduces the linearised multipoint problem by orthogonal transformations to a product pencil and never forms the
-monodromy (`bvp.kernels.pencil`); the saltation route is the textbook product, kept as the second method. Which orbits are stable is
-decided apart from both, from the half map: see `bvp.stability`.
+The saddle-point route reduces the linearised multipoint problem by orthogonal transformations to a product pencil and never
+forms the monodromy (`bvp.kernels.pencil`); the saltation route is the textbook product, kept as the second method. Which
+orbits are stable is decided apart from both, from the half map: see `bvp.stability`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from bvp.system import ImpactSystem
 __all__ = [
     "GRAZING_LIMIT",
     "Multipliers",
+    "Quality",
     "monodromy",
     "nearest_grazing",
     "reduced_monodromy",
@@ -43,7 +44,28 @@ GRAZING_LIMIT = 1e-13
 
 PAIRING_LIMIT = 1e-6
 TRIVIAL_LIMIT = 1e-8
-"""Quality that `reliable` asks for; the trivial directions are measured against the largest multiplier, which magnifies rounding."""
+"""What `reliable` asks for; the trivial directions count against the largest multiplier, which magnifies rounding."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How good multipliers are.
+
+    Parameters
+    ----------
+    trivial : float
+        How badly the saltation product keeps the trivial directions: the larger of |(M - I) f|/|f| and, for a conservative
+        system, |grad H (M - I)|/|grad H|.
+    pairing : float or None
+        Largest |lambda_i lambda_j - 1| over the pairs; None for a system that loses energy, whose multipliers have no pairs.
+    reliable : bool
+        False where an impact grazes, a pair is off by more than 1e-6, or the trivial directions are off by more than 1e-8 of
+        the largest multiplier.
+    """
+
+    trivial: float
+    pairing: float | None
+    reliable: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,34 +74,26 @@ class Multipliers:
 
     Parameters
     ----------
-    nontrivial : (m,) complex
-        By modulus descending, then by angle. m = 2n - 2 for a conservative system (its return map to an impact has one trivial
-        multiplier 1, left out); m = 2n - 1 for one that loses energy (none is trivial). NaN where an impact grazes.
-    trivial : float
-        How badly the saltation product keeps the trivial directions: the larger of |(M - I) f|/|f| and, for a conservative
-        system, |grad H (M - I)|/|grad H|.
-    pairing : float or None
-        Largest |lambda_i lambda_j - 1| over the pairs; None for a system that loses energy, whose multipliers have no pairs.
-    reliable : bool
-        False where an impact grazes, a pair is off by more than 1e-6, or the trivial directions are off by more than 1e-8 of the
-        largest multiplier.
+    values : (m,) complex
+        The nontrivial ones, by modulus descending, then by angle. m = 2n - 2 for a conservative system (its return map to an
+        impact has one trivial multiplier 1, left out); m = 2n - 1 for one that loses energy (none is trivial). NaN where an
+        impact grazes.
+    quality : Quality
     sweeps : int
         Sweeps round the cycle.
     note : str
         What is wrong, in words; empty where nothing is.
     """
 
-    nontrivial: np.ndarray
-    trivial: float
-    pairing: float | None
-    reliable: bool
+    values: np.ndarray
+    quality: Quality
     sweeps: int = 0
     note: str = ""
 
     @property
-    def trace(self) -> complex:
-        """Sum of the nontrivial multipliers; for n = 2 its real part is tau."""
-        return complex(np.sum(self.nontrivial))
+    def trace(self) -> float:
+        """Sum of the nontrivial multipliers; for n = 2 this is tau."""
+        return float(np.real(np.sum(self.values)))
 
 
 def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
@@ -112,31 +126,29 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
     if pieces < 1:
         raise ValueError(f"a flight is cut into 1 or more pieces; received {pieces}")
     cycle = _from_impact(cycle).cut(pieces)
-    system, modes = cycle.system, cycle.system.modes
-    conservative = system.is_conservative
-    arguments, nodes, size = _arguments(cycle)
+    modes = cycle.system.modes
+    conservative = cycle.system.is_conservative
+    (before, after, duration, row, scale, weights), nodes, size = _arguments(cycle)
+    dimension = size - 1 - int(conservative)
+    unbounded = np.full(dimension, complex(math.nan, math.nan))
+    unpaired = math.nan if conservative else None
+    graze, sine = nearest_grazing(cycle)
+    if sine < GRAZING_LIMIT:
+        note = f"impact {graze + 1} of {np.sum(row >= 0)} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
+        return Multipliers(unbounded, Quality(math.nan, unpaired, False), 0, note)
     left = np.zeros((nodes, size, size))
     right = np.zeros((nodes, size, size))
-    before, after, duration, row, scale, weights = arguments
     jump = 1.0 + modes.contact_restitution
     common = (*modes.blocks, weights, modes.contact_gap, modes.contact_rate, modes.contact_push, jump)
     pencil(*common, conservative, before, after, duration, row, scale, left, right)
     flow, level = trivial_directions(*common, before, after, duration, row, scale)
-    trivial = max(flow, level) if conservative else flow
-    graze, worst = nearest_grazing(cycle)
-    dimension = size - 1 - int(conservative)
-    unbounded = np.full(dimension, complex(math.nan, math.nan))
-    if worst < GRAZING_LIMIT:
-        return Multipliers(
-            unbounded, math.nan, math.nan if conservative else None, False, 0,
-            f"impact {graze + 1} of {int(np.sum(row >= 0))} grazes (sine of its angle {worst:.1e}): the multipliers are unbounded",
-        )  # fmt: skip
+    trivial = float(max(flow, level) if conservative else flow)
     free = size - int(conservative)
     width = np.where(np.roll(row, -1) < 0, free, free - 1)
     values, singular, sweeps = _pencil_eigenvalues(left, right, width, dimension)
     if singular or not np.all(np.isfinite(values)):
         note = f"{singular} singular factors: the multipliers are unbounded" if singular else "the multipliers overflow"
-        return Multipliers(unbounded, trivial, math.nan if conservative else None, False, sweeps, note)
+        return Multipliers(unbounded, Quality(trivial, unpaired, False), sweeps, note)
     values = sort_multipliers(values)
     pairing = _pairing(values) if conservative else None
     largest = max(1.0, float(np.max(np.abs(values), initial=0.0)))
@@ -145,20 +157,22 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
         faults.append(f"a pair of multipliers has a product that is off 1 by {pairing:.1e}")
     if not trivial < TRIVIAL_LIMIT * largest:
         faults.append(f"the trivial directions are kept to {trivial:.1e} only")
-    return Multipliers(values, float(trivial), pairing, not faults, sweeps, "; ".join(faults))
+    return Multipliers(values, Quality(trivial, pairing, not faults), sweeps, "; ".join(faults))
 
 
 def _from_impact(cycle: Cycle) -> Cycle:
     """The cycle begun at an impact."""
     impacts = np.flatnonzero(cycle.contact >= 0)
     if impacts.size == 0:
-        raise ValueError("an orbit without impacts has no return map to an impact; its multipliers are exp(+-i w T) of its modes")
+        raise ValueError("an orbit without impacts has no return map to an impact, and no multipliers of one")
     if impacts[0] == 0:
         return cycle
     first = -int(impacts[0])
     lead = cycle.lead + float(np.sum(cycle.duration[:-first]))
-    turned = (np.roll(x, first, axis=0) for x in (cycle.before, cycle.after, cycle.duration, cycle.contact))
-    return Cycle(cycle.system, *turned, lead)
+    before, after, duration, contact = (
+        np.roll(x, first, axis=0) for x in (cycle.before, cycle.after, cycle.duration, cycle.contact)
+    )
+    return Cycle(cycle.system, before, after, duration, contact, lead)
 
 
 def _arguments(cycle: Cycle) -> tuple[tuple[np.ndarray, ...], int, int]:
@@ -235,8 +249,8 @@ def _is_level(product: np.ndarray, exponent: np.ndarray) -> bool:
 
 
 def _block_eigenvalues(turn: np.ndarray, product: np.ndarray, exponent: np.ndarray) -> np.ndarray:
-    """Eigenvalues of turn . diag(2^exponent) product. Those of a 2 x 2 block come from trace and determinant, the smaller of two
-    real ones as determinant over larger."""
+    """Eigenvalues of turn . diag(2^exponent) product. Those of a 2 x 2 block come from trace and determinant, the smaller of
+    two real ones as determinant over larger."""
     largest = float(np.max(exponent))
     factor = product * np.exp2(exponent - largest)[:, None]
     matrix = turn @ factor
@@ -267,7 +281,7 @@ def sort_multipliers(values: np.ndarray) -> np.ndarray:
 
 
 def _pairing(values: np.ndarray) -> float:
-    """Largest |lambda_i lambda_j - 1| when each multiplier, from the largest modulus on, takes the best partner that is left."""
+    """Largest |lambda_i lambda_j - 1| when each multiplier, from the largest on, takes the best partner that is left."""
     left = list(range(values.size))
     worst = 0.0
     while left:
@@ -318,7 +332,7 @@ def saltation_matrix(system: ImpactSystem, contact: int, before: np.ndarray) -> 
     flow_after = modes.matrix @ (impact @ before)
     speed = float(gap @ flow_before)
     if speed == 0.0:
-        raise ValueError(f"the impact on {modes.contact_letters[contact]!r} has zero speed: no saltation matrix exists at grazing")
+        raise ValueError(f"the impact on {modes.contact_letters[contact]!r} has zero speed: it has no saltation matrix")
     return impact + np.outer(flow_after - impact @ flow_before, gap) / speed
 
 
@@ -349,8 +363,8 @@ def monodromy(cycle: Cycle) -> np.ndarray:
 def reduced_monodromy(cycle: Cycle) -> np.ndarray:
     """The monodromy without its trivial directions, in orthonormal coordinates of the states divided by their size.
 
-    (2n - 2, 2n - 2) for a conservative system: perpendicular to the flow and tangent to the energy level; else (2n - 1, 2n - 1),
-    perpendicular to the flow.
+    (2n - 2, 2n - 2) for a conservative system: perpendicular to the flow and tangent to the energy level; else
+    (2n - 1, 2n - 1), perpendicular to the flow.
 
     Raises
     ------
@@ -369,7 +383,7 @@ def reduced_monodromy(cycle: Cycle) -> np.ndarray:
 
 
 def saltation_multipliers(cycle: Cycle) -> np.ndarray:
-    """Nontrivial multipliers from the monodromy, by modulus descending and then angle: the cross-check of `saddle_point_multipliers`.
+    """Nontrivial multipliers from the monodromy, in the same order: the cross-check of `saddle_point_multipliers`.
 
     They are right to rounding times |M|, so a small multiplier beside a large one is lost.
 

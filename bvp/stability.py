@@ -1,8 +1,9 @@
 """Which orbits are stable, decided by more than the error of the numbers it is decided by.
 
-A reversible orbit between two ends has the half map phi = [[a, b], [c, d]] (`bvp.kernels.halfmap`), symplectic. With nu the eigenvalues of
-b'c, the return map there and back has the traces 2 + 4 nu, and 1 + nu are the eigenvalues of d'a: the orbit is stable where every nu
-lies in (-1, 0), and near the limits nu and 1 + nu are small numbers with small errors, not differences of large ones.
+A reversible orbit between two ends has the half map phi = [[a, b], [c, d]] (`bvp.kernels.halfmap`), symplectic. With nu the
+eigenvalues of b'c, the return map there and back has the traces 2 + 4 nu, and 1 + nu are the eigenvalues of d'a: the orbit is
+stable where every nu lies in (-1, 0), and near the limits nu and 1 + nu are small numbers with small errors, not differences
+of large ones.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ class Stability:
         None where the errors do not allow to tell.
     krein : (n - 1,) int
         Krein signatures of the pairs of the map that tau_half, or where there is none tau, belongs to: the sign of i x* J x for
-        the eigenvector x of the multiplier with positive imaginary part; 0 where the pair is not elliptic or the sign not decided,
-        and for periodic closures, where no reversal gives it.
+        the eigenvector x of the multiplier with positive imaginary part; 0 where the pair is not elliptic or the sign not
+        decided, and for periodic closures, where no reversal gives it.
     nu : (n - 1,) complex or float
         Eigenvalues of b'c, sorted by real part; NaN for periodic closures.
     error : (n - 1,) float
@@ -94,15 +95,15 @@ def decide(
 
     Notes
     -----
-    Each entry of the balanced map [[a, b r], [c/r, d]] is right to e = 64 eps (k + 2) magnified max|entries|: rounding enters once a
-    flight, the solution is known to rounding, and an impact at an angle to the stop divides both by the sine of that angle. Stable where
-    b c < 0 and a d > 0, each by more than its error: |b c| > e (|b| + |c|) + e^2, |a d| likewise; unstable where one of them is as surely
-    of the other sign.
+    Each entry of the balanced map [[a, b r], [c/r, d]] is right to e = 64 eps (k + 2) magnified max|entries|: rounding enters
+    once a flight, the solution is known to rounding, and an impact at an angle to the stop divides both by the sine of that
+    angle. Stable where b c < 0 and a d > 0, each by more than its error: |b c| > e (|b| + |c|) + e^2, |a d| likewise; unstable
+    where one of them is as surely of the other sign.
 
     Examples
     --------
-    >>> decide(0.5, 1.0, -0.5, 1.0, 1.0, 0, 1.0), decide(1.5, 1.0, 0.5, 1.0, 1.0, 0, 1.0), decide(1.0, 1e-17, -1.0, 1.0, 1.0, 0, 1.0)
-    (array(1, dtype=int8), array(0, dtype=int8), array(-1, dtype=int8))
+    >>> decide(np.array([0.5, 1.5, 1.0]), np.array([1.0, 1.0, 1e-17]), np.array([-0.5, 0.5, -1.0]), 1.0, 1.0, 0, 1.0)
+    array([ 1,  0, -1], dtype=int8)
     """
     a, b, c, d = (np.asarray(x, dtype=float) for x in (a, b, c, d))
     with np.errstate(invalid="ignore", over="ignore"):
@@ -117,7 +118,7 @@ def decide(
 
 
 def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndarray, float]:
-    """phi (2 (n - 1), 2 (n - 1)) between the ends of a solved segment, and the largest factor by which an impact magnifies rounding.
+    """phi (2 (n - 1), 2 (n - 1)) between the ends, and the largest factor by which an impact magnifies rounding.
 
     Raises
     ------
@@ -150,12 +151,13 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
 
     Notes
     -----
-    Between two ends (errors as in `decide`): unstable where an eigenvalue nu of b'c is surely not real, or outside [-1, 0]; stable
-    where all lie inside by more than their errors - nu by the errors of b'c, 1 + nu by those of d'a, each eigenvalue with its own
-    condition number - and those nearer to each other than their errors have the same Krein signature (Krein's theorem: Yakubovich &
-    Starzhinskii, Linear Differential Equations with Periodic Coefficients, 1975, ch. III). A pair nu has eigenvectors (x, -2i a'c x / sin
-    theta), cos theta = 1 + 2 nu, so its signature is the sign of x'a'c x. Periodic closure, n = 2: by |tau| - 2 and the error of tau; n > 2: by
-    the moduli, stable where all lie on the unit circle within their errors and apart from each other by more.
+    Between two ends (errors as in `decide`): unstable where an eigenvalue nu of b'c is surely not real, or outside [-1, 0];
+    stable where all lie inside by more than their errors - nu by the errors of b'c, 1 + nu by those of d'a, each eigenvalue
+    with its own condition number - and those nearer to each other than their errors have the same Krein signature (Krein's
+    theorem: Yakubovich & Starzhinskii, Linear Differential Equations with Periodic Coefficients, 1975, ch. III). A pair nu has
+    the eigenvector (x, -2i a'c x / sin theta), cos theta = 1 + 2 nu, so its signature is the sign of x'a'c x. Periodic
+    closure, n = 2: by |tau| - 2 and the error of tau; n > 2: by the moduli, stable where all lie on the unit circle within
+    their errors and apart from each other by more.
     """
     if problem.periodic:
         return _periodic(problem, solution)
@@ -164,7 +166,8 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     if not np.all(np.isfinite(phi)):
         nothing = np.full(m, math.nan)
         quarter = nothing if problem.quarters == 1 else None
-        return Stability(nothing, quarter, None, np.zeros(m, int), nothing, nothing, "an impact grazes: the half map is unbounded")
+        note = "an impact grazes: the half map is unbounded"
+        return Stability(nothing, quarter, None, np.zeros(m, int), nothing, nothing, note)
     rate = velocity_scale(problem, solution)
     a, b, c, d = phi[:m, :m], phi[:m, m:] * rate, phi[m:, :m] / rate, phi[m:, m:]
     entry_error = ERROR_FACTOR * EPSILON * (problem.inner + 2) * magnified * float(np.max(np.abs([a, b, c, d])))
@@ -182,8 +185,10 @@ def _size(matrix: np.ndarray) -> float:
     return float(np.linalg.norm(matrix, 2))
 
 
-def _eigenvalues(matrix: np.ndarray, p: np.ndarray, q: np.ndarray, entry_error: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Eigenvalues by real part, unit eigenvectors, error bounds of a product of p and q whose entries are right to `entry_error`."""
+def _eigenvalues(
+    matrix: np.ndarray, p: np.ndarray, q: np.ndarray, entry_error: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eigenvalues by real part, unit eigenvectors, error bounds, of a product of p and q with entries right to `entry_error`."""
     m = matrix.shape[0]
     spread = m * entry_error * (_size(p) + _size(q) + m * entry_error)
     if m == 1:
@@ -234,7 +239,7 @@ def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
     multipliers = saddle_point_multipliers(cycle)
     none = np.zeros(m, dtype=int)
     unknown = np.full(m, math.nan)
-    values = multipliers.nontrivial
+    values = multipliers.values
     if not np.all(np.isfinite(values)):
         return Stability(unknown, None, None, none, unknown, unknown, multipliers.note)
     matrix = reduced_monodromy(cycle)
@@ -242,7 +247,7 @@ def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
     spread = ERROR_FACTOR * EPSILON * (len(cycle.contact) + 2) / sine * _size(matrix)
     stable: bool | None
     if m == 1:
-        tau = np.array([float(np.real(multipliers.trace))])
+        tau = np.array([multipliers.trace])
         error = np.array([2.0 * spread])
         margin = abs(tau[0]) - 2.0
         stable = None if abs(margin) <= error[0] else bool(margin < 0.0)

@@ -314,7 +314,7 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
     """Linear oscillator u2 that carries a vibro-impact nonlinear energy sink u1 in a cavity of half-width 1.
 
     mu u1'' + sigma (u1 - u2) = 0,  u2'' + lam u2' + u2 + sigma (u2 - u1) = 0,  |u1 - u2| <= 1
-    (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Eq. 1). The gap is w = u1 - u2; the side "+" is w = 1.
+    (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Eqs. 2 and 11). The gap is w = u1 - u2, "+" is w = 1.
 
     Parameters
     ----------

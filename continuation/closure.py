@@ -11,6 +11,8 @@ from continuation.location import Locator, StepRefused, bracketed_root
 from continuation.problem import Point, Problem, Step
 from continuation.settings import Settings
 
+_PARALLEL = 0.999  # cosine between the tangents at one point of one curve
+
 
 class Closure:
     """Watches for the return of a run to a goal: its start, or where the run in the other direction has come to.
@@ -61,6 +63,7 @@ class Closure:
             return None
         if float(np.max(np.abs(step.y - goal.y))) > near * (1.0 + float(np.max(np.abs(goal.y)))):
             return None
-        if not float(step.tangent @ goal.tangent) > 0.0:
-            return None
+        lengths = float(np.linalg.norm(step.tangent)) * float(np.linalg.norm(goal.tangent))
+        if not float(step.tangent @ goal.tangent) > _PARALLEL * lengths:
+            return None  # another branch through the same point
         return found.root, step

@@ -128,9 +128,7 @@ def _shipped() -> dict[str, str]:
     """Return the text of each scene in the package `catalogues`, by bare name."""
     directory = resources.files("catalogues")
     return {
-        entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8")
-        for entry in directory.iterdir()
-        if entry.name.endswith(".toml")
+        entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8") for entry in directory.iterdir() if entry.name.endswith(".toml")
     }
 
 

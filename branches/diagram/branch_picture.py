@@ -10,7 +10,7 @@ import numpy as np
 
 from branches.diagram import files
 from branches.diagram.marks import curve_runs, draw_curve, draw_events, label_events, legend_entries
-from branches.diagram.scales import energy_axis, linear_axis, linear_limits
+from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
 from branches.diagram.titles import family_text, symbol_of, system_text, velocity_symbol
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FREQUENCIES = ("index", "fundamental")
+_MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis too: the low ones would be one line
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,8 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        With a frequency-energy plot and, for each of two coordinates (one, if the system has one), its start velocity
+        With a frequency-energy plot (its frequency axis is logarithmic as well where frequencies rise more than
+        twentyfold) and, for each of two coordinates (one, if the system has one), its start velocity
         against energy - the start displacement where no start of the branch has zero displacement.
 
     Raises
@@ -86,6 +88,8 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     energies = np.asarray(branch.points["h"], dtype=float)
     if not len(energies):
         raise ValueError("the branch has no points to draw")
+    if not energies.min() > 0:
+        raise ValueError(f"the logarithmic energy axis needs positive energies: the lowest is {energies.min():.6g}")
     panels = [_frequency_panel(branch, frequency), *_start_panels(branch)]
     with picture_settings():
         figure = new_figure(5.4)
@@ -97,10 +101,15 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
         runs = {panel.name: curve_runs(branch.points["stable"], energies, panel.values, panel.breaks) for panel in panels}
         for panel in panels:
             wide = panel.name == "frequency" or len(panels) == 2
-            energy_axis(axes[panel.name], energies, 14 if wide else 7)
+            logarithmic_axis(axes[panel.name], "x", logarithmic_limits(energies), 14 if wide else 7, "energy", "h")
             margin = (0.18 if wide else 0.22) if kinds else 0.08  # room for a name above and below
-            limits = linear_limits(np.concatenate([panel.values, panel.event_values]), margin)
-            linear_axis(axes[panel.name], "y", limits, 5, panel.words, panel.symbol)
+            shown = np.concatenate([panel.values, panel.event_values])
+            if panel.name == "frequency" and np.nanmax(shown) > _MANY_FOLD * np.nanmin(shown) > 0:
+                limits = logarithmic_limits(shown, margin)
+                logarithmic_axis(axes[panel.name], "y", limits, 5, panel.words, panel.symbol)
+            else:
+                limits = linear_limits(shown, margin)
+                linear_axis(axes[panel.name], "y", limits, 5, panel.words, panel.symbol)
             if panel.note:
                 axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
         entries = legend_entries(runs["frequency"], kinds)

@@ -129,7 +129,7 @@ def label_events(
     y: np.ndarray,
     curve: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> None:
-    """Write the special points' names where they overlap nothing; those without room are counted above the panel.
+    """Write the special points' names where they overlap nothing; those without room are counted on its axis.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def label_events(
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
     radii = np.array([event_style(kinds[i]).size for i in shown], dtype=float) / 2 + 0.5
     markers = np.concatenate([anchors - radii[:, None], anchors + radii[:, None]], axis=1)
-    frame = np.array(axes.get_window_extent(renderer).extents) * to_points + np.array([1, 1, -1, -1]) * _TICK_ROOM
+    frame = (np.array(axes.get_window_extent(renderer).extents) * to_points + np.array([1, 1, -1, -1]) * _TICK_ROOM).tolist()
     texts = crowds([names[i] for i in shown], [kinds[i] for i in shown], anchors)
     rows = np.array([row for row, _ in texts])
     sizes = np.empty((len(texts), 2))
@@ -168,7 +168,7 @@ def label_events(
             axes.annotate("", at, tip, textcoords="offset points", arrowprops=arrow, zorder=3)
     missing = sum(place is None for place in places)
     if missing:
-        axes.set_title(f"no room for {missing} of {len(places)} names", fontsize=SMALL, loc="right", pad=2)
+        axes.set_xlabel(f"{axes.get_xlabel()} (no room for {missing} of {len(places)} names)")
 
 
 def crowds(names: Sequence[str], kinds: Sequence[str], anchors: np.ndarray) -> list[tuple[int, str]]:

@@ -139,9 +139,7 @@ def _draw_displacements(axes: Axes, system: Any, times: np.ndarray, u: np.ndarra
     axes.legend(handles=handles, ncols=min(len(handles), 9), **_ABOVE)
 
 
-def _draw_gap(
-    axes: Axes, stop: Any, system: Any, times: np.ndarray, gap: np.ndarray, at: np.ndarray, gap_at: np.ndarray
-) -> None:
+def _draw_gap(axes: Axes, stop: Any, system: Any, times: np.ndarray, gap: np.ndarray, at: np.ndarray, gap_at: np.ndarray) -> None:
     low, high = float(gap.min()), float(gap.max())
     width = max(high - low, 1e-9 * max(abs(low), abs(high)), 1e-300)
     bounds = [bound for bound in (stop.lower, stop.upper) if np.isfinite(bound)]

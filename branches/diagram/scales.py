@@ -53,19 +53,19 @@ def linear_limits(values: np.ndarray, margin: float = 0.08) -> tuple[float, floa
     return low - margin * width, high + margin * width
 
 
-def energy_limits(energies: np.ndarray, margin: float = 0.05) -> tuple[float, float]:
-    """Limits around `energies` with a margin in the logarithm.
+def logarithmic_limits(values: np.ndarray, margin: float = 0.05) -> tuple[float, float]:
+    """Limits around the finite `values` with a margin in the logarithm.
 
     Raises
     ------
     ValueError
-        When an energy is not positive: a logarithmic axis has no place for it.
+        When a value is not positive: a logarithmic axis has no place for it.
     """
-    finite = np.asarray(energies, dtype=float)
+    finite = np.asarray(values, dtype=float)
     finite = finite[np.isfinite(finite)]
     if not finite.size or finite.min() <= 0:
         what = f"the lowest is {finite.min():.6g}" if finite.size else "there is none"
-        raise ValueError(f"a logarithmic energy axis needs positive energies: {what}")
+        raise ValueError(f"a logarithmic axis needs positive values: {what}")
     low, high = float(finite.min()), float(finite.max())
     if high / low - 1 <= _SINGLE:
         return low / 1.05, high * 1.05
@@ -107,7 +107,7 @@ def _power_text(value: float, plain: bool) -> str:
     return rf"$10^{{{power}}}$" if front == 1 else rf"${front}\times10^{{{power}}}$"
 
 
-def energy_ticks(low: float, high: float, count: int) -> Ticks:
+def logarithmic_ticks(low: float, high: float, count: int) -> Ticks:
     """About `count` ticks for a logarithmic axis: decades, else 1-2-5, else round values as on a linear axis."""
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
     decades = range(first, last + 1)
@@ -139,14 +139,19 @@ def mark_axis(axis: Axis, ticks: Ticks) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def energy_axis(axes: Axes, energies: np.ndarray, count: int) -> None:
-    """Make the horizontal axis the logarithmic energy axis of these `energies`."""
-    low, high = energy_limits(energies)
-    ticks = energy_ticks(low, high, count)
-    axes.set_xscale("log")
-    axes.set_xlim(low, high)
-    mark_axis(axes.xaxis, ticks)
-    axes.set_xlabel(ticks.axis_text("energy", "h"))
+def logarithmic_axis(axes: Axes, which: str, limits: tuple[float, float], count: int, words: str, symbol: str) -> None:
+    """Make the `which` ("x" or "y") axis logarithmic within `limits`, with its ticks and its text."""
+    ticks = logarithmic_ticks(*limits, count)
+    if which == "x":
+        axes.set_xscale("log")
+        axes.set_xlim(*limits)
+        mark_axis(axes.xaxis, ticks)
+        axes.set_xlabel(ticks.axis_text(words, symbol))
+    else:
+        axes.set_yscale("log")
+        axes.set_ylim(*limits)
+        mark_axis(axes.yaxis, ticks)
+        axes.set_ylabel(ticks.axis_text(words, symbol))
 
 
 def linear_axis(axes: Axes, which: str, limits: tuple[float, float], count: int, words: str, symbol: str) -> None:

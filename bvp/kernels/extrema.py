@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bvp.kernels.bounds import block_growth, envelope
 from bvp.kernels.compiled import kernel
-from bvp.kernels.flight import circular, flow_state
+from bvp.kernels.flight import flow_state
 
 __all__ = ["Observed", "amplitude_bound", "clearance", "sign_changes"]
 
@@ -49,6 +50,15 @@ def amplitude_bound(pairs, mean, delta, matrix, row, z, horizon):
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
+        if j < -1:
+            growth = block_growth(matrix, i, -j)
+            weight = 0.0
+            norm = 0.0
+            for r in range(i, i - j):
+                weight += row[r] * row[r]
+                norm += z[r] * z[r]
+            total += (math.exp(growth * horizon) if growth > 0.0 else 1.0) * math.sqrt(weight * norm)
+            continue
         growth = math.exp(mean[k] * horizon) if mean[k] > 0.0 else 1.0
         if j < 0:
             total += growth * abs(row[i] * z[i])
@@ -59,8 +69,8 @@ def amplitude_bound(pairs, mean, delta, matrix, row, z, horizon):
         if delta[k] < 0.0:
             total += growth * math.sqrt(first * first + second * second / -delta[k])
         else:
-            c, s = circular(delta[k], horizon)
-            total += growth * (abs(first) * c + abs(second) * s)
+            c, s = envelope(mean[k], delta[k], horizon)
+            total += abs(first) * c + abs(second) * s
     return total
 
 

@@ -75,11 +75,25 @@ def contact_level(gap, bound, c, z):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def rounding_level(rows, c, z):
-    """Sixteen roundings of the largest size that rows[c] . z can have."""
+def rounding_level(pairs, matrix, rows, c, z):
+    """Sixteen roundings of rows[c] . z for a z that a flight has computed: the two entries of a pair round with each other's size."""
     total = 0.0
-    for r in range(z.shape[0]):
-        total += abs(rows[c, r] * z[r])
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            down = abs(matrix[j, i])
+            up = abs(matrix[i, j])
+            ratio = math.sqrt(down / up) if up > 0.0 and down > 0.0 else 0.0
+            inverse = 1.0 / ratio if ratio > 0.0 else 0.0
+            total += abs(rows[c, i]) * (abs(z[i]) + inverse * abs(z[j])) + abs(rows[c, j]) * (abs(z[j]) + ratio * abs(z[i]))
+        else:
+            weight = 0.0
+            size = 0.0
+            for r in range(i, i - j):
+                weight += abs(rows[c, r])
+                size += abs(z[r])
+            total += weight * size
     return ROUNDING * total
 
 
@@ -253,7 +267,7 @@ def leave(coefficients, jerk, t, window):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def start_contact(gap, rate_rows, side, bound, leaving, z):
+def start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z):
     """(status, contact the flight leaves): OUTSIDE with the contact passed, else NONE with `leaving` or a contact that z is on."""
     for c in range(side.shape[0]):
         if c == leaving:
@@ -262,7 +276,7 @@ def start_contact(gap, rate_rows, side, bound, leaving, z):
         tolerance = contact_level(gap, bound, c, z)
         if not d >= -tolerance:
             return OUTSIDE, c
-        if leaving < 0 and d <= tolerance and -side[c] * dot(rate_rows, c, z) >= -rounding_level(rate_rows, c, z):
+        if leaving < 0 and d <= tolerance and -side[c] * dot(rate_rows, c, z) >= -rounding_level(pairs, matrix, rate_rows, c, z):
             leaving = c
     return NONE, leaving
 
@@ -283,7 +297,7 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     jerk = work[2]
     coefficients = work[3]
     other = work[4, :size]
-    status, leaving = start_contact(gap, rate_rows, side, bound, leaving, z)
+    status, leaving = start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z)
     if status != NONE:
         return status, leaving, 0.0
     steady, growth = growth_rate(pairs, mean, delta, matrix)
@@ -316,8 +330,8 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
             if c == leaving and near:
                 near_jerk = max(near_jerk, jerk[c])
                 if count == 0:
-                    force = rounding_level(acceleration, c, z)
-                    if slope < -rounding_level(rate_rows, c, z):
+                    force = rounding_level(pairs, matrix, acceleration, c, z)
+                    if slope < -rounding_level(pairs, matrix, rate_rows, c, z):
                         return HIT, c, 0.0
                     if slope <= 0.0 and bend <= force:
                         if curvature[c] > force:

@@ -8,7 +8,6 @@ Chattering: once a bounce would rise less than the contact tolerance, it cannot 
 
 import numba as nb
 
-from bvp.kernels.bounds import dot
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, restitute, rounding_level
 
@@ -18,37 +17,46 @@ REACHED, FULL, CHATTERING, STICKING, SIMULTANEOUS, STARTED_OUTSIDE, GAVE_UP = 0,
 """How a run ended: at its duration; with the output arrays full; in ever smaller bounces; pressed against a stop; in simultaneous
 impacts that interact; before it began, beyond a stop; in a search that gave up."""
 
+INTERACTION_LEVEL = 1e-13
+"""c_i M^-1 c_j below this fraction of the sizes it is summed from is rounding."""
+
 
 @nb.njit(cache=True, error_model="numpy")
 def interacts(rate_rows, push, first, second):
     """True where the impulse of contact `first` changes the rate of contact `second` by more than rounding."""
-    return abs(dot(rate_rows, second, push[first])) > rounding_level(rate_rows, second, push[first])
+    change = 0.0
+    size = 0.0
+    for r in range(rate_rows.shape[1]):
+        part = rate_rows[second, r] * push[first, r]
+        change += part
+        size += abs(part)
+    return abs(change) > INTERACTION_LEVEL * size
 
 
 @nb.njit(cache=True, error_model="numpy")
-def struck_with(gap, rate_rows, acceleration, side, bound, hit, after, z):
+def struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, after, z):
     """The first contact after `after`, other than `hit`, that is within the tolerance and approaching; -1 where there is none."""
     for c in range(after + 1, side.shape[0]):
         if c == hit:
             continue
         d, slope, _, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, z)
-        if d <= tolerance and slope < -rounding_level(rate_rows, c, z):
+        if d <= tolerance and slope < -rounding_level(pairs, matrix, rate_rows, c, z):
             return c
     return -1
 
 
 @nb.njit(cache=True, error_model="numpy")
-def independent(gap, rate_rows, acceleration, side, bound, push, hit, z):
+def independent(pairs, matrix, gap, rate_rows, acceleration, side, bound, push, hit, z):
     """True where no two of the contacts struck together (`hit` and those that `struck_with` finds) interact."""
     first = hit
     while first >= 0:
         after = -1 if first == hit else first
-        second = struck_with(gap, rate_rows, acceleration, side, bound, hit, after, z)
+        second = struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, after, z)
         while second >= 0:
             if interacts(rate_rows, push, first, second):
                 return False
-            second = struck_with(gap, rate_rows, acceleration, side, bound, hit, second, z)
-        first = struck_with(gap, rate_rows, acceleration, side, bound, hit, after, z)
+            second = struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, second, z)
+        first = struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, after, z)
     return True
 
 
@@ -92,7 +100,7 @@ def run(
             return REACHED, count, duration
         t += flight
         leaving = c
-        if status == HIT and not independent(gap, rate_rows, acceleration, side, bound, push, c, z):
+        if status == HIT and not independent(pairs, matrix, gap, rate_rows, acceleration, side, bound, push, c, z):
             return SIMULTANEOUS, count, t
         hit = c
         while hit >= 0:
@@ -110,7 +118,7 @@ def run(
             count += 1
             if status == HIT and settles(gap, rate_rows, acceleration, side, bound, hit, z):
                 return (STICKING if restitution[hit] == 0.0 else CHATTERING), count, t
-            hit = struck_with(gap, rate_rows, acceleration, side, bound, hit, -1, z) if status == HIT else -1
+            hit = struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, -1, z) if status == HIT else -1
 
 
 @nb.njit(cache=True, error_model="numpy")

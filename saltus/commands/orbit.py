@@ -86,15 +86,12 @@ def _select(branch: Branch, name: Name, energy: float | None, alpha: float | Non
     if not found:
         values = branch.points[key]
         raise BadInput(
-            f"no orbit of {name} has {key} = {value:.10g}: "
-            f"the family was followed from {key} = {values.min():.10g} to {values.max():.10g}"
+            f"no orbit of {name} has {key} = {value:.10g}: the family was followed from {key} = {values.min():.10g} to {values.max():.10g}"
         )
     if wish is not None:
         nearest = min(found, key=lambda orbit: abs(getattr(orbit, other) - wish))
         if abs(getattr(nearest, other) - wish) > TOLERANCE * wish:
-            raise BadInput(
-                f"no orbit of {name} has {key} = {value:.10g} and {other} = {wish:.10g}; nearest: {_list([nearest])}"
-            )
+            raise BadInput(f"no orbit of {name} has {key} = {value:.10g} and {other} = {wish:.10g}; nearest: {_list([nearest])}")
         return nearest
     if len(found) > 1:
         raise BadInput(f"{len(found)} orbits of {name} have {key} = {value:.10g}, expected one of {_list(found)}")
@@ -128,13 +125,13 @@ def describe(orbit: Orbit) -> list[str]:
     -------
     list of str
     """
+    values = {"tau": orbit.tau, "tau_half": orbit.tau_half}
+    traces = "".join(f"  {name} = {value:.10g}" for name, value in values.items() if math.isfinite(value))
     lines = [
         f"orbit    {orbit.label}  ends {orbit.ends[0]} {orbit.ends[1]}  word {orbit.word or '(none)'}",
         f"energy   h = {orbit.h:.15g}",
         f"period   T = {orbit.period:.15g}  alpha = T/4 = {orbit.alpha:.15g}",
-        f"stable   {stability_word(orbit.stable)}  " + "  ".join(
-            f"{name} = {value:.10g}" for name, value in (("tau", orbit.tau), ("tau_half", orbit.tau_half)) if math.isfinite(value)
-        ),
+        f"stable   {stability_word(orbit.stable)}{traces}",
     ]
     lines += [f"multiplier  {value.real:+.12e} {value.imag:+.12e} i  modulus {abs(value):.12e}" for value in orbit.multipliers]
     quality = orbit.quality

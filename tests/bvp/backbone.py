@@ -1,7 +1,7 @@
 """Closed forms of orbits with one impact a half period, and of one impact a period on a one-sided stop: oracles for tests.
 
-A linear undamped system with modes w_k, mass-normalised shapes and b_k = c . phi_k moves under impulses of alternating sign along the
-gap w = c . u, half a period 2 alpha apart (design of the oracles: an antiperiodic train of impulses of size P).
+A linear undamped system with modes w_k, mass-normalised shapes and b_k = c . phi_k moves under impulses of alternating sign
+along the gap w = c . u, half a period 2 alpha apart: an antiperiodic train of impulses, summed mode by mode.
 """
 
 import numpy as np

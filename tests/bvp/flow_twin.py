@@ -25,7 +25,7 @@ class Twin:
         self.longest = 2.0 * np.pi / np.max(self.frequencies) / samples
         self.restitution_sign = restitution_sign
         self.contacts = []
-        for index, stop in enumerate(system.stops):
+        for stop in system.stops:
             c = np.array(stop.gap)
             for side, bound in ((-1.0, stop.lower), (1.0, stop.upper)):
                 if np.isfinite(bound):

@@ -1,11 +1,13 @@
 """Orbits for tests, found with the numpy flow alone: scanning a start set at fixed energy, and random starts polished by Newton."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from bvp.multipoint import MultipointProblem, NotConverged
-from bvp.system import ImpactSystem, Stop
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp import backbone
 from tests.bvp.flow_twin import Twin
 
 
@@ -22,14 +24,14 @@ class Found:
         return "..".join(self.problem.ends) + ":" + "".join(self.problem.word)
 
 
-def chain(rng, n, absolute=False):
+def chain(rng, n, grounded=False):
     """A chain of n masses, ends free (one rigid-body mode) or tied to the ground, with one odd-symmetric stop between two of them."""
     mass = np.diag(rng.uniform(0.2, 2.0, n))
     stiffness = np.zeros((n, n))
     for i in range(n - 1):
         k = rng.uniform(0.2, 2.0)
         stiffness[i : i + 2, i : i + 2] += k * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    if absolute:
+    if grounded:
         stiffness[0, 0] += 1.0
     j = int(rng.integers(n - 1))
     row = np.zeros(n)
@@ -130,3 +132,68 @@ def polish(system, ends, word, start, nodes, flights, energy):
     impacts = bool(word) or any(end.startswith("stop") for end in ends)
     ok = impacts and solution["clearance"] > 1e-6 and solution["flight"] > 1e-3 and solution["speed"] > 1e-3
     return Found(problem, solution, energy) if ok else None
+
+
+SCANS = (
+    (0.1, 0.1, 0.5, "origin"),
+    (0.1, 0.1, 0.5, "stop+"),
+    (1.3, 0.4, 2.0, "origin"),
+    (1.3, 0.4, 2.0, "rest"),
+    (1.9, 0.3, 0.4, "rest"),
+)
+"""(mu, sigma, h, start) of the orbits that the tests share; the last holds multipliers from 1 to 1e20."""
+
+
+@cache
+def collection():
+    """Orbits of the two-degree-of-freedom system, solved."""
+    found = []
+    for mu, sigma, energy, start in SCANS:
+        found += scan(vibro_impact_nes(mu, sigma), start, energy, angles=240 if mu > 1.5 else 110, impacts=6, most=40)
+    return tuple(found)
+
+
+@cache
+def chains():
+    """Orbits of chains of three to six masses, from random starts: Newton's nearest solution, at whatever energy it has."""
+    rng = np.random.default_rng(11)
+    found = []
+    for n in (3, 4, 5, 6):
+        for grounded in (False, True):
+            system = chain(rng, n, grounded)
+            twin = Twin(system)
+            row = np.array(system.stops[0].gap)
+            velocity = rng.normal(size=n) + 3.0 * np.linalg.solve(system.mass, row)
+            x = np.concatenate([np.zeros(n), rng.uniform(0.3, 1.0) * velocity])
+            _, events = twin.run(x, 60.0, None, 5)
+            flights = np.diff([0.0] + [event[0] for event in events])
+            nodes = np.array([system.modes.from_state @ event[3] for event in events])
+            for k, (_, contact, _, _) in enumerate(events):
+                word = tuple(twin.contacts[event[1]][4] for event in events[:k])
+                ends = ("origin", "stop" + twin.contacts[contact][4])
+                problem = MultipointProblem(system, ends, word)
+                guess = problem.pack(system.modes.from_state @ x, nodes[:k], flights[: k + 1])
+                try:
+                    solution = problem.solve(guess)
+                except NotConverged:
+                    continue
+                if solution["clearance"] > 1e-6 and solution["flight"] > 1e-3 and solution["speed"] > 1e-3:
+                    found.append(Found(problem, solution, solution["energy"]))
+    return tuple(found)
+
+
+def backbone_segment(system, alpha, impacts=0):
+    """(problem, exact unknowns) of the one-impact orbit: its quarter, or `impacts` half periods of it between two origins."""
+    velocity = backbone.origin_velocity(system, alpha)
+    modes = system.modes
+    n = system.degrees_of_freedom
+    start = modes.from_state @ np.concatenate([np.zeros(n), velocity])
+    if impacts == 0:
+        problem = MultipointProblem(system, ("origin", "stop+"), ())
+        return problem, problem.pack(start, np.zeros((0, 2 * n)), [alpha])
+    u, v = backbone.motion(system, alpha, np.array([-alpha]))
+    after = modes.from_state @ np.concatenate([-u[0], -v[0]])
+    nodes = np.array([after if i % 2 == 0 else -after for i in range(impacts)])
+    word = tuple("+-"[i % 2] for i in range(impacts))
+    problem = MultipointProblem(system, ("origin", "origin"), word)
+    return problem, problem.pack(start, nodes, [alpha] + [2.0 * alpha] * (impacts - 1) + [alpha])

@@ -190,3 +190,19 @@ class Ring(Line):
         ]
         new_tangent = sense * np.array([-point[1], point[0]])
         return Step(True, point, new_tangent, tuple(point), math.cos(turn), 0.0, 1, 0.0, angle, sense, values)
+
+
+class Eight(Line):
+    """x = sin t, a = 2 sin t cos t, followed with growing t: through the origin twice, with tangents 53 degrees apart."""
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
+        start = math.atan2(y[0], math.copysign(math.sqrt(1 - y[0] ** 2), tangent[0]))
+        t = start
+        for _ in range(8):
+            velocity = np.array([math.cos(t), 2 * math.cos(2 * t)])
+            point = np.array([math.sin(t), math.sin(2 * t)])
+            t -= (float(tangent @ (point - y)) - ds) / float(tangent @ velocity)
+        point = np.array([math.sin(t), math.sin(2 * t)])
+        new = np.array([math.cos(t), 2 * math.cos(2 * t)])
+        new /= np.linalg.norm(new)
+        return Step(True, point, new, tuple(point), float(new @ tangent), 0.0, 1, 0.0, float(point[1]), float(new[1]), [])

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from scipy.integrate import quad
 from scipy.special import ellipe
 
 from continuation import End, EndReason, Event, Point, Settings, follow
 from continuation import Test as Marker
-from tests.continuation.curves import Line, circle, cubic, ellipse, hyperbola, is_close, parallel_lines, parts, root_end
+from tests.continuation.curves import Eight, Line, circle, cubic, ellipse, hyperbola, is_close, parallel_lines, parts, root_end
 
 SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=60)
 
@@ -40,6 +41,17 @@ def test_any_ellipse_closes_with_its_folds_from_any_start(long, short, angle, di
     folds = [event.point.parameter for event in events]
     if abs(math.cos(angle)) > 1e-3:  # the start is no fold
         assert sorted(folds) == pytest.approx([-short, short], abs=1e-9)
+
+
+def test_figure_of_eight_closes_after_both_loops_only():
+    """It passes its start a first time with another tangent. Oracle: the length of the curve by quadrature."""
+    tangent = np.array([1.0, 2.0]) / math.sqrt(5)
+    start = Eight().step(np.zeros(2), tangent, 0.0)
+    points, _, (end,) = parts(follow(Eight(), start, 0, Settings(maximum_step=0.1)))
+    length, _ = quad(lambda t: math.hypot(math.cos(t), 2 * math.cos(2 * t)), 0, 2 * math.pi)
+    assert end.reason is EndReason.CLOSED
+    assert is_close(points[-1].arclength, length, 1e-3)
+    assert min(point.y[0] for point in points) == pytest.approx(-1, abs=0.05)
 
 
 def test_arclength_is_of_fourth_order_in_the_step():

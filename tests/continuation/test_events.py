@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from continuation import EndReason, EventDetails, Settings, follow
 from continuation import Test as Marker
+from continuation.events import EventFinder
 from tests.continuation.curves import Line, parts
 
 SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=60)
@@ -214,6 +215,30 @@ def test_guard_that_dips_below_zero_inside_a_step_ends_the_family():
     problem = Line((Marker("G", "guard", terminal=True), lambda s: (s - 2.05) ** 2 - 0.02**2))
     points, _, end = run(problem)
     assert end.reason is EndReason.EVENT and points[-1].arclength == pytest.approx(2.03, abs=1e-10)
+
+
+def test_a_guard_that_ends_nothing_reports_its_fall_and_not_its_rise():
+    _, events, _ = run(Line((Marker("G", "guard"), lambda s: (s - 2.05) ** 2 - 0.02**2)))
+    assert [event.arclength for event in events] == pytest.approx([2.03], abs=1e-10)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("lengths", [(0.1, 0.1), (0.05, 0.2), (0.2, 0.07)])
+def test_extremum_between_the_last_two_points_is_predicted_exactly_for_a_parabola(sign, lengths):
+    """Oracle: v = 3 (s - m)^2 + d through s = -lengths[0], 0, lengths[1]; asked for where d is small beside the ends only."""
+    finder = EventFinder(Line((Marker("A", "crossing"), lambda s: 1.0)), Settings())
+    before, last = lengths
+    for middle in (-0.02, 0.3 * last, 0.6 * last, 1.2 * last):
+        for depth in (-1e-3, 0.0, 1e-4, 1.0):
+            values = [sign * (3 * (s - middle) ** 2 + depth) for s in (-before, 0.0, last)]
+            if values[1] * values[2] <= 0:
+                continue
+            suspects = finder.scan([values[0]], [values[1]], [values[2]], before, last)
+            smaller = min(abs(values[1]), abs(values[2]))
+            if 0 < middle < last and depth < 0.25 * smaller:
+                assert [suspect.dip for suspect in suspects] == [pytest.approx(middle / last)]
+            else:
+                assert suspects == []
 
 
 def test_a_dip_that_stays_above_zero_is_no_event_and_costs_few_steps():

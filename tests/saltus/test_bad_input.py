@@ -22,7 +22,8 @@ impacts = 6
 
 INDEFINITE = ONE_SIDED.replace("mass = [[1.0]]", "mass = [[1.0, 2.0], [2.0, 1.0]]")
 INDEFINITE = INDEFINITE.replace("[[1.0]]", "[[1.0, 0.0], [0.0, 1.0]]")
-UNEVEN = INDEFINITE.replace("[[1.0, 2.0], [2.0, 1.0]]", "[[1.0, 0.0], [0.0, 1.0]]").replace("c = [1.0]", "c = [1.0, -1.0]\nlower = -1.0")
+UNEVEN = INDEFINITE.replace("[[1.0, 2.0], [2.0, 1.0]]", "[[1.0, 0.0], [0.0, 1.0]]")
+UNEVEN = UNEVEN.replace("c = [1.0]", "c = [1.0, -1.0]\nlower = -1.0")
 DAMPED = ONE_SIDED.replace("[system]", "[system]\ndamping = [[0.1]]").replace("upper", "lower = -0.5\nupper")
 
 CASES = [

@@ -1,0 +1,158 @@
+"""Orthogonal elimination of block-bidiagonal Jacobians.
+
+Oracle: the same matrix, dense, in numpy: orthogonality of Q, J^T = Q [R; 0], numpy.linalg.lstsq for the least-norm solution, the
+singular value decomposition for the null vector, slogdet for the determinant's sign.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bvp.kernels.elimination import apply_reflectors, eliminate, forward
+
+EPS = np.finfo(float).eps
+
+
+def random_problem(rng, flights, half, periodic, growth=1.0):
+    """Factor arrays of a random Jacobian with the pattern of a multipoint problem, and that Jacobian dense.
+
+    growth > 1: each flight magnifies half of the directions by it and shrinks the others, as unstable orbits do.
+    """
+    rows = 2 * half + 1
+    start = 2 * half + 1 if periodic else half + 1
+    closers = 2 * half + 1 if periodic else half
+    unknowns = start + flights * rows + int(periodic)
+    assert unknowns == flights * rows + closers + 1
+    jacobian = np.zeros((unknowns - 1, unknowns))
+    edges = [0] + [start + i * rows for i in range(flights + 1)]
+    frame = np.linalg.qr(rng.normal(size=(2 * half, 2 * half)))[0]
+    flow = frame @ np.diag([growth] * half + [1.0 / growth] * half) @ frame.T
+    for i in range(flights):
+        block = rng.normal(size=(rows, edges[i + 2] - edges[i]))
+        if growth > 1.0:
+            block[:-1, edges[i + 1] - edges[i] : -1] = -np.eye(2 * half)
+            block[:-1, : edges[i + 1] - edges[i] - 1] = flow if i > 0 or periodic else flow @ frame @ rng.normal(size=(2 * half, half))
+            block[:, edges[i + 1] - edges[i] - 1] *= 0.1
+            block[-1, : edges[i + 1] - edges[i]] = 0.0
+        jacobian[i * rows : (i + 1) * rows, edges[i] : edges[i + 2]] = block
+    first = flights * rows
+    jacobian[first:, edges[flights] : edges[flights + 1]] = rng.normal(size=(closers, edges[flights + 1] - edges[flights]))
+    if periodic:
+        jacobian[first:, :start] += rng.normal(size=(closers, start))
+        jacobian[first:, -1] = rng.normal(size=closers)
+    window = np.zeros((flights * rows, start + 2 * rows))
+    for j in range(flights * rows):
+        base = max(0, (j // rows - 1) * rows)
+        width = min(window.shape[1], unknowns - base)
+        window[j, :width] = jacobian[j, base : base + width]
+    return rows, start, window, jacobian[first:].copy(), jacobian
+
+
+def eliminated(flights, periodic, rows, start, window, closing):
+    """Factor the arrays in place and return (diagonal, factor, reflections)."""
+    count = closing.shape[1] - 1
+    diagonal, factor = np.zeros(count), np.zeros(count)
+    first = 0 if periodic else max(0, flights - 1)
+    reflections = eliminate(flights, rows, start, first, window, closing, diagonal, factor)
+    return diagonal, factor, reflections
+
+
+def dense_q(flights, rows, start, window, closing, factor):
+    """Q, column by column."""
+    unknowns = closing.shape[1]
+    q = np.eye(unknowns)
+    for j in range(unknowns):
+        column = q[:, j].copy()
+        apply_reflectors(flights, rows, start, window, closing, factor, column)
+        q[:, j] = column
+    return q
+
+
+def dense_r(flights, rows, window, closing, diagonal):
+    """R, (u, u - 1): what stands above the pivots in the factored arrays, and the diagonal."""
+    unknowns = closing.shape[1]
+    r = np.zeros((unknowns, unknowns - 1))
+    for j in range(unknowns - 1):
+        if j < flights * rows:
+            base = max(0, (j // rows - 1) * rows)
+            r[base:j, j] = window[j, : j - base]
+        else:
+            r[:j, j] = closing[j - flights * rows, :j]
+        r[j, j] = diagonal[j]
+    return r
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 6), st.integers(1, 5), st.booleans(), st.integers(0, 2**32 - 1))
+def test_factors_of_random_patterns(flights, half, periodic, seed):
+    rng = np.random.default_rng(seed)
+    rows, start, window, closing, jacobian = random_problem(rng, flights, half, periodic)
+    diagonal, factor, reflections = eliminated(flights, periodic, rows, start, window, closing)
+    unknowns = closing.shape[1]
+    size = np.linalg.norm(jacobian)
+    q = dense_q(flights, rows, start, window, closing, factor)
+    r = dense_r(flights, rows, window, closing, diagonal)
+    assert np.max(np.abs(q.T @ q - np.eye(unknowns))) < 50 * unknowns * EPS
+    assert np.max(np.abs(q @ r - jacobian.T)) < 50 * unknowns * EPS * size
+    null = q[:, -1]
+    assert np.max(np.abs(jacobian @ null)) < 50 * unknowns * EPS * size
+    sign, _ = np.linalg.slogdet(np.vstack([jacobian, null]))
+    assert sign == (-1.0) ** reflections * np.prod(np.sign(diagonal))
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 5), st.integers(1, 4), st.booleans(), st.integers(0, 2**32 - 1))
+def test_least_norm_solution_is_that_of_lstsq(flights, half, periodic, seed):
+    rng = np.random.default_rng(seed)
+    rows, start, window, closing, jacobian = random_problem(rng, flights, half, periodic)
+    diagonal, factor, _ = eliminated(flights, periodic, rows, start, window, closing)
+    right = rng.normal(size=jacobian.shape[0])
+    expected = np.linalg.lstsq(jacobian, right, rcond=None)[0]
+    solution = np.zeros(jacobian.shape[1])
+    solution[:-1] = right
+    forward(flights, rows, window, closing, diagonal, solution[:-1])
+    apply_reflectors(flights, rows, start, window, closing, factor, solution)
+    condition = np.linalg.cond(jacobian)
+    assert np.linalg.norm(solution - expected) < 100 * len(solution) * EPS * condition * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("growth", [1.0, 50.0])
+def test_two_hundred_impacts_with_growth(periodic, growth):
+    """The residual stays at rounding level for any growth along the orbit (Householder's reflections need no pivots)."""
+    flights = 200
+    rng = np.random.default_rng(5)
+    rows, start, window, closing, jacobian = random_problem(rng, flights, 2, periodic, growth)
+    assert np.linalg.cond(jacobian) < 1e10
+    diagonal, factor, _ = eliminated(flights, periodic, rows, start, window, closing)
+    right = rng.normal(size=jacobian.shape[0])
+    solution = np.zeros(jacobian.shape[1])
+    solution[:-1] = right
+    forward(flights, rows, window, closing, diagonal, solution[:-1])
+    apply_reflectors(flights, rows, start, window, closing, factor, solution)
+    scale = np.abs(jacobian) @ np.abs(solution) + np.abs(right)
+    assert np.max(np.abs(jacobian @ solution - right) / np.max(scale)) < 1e-13
+    null = np.zeros(jacobian.shape[1])
+    null[-1] = 1.0
+    apply_reflectors(flights, rows, start, window, closing, factor, null)
+    assert abs(np.linalg.norm(null) - 1.0) < 1e-13
+    assert np.max(np.abs(jacobian @ null)) < 1e-13 * np.linalg.norm(jacobian, np.inf)
+
+
+def test_work_is_linear_in_the_flights():
+    """The factor arrays are all that is touched, and they grow linearly: two doublings of the flights, two equal increments."""
+    sizes = []
+    for flights in (50, 100, 150):
+        rng = np.random.default_rng(1)
+        _, _, window, closing, _ = random_problem(rng, flights, 2, False)
+        sizes.append(window.size + closing.size)
+    assert sizes[1] - sizes[0] == sizes[2] - sizes[1]
+
+
+def test_a_rank_deficient_jacobian_shows_on_the_diagonal():
+    rng = np.random.default_rng(3)
+    rows, start, window, closing, jacobian = random_problem(rng, 2, 2, False)
+    window[7] = window[6]
+    diagonal, _, _ = eliminated(2, False, rows, start, window, closing)
+    assert np.min(np.abs(diagonal)) < 1e-14 * np.linalg.norm(jacobian)

@@ -1,0 +1,165 @@
+"""Sign changes and turning points of functionals of a flight, by bounds.
+
+Oracle: the flight sampled densely by numpy alone; between samples nothing is claimed, so cases are compared where the samples
+resolve every turn. Polynomial flights (rigid-body modes) have roots known exactly.
+"""
+
+import numpy as np
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from bvp.kernels.extrema import amplitude_bound, clearance, sign_changes
+from bvp.multipoint import observed_of
+from bvp.system import ImpactSystem, Stop
+
+SAMPLES = 20001
+
+
+def arrays(system, row):
+    """Flight arrays, and the functional with its first two derivatives, of w = row . (u, v)."""
+    modes = system.modes
+    value = np.ascontiguousarray(modes.to_state.T @ row)
+    rate = np.ascontiguousarray(value @ modes.matrix)
+    return modes, value, rate, np.ascontiguousarray(rate @ modes.matrix)
+
+
+def random_system(rng, n, damped):
+    """Masses on springs, some of them loose (rigid-body modes), with damping where asked for, proportional to mass or not."""
+    mass = np.diag(rng.uniform(0.1, 2.0, n))
+    stiffness = np.zeros((n, n))
+    for i in range(n - 1):
+        if rng.random() < 0.8:
+            stiffness[i : i + 2, i : i + 2] += rng.uniform(0.1, 3.0) * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    if rng.random() < 0.5:
+        stiffness[0, 0] += 1.0
+    damping = rng.choice([0.1, 2.0]) * rng.uniform(0.0, 1.0) * mass if damped else np.zeros((n, n))
+    if damped and rng.random() < 0.5:
+        damping[-1, -1] += rng.uniform(0.0, 0.5)
+    row = np.zeros(n)
+    row[0] = 1.0
+    if n > 1:
+        row[1] = -1.0
+    return ImpactSystem(mass, damping, stiffness, (Stop(tuple(row), -1.0, 1.0),))
+
+
+def dense(modes, value, z, duration):
+    """Samples of value . z(t) by powers of scipy's matrix exponential: (times, values)."""
+    times = np.linspace(0.0, duration, SAMPLES)
+    power = expm(modes.matrix * times[1])
+    states = np.empty((SAMPLES, len(z)))
+    states[0] = z
+    filled = 1
+    while filled < SAMPLES:
+        count = min(filled, SAMPLES - filled)
+        states[filled : filled + count] = states[:count] @ power.T
+        filled += count
+        power = power @ power
+    return times, states @ value
+
+
+def resolved(values, margin=1e-6):
+    """True where every turning point of the samples, and both ends, keep a clear distance from zero."""
+    turns = (values[1:-1] - values[:-2]) * (values[2:] - values[1:-1]) <= 0.0
+    size = np.max(np.abs(values))
+    critical = np.concatenate([[values[0], values[-1]], values[1:-1][turns]])
+    return size > 1e-6 and np.min(np.abs(critical)) > margin * size
+
+
+@settings(max_examples=80)
+@given(st.integers(1, 4), st.booleans(), st.booleans(), st.floats(0.1, 40.0), st.integers(0, 2**32 - 1))
+def test_sign_changes_against_dense_samples(n, damped, velocity, duration, seed):
+    rng = np.random.default_rng(seed)
+    system = random_system(rng, n, damped)
+    row = np.zeros(2 * n)
+    row[n if velocity else 0] = 1.0
+    modes, value, rate, second = arrays(system, row)
+    z = modes.from_state @ rng.normal(size=2 * n)
+    _, values = dense(modes, value, z, duration)
+    assume(resolved(values))
+    expected = int(np.sum(values[:-1] * values[1:] < 0.0))
+    found, sign = sign_changes(*modes.blocks, value, rate, second, z, duration, 0, np.empty(2 * n))
+    assert found == expected
+    assert sign == np.sign(values[-1])
+
+
+@settings(max_examples=80)
+@given(st.integers(1, 4), st.booleans(), st.floats(0.1, 40.0), st.integers(0, 2**32 - 1))
+@example(n=1, damped=False, duration=0.1, seed=0)
+def test_clearance_against_dense_samples(n, damped, duration, seed):
+    rng = np.random.default_rng(seed)
+    system = random_system(rng, n, damped)
+    modes = system.modes
+    observed = observed_of(system)
+    z = modes.from_state @ (0.5 * rng.normal(size=2 * n))
+    _, rates = dense(modes, observed.gap_rate[0], z, duration)
+    assume(resolved(rates))
+    times, gaps = dense(modes, observed.gap[0], z, duration)
+    up = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] < 0.0))
+    down = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] > 0.0))
+    expected = min([1.0 - max(gaps[i], gaps[i + 1]) for i in up] + [min(gaps[i], gaps[i + 1]) + 1.0 for i in down], default=np.inf)
+    distance, side, time = clearance(*modes.blocks, observed, 0, z, duration, np.empty(2 * n))
+    if np.isinf(expected):
+        assert np.isinf(distance)
+        return
+    spacing = times[1] * np.max(np.abs(rates))
+    assert distance <= expected + 1e-9 * (1.0 + abs(expected))
+    assert distance >= expected - spacing
+    i = int(np.searchsorted(times, time))
+    near = gaps[max(0, i - 1) : i + 2]
+    assert np.min(np.abs(1.0 - side * near - distance)) < 2.0 * spacing + 1e-9
+
+
+@settings(max_examples=60)
+@given(st.integers(1, 4), st.booleans(), st.floats(0.1, 40.0), st.integers(0, 2**32 - 1))
+def test_amplitude_is_never_exceeded(n, damped, duration, seed):
+    rng = np.random.default_rng(seed)
+    system = random_system(rng, n, damped)
+    row = rng.normal(size=2 * n)
+    modes, value, _, _ = arrays(system, row)
+    z = modes.from_state @ rng.normal(size=2 * n)
+    _, values = dense(modes, value, z, duration)
+    bound = amplitude_bound(*modes.blocks, value, z, duration)
+    assert np.max(np.abs(values)) <= bound * (1.0 + 1e-9)
+
+
+def test_amplitude_of_one_mode_is_attained():
+    """Closed form: w = A cos(t - phase) reaches A."""
+    system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), -1.0, 1.0),))
+    modes = system.modes
+    bound = amplitude_bound(*modes.blocks, np.array([1.0, 0.0]), modes.from_state @ np.array([0.3, 0.4]), 10.0)
+    assert abs(bound - 0.5) < 1e-15
+
+
+def test_polynomial_flight_has_its_exact_turning_points():
+    """Two free bodies and no spring: w = t - 0.3 never turns and changes its sign once; a constant has no sign change."""
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), (Stop((1.0, -1.0), -1.0, 1.0),))
+    modes, value, rate, second = arrays(system, np.array([1.0, -1.0, 0.0, 0.0]))
+    z = modes.from_state @ np.array([-0.3, 0.0, 1.0, 0.0])
+    work = np.empty(4)
+    assert sign_changes(*modes.blocks, value, rate, second, z, 0.9, 0, work) == (1, 1)
+    assert sign_changes(*modes.blocks, value, rate, second, z, 0.29, 0, work) == (0, -1)
+    assert sign_changes(*modes.blocks, value, rate, second, z, 0.29, 1, work) == (1, -1)
+    distance, _, _ = clearance(*modes.blocks, observed_of(system), 0, z, 0.9, work)
+    assert np.isinf(distance)
+
+
+def test_nearly_double_roots_are_told_apart():
+    """w = cos(2t) + level: two sign changes inside a dip of depth 1e-9, none when it stays above by 1e-9 (closed form)."""
+    system = ImpactSystem(np.diag([1.0, 1.0]), np.zeros((2, 2)), np.diag([4.0, 0.0]), (Stop((1.0, 1.0), -3.0, 3.0),))
+    modes, value, rate, second = arrays(system, np.array([1.0, 1.0, 0.0, 0.0]))
+    for excess, changes in ((-1e-9, 2), (1e-9, 0)):
+        z = modes.from_state @ np.array([1.0, 1.0 + excess, 0.0, 0.0])
+        assert sign_changes(*modes.blocks, value, rate, second, z, 3.0, 0, np.empty(4))[0] == changes
+
+
+def test_clearance_of_a_grazing_flight_to_rounding():
+    """w = A sin t turns at A: the distance to the bound 1 is 1 - A, however small (closed form)."""
+    system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), -1.0, 1.0),))
+    modes = system.modes
+    for gap in (1e-3, 1e-9, 1e-14, -1e-9):
+        z = modes.from_state @ np.array([0.0, 1.0 - gap])
+        distance, side, time = clearance(*modes.blocks, observed_of(system), 0, z, 3.0, np.empty(2))
+        assert abs(distance - gap) < 4e-16 and side == 1.0 and abs(time - np.pi / 2) < 1e-7
+        distance, side, time = clearance(*modes.blocks, observed_of(system), 0, z, 6.0, np.empty(2))
+        assert abs(distance - gap) < 4e-16

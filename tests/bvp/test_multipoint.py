@@ -1,0 +1,335 @@
+"""The multipoint problem: residual, Jacobian, Newton's solution.
+
+Oracles: the same equations written again in numpy with complex numbers, differentiated by complex steps (exact to rounding);
+closed forms of one-impact orbits; the numpy event-driven flow; refinement to 60 digits.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bvp.cycle import cycle_of
+from bvp.kernels import multipoint as kernel
+from bvp.multipoint import EndsError, MultipointProblem, NotConverged
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp import backbone
+from tests.bvp.flow_twin import Twin
+from tests.bvp.high_precision import Exact
+from tests.bvp.orbits import backbone_segment, chain, chains, collection
+
+EPS = np.finfo(float).eps
+ENDS = ("origin", "rest", "stop+", "stop-")
+
+
+def residual_twin(problem, y, restitution=1.0, pull=1.0):
+    """F(y) for complex y, in modal coordinates made by numpy. `restitution` and `pull` = -1 flip the sign of the restitution
+    and of the spring forces: mutations that a test must notice."""
+    system, n = problem.system, problem.half
+    shapes = problem.modes.shapes
+    squares = np.array([shapes[:, k] @ system.stiffness @ shapes[:, k] for k in range(n)])
+    squares[np.abs(squares) < 1e-13 * np.max(np.abs(squares))] = 0.0
+    w = np.sqrt(squares)
+    letters = {}
+    for stop in system.stops:
+        c = shapes.T @ np.array(stop.gap)
+        name = stop.name if len(system.stops) > 1 else ""
+        letters[name + "-"] = (c, stop.lower, stop.restitution)
+        letters[name + "+"] = (c, stop.upper, stop.restitution)
+
+    def flow(z, t):
+        cosine = np.cos(w * t)
+        sine = np.where(w > 0, np.sin(w * t) / np.where(w > 0, w, 1.0), t)
+        return np.concatenate([cosine * z[:n] + sine * z[n:], cosine * z[n:] - pull * squares * sine * z[:n]])
+
+    def impact(z, letter):
+        c, _, r = letters[letter]
+        return np.concatenate([z[:n], z[n:] - (1.0 + restitution * r) * (c @ z[n:]) / (c @ c) * c])
+
+    s = problem.parameters
+    start = problem.segment.start_map @ y[:s] + problem.segment.start_offset
+    word = problem.word[1:] if problem.periodic else problem.word
+    out = []
+    at = s
+    z = start
+    for letter in word:
+        z = impact(flow(z, y[at]), letter)
+        node = y[at + 1 : at + 1 + 2 * n]
+        c, bound, _ = letters[letter]
+        out += [*(z - node), c @ node[:n] - bound]
+        z = node
+        at += 2 * n + 1
+    z = flow(z, y[at])
+    if problem.periodic:
+        gradient = np.concatenate([squares * start[:n], start[n:]])
+        c, bound, _ = letters[problem.word[0]]
+        out += [*(impact(z, problem.word[0]) + y[-1] * gradient - start), c @ start[:n] - bound]
+    else:
+        out += list(problem.segment.end_map @ z - problem.segment.end_offset)
+    return np.array(out)
+
+
+def jacobian_twin(problem, y, **signs):
+    """F'(y) by complex steps."""
+    columns = []
+    for j in range(problem.unknowns):
+        stepped = y.astype(complex)
+        stepped[j] += 1e-30j
+        columns.append(residual_twin(problem, stepped, **signs).imag / 1e-30)
+    return np.array(columns).T
+
+
+def random_word(rng, letters, length):
+    return tuple(letters[i] for i in rng.integers(len(letters), size=length))
+
+
+@st.composite
+def problems(draw):
+    """A random problem - system, ends, word - and random unknowns, which need not be near a solution."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    kind = draw(st.sampled_from(["nes", "chain", "two stops"]))
+    if kind == "nes":
+        system = vibro_impact_nes(rng.uniform(0.01, 2.0), rng.choice([0.0, rng.uniform(0.0, 2.0)]))
+    elif kind == "chain":
+        system = chain(rng, int(rng.integers(2, 5)), bool(rng.integers(2)))
+    else:
+        stops = (Stop((1.0, -1.0), -1.0, 1.0), Stop((0.0, 1.0), -2.0, 2.0))
+        system = ImpactSystem(np.diag([0.5, 1.0]), np.zeros((2, 2)), [[0.3, -0.3], [-0.3, 1.3]], stops)
+    letters = system.modes.contact_letters
+    stops = ["stop" + letter for letter in letters]
+    ends = draw(
+        st.one_of(
+            st.tuples(st.sampled_from(["origin", "rest", *stops]), st.sampled_from(["origin", "rest", *stops])),
+            st.just(("periodic", "periodic")),
+        )
+    )
+    length = draw(st.integers(1 if ends[0] == "periodic" else 0, 5))
+    problem = MultipointProblem(system, ends, random_word(rng, letters, length))
+    y = rng.normal(size=problem.unknowns)
+    return problem, y
+
+
+@settings(max_examples=120)
+@given(problems())
+def test_residual_and_jacobian_against_complex_steps(case):
+    problem, y = case
+    size = 1.0 + np.max(np.abs(y)) * (1.0 + np.max(problem.modes.frequencies)) ** 2
+    assert np.max(np.abs(problem.residual(y) - residual_twin(problem, y))) < 1e-13 * size**2
+    jacobian = problem.jacobian(y)
+    assert jacobian.shape == (problem.unknowns - 1, problem.unknowns)
+    assert np.max(np.abs(jacobian - jacobian_twin(problem, y))) < 1e-13 * size**2
+
+
+@pytest.mark.parametrize("signs", [{"restitution": -1.0}, {"pull": -1.0}])
+@pytest.mark.parametrize("ends", [("origin", "stop+"), ("rest", "origin"), ("periodic", "periodic")])
+def test_a_flipped_sign_is_noticed(ends, signs):
+    """The comparison above tells mutated equations from right ones, in the residual and in each kind of Jacobian block."""
+    rng = np.random.default_rng(2)
+    problem = MultipointProblem(vibro_impact_nes(0.4, 0.7), ends, ("+", "-", "+"))
+    y = rng.normal(size=problem.unknowns)
+    assert np.max(np.abs(problem.residual(y) - residual_twin(problem, y, **signs))) > 1e-3
+    wrong = np.abs(problem.jacobian(y) - jacobian_twin(problem, y, **signs)) > 1e-3
+    times = [problem.parameters + i * (problem.size + 1) for i in range(problem.inner + 1)]
+    states = [j for j in range(problem.unknowns) if j not in times]
+    assert np.any(wrong[:, times]) and np.any(wrong[:, states])
+
+
+@settings(max_examples=40)
+@given(problems())
+def test_null_vector_and_energy_gradient(case):
+    """J t = 0 for the tangent of the factorised Jacobian; d h / d y against central differences (h is quadratic: exact)."""
+    problem, y = case
+    factor = kernel.make_factor(problem.segment)
+    work = np.zeros(problem.size)
+    residual = np.zeros(problem.unknowns - 1)
+    kernel.evaluate(problem.segment, y, factor.before, work, residual)
+    kernel.set_scale(problem.segment, y, factor)
+    kernel.factorise(problem.segment, y, factor)
+    null = np.zeros(problem.unknowns)
+    kernel.null_vector(problem.segment, factor, null)
+    jacobian = problem.jacobian(y)
+    assert np.max(np.abs(jacobian @ null)) < 1e-12 * np.linalg.norm(jacobian) * np.linalg.norm(null)
+    gradient = problem.energy_gradient(y)
+    for j in range(problem.unknowns):
+        step = np.zeros(problem.unknowns)
+        step[j] = 1.0
+        difference = (problem.energy(y + step) - problem.energy(y - step)) / 2.0
+        assert abs(gradient[j] - difference) < 1e-12 * (1.0 + abs(difference)) * (1.0 + np.max(np.abs(y)))
+
+
+@pytest.mark.parametrize("mu, sigma", [(0.1, 0.1), (0.37, 0.81), (1.7, 0.2), (0.05, 1.9), (0.8, 0.0)])
+@pytest.mark.parametrize("fraction", [0.05, 0.3, 0.6])
+def test_backbone_is_a_solution_and_is_found_again(mu, sigma, fraction):
+    """Closed form: residual at rounding; Newton from a point 2 % away returns to it at the same energy or quarter period."""
+    system = vibro_impact_nes(mu, sigma)
+    alpha = fraction * np.pi / 2 / np.max(system.modes.frequencies)
+    assert backbone.is_physical(system, alpha)
+    problem, y = backbone_segment(system, alpha)
+    size = np.max(np.abs(y))
+    assert np.max(np.abs(problem.residual(y))) < 1e-14 * max(1.0, size)
+    rng = np.random.default_rng(1)
+    near = y * (1.0 + 0.02 * rng.normal(size=y.size))
+    solution = problem.solve(near, quarter_period=alpha)
+    assert np.max(np.abs(solution.y - y)) < 1e-13 * size
+    assert abs(solution["energy"] / backbone.energy(system, alpha) - 1.0) < 1e-13
+    slope = abs(np.log(backbone.energy(system, alpha * 1.001) / backbone.energy(system, alpha)) / 1e-3)
+    solution = problem.solve(near, energy=backbone.energy(system, alpha))
+    assert np.max(np.abs(solution.y - y)) < 1e-13 * size * max(1.0, 1.0 / slope)
+    assert solution["residual"] < 1e-14
+
+
+def test_published_point_of_the_in_phase_backbone():
+    """S13O00+ at alpha = 1.7: h = 0.588748128566443 (closed form, 15 digits)."""
+    problem, y = backbone_segment(vibro_impact_nes(), 1.7)
+    assert abs(problem.solve(y, quarter_period=1.7)["energy"] - 0.588748128566443) < 1e-14
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+def test_backbone_of_chains(n):
+    """The closed form holds for any number of degrees of freedom, rigid-body modes included."""
+    rng = np.random.default_rng(n)
+    if n == 1:
+        system = ImpactSystem([[1.0]], [[0.0]], [[2.0]], (Stop((1.0,), -1.0, 1.0),))
+    else:
+        system = chain(rng, n, grounded=bool(n % 2))
+    alpha = 0.4 * np.pi / 2 / np.max(system.modes.frequencies)
+    assert backbone.is_physical(system, alpha)
+    problem, y = backbone_segment(system, alpha)
+    solution = problem.solve(y * (1.0 + 1e-3 * rng.normal(size=y.size)), quarter_period=alpha)
+    assert solution["residual"] < 1e-14
+    if n <= 2:
+        assert np.max(np.abs(solution.y - y)) < 1e-13 * np.max(np.abs(y))
+    assert np.max(np.abs(problem.residual(y))) < 1e-13 * np.max(np.abs(y))
+
+
+def test_one_impact_on_a_one_sided_stop():
+    """Closed form: rest to stop is half the period."""
+    system = ImpactSystem(np.diag([1.0, 0.5]), np.zeros((2, 2)), [[1.5, -0.5], [-0.5, 0.7]], (Stop((1.0, 0.0), upper=1.0),))
+    period = 0.9 * 2.0 * np.pi / np.max(system.modes.frequencies)
+    u, v, _ = backbone.one_sided(system, period)
+    problem = MultipointProblem(system, ("stop+", "rest"), ())
+    after = system.modes.from_state @ np.concatenate([u, -v])
+    y = problem.pack(after, np.zeros((0, 4)), [period / 2.0])
+    assert np.max(np.abs(problem.residual(y))) < 1e-13 * np.max(np.abs(y))
+    solution = problem.solve(y * 1.01, quarter_period=period / 4.0)
+    assert np.max(np.abs(solution.y - y)) < 1e-12 * np.max(np.abs(y))
+
+
+def test_many_words_at_many_systems():
+    """At least 20 words with different ends at random systems; every residual at rounding level, energies as asked for."""
+    found = collection()
+    assert len({(orbit.problem.ends, orbit.problem.word) for orbit in found}) >= 20
+    assert {len(orbit.problem.word) for orbit in found} >= {0, 1, 2, 3, 4, 5}
+    for orbit in found:
+        assert orbit.solution["residual"] < 2e-15 * (1 + orbit.problem.inner), orbit.name
+        assert abs(orbit.solution["energy"] / orbit.energy - 1.0) < 1e-13, orbit.name
+    larger = chains()
+    assert len(larger) >= 20 and {orbit.problem.half for orbit in larger} == {3, 4, 5, 6}
+    for orbit in larger:
+        assert orbit.solution["residual"] < 1e-14
+
+
+@pytest.mark.parametrize("index", range(0, 40, 5))
+def test_solutions_are_right_to_rounding(index):
+    """Refined to 60 digits, no unknown of a solution moves by more than rounding times the orbit's own sensitivity."""
+    orbit = collection()[index]
+    exact = Exact(orbit.problem, orbit.solution)
+    assert exact.left < 1e-45
+    y = np.array([float(value) for value in exact.y])
+    held = int(np.argmax(np.abs(orbit.solution.tangent[: orbit.problem.unknowns])))
+    inverse = np.linalg.inv(np.delete(orbit.problem.jacobian(orbit.solution.y), held, axis=1))
+    assert np.max(np.abs(y - orbit.solution.y)) < 20.0 * EPS * max(1.0, np.linalg.norm(inverse, 2)) * np.max(np.abs(y))
+
+
+def test_two_hundred_inner_impacts():
+    """A hundred turns of a stable backbone orbit as one segment between two origins; the closed form is its solution."""
+    system = vibro_impact_nes()
+    problem, y = backbone_segment(system, 1.0, impacts=200)
+    assert problem.inner == 200
+    rng = np.random.default_rng(0)
+    solution = problem.solve(y * (1.0 + 1e-4 * rng.normal(size=y.size)), energy=backbone.energy(system, 1.0))
+    assert np.max(np.abs(solution.y - y)) < 1e-11
+    assert solution["residual"] < 1e-14
+    assert abs(solution["quarter_period"] - 200.0) < 1e-11
+
+
+def test_two_hundred_impacts_of_an_irregular_orbit():
+    """A run of the numpy flow over 200 impacts, no part of which repeats, polished onto an end: energy kept to rounding, of
+    which each flight and each impact adds its own."""
+    system = vibro_impact_nes(0.1, 0.1)
+    twin = Twin(system)
+    velocity = backbone.origin_velocity(system, 0.3)
+    x = np.concatenate([np.zeros(2), velocity * np.array([1.0, 1.03])])
+    _, events = twin.run(x, 1e4, None, 201)
+    word = tuple(twin.contacts[event[1]][4] for event in events[:200])
+    problem = MultipointProblem(system, ("origin", "stop" + twin.contacts[events[200][1]][4]), word)
+    nodes = np.array([system.modes.from_state @ event[3] for event in events[:200]])
+    guess = problem.pack(system.modes.from_state @ x, nodes, np.diff([0.0] + [event[0] for event in events]))
+    solution = problem.solve(guess)
+    assert solution["residual"] < 1e-14 and solution["clearance"] > 0.0
+    states = problem.nodes(solution.y)
+    energies = 0.5 * np.sum(problem.segment.weights * states**2, axis=1)
+    assert np.max(np.abs(energies / solution["energy"] - 1.0)) < 4.0 * EPS * 201
+
+
+def test_periodic_closure_of_orbits_known_from_their_halves():
+    """The same orbit closed on itself: xi = 0, the period 4 alpha, the trace of the half map."""
+    checked = 0
+    for orbit in collection()[::4]:
+        cycle = cycle_of(orbit.problem, orbit.solution.y)
+        problem = MultipointProblem(orbit.problem.system, ("periodic", "periodic"), cycle.letters)
+        y = problem.pack(cycle.after[0], cycle.after[1:], cycle.duration)
+        assert np.max(np.abs(problem.residual(y))) < 1e-13 * np.max(np.abs(y)), orbit.name
+        if abs(orbit.solution["trace"]) > 1e3:
+            continue
+        solution = problem.solve(y, energy=orbit.energy)
+        assert abs(solution.y[-1]) < 1e-13
+        assert abs(solution["quarter_period"] / orbit.solution["quarter_period"] - 1.0) < 1e-10
+        assert abs(solution["trace"] - orbit.solution["trace"]) < 1e-8 * (1.0 + abs(orbit.solution["trace"]))
+        checked += 1
+    assert checked >= 5
+
+
+def test_step_follows_the_closed_form_and_its_slope():
+    """Unit tangent in the metric, d h / d s against the difference of two steps, every point on the closed form."""
+    system = vibro_impact_nes()
+    problem, y = backbone_segment(system, 0.9)
+    point = problem.solve(y, quarter_period=0.9)
+    energies, slopes = [], []
+    for _ in range(20):
+        following = problem.step(point.y, point.tangent, 0.02)
+        assert following is not None
+        alpha = following["quarter_period"]
+        assert abs(following["energy"] / backbone.energy(system, alpha) - 1.0) < 1e-13
+        assert np.linalg.norm(following.position - point.position) == pytest.approx(0.02, rel=5e-3)
+        energies.append(following["energy"])
+        slopes.append(following["slope"])
+        point = following
+    middle = (np.array(energies[2:]) - np.array(energies[:-2])) / 0.04
+    assert np.max(np.abs(middle / np.array(slopes[1:-1]) - 1.0)) < 1e-2
+
+
+def test_refusals():
+    lopsided = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), (Stop((1.0, 0.0), -1.0, 2.0),))
+    with pytest.raises(EndsError, match="odd symmetry"):
+        MultipointProblem(lopsided, ("origin", "stop+"), ())
+    with pytest.raises(EndsError, match="restitution"):
+        MultipointProblem(vibro_impact_nes(rho=0.7), ("origin", "stop+"), ())
+    with pytest.raises(EndsError, match="damping"):
+        MultipointProblem(vibro_impact_nes(lam=0.1), ("origin", "stop+"), ())
+    with pytest.raises(EndsError, match="unknown end"):
+        MultipointProblem(vibro_impact_nes(), ("orgin", "stop+"), ())
+    with pytest.raises(EndsError, match="stops are"):
+        MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ("x",))
+    with pytest.raises(EndsError, match="two periodic ends"):
+        MultipointProblem(vibro_impact_nes(), ("origin", "periodic"), ("+",))
+    with pytest.raises(EndsError, match="at least one impact"):
+        MultipointProblem(vibro_impact_nes(), ("periodic", "periodic"), ())
+
+
+def test_no_orbit_is_said_so():
+    """There is no impacting orbit below h = sigma/2 (energy needed to reach the stop): Newton must not claim one."""
+    system = vibro_impact_nes()
+    problem, y = backbone_segment(system, 1.0)
+    with pytest.raises(NotConverged):
+        problem.solve(y, energy=0.9 * 0.05)

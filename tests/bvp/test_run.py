@@ -1,0 +1,302 @@
+"""The event-driven run. Oracles: closed forms of bouncing and of an oscillator between walls, energy, the closed form of a periodic orbit,
+the paper's Eq. (11), the plain twin with and without flipped signs, and reversal of time."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bvp.run import RunStatus, run
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp import twins
+from tests.bvp.twins import chain
+
+
+def rigid(lower, upper, restitution=1.0, gap=(1.0,)):
+    return ImpactSystem([[1.0]], [[0.0]], [[0.0]], (Stop(gap, lower, upper, restitution),))
+
+
+def oscillator(lower=-math.inf, upper=math.inf, restitution=1.0, damping=0.0):
+    return ImpactSystem([[1.0]], [[damping]], [[1.0]], (Stop((1.0,), lower, upper, restitution),))
+
+
+def test_a_rigid_mass_bounces_between_walls():
+    """u = v t: impacts at 0.5, 1.5, 2.5, ... at constant speed."""
+    result = run(rigid(0.0, 1.0), [0.5], [1.0], 1000.0)
+    assert result.status is RunStatus.DURATION_REACHED and result.duration == 1000.0
+    np.testing.assert_allclose(result.times, np.arange(0.5, 1000.0), rtol=1e-13)
+    assert set(result.contacts[::2]) == {"+"} and set(result.contacts[1::2]) == {"-"}
+    np.testing.assert_allclose(result.speeds, 1.0, rtol=1e-14)
+    assert not result.touches.any()
+
+
+def test_a_rigid_mass_slows_by_its_restitution():
+    """Speed r^k after k impacts, the k-th wait 1/r^k."""
+    result = run(rigid(0.0, 1.0, 0.5), [0.5], [1.0], 100.0)
+    np.testing.assert_allclose(result.speeds, 0.5 ** np.arange(len(result.times)), rtol=1e-14)
+    np.testing.assert_allclose(np.diff(result.times), 2.0 ** np.arange(1, len(result.times)), rtol=1e-13)
+
+
+@pytest.mark.parametrize("amplitude", [1.001, 1.5, 30.0])
+def test_an_oscillator_between_walls(amplitude):
+    """u = A sin t between -1 and 1: the wait between walls is 2 asin(1/A), the speed sqrt(A^2 - 1)."""
+    result = run(oscillator(-1.0, 1.0), [0.0], [amplitude], 20.0)
+    wait = 2 * math.asin(1 / amplitude)
+    np.testing.assert_allclose(result.times, wait * (np.arange(len(result.times)) + 0.5), rtol=1e-11)
+    assert len(result.times) == int((20.0 - wait / 2) / wait) + 1
+    np.testing.assert_allclose(result.speeds, math.sqrt(amplitude**2 - 1), rtol=1e-11)
+
+
+def test_a_one_sided_stop_with_restitution():
+    """u'' = -u bouncing on u >= 0: half periods of pi, the speed times r at each."""
+    result = run(oscillator(lower=0.0, restitution=0.8), [0.0], [1.0], 30.0)
+    np.testing.assert_allclose(result.times, math.pi * np.arange(1, len(result.times) + 1), rtol=1e-14)
+    np.testing.assert_allclose(result.speeds, 0.8 ** np.arange(len(result.times)), rtol=1e-13)
+
+
+def test_the_reference_system_keeps_energy_and_momentum_at_impacts():
+    """Conservative: energy constant over 1000 impacts, mu u1' + u2' across each of them, |u1' - u2'| too."""
+    system = vibro_impact_nes(0.1, 0.1)
+    result = run(system, [0.0, 0.0], [1.0, 1.5], 3000.0)
+    assert len(result.times) > 1000
+    h = system.energy(result.after[:, :2], result.after[:, 2:])
+    np.testing.assert_allclose(h, system.energy([0.0, 0.0], [1.0, 1.5]), rtol=1e-12)
+    np.testing.assert_allclose(result.before[:, 2:] @ [0.1, 1.0], result.after[:, 2:] @ [0.1, 1.0], atol=1e-14)
+    np.testing.assert_allclose(result.before[:, 2:] @ [1.0, -1.0], -(result.after[:, 2:] @ [1.0, -1.0]), atol=1e-13)
+    np.testing.assert_array_equal(result.before[:, :2], result.after[:, :2])
+    np.testing.assert_allclose(np.abs(result.after[:, 0] - result.after[:, 1]), 1.0, atol=1e-14)
+    side = np.where(np.array(result.contacts) == "+", 1.0, -1.0)
+    np.testing.assert_allclose(result.speeds, side * (result.before[:, 2] - result.before[:, 3]), rtol=1e-12)
+    assert (result.speeds > 0.0).all()
+
+
+@settings(max_examples=30)
+@given(st.floats(0.05, 2.0), st.floats(0.0, 2.0), st.floats(0.0, 1.0), st.integers(0, 2**31))
+def test_impacts_of_a_run_follow_formula_11(mu, sigma, rho, seed):
+    """Velocities after each impact by Lee et al. 2009, Eq. (11), and the energy (1 - rho^2) mu/(1 + mu) (u1' - u2')^2/2 that it loses."""
+    system = vibro_impact_nes(mu, sigma, 0.0, rho)
+    v = 2 * np.random.default_rng(seed).normal(size=2)
+    result = run(system, [0.0, 0.0], v, 20.0, max_impacts=30)
+    a, b = result.before[:, 2], result.before[:, 3]
+    after = np.stack([(mu - rho) * a + (1 + rho) * b, mu * (1 + rho) * a + (1 - rho * mu) * b], axis=1) / (1 + mu)
+    hit = ~result.touches
+    np.testing.assert_allclose(result.after[hit, 2:], after[hit], atol=1e-13 * (1.0 + np.abs(v).max() / mu))
+    lost = system.energy(result.before[:, :2], result.before[:, 2:]) - system.energy(result.after[:, :2], result.after[:, 2:])
+    expected = 0.5 * (1 - rho**2) * mu / (1 + mu) * result.speeds**2
+    np.testing.assert_allclose(lost, expected, atol=1e-12 * (1.0 + v @ v))
+
+
+def closed_form(system, alpha):
+    """Start (u1', u2') and energy of the orbit with one impact a half period, from u = 0 and T = 4 alpha.
+
+    G = sum b_k^2 tan(w_k alpha)/w_k, P = 2/G, q_k = b_k P sin(w_k (t - alpha))/(2 w_k cos(w_k alpha)) after an impact at t = 0.
+    """
+    w, shapes = system.modes.frequencies, system.modes.shapes
+    b = shapes[0] - shapes[1]
+    total = np.sum(b**2 * np.tan(w * alpha) / w)
+    velocity = b * (2 / total) / (2 * np.cos(w * alpha))
+    return shapes @ velocity, np.sum(b**2 / np.cos(w * alpha) ** 2) / (2 * total**2)
+
+
+def test_the_published_orbit_s13o_at_quarter_period_1_7_closes():
+    """Closed form: h = 0.588748128566443 (published 0.58875); one impact at each odd quarter; back after T = 6.8."""
+    system = vibro_impact_nes(0.1, 0.1)
+    velocity, energy = closed_form(system, 1.7)
+    assert energy == pytest.approx(0.588748128566443, rel=1e-14)
+    result = run(system, [0.0, 0.0], velocity, 6.8)
+    np.testing.assert_allclose(result.times, [1.7, 5.1], rtol=1e-13)
+    assert sorted(result.contacts) == ["+", "-"]
+    np.testing.assert_allclose(result.final, [0.0, 0.0, *velocity], atol=1e-13)
+    u, v = result.sample([0.0, 1.7, 3.4, 6.8])
+    np.testing.assert_allclose(v[[0, 3]], [velocity, velocity], atol=1e-13)
+    np.testing.assert_allclose(v[2], -velocity, atol=1e-13)
+    np.testing.assert_allclose(v[1], result.after[0, 2:], atol=1e-13)
+    np.testing.assert_allclose(u[[0, 2, 3]], 0.0, atol=1e-13)
+
+
+def test_time_reversed_the_elastic_motion_goes_back():
+    """(u, v) -> (u, -v) at the end returns to the start within the growth of the motion (a short run)."""
+    system = vibro_impact_nes(0.37, 0.81)
+    there = run(system, [0.1, -0.2], [1.3, -0.7], 12.0)
+    assert len(there.times) >= 4
+    back = run(system, there.final[:2], -there.final[2:], 12.0)
+    np.testing.assert_allclose(back.final, [0.1, -0.2, -1.3, 0.7], atol=1e-9)
+    np.testing.assert_allclose(12.0 - back.times[::-1], there.times, atol=1e-9)
+
+
+@settings(max_examples=15)
+@given(st.integers(2, 6), st.integers(0, 2**31), st.sampled_from([0.0, 1.0]))
+def test_free_free_chains_keep_energy_and_momentum(n, seed, ground):
+    """Internal impacts do not move the centre of mass of a free-free chain."""
+    rng = np.random.default_rng(seed)
+    system = chain(rng.uniform(0.2, 2.0, n), rng.uniform(0.2, 2.0, n - 1), ground)
+    v = 2 * rng.normal(size=n)
+    result = run(system, np.zeros(n), v, 50.0)
+    assert result.status is RunStatus.DURATION_REACHED
+    # displacements of a drifting chain round with their size
+    size = 1.0 + np.abs(result.after[:, :n]).max(initial=1.0) ** 2 + v @ system.mass @ v
+    h = system.energy(result.after[:, :n], result.after[:, n:])
+    np.testing.assert_allclose(h, system.energy(np.zeros(n), v), atol=1e-13 * size)
+    if ground == 0.0:
+        np.testing.assert_allclose(result.after[:, n:] @ system.mass @ np.ones(n), v @ system.mass @ np.ones(n), atol=1e-12 * size)
+
+
+@pytest.mark.parametrize(("lam", "rho"), [(0.0, 1.0), (0.05, 0.7)])
+def test_the_run_against_the_plain_twin(lam, rho):
+    """Six impacts by dense sampling and Brent's method."""
+    system = vibro_impact_nes(0.1, 0.1, lam, rho)
+    times, states = twins.run(system, [0.0, 0.0], [2.0, 1.5], 6)
+    result = run(system, [0.0, 0.0], [2.0, 1.5], 100.0, max_impacts=6)
+    assert result.status is RunStatus.IMPACTS_FULL and len(times) == 6
+    np.testing.assert_allclose(result.times, times, atol=1e-9)
+    np.testing.assert_allclose(result.after, states, atol=1e-8)
+    np.testing.assert_allclose(result.final, result.after[-1], rtol=1e-14)
+
+
+@pytest.mark.parametrize(("sign", "factor"), [(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
+def test_a_flipped_sign_in_restitution_makes_the_comparison_fail(sign, factor):
+    """Mutation of the twin: -(1 + r) -> +(1 + r), 1 + r -> 1 - r, and both."""
+    system = vibro_impact_nes(0.1, 0.1, 0.05, 0.7)
+    result = run(system, [0.0, 0.0], [2.0, 1.5], 100.0, max_impacts=3)
+    _, states = twins.run(system, [0.0, 0.0], [2.0, 1.5], 3, sign=sign, factor=factor)
+    assert len(states) == 0 or np.abs(result.after[0] - states[0]).max() > 0.1
+
+
+@pytest.mark.parametrize("mutated", ["rate", "push"])
+def test_a_flipped_sign_in_the_kernel_arrays_makes_the_comparison_fail(mutated, monkeypatch):
+    """Mutation of what the compiled kernel is given: the impact no longer reverses the rate."""
+    system = vibro_impact_nes(0.1, 0.1)
+    array = getattr(system.modes, f"contact_{mutated}")
+    reference = run(system, [0.0, 0.0], [2.0, 1.5], 5.0).after[0].copy()
+    array *= -1.0
+    try:
+        broken = run(system, [0.0, 0.0], [2.0, 1.5], 5.0, max_impacts=1)
+        assert len(broken.after) == 0 or np.abs(broken.after[0] - reference).max() > 0.1
+    finally:
+        array *= -1.0
+
+
+def test_chattering_is_named_and_ends_in_time():
+    """u'' = -u pressed against u <= -1/2 and bouncing with r: the speed falls by r at each, to a rise below the tolerance."""
+    for restitution in (0.1, 0.5, 0.9, 0.99):
+        result = run(oscillator(upper=-0.5, restitution=restitution), [-0.6], [0.0], 1e4)
+        assert result.status is RunStatus.CHATTERING
+        count = len(result.times)
+        late = result.speeds[count // 2 :]
+        np.testing.assert_allclose(late[1:] / late[:-1], restitution, rtol=1e-6)
+        # rise v^2/(2 * 1/2) of a bounce, within a restitution of the tolerance
+        assert 1e-14 * restitution**2 < (restitution * result.speeds[-1]) ** 2 < 2e-13
+
+
+def test_a_perfectly_plastic_impact_sticks_or_leaves():
+    """r = 0: pressed, it sticks; pulled away, it leaves at zero speed and comes back after a full period."""
+    stuck = run(oscillator(upper=-0.5, restitution=0.0), [-0.6], [0.0], 100.0)
+    assert stuck.status is RunStatus.STICKING and len(stuck.times) == 1
+    assert stuck.final[1] == pytest.approx(0.0, abs=1e-15)
+    left = run(oscillator(upper=0.5, restitution=0.0), [0.0], [1.0], 3.0 * math.pi)
+    assert left.status is RunStatus.DURATION_REACHED
+    assert left.contacts == ("+", "+") and left.touches.tolist() == [False, True]
+    assert left.times[1] - left.times[0] == pytest.approx(2 * math.pi, abs=1e-6)
+    assert run(oscillator(upper=-0.5), [-0.5], [0.0], 1.0).status is RunStatus.STICKING
+
+
+@settings(max_examples=40)
+@given(st.floats(0.0, 1.0), st.integers(0, 2**31), st.sampled_from([0.0, 0.02]))
+def test_no_restitution_hangs_and_energy_never_grows(rho, seed, lam):
+    rng = np.random.default_rng(seed)
+    system = vibro_impact_nes(rng.uniform(0.05, 2.0), rng.uniform(0.0, 2.0), lam, rho)
+    result = run(system, [0.0, 0.0], 3 * rng.normal(size=2), 100.0, max_impacts=2000)
+    assert result.status in (RunStatus.DURATION_REACHED, RunStatus.IMPACTS_FULL, RunStatus.CHATTERING, RunStatus.STICKING)
+    h = system.energy(result.after[:, :2], result.after[:, 2:])
+    assert np.all(np.diff(h) <= 1e-12 * h.max(initial=1.0))
+    w = result.before[:, 0] - result.before[:, 1]
+    np.testing.assert_allclose(np.abs(w), 1.0, atol=1e-11)
+
+
+def test_a_touch_is_recorded_and_the_motion_goes_on():
+    """u = sin t and u <= 1: touches at pi/2 + 2 pi k, state unchanged."""
+    result = run(oscillator(upper=1.0), [0.0], [1.0], 20.0)
+    assert result.status is RunStatus.DURATION_REACHED and result.touches.all()
+    np.testing.assert_allclose(result.times, math.pi / 2 + 2 * math.pi * np.arange(3), atol=1e-7)
+    np.testing.assert_array_equal(result.speeds, 0.0)
+    np.testing.assert_allclose(result.final, [math.sin(20.0), math.cos(20.0)], atol=1e-12)
+
+
+def two_masses(row, other, coupling=0.0):
+    """Two unit masses on unit springs, two stops hit at once when both start alike."""
+    mass = np.array([[1.0, coupling], [coupling, 1.0]])
+    return ImpactSystem(mass, np.zeros((2, 2)), mass, (Stop(row, upper=0.5), Stop(other, upper=0.5)))
+
+
+def test_simultaneous_impacts_that_do_not_interact_are_taken_in_turn():
+    """Two separate oscillators: each as if alone."""
+    result = run(two_masses((1.0, 0.0), (0.0, 1.0)), [0.0, 0.0], [1.0, 1.0], 5.0)
+    alone = run(oscillator(upper=0.5), [0.0], [1.0], 5.0)
+    assert result.status is RunStatus.DURATION_REACHED
+    assert result.contacts == ("a+", "b+") * len(alone.times)
+    np.testing.assert_allclose(result.times[::2], alone.times, rtol=1e-13)
+    np.testing.assert_allclose(result.times[1::2], alone.times, rtol=1e-13)
+    np.testing.assert_allclose(result.final, np.repeat(alone.final, 2), atol=1e-12)
+    full = run(two_masses((1.0, 0.0), (0.0, 1.0)), [0.0, 0.0], [1.0, 1.0], 5.0, max_impacts=1)
+    onward = run(full.system, full.final[:2], full.final[2:], 0.1)
+    assert full.contacts == ("a+",) and onward.contacts == ("b+",) and onward.times[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_simultaneous_impacts_that_interact_stop_the_run():
+    """The same with a coupled mass matrix, c_1 M^-1 c_2 != 0, where the order of the impacts matters."""
+    result = run(two_masses((1.0, 0.0), (0.0, 1.0), coupling=0.3), [0.0, 0.0], [1.0, 1.0], 5.0)
+    assert result.status is RunStatus.SIMULTANEOUS and len(result.times) == 0
+    assert result.duration == pytest.approx(math.pi / 6, rel=1e-12)
+    assert "interact" in result.status.value
+
+
+def test_a_start_beyond_a_stop_is_said():
+    result = run(oscillator(upper=0.5), [0.6], [0.0], 1.0)
+    assert result.status is RunStatus.OUTSIDE and result.duration == 0.0
+
+
+def test_every_ending_has_its_words():
+    assert all(len(status.value) > 20 for status in RunStatus)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**31), st.sampled_from([0.0, 0.1]))
+def test_samples_lie_on_the_flights(seed, lam):
+    """Dense output against the twin's expm from the state after the last impact; right-continuous at impacts."""
+    rng = np.random.default_rng(seed)
+    system = vibro_impact_nes(0.2, 0.3, lam, 0.9)
+    result = run(system, [0.0, 0.0], 2 * rng.normal(size=2), 10.0)
+    times = rng.uniform(0.0, result.duration, 10)
+    u, v = result.sample(times)
+    for k, t in enumerate(times):
+        last = np.searchsorted(result.times, t, side="right")
+        begin, state = (result.times[last - 1], result.after[last - 1]) if last else (0.0, result.start)
+        np.testing.assert_allclose(np.concatenate([u[k], v[k]]), twins.flow(system, state[:2], state[2:], t - begin), atol=1e-11)
+    u, v = result.sample(result.times)
+    np.testing.assert_allclose(np.hstack([u, v]), result.after, atol=1e-12)
+    assert result.sample([])[0].shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (([0.0], [1.0], -1.0), "duration is a finite time of 0 or more; received -1.0"),
+        (([0.0], [1.0], math.nan), "duration is a finite time"),
+        (([0.0, 0.0], [1.0], 1.0), "u is a list of 1 finite numbers"),
+        (([0.0], [1.0], 1.0, -1), "max_impacts is a whole number of 0 or more; received -1"),
+        (([0.0], [1.0], 1.0, 10, "-"), r"no contact '-'; nearest: '\+'"),
+    ],
+)
+def test_bad_input_is_refused(arguments, words):
+    with pytest.raises(ValueError, match=words):
+        run(oscillator(upper=1.0), *arguments)
+
+
+def test_times_outside_the_run_are_refused():
+    result = run(oscillator(upper=1.0), [0.0], [1.0], 2.0)
+    with pytest.raises(ValueError, match="the run covers times 0 to 2; received 2.5"):
+        result.sample([1.0, 2.5])
+    with pytest.raises(ValueError, match="received nan"):
+        result.sample([math.nan])
