@@ -194,7 +194,9 @@ class Scanner:
 
 
 def accept(problem: MultipointProblem, solution: Solution) -> Found | None:
-    """The orbit with its label, or None where it is no orbit (inadmissible) or not a primitive one."""
+    """The orbit with its label, or None where it is no orbit (inadmissible, or without any impact) or not a primitive one."""
+    if problem.inner == 0 and STOP not in problem.kinds:
+        return None
     if not (solution["residual"] < 1e-12 and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0):
         return None
     if turns(problem, solution) > 1:

@@ -15,6 +15,7 @@ import numpy as np
 from branches.labels import ImpossibleLabelError, Label, label_of
 from bvp.kernels import multipoint as kernel
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from bvp.stability import half_map_of
 from continuation.problem import EventDetails, Point, Step, Test
 
 if TYPE_CHECKING:
@@ -27,6 +28,12 @@ RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 
 _I = RESULT_INDEX
 _CLEAR = 1e3
+_BRANCHING = 1
+_SINGULAR = 1e-2
+_SHORT = 1e-3
+_NOISE = 2e-13
+"""Part of the half map's largest entry below which an entry is rounding: a conserved momentum makes one vanish all along a family, and
+its noise is no event."""
 
 _GRAZING = (
     Test("GR", "guard", True, "a flight touches a stop"),
@@ -91,9 +98,8 @@ class Family:
             Test("LB", "change", False, "the label changes"),
         ]
         self.fixed = len(tests)
-        if problem.half != 2:
-            self._kind = "general"
-        elif problem.quarters == 1:
+        self._planar = problem.half == 2
+        if problem.quarters == 1:
             self._kind = "quarter"
             tests += [
                 Test("SB", "crossing", False, "the last reversal is broken"),
@@ -111,7 +117,9 @@ class Family:
         else:
             self._kind = "periodic"
             tests += [Test("PD", "crossing", False, "period doubling")]
-        if problem.half == 2:
+        if not self._planar and not problem.periodic:
+            tests += [Test("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
+        if self._planar:
             tests += [Test("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q in RESONANCES]
         self._tests = tuple(tests)
         self._low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
@@ -154,26 +162,52 @@ class Family:
             absorber_end,
             ((waves_absorber * 4096.0 + waves_primary) * 4096.0 + first) * 8192.0 + second * 4.0 + in_phase,
         ]
-        kind = self._kind
-        if kind == "quarter":
-            half = 2.0 + 4.0 * b * c
-            tests += [b, a, d, half]
-            tau = half * half - 2.0
-        elif kind == "half":
-            tau = 2.0 + 4.0 * b * c
-            tests += [b, a, d]
-        elif kind == "periodic":
-            tau = trace
-            tests.append(tau + 2.0)
+        if not self._planar:
+            tests += self._general(solution)
         else:
-            tau = math.nan
-        if kind != "general":
+            kind = self._kind
+            nu = b * c
+            level = _NOISE * max(abs(a), abs(b), abs(c), abs(d))
+            if abs(b) < level or abs(a) < level or abs(d) < level:
+                a, b, d = (x if abs(x) >= level else math.nan for x in (a, b, d))
+            if kind == "quarter":
+                half = 2.0 + 4.0 * nu
+                tests += [b, a, d, half]
+                tau = half * half - 2.0
+            elif kind == "half":
+                tau = 2.0 + 4.0 * nu
+                tests += [b, a, d]
+            else:
+                tau = trace
+                tests.append(tau + 2.0)
             for target in self._targets:
                 tests.append(tau - target)
         return Step(
             True, solution.y, solution.tangent, tuple(solution.position.tolist()), turn, contraction, int(iterations), residual,
             energy, slope, tests, solution,
         )  # fmt: skip
+
+    def _general(self, solution: Solution) -> list[float]:
+        """More than two degrees of freedom: determinants of the blocks of the half map in place of its entries."""
+        if self.problem.periodic:
+            return [math.nan]
+        phi = half_map_of(self.problem, solution)[0]
+        m = self.problem.half - 1
+        a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]
+        if not np.isfinite(phi).all():
+            return [math.nan] * (5 if self._kind == "quarter" else 4)
+        level = _NOISE * float(np.max(np.abs(phi)))
+        out = []
+        for block in (b, a, d):
+            singular = np.linalg.svd(block, compute_uv=False)
+            out.append(float(np.linalg.det(block)) if singular[-1] > level else math.nan)
+        product = b.T @ c
+        if self._kind == "quarter":
+            out.append(float(np.linalg.det(product + 0.5 * np.eye(m))))
+        nu = np.linalg.eigvals(product)
+        first, second = np.triu_indices(m, 1)
+        out.append(float(np.prod((nu[first] - nu[second]) ** 2).real))
+        return out
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """F(y), for switching."""
@@ -195,6 +229,8 @@ class Family:
             return None
         data: dict[str, Any] = {"stop": None, "p_q": None, "breaks": None, "note": test.label}
         code = test.code
+        if code == "SN" and self._meets_branch_point(before, at, after):
+            return None
         if code == "GR":
             self._grazing(index, solution, data)
         elif code == "SB":
@@ -207,9 +243,20 @@ class Family:
             if old == new:
                 return None
             data["note"] = f"{old} becomes {new}"
-        data["label"] = label_text(self.problem, location.low.extra.result)
-        data["half_waves"] = int(location.low.extra["waves_absorber"])
+        counted: Solution = location.low.extra
+        if code == "GR":
+            # At grazing itself a turning point meets an impact, and which of them counts is rounding: count just before it.
+            shorter = self.step(before.y, before.tangent, (1.0 - _SHORT) * location.s)
+            counted = shorter.extra if shorter.converged else counted
+        data["label"] = label_text(self.problem, counted.result)
+        data["half_waves"] = int(counted["waves_absorber"])
         return EventDetails(code, test.terminal, data)
+
+    def _meets_branch_point(self, before: Point, at: Step, after: Point) -> bool:
+        """Whether a fold is that of a branch point. Families that leave a multiple turn of an orbit have their least energy
+        there; the equations are singular, so the two zeros are found apart by the square root of rounding."""
+        first, here, last = (float(step.tests[_BRANCHING]) for step in (before, at, after))
+        return first * last < 0.0 and abs(here) < _SINGULAR * max(abs(first), abs(last))
 
     def _grazing(self, index: int, solution: Solution, data: dict[str, Any]) -> None:
         problem = self.problem

@@ -10,12 +10,11 @@ import numpy as np
 from branches.family import label_text
 from bvp.cycle import cycle_of
 from bvp.kernels import multipoint as kernel
+from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from bvp.stability import ERROR_FACTOR, balance, decide, stability
 
-__all__ = ["Described", "RELIABLE", "describe"]
-
-RELIABLE = 1e-6
-"""Defect of the trivial directions and of the pairing up to which multipliers are called reliable."""
+__all__ = ["Described", "describe"]
 
 GRAZING = 1e-8
 """An impact slower than this, relative to sqrt(2 h), grazes: multipliers are unbounded there and given as NaN."""
@@ -79,7 +78,7 @@ def describe(problem: MultipointProblem, solutions: Sequence[Solution], arclengt
         "impact_speeds": speeds,
     }
     if n == 2:
-        columns.update(_planar(problem, results, grazing))
+        columns.update(_planar(problem, results, grazing, np.concatenate([starts[:, None], ends], axis=1)))
     else:
         columns.update(_general(problem, solutions, grazing))
     return Described(columns)
@@ -97,8 +96,10 @@ def _speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarray) ->
     return np.array(columns).T if columns else np.zeros((len(ends), 0))
 
 
-def _planar(problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray) -> dict[str, np.ndarray]:
-    """Two degrees of freedom: everything is in the results already."""
+def _planar(
+    problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray, states: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Two degrees of freedom: everything is in the results already; `states` (N, k + 2, 4) give the units of the half map."""
 
     def entry(name: str) -> np.ndarray:
         return results[:, RESULT_INDEX[name]]
@@ -112,10 +113,9 @@ def _planar(problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray
     pairing = np.abs(determinant - 1.0)
     trivial = entry("trivial")
     tau_half = np.full(len(results), np.nan)
-    eps = np.finfo(float).eps
     if problem.quarters == 4:
         tau = trace
-        error = eps * 64.0 * (problem.inner + 2) * (1.0 + np.abs(trace)) + trivial + pairing
+        error = np.finfo(float).eps * ERROR_FACTOR * (problem.inner + 2) * (1.0 + np.abs(trace)) + trivial + pairing
         stable = np.where(np.abs(tau) < 2.0 - error, 1, np.where(np.abs(tau) > 2.0 + error, 0, -1))
         agreed = np.ones(len(results), bool)
     else:
@@ -125,17 +125,14 @@ def _planar(problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray
             tau = half * half - 2.0
         else:
             tau = half
-        largest = np.max(np.abs([a, b, c, d]), axis=0)
-        error = 16.0 * eps * (problem.inner + 2) * entry("magnified") * largest
-        decided = np.min(np.abs([a, b, c, d]), axis=0) > error
-        stable = np.where(decided, (b * c < 0.0) & (a * d > 0.0), -1)
-        certain = ((b * c > 0.0) & (np.minimum(np.abs(b), np.abs(c)) > error)) | (
-            (a * d < 0.0) & (np.minimum(np.abs(a), np.abs(d)) > error)
-        )
-        stable = np.where(certain, 0, stable)
+        sizes = np.max(np.abs(states), axis=1)
+        rate = np.max(sizes[:, 2:], axis=1) / np.max(sizes[:, :2], axis=1)
+        factors = balance(problem, rate)
+        stable = decide(*(value * factor for value, factor in zip((a, b, c, d), factors, strict=True)), entry("magnified"), problem.inner)
         agreed = np.abs(tau - trace) <= 1e-6 * (1.0 + np.abs(tau))
     bounded = ~grazing & np.isfinite(trace)
-    reliable = bounded & agreed & (trivial < RELIABLE) & (pairing < RELIABLE)
+    largest = np.maximum(1.0, np.abs(multipliers[:, 0]))
+    reliable = bounded & agreed & (trivial < TRIVIAL_LIMIT * largest) & (pairing < PAIRING_LIMIT)
     return {
         "multipliers": np.where(bounded[:, None], multipliers, np.nan),
         "tau": np.where(bounded, tau, np.nan),
@@ -170,6 +167,6 @@ def _general(problem: MultipointProblem, solutions: Sequence[Solution], grazing:
         columns["trivial"][i] = found.quality.trivial
         columns["pairing"][i] = found.quality.pairing
         columns["reliable"][i] = found.quality.reliable
-        stable = stability(problem, solution).stable
-        columns["stable"][i] = -1 if stable is None else int(stable)
+        found_stable = stability(problem, solution).stable
+        columns["stable"][i] = -1 if found_stable is None else int(found_stable)
     return columns

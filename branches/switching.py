@@ -170,7 +170,7 @@ def _scales(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
 def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
     """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
     problem = family.problem
-    position, change = kernel.Metric(np.empty(problem.size + 2), np.empty(problem.size + 2))
+    position, change = np.empty((2, problem.size + 2))
     energy, alpha = kernel.locate(problem.segment, y, position)
     _, length = kernel.metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
     if length == 0.0:

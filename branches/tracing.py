@@ -145,7 +145,7 @@ def follow_family(
             raise TraceError(f"points = {points}: expected at least 1")
         settings = Settings(**{**_fields(settings), "maximum_points": points})
     family = Family(problem, energy)
-    sign = _SIGNS[direction] * (1 if rising else -1)
+    sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
     collector = _Collector(problem, on_event, on_point, sign)
     condition = None
     if stop_when is not None:

@@ -1,9 +1,11 @@
-"""Real blocks of damped free flight: z' = B z with B in blocks of size one and two, and larger only where nothing smaller is accurate.
+"""Real blocks of damped free flight: z' = B z with B in blocks of size one and two, and larger only where nothing smaller is
+accurate.
 
-Modes that damping does not couple keep their real pair (q_k, p_k), whatever their damping ratio. A group of coupled modes goes through the
-real Schur form, whose blocks are cut apart with Sylvester equations as long as the transformation stays well conditioned (Bavely &
-Stewart, SIAM J. Numer. Anal. 16 (1979) 359); blocks that cannot be cut apart are merged. Two near-equal real eigenvalues
-(critical damping) so share one 2 x 2 block, and two nearly equal complex pairs (an exceptional point) one 4 x 4 block.
+Modes that damping does not couple keep their real pair (q_k, p_k), whatever their damping ratio. A group of coupled modes
+goes through the real Schur form, whose blocks are cut apart with Sylvester equations as long as the transformation stays well
+conditioned (Bavely & Stewart, SIAM J. Numer. Anal. 16 (1979) 359); blocks that cannot be cut apart are merged. Two near-equal
+real eigenvalues (critical damping) so share one 2 x 2 block, and two nearly equal complex pairs (an exceptional point) one 4
+x 4 block.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["Blocks", "coupled_groups", "cut", "damped_blocks", "undamped_blocks"]
 
 SEPARATION_LIMIT = 30.0
-"""Largest entry of a Sylvester solution that still counts as a well-conditioned cut; rounding errors grow by about this factor."""
+"""Largest entry of a Sylvester solution that still counts as a well-conditioned cut; rounding errors grow by about this
+factor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +65,8 @@ def undamped_blocks(mass: np.ndarray, squares: np.ndarray, shapes: np.ndarray) -
 def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
     """The blocks of a damped system.
 
-    Where no two modes are coupled (proportional damping) z = (q, p) with pairs (k, n + k) and B[n+k, n+k] = -2 zeta_k w_k. Else the
-    coupled modes come first, in blocks of neighbouring indices, then q_k and p_k of each mode that is left alone.
+    Where no two modes are coupled (proportional damping) z = (q, p) with pairs (k, n + k) and B[n+k, n+k] = -2 zeta_k w_k.
+    Else the coupled modes come first, in blocks of neighbouring indices, then q_k and p_k of each mode that is left alone.
 
     Parameters
     ----------

@@ -43,8 +43,8 @@ _STATUS = {
 
 @dataclass(frozen=True, eq=False)
 class NextImpact:
-    """The end of a free flight: status, time, letter of the contact ("" where there is none), state (u, v) there before any impact,
-    and the speed of approach side * w' (>= 0 at a hit)."""
+    """The end of a free flight: status, time, letter of the contact ("" where there is none), state (u, v) there before any
+    impact, and the speed of approach side * w' (>= 0 at a hit)."""
 
     status: ImpactStatus
     time: float

@@ -14,7 +14,7 @@ import numpy as np
 
 from bvp.cycle import Cycle
 from bvp.kernels.flight import flow_matrix
-from bvp.kernels.pencil import pencil, sweep, trivial_directions
+from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
 from bvp.system import ImpactSystem
 
 __all__ = [
@@ -139,9 +139,13 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
     left = np.zeros((nodes, size, size))
     right = np.zeros((nodes, size, size))
     jump = 1.0 + modes.contact_restitution
-    common = (*modes.blocks, weights, modes.contact_gap, modes.contact_rate, modes.contact_push, jump)
-    pencil(*common, conservative, before, after, duration, row, scale, left, right)
-    flow, level = trivial_directions(*common, before, after, duration, row, scale)
+    maps = np.empty((nodes, size, size))
+    along = np.empty((nodes, size))
+    landings(
+        *modes.blocks, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along
+    )  # fmt: skip
+    pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right)
+    flow, level = trivial_directions(modes.pairs, modes.matrix, weights, modes.contact_gap, after, row, scale, maps, along)
     trivial = float(max(flow, level) if conservative else flow)
     free = size - int(conservative)
     width = np.where(np.roll(row, -1) < 0, free, free - 1)

@@ -14,7 +14,7 @@ import numpy as np
 
 from bvp.kernels import multipoint as kernel
 from bvp.kernels.extrema import Observed
-from bvp.kernels.step import RESULT, end_states, orbit_step
+from bvp.kernels.step import RESULT, end_states, orbit_observe, orbit_stability, orbit_step, pack
 from bvp.system import ImpactSystem
 
 __all__ = ["EndsError", "MultipointProblem", "NotConverged", "RESULT_INDEX", "Solution"]
@@ -32,16 +32,16 @@ class NotConverged(RuntimeError):
     """Newton's corrections did not reach a solution; the message says how far they came."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)
 class Solution:
-    """A point where the kernels arrived.
+    """A point where the kernels arrived; not changed afterwards.
 
     Parameters
     ----------
     y : (u,) float
         Unknowns of the multipoint problem.
-    tangent : (2, u) float
-        Unit tangent of the family in the metric, and its change with arclength (0 where not known).
+    tangent : (2 u,) float
+        Unit tangent of the family in the metric, then its change with arclength (0 where not known).
     position : (N + 2,) float
         (start state / sqrt(2 h), log h, log alpha): the coordinates in which arclength is measured.
     ends : (k + 1, N) float
@@ -147,10 +147,13 @@ class MultipointProblem:
         self.parameters = self.segment.start_map.shape[1]
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
         self._factor = kernel.make_factor(self.segment)
-        self._old = kernel.Metric(np.zeros(size + 2), np.zeros(size + 2))
         self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
-        self._options = np.array([12, 1, 1], dtype=np.int64)
-        self._zero = np.zeros((2, self.unknowns))
+        self._zero = np.zeros(2 * self.unknowns)
+        self._packed = pack(self.segment)
+        observed = self.observed
+        self._watched = np.vstack(observed[:4] + observed[6:])
+        self._bounds = np.array([observed.lower, observed.upper])
+        self._planar = self.half == 2
 
     # -- ends -----------------------------------------------------------------------------------------------------------------
 
@@ -332,7 +335,7 @@ class MultipointProblem:
                 previous = change
             else:
                 raise NotConverged(f"Newton's corrections did not settle in 30 steps (last one {previous:.1e})")
-        solution = self.step(y, self._zero.ravel(), 0.0)
+        solution = self.step(y, self._zero, 0.0)
         if solution is None:
             raise NotConverged("Newton's corrections did not settle")
         return solution
@@ -343,20 +346,24 @@ class MultipointProblem:
         With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes).
         `full` adds multipliers, admissibility and half-waves.
         """
-        out = np.empty(self.unknowns)
-        out_tangent = np.empty((2, self.unknowns))
-        result = np.full(len(RESULT), np.nan)
-        metric = kernel.Metric(np.empty(self.size + 2), np.empty(self.size + 2))
-        options = self._options
-        options[0] = maximum
-        options[1] = options[2] = 1 if full else 0
-        orbit_step(
-            self.segment, self.observed, self._factor, y, tangent.reshape(2, -1), ds, options, self._old, metric, self._work,
-            out, out_tangent, result,
-        )  # fmt: skip
+        unknowns = self.unknowns
+        out = np.empty(unknowns)
+        out_tangent = np.empty(2 * unknowns)
+        result = np.full(_ENTRIES, np.nan)
+        metric = np.empty((4, self.size + 2))
+        packed, factor = self._packed, self._factor
+        orbit_step(*packed, factor, y, tangent, ds, maximum, metric, out, out_tangent, result)
         if result[0] != 1.0:
             return None
-        return Solution(out, out_tangent.ravel(), metric.position, self._factor.before.copy(), result)
+        ends = factor.before.copy()
+        if full:
+            orbit_observe(*packed, self._watched, self._bounds, out, ends, self._work, result)
+            if self._planar:
+                orbit_stability(*packed, out, ends, self._work, result)
+        return Solution(out, out_tangent, metric[0], ends, result)
+
+
+_ENTRIES = len(RESULT)
 
 
 def observed_of(system: ImpactSystem) -> Observed:

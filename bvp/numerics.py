@@ -1,4 +1,5 @@
-"""Symmetric eigenproblems of small matrices to the accuracy that their entries allow: frequencies and shapes of undamped modes."""
+"""Symmetric eigenproblems of small matrices to the accuracy that their entries allow: frequencies and shapes of undamped
+modes."""
 
 from __future__ import annotations
 
@@ -15,8 +16,9 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     """Squared frequencies and shapes of K phi = w^2 M phi.
 
     Jacobi's method on the pencil scaled by the mass keeps small frequencies accurate beside large ones (Demmel & Veselic,
-    SIAM J. Matrix Anal. Appl. 13 (1992) 1204); two steps of Ogita & Aishima's refinement (Japan J. Indust. Appl. Math. 35 (2018)
-    1007) on the given matrices remove what the scaling left. A square below the rounding of its own Rayleigh quotient is 0.
+    SIAM J. Matrix Anal. Appl. 13 (1992) 1204); two steps of Ogita & Aishima's refinement (Japan J. Indust. Appl. Math. 35
+    (2018) 1007) on the given matrices remove what the scaling left. A square below the rounding of its own Rayleigh quotient
+    is 0.
 
     Parameters
     ----------

@@ -23,9 +23,13 @@ class RunStatus(Enum):
 
     DURATION_REACHED = "the duration was reached"
     IMPACTS_FULL = "max_impacts impacts and touches were recorded; give a larger max_impacts to run on"
-    CHATTERING = "the bounces have become smaller than the contact tolerance: chattering comes to rest on a stop; the run ends here"
+    CHATTERING = (
+        "the bounces have become smaller than the contact tolerance: chattering comes to rest on a stop; the run ends here"
+    )
     STICKING = "the motion is pressed against a stop and stays on it; the run ends where it sticks"
-    SIMULTANEOUS = "two stops are hit at the same instant and their impulses interact; the outcome is not defined by restitution"
+    SIMULTANEOUS = (
+        "two stops are hit at the same instant and their impulses interact; the outcome is not defined by restitution"
+    )
     OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
     EXHAUSTED = "the search for the next impact gave up; ask for a shorter duration"
 
@@ -118,9 +122,7 @@ class Run:
         return state[:, :n], state[:, n:]
 
 
-def run(
-    system: ImpactSystem, u: Any, v: Any, duration: float, max_impacts: int = 10_000, leaving: str | None = None
-) -> Run:
+def run(system: ImpactSystem, u: Any, v: Any, duration: float, max_impacts: int = 10_000, leaving: str | None = None) -> Run:
     """Run a system from the state (u, v), impact after impact.
 
     Parameters
@@ -133,8 +135,8 @@ def run(
     max_impacts : int
         Most events recorded; the run ends when they are full.
     leaving : str, optional
-        Letter of the contact that the start is on exactly, after its impact. A start within the contact tolerance of a stop is on
-        it without being told.
+        Letter of the contact that the start is on exactly, after its impact. A start within the contact tolerance of a stop
+        is on it without being told.
 
     Returns
     -------

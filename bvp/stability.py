@@ -10,15 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from bvp.cycle import cycle_of
 from bvp.kernels.halfmap import half_map
+from bvp.kernels.multipoint import ORIGIN
 from bvp.multipliers import nearest_grazing, reduced_monodromy, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["ERROR_FACTOR", "Stability", "decide", "half_map_of", "stability", "velocity_scale"]
+__all__ = ["ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "stability", "velocity_scale"]
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -60,11 +62,29 @@ class Stability:
 
 
 def velocity_scale(problem: MultipointProblem, solution: Solution) -> float:
-    """Largest modal velocity over largest modal displacement at the impacts and the ends: the unit that balances b and c."""
+    """Largest modal velocity over largest modal displacement at the impacts and the ends: what `balance` asks for."""
     half = problem.half
     states = np.abs(np.vstack([problem.start(solution.y), solution.ends]))
     displacement, velocity = float(np.max(states[:, :half])), float(np.max(states[:, half:]))
     return velocity / displacement if velocity > 0.0 and displacement > 0.0 else 1.0
+
+
+def balance(problem: MultipointProblem, rate: np.ndarray | float) -> tuple[Any, Any, Any, Any]:
+    """Factors of a, b, c, d that take their units out, for an orbit whose velocities are `rate` times its displacements.
+
+    At an origin the perturbation that its reversal keeps is a velocity and the one turned round a displacement; at a rest or stop
+    end it is the other way about.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> balance(MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ()), 2.0)
+    (2.0, 1.0, 1.0, 0.5)
+    """
+    start, end = problem.kinds
+    kept_start, turned_start = (rate, 1.0) if start == ORIGIN else (1.0, rate)
+    kept_end, turned_end = (rate, 1.0) if end == ORIGIN else (1.0, rate)
+    return kept_start / kept_end, turned_start / kept_end, kept_start / turned_end, turned_start / turned_end
 
 
 def decide(
@@ -74,20 +94,17 @@ def decide(
     d: np.ndarray | float,
     magnified: np.ndarray | float,
     impacts: np.ndarray | float,
-    rate: np.ndarray | float,
 ) -> np.ndarray:
     """Stability of orbits with two degrees of freedom from the entries of their half maps: 1 stable, 0 unstable, -1 undecided.
 
     Parameters
     ----------
     a, b, c, d : float or (N,) float
-        The half map (b in units of 1/rate, c of rate).
+        The half map, in units that balance it: multiplied by `balance`.
     magnified : float or (N,) float
         Largest factor by which an impact magnifies rounding.
     impacts : int or (N,) int
         Inner impacts of the segment.
-    rate : float or (N,) float
-        Velocity over displacement of the orbit, see `velocity_scale`.
 
     Returns
     -------
@@ -95,19 +112,18 @@ def decide(
 
     Notes
     -----
-    Each entry of the balanced map [[a, b r], [c/r, d]] is right to e = 64 eps (k + 2) magnified max|entries|: rounding enters
-    once a flight, the solution is known to rounding, and an impact at an angle to the stop divides both by the sine of that
-    angle. Stable where b c < 0 and a d > 0, each by more than its error: |b c| > e (|b| + |c|) + e^2, |a d| likewise; unstable
-    where one of them is as surely of the other sign.
+    Each entry of the balanced map is right to e = 64 eps (k + 2) magnified max|entries|: rounding enters once a flight, the
+    solution is known to rounding, and an impact at an angle to the stop divides both by the sine of that angle. Stable where
+    b c < 0 and a d > 0, each by more than its error: |b c| > e (|b| + |c|) + e^2, |a d| likewise; unstable where one of them is
+    as surely of the other sign.
 
     Examples
     --------
-    >>> decide(np.array([0.5, 1.5, 1.0]), np.array([1.0, 1.0, 1e-17]), np.array([-0.5, 0.5, -1.0]), 1.0, 1.0, 0, 1.0)
+    >>> decide(np.array([0.5, 1.5, 1.0]), np.array([1.0, 1.0, 1e-17]), np.array([-0.5, 0.5, -1.0]), 1.0, 1.0, 0)
     array([ 1,  0, -1], dtype=int8)
     """
     a, b, c, d = (np.asarray(x, dtype=float) for x in (a, b, c, d))
     with np.errstate(invalid="ignore", over="ignore"):
-        b, c = b * rate, c / rate
         size = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.maximum(np.abs(c), np.abs(d)))
         error = ERROR_FACTOR * EPSILON * (np.asarray(impacts) + 2.0) * magnified * size
         lower, lower_error = b * c, error * (np.abs(b) + np.abs(c)) + error * error
@@ -168,8 +184,9 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
         quarter = nothing if problem.quarters == 1 else None
         note = "an impact grazes: the half map is unbounded"
         return Stability(nothing, quarter, None, np.zeros(m, int), nothing, nothing, note)
-    rate = velocity_scale(problem, solution)
-    a, b, c, d = phi[:m, :m], phi[:m, m:] * rate, phi[m:, :m] / rate, phi[m:, m:]
+    factors = balance(problem, velocity_scale(problem, solution))
+    blocks = (phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:])
+    a, b, c, d = (block * factor for block, factor in zip(blocks, factors, strict=True))
     entry_error = ERROR_FACTOR * EPSILON * (problem.inner + 2) * magnified * float(np.max(np.abs([a, b, c, d])))
     nu, vectors, error = _eigenvalues(b.T @ c, b, c, entry_error)
     above, _, above_error = _eigenvalues(d.T @ a, a, d, entry_error)

@@ -9,22 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.checks import InvalidSystem, check_positive_definite, number, refuse_unknown, square, symmetric
+
 if TYPE_CHECKING:
     from bvp.modes import Modes
 
 __all__ = ["ImpactSystem", "InvalidSystem", "Stop", "vibro_impact_nes"]
-
-EPSILON = float(np.finfo(float).eps)
-
-
-class InvalidSystem(ValueError):
-    """The description of a system cannot be: the message says in one line what was received and what was expected."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,7 @@ class Stop:
             raise InvalidSystem(f"the gap row of {label} is zero: no coordinate moves towards it")
         object.__setattr__(self, "gap", gap)
         for key in ("lower", "upper", "restitution"):
-            object.__setattr__(self, key, _number(getattr(self, key), f"{key} of {label}"))
+            object.__setattr__(self, key, number(getattr(self, key), f"{key} of {label}"))
         if not self.lower < self.upper:
             raise InvalidSystem(f"lower must be below upper; {label} has lower {self.lower:g}, upper {self.upper:g}")
         if math.isinf(self.lower) and math.isinf(self.upper):
@@ -133,12 +128,12 @@ class ImpactSystem:
     parameters: Mapping[str, float] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        mass = _square(self.mass, "mass")
+        mass = square(self.mass, "mass")
         n = mass.shape[0]
-        damping = _square(self.damping, "damping", n)
-        stiffness = _symmetric(_square(self.stiffness, "stiffness", n), "stiffness")
-        mass = _symmetric(mass, "mass")
-        _check_positive_definite(mass)
+        damping = square(self.damping, "damping", n)
+        stiffness = symmetric(square(self.stiffness, "stiffness", n), "stiffness")
+        mass = symmetric(mass, "mass")
+        check_positive_definite(mass)
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -240,7 +235,9 @@ class ImpactSystem:
             return False
         other = MODELS[self.model][0](**self.parameters)
         same = all(np.array_equal(getattr(self, key), getattr(other, key)) for key in ("mass", "damping", "stiffness"))
-        return same and all(getattr(self, key) == getattr(other, key) for key in ("stops", "coordinates", "absorber", "primary"))
+        return same and all(
+            getattr(self, key) == getattr(other, key) for key in ("stops", "coordinates", "absorber", "primary")
+        )
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> ImpactSystem:
@@ -269,15 +266,15 @@ class ImpactSystem:
             if name not in MODELS:
                 raise InvalidSystem(f"unknown model {name!r}; known: {', '.join(MODELS)}")
             function, keys = MODELS[name]
-            _refuse_unknown(given, keys, f"model {name}")
+            refuse_unknown(given, keys, f"model {name}")
             return function(**given)
-        _refuse_unknown(given, ("mass", "damping", "stiffness", "stops", "coordinates"), "the system")
+        refuse_unknown(given, ("mass", "damping", "stiffness", "stops", "coordinates"), "the system")
         for key in ("mass", "stiffness", "stops"):
             if key not in given:
                 raise InvalidSystem(f"the system lacks {key!r}; give mass, stiffness and stops, or a model")
         names = given.get("coordinates", {})
         names = dict(names) if isinstance(names, Mapping) else {"names": names}
-        _refuse_unknown(names, ("names", "absorber", "primary"), "coordinates")
+        refuse_unknown(names, ("names", "absorber", "primary"), "coordinates")
         coordinates = tuple(names.get("names", ()))
         size = len(np.atleast_2d(np.asarray(given["mass"], dtype=object)))
         index: dict[str, Any] = {}
@@ -295,7 +292,7 @@ class ImpactSystem:
         for entry in given["stops"]:
             if not isinstance(entry, Mapping):
                 raise InvalidSystem(f"a stop is a table with c, lower, upper, restitution; received {entry!r}")
-            _refuse_unknown(entry, ("c", "lower", "upper", "restitution", "name"), "a stop")
+            refuse_unknown(entry, ("c", "lower", "upper", "restitution", "name"), "a stop")
             if "c" not in entry:
                 raise InvalidSystem("a stop lacks its gap row 'c'")
             stops.append(Stop(entry["c"], **{key: value for key, value in entry.items() if key != "c"}))
@@ -337,7 +334,7 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
     >>> vibro_impact_nes(mu=0.1, sigma=0.1).modes.frequencies.round(6)
     array([0.854309, 1.170537])
     """
-    mu, sigma, lam, rho = (_number(x, key) for x, key in ((mu, "mu"), (sigma, "sigma"), (lam, "lam"), (rho, "rho")))
+    mu, sigma, lam, rho = (number(x, key) for x, key in ((mu, "mu"), (sigma, "sigma"), (lam, "lam"), (rho, "rho")))
     if not (0.0 < mu < math.inf):
         raise InvalidSystem(f"mu, the mass ratio, must be above 0 and finite; received {mu:g}")
     if not (0.0 <= sigma < math.inf):
@@ -362,61 +359,6 @@ MODELS = {"vibro_impact_nes": (vibro_impact_nes, ("mu", "sigma", "lam", "rho"))}
 """Named models: the function that makes one and the names of its parameters."""
 
 
-def _number(value: Any, what: str) -> float:
-    """A float that is not NaN."""
-    if isinstance(value, (str, bool)):
-        raise InvalidSystem(f"{what} is a number; received {value!r}")
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InvalidSystem(f"{what} is a number; received {value!r}") from None
-    if math.isnan(number):
-        raise InvalidSystem(f"{what} is a number; received NaN")
-    return number
-
-
-def _square(value: Any, name: str, size: int | None = None) -> np.ndarray:
-    """A finite (size, size) float matrix, copied."""
-    try:
-        matrix = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidSystem(f"{name} is a square matrix of numbers; received {value!r}") from None
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
-        raise InvalidSystem(f"{name} is a square matrix; received shape {matrix.shape}")
-    if size is not None and matrix.shape[0] != size:
-        raise InvalidSystem(f"{name} is {size} by {size} like mass; received {matrix.shape[0]} by {matrix.shape[1]}")
-    if not np.all(np.isfinite(matrix)):
-        i, j = np.argwhere(~np.isfinite(matrix))[0]
-        raise InvalidSystem(f"{name} holds finite numbers; entry ({i + 1}, {j + 1}) is {matrix[i, j]}")
-    return matrix
-
-
-def _symmetric(matrix: np.ndarray, name: str) -> np.ndarray:
-    """The symmetric part, where the matrix is symmetric to a few roundings of its larger entry."""
-    defect = np.abs(matrix - matrix.T)
-    if np.any(defect > 8.0 * EPSILON * np.maximum(np.abs(matrix), np.abs(matrix.T))):
-        i, j = np.unravel_index(int(np.argmax(defect)), defect.shape)
-        raise InvalidSystem(
-            f"{name} must be symmetric; entry ({i + 1}, {j + 1}) is {matrix[i, j]:g} and ({j + 1}, {i + 1}) is {matrix[j, i]:g}"
-        )
-    return 0.5 * (matrix + matrix.T)
-
-
-def _check_positive_definite(mass: np.ndarray) -> None:
-    """Cholesky of the mass scaled to a unit diagonal, so that mass ratios of any size pass."""
-    diagonal = np.diag(mass)
-    if np.any(diagonal <= 0.0):
-        k = int(np.argmin(diagonal))
-        raise InvalidSystem(f"mass must be positive definite; its diagonal entry {k + 1} is {diagonal[k]:g}")
-    scale = 1.0 / np.sqrt(diagonal)
-    smallest = float(np.linalg.eigvalsh(scale[:, None] * mass * scale)[0])
-    if smallest <= len(mass) * 4.0 * EPSILON:
-        kind = "indefinite" if smallest < -len(mass) * 4.0 * EPSILON else "singular"
-        raise InvalidSystem(
-            f"mass must be positive definite; scaled to a unit diagonal it is {kind} (lowest eigenvalue {smallest:.3g})"
-        )
-
-
 def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
     """The stops with a name each, and gap rows of the right length."""
     if isinstance(stops, Stop):
@@ -434,11 +376,3 @@ def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
         if len(stop.gap) != n:
             raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
     return named
-
-
-def _refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -> None:
-    """Name the first unknown key and the nearest known one."""
-    for key in given:
-        if key not in known:
-            near = get_close_matches(str(key), known, 1, 0.0)
-            raise InvalidSystem(f"unknown key {key!r} in {where}; nearest known: {near[0] if near else ', '.join(known)}")

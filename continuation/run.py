@@ -26,7 +26,7 @@ class Run:
     events : tuple of Event
         In order of arclength; ``events[k].index`` is the index of its point.
     ends : tuple of End
-        Why it ended at the first point and at the last. A direction that was not followed ends with reason POINTS or, for a
+        Why it ended at the first point and at the last. A direction that was not followed ends with reason NOT_ASKED or, for a
         closed family, CLOSED.
     start : int
         Index of the point that the run was started from.
@@ -208,7 +208,7 @@ def _one_way(problem: Problem, settings: Settings, half: _Half) -> Run:
     """A run in one direction, which may be closed."""
     points, events = half.points, half.events
     if not half.closed:
-        return Run(tuple(points), tuple(events), (End(EndReason.POINTS, "this direction was not asked for"), half.end), 0)
+        return Run(tuple(points), tuple(events), (End(EndReason.NOT_ASKED), half.end), 0)
     points, events = _with_events_at(0, problem, settings, points, events)
     return Run(tuple(points), tuple(events), (half.end, half.end), 0)
 

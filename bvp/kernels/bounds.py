@@ -1,8 +1,11 @@
-"""Bounds of a linear functional f(t) = row . exp(B t) z and of its derivatives over a flight, and the step that cannot pass a root."""
+"""Bounds of a linear functional f(t) = row . exp(B t) z and of its derivatives over a flight, and the step that cannot pass a
+root."""
 
 import math
 
 import numba as nb
+
+from bvp.kernels.compiled import kernel
 
 __all__ = ["amplitudes", "block_growth", "dot", "envelope", "free_step", "growth_rate"]
 
@@ -13,7 +16,7 @@ INVERSE_E = 0.36787944117144233
 """Maximum of x exp(-x)."""
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def dot(rows, c, z):
     """rows[c] . z, without the cost of making a view."""
     total = 0.0
@@ -39,7 +42,7 @@ def growth_rate(pairs, mean, delta, matrix):
     return steady, growth
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def block_growth(matrix, start, size):
     """Largest eigenvalue of the symmetric part of a block, bounded by Gershgorin's circles: |exp(B t)| <= exp(this t)."""
     worst = -math.inf
@@ -52,7 +55,7 @@ def block_growth(matrix, start, size):
     return worst
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def amplitudes(pairs, mean, delta, matrix, rows, c, z, horizon):
     """Bounds of |f|, |f''| and |f'''| for f(t) = rows[c] . exp(B t) z over 0 <= t <= horizon."""
     level = 0.0
@@ -86,7 +89,9 @@ def amplitudes(pairs, mean, delta, matrix, rows, c, z, horizon):
                 if beta != 0.0:
                     size += abs(beta) * sine
                 if delta[k] < 0.0:
-                    size = min(size, math.sqrt(alpha * alpha - beta * beta / delta[k]) * (math.exp(m * horizon) if m > 0.0 else 1.0))
+                    size = min(
+                        size, math.sqrt(alpha * alpha - beta * beta / delta[k]) * (math.exp(m * horizon) if m > 0.0 else 1.0)
+                    )
                 if order == 0:
                     level += size
                 elif order == 2:
@@ -112,7 +117,7 @@ def amplitudes(pairs, mean, delta, matrix, rows, c, z, horizon):
     return level * MARGIN, second * MARGIN, third * MARGIN
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def envelope(mean, delta, horizon):
     """Bounds of exp(m t) |C| and exp(m t) |S| over 0 <= t <= horizon (which may be infinite for a stable pair)."""
     width = math.sqrt(delta) if delta > 0.0 else 0.0
@@ -128,7 +133,7 @@ def envelope(mean, delta, horizon):
     return c, s
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def free_step(d, slope, second_bound):
     """2 d/(-d' + sqrt(d'^2 + 2 W d)), in the form that does not cancel; infinite where d never returns to 0."""
     if slope < 0.0:

@@ -22,6 +22,8 @@ import math
 import numba as nb
 import numpy as np
 
+from bvp.kernels.compiled import kernel
+
 __all__ = ["as_arrays", "circular", "flow_block", "flow_matrix", "flow_pair", "flow_state", "rate"]
 
 SERIES_LIMIT = 0.03
@@ -67,9 +69,10 @@ def flow_pair(mean, delta, b11, b12, b21, b22, t):
     return c + s * (b11 - mean), s * b12, s * b21, c + s * (b22 - mean)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def flow_block(mean, matrix, start, size, t):
-    """exp(B t) of the block of `size` indices from `start`, (size, size): Taylor's series about the mean, scaled and squared."""
+    """exp(B t) of the block of `size` indices from `start`, (size, size): Taylor's series about the mean, scaled and
+    squared."""
     norm = 0.0
     for r in range(size):
         row = 0.0
@@ -110,7 +113,7 @@ def flow_block(mean, matrix, start, size, t):
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def flow_state(pairs, mean, delta, matrix, z, t, out):
     """out = exp(B t) z."""
     for k in range(pairs.shape[0]):
@@ -133,7 +136,7 @@ def flow_state(pairs, mean, delta, matrix, z, t, out):
                 out[i + r] = total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def flow_matrix(pairs, mean, delta, matrix, t, out):
     """out = exp(B t), dense (N, N)."""
     size = out.shape[0]
@@ -158,7 +161,7 @@ def flow_matrix(pairs, mean, delta, matrix, t, out):
                     out[i + r, i + c] = block[r, c]
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def rate(pairs, matrix, z, out):
     """out = B z (out is another array than z)."""
     for k in range(pairs.shape[0]):

@@ -1,7 +1,7 @@
 """The next impact of an exact flight, by bounds and never by sampling; restitution.
 
-A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `bounds.amplitudes` bounds
-|w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows
+A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `bounds.amplitudes`
+bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows
 
     a step without a root          h = 2 d/(-d' + sqrt(d'^2 + 2 W d)),  or  3 d''/J  where d' >= 0 and d'' > 0;
     a certified root               where d' < 0 and 4 W d <= d'^2: exactly one root within 2 d/|d'| (Newton-Kantorovich); d here
@@ -11,9 +11,7 @@ A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with
 
 Steps therefore shrink onto a root quadratically until it is certified, and Newton on the exact flight does the rest.
 
-A flight that starts on a stop has d(0) = 0. While it is near, d is not the difference bound - w, which would cancel, but its own
-Taylor series from the start, d(t) = t s(t), and the search runs on s, with |s''| <= J/3: the start is no root of s, and a speed
-of leaving as tiny as rounding allows is resolved. Only the contact just left is treated so, until d is well above the tolerance.
+Only the contact just left is treated apart, and only until its distance is well above the tolerance: see `bvp.kernels.near`.
 """
 
 import math
@@ -22,7 +20,9 @@ import numba as nb
 import numpy as np
 
 from bvp.kernels.bounds import amplitudes, dot, free_step, growth_rate
-from bvp.kernels.flight import flow_state, rate
+from bvp.kernels.compiled import kernel
+from bvp.kernels.flight import flow_state
+from bvp.kernels.near import SERIES_REACH, SERIES_TERMS, near_return, series
 
 __all__ = [
     "CONTACT_TOLERANCE",
@@ -40,12 +40,12 @@ __all__ = [
 ]
 
 CONTACT_TOLERANCE = 1e-13
-"""THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of w within it
-of the bound, on either side, is a touch: it is reported and the motion goes on. Beyond it w crosses and hits."""
+"""THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of w
+within it of the bound, on either side, is a touch: it is reported and the motion goes on. Beyond it w crosses and hits."""
 
 NONE, HIT, TOUCH, PRESSED, OUTSIDE, EXHAUSTED = 0, 1, 2, 3, 4, 5
-"""What `next_impact` found: no impact up to the horizon; a hit; a touch; the motion stays pressed against the stop it starts on;
-the start lies beyond a stop; the search gave up after `STEP_LIMIT` steps."""
+"""What `next_impact` found: no impact up to the horizon; a hit; a touch; the motion stays pressed against the stop it starts
+on; the start lies beyond a stop; the search gave up after `STEP_LIMIT` steps."""
 
 TURN, CROSSED = 6, 7
 """Verdicts inside the search: a certified turning point ahead; beyond the bound without a certificate before."""
@@ -53,9 +53,6 @@ TURN, CROSSED = 6, 7
 STEP_LIMIT = 100_000
 NEAR = 1000.0
 """A start counts as near its stop until the distance is this many contact tolerances."""
-SERIES_TERMS = 14
-SERIES_REACH = 0.25
-"""|B| t up to which the series from the start is used: its 14 terms truncate below 1e-19."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
 
@@ -65,7 +62,7 @@ def work_array(size, contacts):
     return np.zeros((WORK_ROWS, max(size, contacts, SERIES_TERMS + 1)))
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def contact_level(gap, bound, c, z):
     """The contact tolerance of contact c in units of its distance."""
     total = abs(bound[c])
@@ -74,9 +71,10 @@ def contact_level(gap, bound, c, z):
     return CONTACT_TOLERANCE * total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def rounding_level(pairs, matrix, rows, c, z):
-    """Sixteen roundings of rows[c] . z for a z that a flight has computed: the two entries of a pair round with each other's size."""
+    """Sixteen roundings of rows[c] . z for a z that a flight has computed: the two entries of a pair round with each other's
+    size."""
     total = 0.0
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
@@ -97,7 +95,7 @@ def rounding_level(pairs, matrix, rows, c, z):
     return ROUNDING * total
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def restitute(rate_rows, push, restitution, c, z, out):
     """out = z - (1 + r) push (rate . z), Newton's restitution of contact c along M^-1 c (out may be z)."""
     change = (1.0 + restitution[c]) * dot(rate_rows, c, z)
@@ -128,7 +126,7 @@ def quadratic_step(d, slope, bend):
     return 2.0 * d / (-slope + math.sqrt(square)) if square > 0.0 else -d / slope
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, jerk, z, t, state):
     """Zero of d along the exact flight by steps of third order, from a time near it, down to rounding."""
     last = math.inf
@@ -146,9 +144,10 @@ def polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     return t
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def resolve_turn(
-    pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, curvature, jerk, z, t, slope, bend, tolerance, state
+    pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, curvature, jerk,
+    z, t, slope, bend, tolerance, state,
 ):  # fmt: skip
     """What a certified turning point after time t is: (HIT or TOUCH, its time) or (NONE, step from t without either)."""
     turn = t
@@ -172,14 +171,14 @@ def resolve_turn(
     return HIT, polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, jerk, z, start, state)
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
     """(verdict, step) from d and its derivatives at one instant.
 
     verdict NONE: no root within `step`. HIT: a certified root at about `step`. TURN: a certified turning point ahead. TOUCH,
-    CROSSED: w is within the tolerance of the bound and past its turning point, or beyond the bound, without a certificate before
-    (roots of third order and more, which the walk in steps of the tolerance finds). The bounds hold over `window`. `fresh`: the
-    contact may be within the tolerance because the flight began there, which is no touch.
+    CROSSED: w is within the tolerance of the bound and past its turning point, or beyond the bound, without a certificate
+    before (roots of third order and more, which the walk in steps of the tolerance finds). The bounds hold over `window`.
+    `fresh`: the contact may be within the tolerance because the flight began there, which is no touch.
     """
     if d < -tolerance:
         return CROSSED, quadratic_step(d, slope, bend) if slope < 0.0 else 0.0
@@ -207,68 +206,10 @@ def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
     return NONE, step
 
 
-@nb.njit(cache=True, error_model="numpy")
-def series(pairs, matrix, gap, side, c, z, coefficients, state, other):
-    """coefficients[k] = d^(k)(0)/k! for k >= 1 by repeated B. Returns a rate that bounds how fast the terms can grow."""
-    for r in range(z.shape[0]):
-        state[r] = z[r]
-    factor = 1.0
-    for k in range(1, SERIES_TERMS + 1):
-        rate(pairs, matrix, state, other)
-        factor /= k
-        coefficients[k] = -side[c] * dot(gap, c, other) * factor
-        for r in range(z.shape[0]):
-            state[r] = other[r]
-    fastest = 0.0
-    for k in range(pairs.shape[0]):
-        i = pairs[k, 0]
-        j = pairs[k, 1]
-        if j >= 0:
-            half = 0.5 * (matrix[i, i] - matrix[j, j])
-            width = math.sqrt(half * half + abs(matrix[i, j] * matrix[j, i]))
-            fastest = max(fastest, 0.5 * abs(matrix[i, i] + matrix[j, j]) + width)
-        else:
-            for r in range(i, i - j):
-                total = 0.0
-                for q in range(i, i - j):
-                    total += abs(matrix[r, q])
-                fastest = max(fastest, total)
-    return fastest
-
-
-@nb.njit(cache=True, error_model="numpy")
-def near_slope(coefficients, t):
-    """s(t) = d(t)/t and its derivative from the series of d."""
-    s = 0.0
-    derivative = 0.0
-    for k in range(SERIES_TERMS, 0, -1):
-        derivative = derivative * t + s
-        s = s * t + coefficients[k]
-    return s, derivative
-
-
-@nb.njit(cache=True, error_model="numpy")
-def leave(coefficients, jerk, t, window):
-    """One look at a contact near the start: (HIT, time of the return) or (NONE, step without a return)."""
-    s, fall = near_slope(coefficients, t)
-    s = max(s, 0.0)
-    if fall >= 0.0 or 4.0 * jerk * s > 3.0 * fall * fall or -2.0 * s < fall * window:
-        return NONE, free_step(s, fall, jerk / 3.0)
-    root = t
-    last = math.inf
-    for _ in range(60):
-        step = -s / fall
-        root += step
-        if abs(step) <= 1e-16 * root or abs(step) >= last:
-            break
-        last = abs(step)
-        s, fall = near_slope(coefficients, root)
-    return HIT, root
-
-
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z):
-    """(status, contact the flight leaves): OUTSIDE with the contact passed, else NONE with `leaving` or a contact that z is on."""
+    """(status, contact the flight leaves): OUTSIDE with the contact passed, else NONE with `leaving` or a contact that z is
+    on."""
     for c in range(side.shape[0]):
         if c == leaving:
             continue
@@ -276,17 +217,21 @@ def start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z):
         tolerance = contact_level(gap, bound, c, z)
         if not d >= -tolerance:
             return OUTSIDE, c
-        if leaving < 0 and d <= tolerance and -side[c] * dot(rate_rows, c, z) >= -rounding_level(pairs, matrix, rate_rows, c, z):
+        if (
+            leaving < 0
+            and d <= tolerance
+            and -side[c] * dot(rate_rows, c, z) >= -rounding_level(pairs, matrix, rate_rows, c, z)
+        ):
             leaving = c
     return NONE, leaving
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, leaving, z, horizon, work):
     """The first hit or touch of the flight from z within 0 <= t <= horizon.
 
-    `leaving` is the contact that the flight starts on (-1: none), whose distance there is taken to be 0 exactly. Any other contact
-    within the tolerance at the start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
+    `leaving` is the contact that the flight starts on (-1: none), whose distance there is taken to be 0 exactly. Any other
+    contact within the tolerance at the start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
 
     Returns (status, contact, time): (NONE, -1, horizon), (HIT or TOUCH, contact, time), (PRESSED, contact, 0),
     (OUTSIDE, contact, 0), (EXHAUSTED, -1, time reached).
@@ -351,7 +296,8 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                     near = reach * t <= SERIES_REACH
             fresh = fresh and (c != leaving or d <= tolerance)
             if c == leaving and near:
-                status, value = leave(coefficients, near_jerk, t, window)
+                returns, value = near_return(coefficients, near_jerk, t, window)
+                status = HIT if returns else NONE
             else:
                 new = count == 0 or (c == leaving and fresh)
                 status, value = judge(d, slope, bend, tolerance, curvature[c], jerk[c], window, new)

@@ -22,7 +22,7 @@ from bvp.kernels.flight import flow_matrix, flow_state, rate
 ORIGIN, REST, STOP, PERIODIC = 0, 1, 2, 3
 """Kinds of an end."""
 
-__all__ = ["ORIGIN", "REST", "STOP", "PERIODIC", "Segment", "Factor", "Metric", "evaluate", "factorise", "correct", "null_vector", "advance", "make_factor"]
+__all__ = ["ORIGIN", "REST", "STOP", "PERIODIC", "Segment", "Factor", "Metric", "evaluate", "factorise", "correct", "null_vector", "make_factor"]
 
 
 class Segment(NamedTuple):
@@ -56,7 +56,7 @@ class Factor(NamedTuple):
     factor: np.ndarray
     scale: np.ndarray  # (u,) scale of each unknown
     before: np.ndarray  # (k + 1, N) state at the end of each flight
-    work: np.ndarray  # (4, max(u, N)) scratch
+    work: np.ndarray  # (7, max(u, N) + 2) scratch
     square: np.ndarray  # (N, N) scratch
 
 
@@ -81,7 +81,7 @@ def make_factor(segment):
         np.zeros(unknowns - 1),
         np.ones(unknowns),
         np.zeros((k + 1, size)),
-        np.zeros((6, max(unknowns, size) + 2)),
+        np.zeros((7, max(unknowns, size) + 2)),
         np.zeros((size, size)),
     )
 
@@ -496,22 +496,8 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                 contraction = max(contraction, ratio)
             if ratio > 2.0 and length > 1e-3:
                 return False, iteration + 1, contraction, worst
-        fresh = ratio > 0.1 or iteration == 0
+        fresh = iteration > 0 and ratio > 0.1
         previous = length
         if fresh:
             displacement, velocity, longest = set_scale(segment, y, factor)
     return worst < 1e-12 and previous < 1e-9, maximum, contraction, worst
-
-
-@kernel
-def advance(segment, y, tangent, curvature, ds, factor, out, row, residual, old, maximum, rounding):
-    """Predict from y by ds along the family and correct onto it. `old` is the metric at y. Returns what `correct` returns."""
-    unknowns = y.shape[0]
-    energy, alpha = locate(segment, y, old.position)
-    metric_direction(segment, y, old.position, energy, alpha, tangent, old.direction)
-    constraint_row(segment, y, energy, alpha, old.position, old.direction, row)
-    target = ds
-    for j in range(unknowns):
-        out[j] = y[j] + ds * (tangent[j] + 0.5 * ds * curvature[j])
-        target += row[j] * y[j]
-    return correct(segment, out, row, target, factor, residual, maximum, rounding)

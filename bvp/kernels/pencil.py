@@ -24,7 +24,7 @@ import numpy as np
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_matrix, rate
 
-__all__ = ["complement", "landing_map", "pencil", "sweep", "trivial_directions"]
+__all__ = ["complement", "landing_map", "landings", "pencil", "sweep", "trivial_directions"]
 
 
 @kernel
@@ -108,16 +108,25 @@ def _constraints(gap, weights, after, scale, conservative, free, vectors):
 
 
 @kernel
-def pencil(
-    pairs, mean, delta, matrix, weights, gap, gap_rate, push, jump, conservative, before, after, duration, row, scale, left, right
-):
+def landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
+    """maps (P, N, N) and along (P, N): J_i and F_i of the flight after each node, which lands on the next."""
+    nodes = duration.shape[0]
+    for i in range(nodes):
+        j = i + 1 if i + 1 < nodes else 0
+        contact = max(row[j], 0)
+        landing_map(
+            pairs, mean, delta, matrix, gap_rate[contact], push[contact], 0.0 if row[j] < 0 else jump[contact], duration[i],
+            before[j], scale, maps[i], along[i],
+        )
+
+
+@kernel
+def pencil(weights, gap, conservative, after, row, scale, maps, along, left, right):
     """Factors of the product pencil: left[i] = E_i, right[i] = A_i. The arrays are (P, N, N); factor i uses the first rows and
     columns: E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N less the constraints of a node and m_i = d_{i+1}, or for a cut
-    m_i = d_{i+1} of an unconstrained node. row[i] < 0 marks a cut. `before[i]`, `after[i]` belong to node i."""
-    size = matrix.shape[0]
-    nodes = after.shape[0]
-    landing = np.empty((size, size))
-    along = np.empty(size)
+    m_i = d_{i+1} of an unconstrained node. row[i] < 0 marks a cut. maps, along: of `landings`."""
+    nodes, size = after.shape
+    turned = np.empty(size)
     vectors = np.empty((2, size))
     basis = np.empty((size, size))
     following = np.empty((size, size))
@@ -129,17 +138,13 @@ def pencil(
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         cut = row[j] < 0
-        landing_map(
-            pairs, mean, delta, matrix, gap_rate[contact], push[contact], 0.0 if cut else jump[contact], duration[i],
-            before[j], scale, landing, along,
-        )
         count = _constraints(gap[contact], weights, after[j], scale, conservative, cut, vectors)
         complement(vectors, count, following)
         next_dimension = size - count
         count = 0
         if not cut:
             for r in range(size):
-                vectors[0, r] = along[r]
+                vectors[0, r] = along[i, r]
             count = 1
         if conservative:
             for r in range(size):
@@ -156,12 +161,12 @@ def pencil(
             for c in range(size):
                 total = 0.0
                 for r in range(size):
-                    total += rows[a, r] * landing[r, c]
-                along[c] = total
+                    total += rows[a, r] * maps[i, r, c]
+                turned[c] = total
             for b in range(dimension):
                 total = 0.0
                 for r in range(size):
-                    total += along[r] * basis[b, r]
+                    total += turned[r] * basis[b, r]
                 right[i, a, b] = total
         dimension = next_dimension
         basis, following = following, basis
@@ -278,12 +283,9 @@ def sweep(left, right, height, width, frame, product, exponent):
 
 
 @kernel
-def trivial_directions(pairs, mean, delta, matrix, weights, gap, gap_rate, push, jump, before, after, duration, row, scale):
+def trivial_directions(pairs, matrix, weights, gap, after, row, scale, maps, along):
     """How well the product of saltation matrices keeps the flow and the energy: (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|)."""
-    size = matrix.shape[0]
-    nodes = after.shape[0]
-    landing = np.empty((size, size))
-    along = np.empty(size)
+    nodes, size = after.shape
     first = np.empty(size)
     flow = np.empty(size)
     work = np.empty(size)
@@ -296,14 +298,10 @@ def trivial_directions(pairs, mean, delta, matrix, weights, gap, gap_rate, push,
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         cut = row[j] < 0
-        landing_map(
-            pairs, mean, delta, matrix, gap_rate[contact], push[contact], 0.0 if cut else jump[contact], duration[i],
-            before[j], scale, landing, along,
-        )
         for a in range(size):
             total = 0.0
             for r in range(size):
-                total += landing[a, r] * flow[r]
+                total += maps[i, a, r] * flow[r]
             work[a] = total
         if not cut:
             rate(pairs, matrix, after[j], field)
@@ -311,9 +309,9 @@ def trivial_directions(pairs, mean, delta, matrix, weights, gap, gap_rate, push,
             speed = 0.0
             for r in range(size):
                 hit += gap[contact, r] * scale[r] * work[r]
-                speed += gap[contact, r] * scale[r] * along[r]
+                speed += gap[contact, r] * scale[r] * along[i, r]
             for r in range(size):
-                work[r] += (field[r] / scale[r] - along[r]) * hit / speed
+                work[r] += (field[r] / scale[r] - along[i, r]) * hit / speed
         for r in range(size):
             flow[r] = work[r]
     length = 0.0
@@ -329,23 +327,19 @@ def trivial_directions(pairs, mean, delta, matrix, weights, gap, gap_rate, push,
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         cut = row[j] < 0
-        landing_map(
-            pairs, mean, delta, matrix, gap_rate[contact], push[contact], 0.0 if cut else jump[contact], duration[i],
-            before[j], scale, landing, along,
-        )
         if not cut:
             rate(pairs, matrix, after[j], field)
             turned = 0.0
             speed = 0.0
             for r in range(size):
-                turned += flow[r] * (field[r] / scale[r] - along[r])
-                speed += gap[contact, r] * scale[r] * along[r]
+                turned += flow[r] * (field[r] / scale[r] - along[i, r])
+                speed += gap[contact, r] * scale[r] * along[i, r]
             for r in range(size):
                 flow[r] += turned / speed * gap[contact, r] * scale[r]
         for c in range(size):
             total = 0.0
             for r in range(size):
-                total += flow[r] * landing[r, c]
+                total += flow[r] * maps[i, r, c]
             work[c] = total
         for r in range(size):
             flow[r] = work[r]

@@ -1,27 +1,28 @@
 """The event-driven run: exact flight, next impact, restitution, again and again.
 
-Simultaneous impacts: contacts within the contact tolerance of their bound and approaching when another one is hit. They are taken
-one after the other where the impulse of one does not change the rate of the other (rows c_i M^-1 c_j = 0); else the run stops.
+Simultaneous impacts: contacts within the contact tolerance of their bound and approaching when another one is hit. They are
+taken one after the other where the impulse of one does not change the rate of the other (rows c_i M^-1 c_j = 0); else the run
+stops.
 
-Chattering: once a bounce would rise less than the contact tolerance, it cannot be told from rest on the stop, and the run stops.
+Chattering: once a bounce would rise less than the contact tolerance, it cannot be told from rest on the stop, and the run
+stops.
 """
 
-import numba as nb
-
+from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, restitute, rounding_level
 
 __all__ = ["CHATTERING", "FULL", "GAVE_UP", "REACHED", "SIMULTANEOUS", "STARTED_OUTSIDE", "STICKING", "run", "sample"]
 
 REACHED, FULL, CHATTERING, STICKING, SIMULTANEOUS, STARTED_OUTSIDE, GAVE_UP = 0, 1, 2, 3, 4, 5, 6
-"""How a run ended: at its duration; with the output arrays full; in ever smaller bounces; pressed against a stop; in simultaneous
-impacts that interact; before it began, beyond a stop; in a search that gave up."""
+"""How a run ended: at its duration; with the output arrays full; in ever smaller bounces; pressed against a stop; in
+simultaneous impacts that interact; before it began, beyond a stop; in a search that gave up."""
 
 INTERACTION_LEVEL = 1e-13
 """c_i M^-1 c_j below this fraction of the sizes it is summed from is rounding."""
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def interacts(rate_rows, push, first, second):
     """True where the impulse of contact `first` changes the rate of contact `second` by more than rounding."""
     change = 0.0
@@ -33,9 +34,10 @@ def interacts(rate_rows, push, first, second):
     return abs(change) > INTERACTION_LEVEL * size
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, after, z):
-    """The first contact after `after`, other than `hit`, that is within the tolerance and approaching; -1 where there is none."""
+    """The first contact after `after`, other than `hit`, that is within the tolerance and approaching; -1 where there is
+    none."""
     for c in range(after + 1, side.shape[0]):
         if c == hit:
             continue
@@ -45,7 +47,7 @@ def struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, a
     return -1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def independent(pairs, matrix, gap, rate_rows, acceleration, side, bound, push, hit, z):
     """True where no two of the contacts struck together (`hit` and those that `struck_with` finds) interact."""
     first = hit
@@ -60,14 +62,14 @@ def independent(pairs, matrix, gap, rate_rows, acceleration, side, bound, push, 
     return True
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def settles(gap, rate_rows, acceleration, side, bound, c, z):
     """True where the motion after an impact presses back so soon that the bounce stays within the contact tolerance."""
     _, slope, bend, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, z)
     return bend < 0.0 and slope * abs(slope) <= -2.0 * bend * tolerance
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def run(
     pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, push, restitution, leaving, duration,
     times, contacts, touches, before, after, z, work,
@@ -121,7 +123,7 @@ def run(
             hit = struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, -1, z) if status == HIT else -1
 
 
-@nb.njit(cache=True, error_model="numpy")
+@kernel
 def sample(pairs, mean, delta, matrix, begins, states, times, out):
     """out[i] = state at times[i] of flights that begin at begins (F,) (ascending) with states (F, N); the last begin counts."""
     for i in range(times.shape[0]):

@@ -99,20 +99,19 @@ def scan(
         for k in range(most_impacts + 1):
             horizon = longest - elapsed
             duration = 0.0
-            found, contact, time = next_impact(
-                pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, leaving, z, horizon, work
-            )
             for r in range(size):
                 before[r] = z[r]
-            while found == TOUCH:
+            while True:
+                found, contact, time = next_impact(
+                    pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, leaving, z, horizon - duration, work
+                )
+                if found != TOUCH:
+                    break
                 duration += time
                 flow_state(pairs, mean, delta, matrix, z, time, scratch)
                 for r in range(size):
                     z[r] = scratch[r]
                 leaving = contact
-                found, contact, time = next_impact(
-                    pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, leaving, z, horizon - duration, work
-                )
             if found != HIT and found != NONE:
                 status[m] = 1
                 break

@@ -1,5 +1,5 @@
-"""One step along a family of impacting orbits, in one compiled call: predict, correct, tangent, half map, multipliers,
-admissibility, half-waves, and the raw values that test functions are made of.
+"""One step along a family of impacting orbits in three compiled calls: predict, correct, tangent; admissibility and half-waves; half
+map and multipliers. Together they give the raw values that test functions are made of.
 
 `RESULT` names the entries of the result array.
 """
@@ -10,7 +10,7 @@ import numpy as np
 
 from bvp.kernels.compiled import kernel
 from bvp.kernels.cycle import count_impacts, unfold
-from bvp.kernels.extrema import clearance, sign_changes
+from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import flow_state
 from bvp.kernels.halfmap import half_map
 from bvp.kernels.multipoint import (
@@ -18,18 +18,19 @@ from bvp.kernels.multipoint import (
     PERIODIC,
     REST,
     STOP,
-    advance,
+    Metric,
+    Segment,
+    constraint_row,
     correct,
-    evaluate,
     factorise,
     locate,
     metric_direction,
     null_vector,
     start_state,
 )
-from bvp.kernels.pencil import pencil, sweep, trivial_directions
+from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
 
-__all__ = ["RESULT", "orbit_step", "observe", "stability_2", "tangent_at"]
+__all__ = ["RESULT", "end_states", "observe", "orbit_observe", "orbit_stability", "orbit_step", "pack", "stability_2", "tangent_at"]
 
 RESULT = (
     "converged",
@@ -259,10 +260,13 @@ def stability_2(segment, y, ends, cycle_before, cycle_after, cycle_time, cycle_r
     if nodes == 0:
         result[TRACE : SINGULAR + 1] = math.nan
         return
-    pencil(
-        segment.pairs, segment.mean, segment.delta, segment.matrix, segment.weights, segment.gap, segment.gap_rate, segment.push,
-        segment.jump, True, cycle_before, cycle_after, cycle_time, cycle_row, scale, left, right,
-    )
+    maps = np.empty((nodes, size, size))
+    along = np.empty((nodes, size))
+    landings(
+        segment.pairs, segment.mean, segment.delta, segment.matrix, segment.gap_rate, segment.push, segment.jump, cycle_before,
+        cycle_time, cycle_row, scale, maps, along,
+    )  # fmt: skip
+    pencil(segment.weights, segment.gap, True, cycle_after, cycle_row, scale, maps, along, left, right)
     dimension = size - 2
     frame = np.zeros((dimension, dimension))
     older = np.empty((dimension, dimension))
@@ -310,77 +314,151 @@ def stability_2(segment, y, ends, cycle_before, cycle_after, cycle_time, cycle_r
         result[SMALLER_REAL] = 0.5 * trace
         result[SMALLER_IMAGINARY] = math.sqrt(-square)
     flow, level = trivial_directions(
-        segment.pairs, segment.mean, segment.delta, segment.matrix, segment.weights, segment.gap, segment.gap_rate, segment.push,
-        segment.jump, cycle_before, cycle_after, cycle_time, cycle_row, scale,
+        segment.pairs, segment.matrix, segment.weights, segment.gap, cycle_after, cycle_row, scale, maps, along
     )
     result[TRIVIAL] = max(flow, level)
     result[SINGULAR] = singular
 
 
 @kernel
-def orbit_step(segment, observed, factor, y, tangent, ds, options, old, metric, work, out, out_tangent, result):
-    """Step from y by ds (ds = 0: correct y itself) and describe where it lands.
+def unpack(pairs, rows, scalars, start_map, shape):
+    """The `Segment` whose arrays stand in the rows of one array and the entries of another (see `pack`)."""
+    size = rows.shape[1]
+    nodes = shape[0] + 2
+    blocks = pairs.shape[0]
+    at = 3 * nodes + size
+    closers = rows.shape[0] - at - 2
+    side = 2 * blocks + 2 * nodes
+    return Segment(
+        pairs,
+        scalars[:blocks],
+        scalars[blocks : 2 * blocks],
+        rows[3 * nodes : at],
+        rows[:nodes],
+        rows[nodes : 2 * nodes],
+        rows[2 * nodes : 3 * nodes],
+        scalars[2 * blocks : 2 * blocks + nodes],
+        scalars[2 * blocks + nodes : side],
+        scalars[side : side + nodes],
+        start_map,
+        rows[at],
+        rows[at + 2 : at + 2 + closers],
+        scalars[side + nodes :],
+        rows[at + 1],
+        shape,
+    )
 
-    tangent (2, u): tangent and curvature at y. options (3,): most iterations, 1 to compute multipliers, 1 to compute admissibility
-    and half-waves. out (u,), out_tangent (2, u), result: see RESULT.
-    """
+
+def pack(segment):
+    """(pairs, rows, scalars, start_map, shape): few arrays, for calls that should cost little."""
+    rows = np.vstack(
+        [
+            segment.gap,
+            segment.gap_rate,
+            segment.push,
+            segment.matrix,
+            segment.start_offset[None],
+            segment.weights[None],
+            segment.end_map,
+        ]
+    )
+    scalars = np.concatenate(
+        [segment.mean, segment.delta, segment.jump, segment.bound, segment.side, segment.end_offset]
+    )
+    return segment.pairs, np.ascontiguousarray(rows), scalars, segment.start_map, segment.shape
+
+
+@kernel
+def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, out, out_tangent, result):
+    """Step from y by ds (ds = 0: correct y itself) and give the tangent where it lands.
+
+    tangent, out_tangent (2 u,): tangent and curvature. `most`: most iterations. metric (4, N + 2): position and direction there,
+    then at y. out (u,). result: the entries of RESULT up to `branching`."""
+    segment = unpack(pairs, rows, scalars, start_map, shape)
     unknowns = y.shape[0]
-    size = segment.matrix.shape[0]
-    k = segment.shape[0]
+    size = rows.shape[1]
+    old = Metric(metric[2], metric[3])
+    new = Metric(metric[0], metric[1])
     row = factor.work[5, :unknowns]
-    residual = np.empty(unknowns - 1)
-    rounding = 2e-15
-    if ds == 0.0:
-        row[:] = 0.0
-        old.direction[:] = 0.0
-        oriented = False
+    residual = factor.work[6, : unknowns - 1]
+    along = tangent[:unknowns]
+    curvature = tangent[unknowns:]
+    row[:] = 0.0
+    old.direction[:] = 0.0
+    target = 0.0
+    oriented = False
+    for j in range(unknowns):
+        out[j] = y[j] + ds * (along[j] + 0.5 * ds * curvature[j])
+        if along[j] != 0.0:
+            oriented = True
+    if oriented:
+        energy, alpha = locate(segment, y, old.position)
+        metric_direction(segment, y, old.position, energy, alpha, along, old.direction)
+    if ds != 0.0:
+        constraint_row(segment, y, energy, alpha, old.position, old.direction, row)
+        target = ds
         for j in range(unknowns):
-            out[j] = y[j]
-            if tangent[0, j] != 0.0:
-                oriented = True
-        if oriented:
-            energy, alpha = locate(segment, y, old.position)
-            metric_direction(segment, y, old.position, energy, alpha, tangent[0], old.direction)
-        good, iterations, contraction, worst = correct(segment, out, row, 0.0, factor, residual, options[0], rounding)
-    else:
-        good, iterations, contraction, worst = advance(
-            segment, y, tangent[0], tangent[1], ds, factor, out, row, residual, old, options[0], rounding
-        )
+            target += row[j] * y[j]
+    good, iterations, contraction, worst = correct(segment, out, row, target, factor, residual, most, 2e-15)
     result[CONVERGED] = 1.0 if good else 0.0
     result[ITERATIONS] = iterations
     result[CONTRACTION] = contraction
     result[RESIDUAL] = worst
     if not good:
         return
-    evaluate(segment, out, factor.before, work[0, :size], residual)
-    tangent_at(segment, out, factor, old.direction, metric, out_tangent[0], result)
+    tangent_at(segment, out, factor, old.direction, new, out_tangent[:unknowns], result)
     for j in range(unknowns):
-        out_tangent[1, j] = (out_tangent[0, j] - tangent[0, j]) / ds if ds != 0.0 else 0.0
-    if options[2] == 1:
-        observe(segment, observed, out, factor.before, work, result)
-    if options[1] == 1 and size == 4:
-        nodes = count_impacts(segment.shape)
-        before = np.empty((nodes, size))
-        after = np.empty((nodes, size))
-        duration = np.empty(nodes)
-        node = np.empty(nodes, np.int64)
-        left = np.empty((nodes, size, size))
-        right = np.empty((nodes, size, size))
-        scale = np.empty(size)
-        start_state(segment, out, work[0, :size])
-        displacement = 0.0
-        velocity = 0.0
-        for r in range(size // 2):
-            displacement = max(displacement, abs(work[0, r]))
-            velocity = max(velocity, abs(work[0, size // 2 + r]))
-        for i in range(k + 1):
-            for r in range(size // 2):
-                displacement = max(displacement, abs(factor.before[i, r]))
-                velocity = max(velocity, abs(factor.before[i, size // 2 + r]))
-        for r in range(size // 2):
-            scale[r] = displacement if displacement > 0.0 else 1.0
-            scale[size // 2 + r] = velocity if velocity > 0.0 else 1.0
-        stability_2(segment, out, factor.before, before, after, duration, node, scale, left, right, work, result)
+        out_tangent[unknowns + j] = (out_tangent[j] - along[j]) / ds if ds != 0.0 else 0.0
+
+
+@kernel
+def orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
+    """Admissibility and half-waves of the orbit at y: the entries of RESULT from `clearance` to `gave_up`.
+
+    observed (4 S + 6, N): the rows of `Observed` one after the other (4 S of the gaps, then the velocities where there are any),
+    bounds (2, S)."""
+    segment = unpack(pairs, rows, scalars, start_map, shape)
+    stops = bounds.shape[1]
+    watched = (observed.shape[0] - 4 * stops) // 3
+    at = 4 * stops
+    functionals = Observed(
+        observed[:stops],
+        observed[stops : 2 * stops],
+        observed[2 * stops : 3 * stops],
+        observed[3 * stops : at],
+        bounds[0],
+        bounds[1],
+        observed[at : at + watched],
+        observed[at + watched : at + 2 * watched],
+        observed[at + 2 * watched :],
+    )
+    observe(segment, functionals, y, ends, work, result)
+
+
+@kernel
+def orbit_stability(pairs, rows, scalars, start_map, shape, y, ends, work, result):
+    """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
+    segment = unpack(pairs, rows, scalars, start_map, shape)
+    size = rows.shape[1]
+    half = size // 2
+    nodes = count_impacts(shape)
+    before = np.empty((nodes, size))
+    after = np.empty((nodes, size))
+    duration = np.empty(nodes)
+    node = np.empty(nodes, np.int64)
+    left = np.empty((nodes, size, size))
+    right = np.empty((nodes, size, size))
+    scale = np.empty(size)
+    displacement = 0.0
+    velocity = 0.0
+    for i in range(ends.shape[0]):
+        for r in range(half):
+            displacement = max(displacement, abs(ends[i, r]))
+            velocity = max(velocity, abs(ends[i, half + r]))
+    for r in range(half):
+        scale[r] = displacement if displacement > 0.0 else 1.0
+        scale[half + r] = velocity if velocity > 0.0 else 1.0
+    stability_2(segment, y, ends, before, after, duration, node, scale, left, right, work, result)
 
 
 @kernel

@@ -1,4 +1,5 @@
-"""Exact free flight. Oracles: mpmath's exponential at 50 digits, the group property, energy, closed forms, scipy's expm as twin."""
+"""Exact free flight. Oracles: mpmath's exponential at 50 digits, the group property, energy, closed forms, scipy's expm as
+twin."""
 
 import mpmath
 import numpy as np
@@ -23,7 +24,8 @@ def physical_flow(system, t):
 
 
 def flow_error(system, t):
-    """Largest error of exp(A t) over its own size, both in coordinates sqrt(M) w u and sqrt(M) v with the system's own rate w."""
+    """Largest error of exp(A t) over its own size, both in coordinates sqrt(M) w u and sqrt(M) v with the system's own rate
+    w."""
     root = np.sqrt(np.diag(system.mass))
     fastest = max(float(np.nanmax(np.abs(system.modes.squares))) ** 0.5, 1e-3)
     scale = np.concatenate([root * fastest, root])
@@ -109,7 +111,9 @@ def test_coalescing_complex_pairs():
 def test_the_larger_block_alone_against_fifty_digits():
     """A nilpotent block has a polynomial for exponential; a random one mpmath's."""
     nilpotent = np.diag([1.0, 1.0], 1)
-    np.testing.assert_allclose(flow_block(0.0, nilpotent, 0, 3, 2.0), [[1, 2, 2], [0, 1, 2], [0, 0, 1]], rtol=0, atol=4 * EPSILON)
+    np.testing.assert_allclose(
+        flow_block(0.0, nilpotent, 0, 3, 2.0), [[1, 2, 2], [0, 1, 2], [0, 0, 1]], rtol=0, atol=4 * EPSILON
+    )
     a = np.random.default_rng(5).normal(size=(5, 5))
     mean = np.trace(a[1:5, 1:5]) / 4
     with mpmath.workdps(50):

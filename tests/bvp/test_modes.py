@@ -1,4 +1,5 @@
-"""Modes and blocks. Oracles: mpmath's eigenvalues at 50 digits, the first-order matrix itself, closed forms of small systems."""
+"""Modes and blocks. Oracles: mpmath's eigenvalues at 50 digits, the first-order matrix itself, closed forms of small
+systems."""
 
 import mpmath
 import numpy as np
@@ -54,7 +55,7 @@ def test_frequencies_of_the_reference_system_keep_their_digits_at_any_mass_ratio
     assert np.all(np.abs(modes.squares - exact_squares(system)) <= 8 * EPSILON * size)
     residual = system.stiffness @ modes.shapes - system.mass @ modes.shapes * modes.squares
     terms = np.abs(system.stiffness) @ np.abs(modes.shapes) + system.mass @ np.abs(modes.shapes) * np.abs(modes.squares)
-    assert np.all(np.abs(residual) <= 16 * EPSILON * terms.max(axis=0) )
+    assert np.all(np.abs(residual) <= 16 * EPSILON * terms.max(axis=0))
     np.testing.assert_allclose(modes.shapes.T @ system.mass @ modes.shapes, np.eye(2), atol=8 * EPSILON)
 
 
@@ -141,9 +142,13 @@ def test_the_contacts_of_several_stops():
         np.testing.assert_allclose(modes.contact_gap[row] @ modes.from_state, [*c, 0.0, 0.0], atol=1e-14)
         np.testing.assert_allclose(modes.contact_rate[row] @ modes.from_state, [0.0, 0.0, *c], atol=1e-14)
         np.testing.assert_allclose(
-            modes.contact_acceleration[row] @ modes.from_state, np.array([*c, 0.0, 0.0]) @ first_order(system) @ first_order(system), atol=1e-13
+            modes.contact_acceleration[row] @ modes.from_state,
+            np.array([*c, 0.0, 0.0]) @ first_order(system) @ first_order(system),
+            atol=1e-13,
         )
-        np.testing.assert_allclose(modes.to_state @ modes.contact_push[row], [0.0, 0.0, *direction / (c @ direction)], atol=1e-14)
+        np.testing.assert_allclose(
+            modes.to_state @ modes.contact_push[row], [0.0, 0.0, *direction / (c @ direction)], atol=1e-14
+        )
 
 
 @settings(max_examples=60)
@@ -198,8 +203,8 @@ def test_near_critical_damping_of_coupled_modes_stays_well_conditioned(offset):
 
 
 def exceptional_point():
-    """Two unit oscillators coupled by stiffness s, one damped by 2c: at c = s the two complex pairs nearly coalesce; where exactly
-    is found by bisection on the discriminant-like gap of the eigenvalues, with mpmath."""
+    """Two unit oscillators coupled by stiffness s, one damped by 2c: at c = s the two complex pairs nearly coalesce; where
+    exactly is found by bisection on the discriminant-like gap of the eigenvalues, with mpmath."""
     s = 0.05
 
     def gap(c, e):
@@ -220,9 +225,7 @@ def exceptional_point():
         if abs(f) < 1e-15:
             break
     c, e = x
-    return ImpactSystem(
-        np.eye(2), np.diag([2 * c, 0.0]), [[1.0 + e, -s], [-s, 1.0]], (Stop((1.0, -1.0), -1.0, 1.0),)
-    )
+    return ImpactSystem(np.eye(2), np.diag([2 * c, 0.0]), [[1.0 + e, -s], [-s, 1.0]], (Stop((1.0, -1.0), -1.0, 1.0),))
 
 
 def test_an_exceptional_point_becomes_one_larger_block():

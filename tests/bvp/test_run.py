@@ -1,5 +1,5 @@
-"""The event-driven run. Oracles: closed forms of bouncing and of an oscillator between walls, energy, the closed form of a periodic orbit,
-the paper's Eq. (11), the plain twin with and without flipped signs, and reversal of time."""
+"""The event-driven run. Oracles: closed forms of bouncing and of an oscillator between walls, energy, the closed form of a
+periodic orbit, the paper's Eq. (11), the plain twin with and without flipped signs, and reversal of time."""
 
 import math
 
@@ -75,7 +75,8 @@ def test_the_reference_system_keeps_energy_and_momentum_at_impacts():
 @settings(max_examples=30)
 @given(st.floats(0.05, 2.0), st.floats(0.0, 2.0), st.floats(0.0, 1.0), st.integers(0, 2**31))
 def test_impacts_of_a_run_follow_formula_11(mu, sigma, rho, seed):
-    """Velocities after each impact by Lee et al. 2009, Eq. (11), and the energy (1 - rho^2) mu/(1 + mu) (u1' - u2')^2/2 that it loses."""
+    """Velocities after each impact by Lee et al. 2009, Eq. (11), and the energy (1 - rho^2) mu/(1 + mu) (u1' - u2')^2/2 that
+    it loses."""
     system = vibro_impact_nes(mu, sigma, 0.0, rho)
     v = 2 * np.random.default_rng(seed).normal(size=2)
     result = run(system, [0.0, 0.0], v, 20.0, max_impacts=30)
@@ -140,7 +141,9 @@ def test_free_free_chains_keep_energy_and_momentum(n, seed, ground):
     h = system.energy(result.after[:, :n], result.after[:, n:])
     np.testing.assert_allclose(h, system.energy(np.zeros(n), v), atol=1e-13 * size)
     if ground == 0.0:
-        np.testing.assert_allclose(result.after[:, n:] @ system.mass @ np.ones(n), v @ system.mass @ np.ones(n), atol=1e-12 * size)
+        np.testing.assert_allclose(
+            result.after[:, n:] @ system.mass @ np.ones(n), v @ system.mass @ np.ones(n), atol=1e-12 * size
+        )
 
 
 @pytest.mark.parametrize(("lam", "rho"), [(0.0, 1.0), (0.05, 0.7)])
@@ -273,7 +276,9 @@ def test_samples_lie_on_the_flights(seed, lam):
     for k, t in enumerate(times):
         last = np.searchsorted(result.times, t, side="right")
         begin, state = (result.times[last - 1], result.after[last - 1]) if last else (0.0, result.start)
-        np.testing.assert_allclose(np.concatenate([u[k], v[k]]), twins.flow(system, state[:2], state[2:], t - begin), atol=1e-11)
+        np.testing.assert_allclose(
+            np.concatenate([u[k], v[k]]), twins.flow(system, state[:2], state[2:], t - begin), atol=1e-11
+        )
     u, v = result.sample(result.times)
     np.testing.assert_allclose(np.hstack([u, v]), result.after, atol=1e-12)
     assert result.sample([])[0].shape == (0, 2)

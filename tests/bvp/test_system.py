@@ -1,4 +1,5 @@
-"""ImpactSystem and Stop: what is refused and in which words; energy, symmetry and description. Oracles: definitions, round trips."""
+"""ImpactSystem and Stop: what is refused and in which words; energy, symmetry and description. Oracles: definitions, round
+trips."""
 
 import json
 import math

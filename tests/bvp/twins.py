@@ -1,4 +1,5 @@
-"""Plain numpy and mpmath twins of the compiled kernels: the slow, obvious way to the same numbers, and the systems they are tried on."""
+"""Plain numpy and mpmath twins of the compiled kernels: the slow, obvious way to the same numbers, and the systems they are
+tried on."""
 
 import mpmath
 import numpy as np
@@ -21,7 +22,8 @@ def flow(system, u, v, t):
 
 
 def exact_flow_matrix(system, t, digits=50):
-    """exp(A t) of (u, v) by mpmath from the exact values of the floats M, C, K: scaling, 60 terms of Taylor's series, squaring."""
+    """exp(A t) of (u, v) by mpmath from the exact values of the floats M, C, K: scaling, 60 terms of Taylor's series,
+    squaring."""
     with mpmath.workdps(digits + 20):
         n = system.degrees_of_freedom
         inverse = mpmath.matrix(system.mass.tolist()) ** -1
@@ -65,61 +67,62 @@ def restitute(system, index, v, sign=1.0, factor=1.0):
     return v - sign * (1.0 + factor * stop.restitution) * direction * (c @ v) / (c @ direction)
 
 
-def distances(system, state):
-    """Signed distance of each contact, lower before upper, from (u, v) alone; (contacts,) for state (2n,)."""
+def distances(system, states):
+    """Signed distance of each contact, lower before upper, from (u, v) alone; (..., contacts) for states (..., 2n)."""
     n = system.degrees_of_freedom
     out = []
     for stop in system.stops:
-        w = np.array(stop.gap) @ state[:n]
+        w = states[..., :n] @ np.array(stop.gap)
         out += [w - stop.lower] if np.isfinite(stop.lower) else []
         out += [stop.upper - w] if np.isfinite(stop.upper) else []
-    return np.array(out)
+    return np.stack(out, axis=-1)
 
 
-def rates(system, state):
-    """Rate of each distance: d'."""
+def rates(system, states):
+    """Rate of each distance, d', in the order of `distances`."""
     n = system.degrees_of_freedom
     out = []
     for stop in system.stops:
-        w = np.array(stop.gap) @ state[n:]
+        w = states[..., n:] @ np.array(stop.gap)
         out += [w] if np.isfinite(stop.lower) else []
         out += [-w] if np.isfinite(stop.upper) else []
-    return np.array(out)
+    return np.stack(out, axis=-1)
 
 
 def next_impact(system, u, v, horizon, step, skip_start=0.0):
     """(contact, time) of the first crossing by dense sampling, Brent's method on crossings and on minima between samples; or None.
 
-    Distances at times up to `skip_start` are not looked at.
+    Distances at times up to `skip_start` are not looked at; where that is not 0, the first step is sampled a hundred times finer.
     """
+    if skip_start > 0.0 and horizon > step:
+        soon = next_impact(system, u, v, step, step / 100, skip_start)
+        if soon is not None:
+            return soon
     a = first_order(system)
-    state = np.concatenate([u, v])
     move = expm(a * step)
-    samples = [state]
-    count = int(np.ceil(horizon / step))
-    for _ in range(count):
+    samples = [np.concatenate([u, v])]
+    for _ in range(int(np.ceil(horizon / step))):
         samples.append(move @ samples[-1])
-
-    def distance(k, c, s):
-        return distances(system, expm(a * s) @ samples[k])[c]
-
-    for k in range(count):
-        here, there = distances(system, samples[k]), distances(system, samples[k + 1])
-        slope_here, slope_there = rates(system, samples[k]), rates(system, samples[k + 1])
+    samples = np.array(samples)
+    far, slope = distances(system, samples), rates(system, samples)
+    crossing = far[1:] < 0.0
+    turning = (slope[:-1] < 0.0) & (slope[1:] > 0.0)
+    for k in np.flatnonzero(np.any(crossing | turning, axis=1)):
         found = []
-        for c in range(len(here)):
-            start = max(0.0, min(step, skip_start - k * step))
-            first = distance(k, c, start)
-            if start >= step or first <= 0.0:
+        for c in np.flatnonzero(crossing[k] | turning[k]):
+
+            def distance(s, k=k, c=c):
+                return distances(system, expm(a * s) @ samples[k])[c]
+
+            start = min(max(0.0, skip_start - k * step), step)
+            if distance(start) <= 0.0:
                 continue
-            end = step if there[c] < 0.0 else None
-            if end is None and slope_here[c] < 0.0 < slope_there[c]:
-                low = minimize_scalar(
-                    lambda s, k=k, c=c: distance(k, c, s), bounds=(start, step), method="bounded", options={"xatol": 1e-12}
-                )
+            end = step if crossing[k, c] else None
+            if end is None:
+                low = minimize_scalar(distance, bounds=(start, step), method="bounded", options={"xatol": 1e-12})
                 end = low.x if low.fun < 0.0 else None
             if end is not None:
-                found.append((k * step + brentq(lambda s, k=k, c=c: distance(k, c, s), start, end, xtol=1e-15), c))
+                found.append((k * step + brentq(distance, start, end, xtol=1e-15), int(c)))
         if found:
             time, c = min(found)
             return (c, time) if time <= horizon else None
@@ -145,7 +148,8 @@ def run(system, u, v, impacts, step=0.01, horizon=100.0, sign=1.0, factor=1.0):
 
 
 def chain(masses, springs, ground=0.0, damping=0.0, stops=None):
-    """Masses in a row joined by springs, free at both ends where ground is 0; damping is proportional to the springs' stiffness."""
+    """Masses in a row joined by springs, free at both ends where ground is 0; damping is proportional to the springs'
+    stiffness."""
     n = len(masses)
     stiffness = np.zeros((n, n))
     for k, spring in enumerate(springs):

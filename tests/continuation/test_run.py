@@ -120,7 +120,7 @@ def test_a_direction_takes_the_points_that_the_other_leaves():
 def test_one_direction_alone():
     run = trace(Line(*TESTS), np.array([0.0]), SHORT, both=False, direction=-1)
     assert run.points[-1].parameter == pytest.approx(-2.1, abs=1e-9) and run.points[0].parameter == 0
-    assert run.ends[0].reason is EndReason.POINTS and "not asked for" in run.ends[0].detail
+    assert run.ends[0].reason is EndReason.NOT_ASKED and "not asked for" in run.ends[0].text
     consistent(run)
 
 

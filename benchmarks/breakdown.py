@@ -1,0 +1,180 @@
+"""Where the time of an accepted point goes: compiled arithmetic, entering compiled code, and the Python between.
+
+The steps that a run accepts are kept with their arguments and asked for again one layer at a time: the family's step, the multipoint
+problem's step, the compiled calls in it, and compiled functions that take the same arguments and do nothing. The differences are
+what each layer costs.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+import bvp.multipoint
+from benchmarks.following import RecordedFamily, Run, Spread, spread, timed_run, timed_runs
+from branches.family import Family
+from bvp.multipoint import MultipointProblem
+
+__all__ = ["Breakdown", "breakdown", "compiled_calls"]
+
+Call = tuple[Callable[..., Any], tuple[Any, ...]]
+
+
+@numba.njit
+def _nothing(*arguments):
+    return 0
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """Seconds a point, layer by layer.
+
+    Parameters
+    ----------
+    inner : int
+        Number of inner impacts.
+    steps, iterations, compiled_calls : float
+        Asked for a point: steps, corrector iterations, compiled calls (all means over points without an event on their way).
+    compiled : Spread
+        Arithmetic in compiled code.
+    entering : Spread
+        Taking the same arguments into compiled code and back.
+    problem : Spread
+        Python in `MultipointProblem.step` around the compiled calls: arrays for the result, the `Solution`.
+    family : Spread
+        Python in `Family.step`: test functions, the `Step`.
+    engine : Spread
+        Python in the engine: step control, watching the test functions.
+    total : Spread
+        Measured as a whole, without the layers.
+    """
+
+    inner: int
+    steps: float
+    iterations: float
+    compiled_calls: float
+    compiled: Spread
+    entering: Spread
+    problem: Spread
+    family: Spread
+    engine: Spread
+    total: Spread
+
+    @property
+    def python(self) -> float:
+        """Median seconds that are not compiled arithmetic."""
+        return self.total.median - self.compiled.median
+
+
+def breakdown(problem: MultipointProblem, y: np.ndarray, points: int, repeats: int) -> Breakdown:
+    """Take the time of a point apart.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    y : (u,) float
+        Unknowns at the start of the run.
+    points : int
+        Accepted points of the run.
+    repeats : int
+        How often each layer is measured.
+
+    Raises
+    ------
+    RuntimeError
+        When no compiled call is seen in a step.
+    """
+    recorded = RecordedFamily(problem)
+    run = timed_run(recorded, recorded.begin(y), points)
+    asked = [recorded.calls[i] for i in _clean_calls(run, len(recorded.calls))]
+    family = Family(problem)
+    with compiled_calls() as calls:
+        for arguments in asked:
+            problem.step(*arguments)
+        seen = list(calls)
+    if not seen:
+        raise RuntimeError("no compiled call was seen in MultipointProblem.step: the breakdown does not know where it is made")
+    accepted = int(np.sum(run.clean))
+    _loop([(_nothing, arguments) for _, arguments in seen])  # compiles it
+    totals, families, problems, kernels, nothings = [], [], [], [], []
+    for _ in range(repeats):
+        totals += [r.clean_point for r in timed_runs(family, y, points, 1)]
+        families.append(_loop([(family.step, arguments) for arguments in asked]) / accepted)
+        problems.append(_loop([(problem.step, arguments) for arguments in asked]) / accepted)
+        kernels.append(_loop(seen) / accepted)
+        nothings.append(_loop([(_nothing, arguments) for _, arguments in seen]) / accepted)
+    total, in_family, in_problem, in_kernel, nothing = (spread(x) for x in (totals, families, problems, kernels, nothings))
+    return Breakdown(
+        problem.inner,
+        len(asked) / accepted,
+        float(np.mean([step.iterations for step, clean in zip(run.steps, run.clean, strict=True) if clean])),
+        len(seen) / accepted,
+        _less(in_kernel, nothing),
+        nothing,
+        _less(in_problem, in_kernel),
+        _less(in_family, in_problem),
+        _less(total, in_family),
+        total,
+    )
+
+
+def _less(outer: Spread, inner: Spread) -> Spread:
+    """What the outer layer adds; each of its figures is a difference of the same figures."""
+    return Spread(outer.least - inner.least, outer.median - inner.median)
+
+
+def _clean_calls(run: Run, total: int) -> list[int]:
+    """Indices of the calls on the way to points without an event."""
+    out: list[int] = []
+    before = 0
+    for after, clean in zip(run.calls, run.clean, strict=True):
+        if clean:
+            out += range(before, after)
+        before = after
+    return [i for i in out if i < total]
+
+
+def _loop(calls: list[Call]) -> float:
+    """Seconds to make all the calls, the loop itself taken off."""
+    clock = time.perf_counter
+    began = clock()
+    for function, arguments in calls:
+        function(*arguments)
+    middle = clock()
+    for function, arguments in calls:
+        _python_nothing(*arguments)
+    return (middle - began) - (clock() - middle)
+
+
+def _python_nothing(*arguments: Any) -> None:
+    pass
+
+
+@contextmanager
+def compiled_calls() -> Iterator[list[Call]]:
+    """While it holds, compiled functions that `bvp.multipoint` calls by name are kept with their arguments, in order."""
+    calls: list[Call] = []
+    module = bvp.multipoint
+    compiled = {name: value for name, value in vars(module).items() if isinstance(value, Dispatcher)}
+
+    def keeping(function: Callable[..., Any]) -> Callable[..., Any]:
+        def kept(*arguments: Any) -> Any:
+            calls.append((function, arguments))
+            return function(*arguments)
+
+        return kept
+
+    for name, value in compiled.items():
+        setattr(module, name, keeping(value))
+    try:
+        yield calls
+    finally:
+        for name, value in compiled.items():
+            setattr(module, name, value)

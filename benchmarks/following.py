@@ -1,0 +1,175 @@
+"""Time of a point that saltus accepts: the engine's run, measured from point to point, with all that is known of an orbit and without."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.family import Family
+from branches.tracing import SETTINGS
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from continuation import follow
+from continuation.location import Location
+from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
+
+__all__ = ["BareFamily", "RecordedFamily", "Run", "Spread", "spread", "timed_run", "timed_runs"]
+
+
+class Spread(NamedTuple):
+    """Least and median of repeated measurements of one thing."""
+
+    least: float
+    median: float
+
+
+def spread(values: list[float]) -> Spread:
+    """Least and median of one or more numbers."""
+    return Spread(min(values), float(np.median(values)))
+
+
+class BareFamily:
+    """A family whose points are orbits and no more: no multipliers, no admissibility, no half-waves; the fold is its only test.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    """
+
+    tests = (Test("SN", "crossing", False, "fold in the energy", True),)
+
+    def __init__(self, problem: MultipointProblem) -> None:
+        self.problem = problem
+
+    def begin(self, y: np.ndarray) -> Step:
+        """See `continuation.Problem`."""
+        return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, full=False))
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
+        """See `continuation.Problem`."""
+        return self._step(self.problem.step(y, tangent, ds, full=False))
+
+    def _step(self, solution: Solution | None) -> Step:
+        if solution is None:
+            return _FAILED
+        result = solution.result.tolist()
+        residual = result[_RESIDUAL]
+        slope = result[_SLOPE]
+        if not residual < 1e-12:
+            return _FAILED
+        return Step(
+            True, solution.y, solution.tangent, tuple(solution.position.tolist()), result[_TURN], result[_CONTRACTION],
+            int(result[_ITERATIONS]), residual, result[_ENERGY], slope, [slope], solution,
+        )  # fmt: skip
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails:
+        """See `continuation.Problem`."""
+        return EventDetails("SN")
+
+
+_RESIDUAL, _SLOPE, _TURN, _CONTRACTION, _ITERATIONS, _ENERGY = (
+    RESULT_INDEX[name] for name in ("residual", "slope", "turn", "contraction", "iterations", "energy")
+)
+_FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, float("inf"), 0, float("inf"), float("nan"), float("nan"), [])
+
+
+class RecordedFamily(Family):
+    """A family that keeps the arguments of each step that it is asked for."""
+
+    def __init__(self, problem: MultipointProblem) -> None:
+        super().__init__(problem)
+        self.calls: list[tuple[np.ndarray, np.ndarray, float]] = []
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
+        """See `continuation.Problem`."""
+        self.calls.append((y, tangent, ds))
+        return super().step(y, tangent, ds)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of the engine.
+
+    Parameters
+    ----------
+    steps : list of Step
+        The accepted points after the start, without those at events.
+    seconds : (N,) float
+        Time from one accepted point to the next, refused steps and event location included.
+    clean : (N,) bool
+        No event was located on the way to the point.
+    events : int
+        Events located.
+    calls : list of int
+        For a `RecordedFamily`, the number of steps that had been asked for at each accepted point; else zeros.
+    """
+
+    steps: list[Step]
+    seconds: np.ndarray
+    clean: np.ndarray
+    events: int
+    calls: list[int]
+
+    @property
+    def clean_point(self) -> float:
+        """Mean seconds of an accepted point on whose way no event lies."""
+        return float(np.mean(self.seconds[self.clean]))
+
+    @property
+    def any_point(self) -> float:
+        """Mean seconds of an accepted point, event location included."""
+        return float(np.mean(self.seconds))
+
+
+def timed_run(family: Problem, start: Step, points: int) -> Run:
+    """Follow a family to higher energy, and time each point.
+
+    Parameters
+    ----------
+    family : continuation.Problem
+    start : Step
+        As `family.begin` gives it.
+    points : int
+        Accepted points after the start; fewer where the family ends before.
+
+    Raises
+    ------
+    RuntimeError
+        Where there is no point without an event on its way to measure.
+    """
+    clock = time.perf_counter
+    run = follow(family, start, 1, SETTINGS)
+    next(run)
+    counted = family.calls if isinstance(family, RecordedFamily) else ()
+    steps: list[Step] = []
+    seconds: list[float] = []
+    clean: list[bool] = []
+    calls: list[int] = []
+    events = on_the_way = 0
+    last = clock()
+    for item in run:
+        now = clock()
+        if isinstance(item, Event):
+            on_the_way += 1
+        elif isinstance(item, Point) and item.event is None:
+            steps.append(item.step)
+            seconds.append(now - last)
+            clean.append(on_the_way == 0)
+            calls.append(len(counted))
+            events += on_the_way
+            on_the_way = 0
+            if len(steps) == points:
+                break
+            last = clock()
+    if not any(clean):
+        raise RuntimeError("every step of the run has an event in it: nothing to measure; start elsewhere on the family")
+    return Run(steps, np.array(seconds), np.array(clean), events, calls)
+
+
+def timed_runs(family: Problem, y: np.ndarray, points: int, repeats: int) -> list[Run]:
+    """Repeat a run after one that is not measured, from unknowns y."""
+    start = family.begin(y)
+    timed_run(family, start, points)
+    return [timed_run(family, start, points) for _ in range(repeats)]

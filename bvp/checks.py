@@ -1,0 +1,81 @@
+"""Checks of what a user gives for a system: each refusal is one line that says what was received and what was expected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from bvp.numerics import EPSILON
+
+__all__ = ["InvalidSystem", "check_positive_definite", "number", "refuse_unknown", "square", "symmetric"]
+
+
+class InvalidSystem(ValueError):
+    """The description of a system cannot be: the message says in one line what was received and what was expected."""
+
+
+def number(value: Any, what: str) -> float:
+    """A float that is not NaN."""
+    if isinstance(value, (str, bool)):
+        raise InvalidSystem(f"{what} is a number; received {value!r}")
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise InvalidSystem(f"{what} is a number; received {value!r}") from None
+    if math.isnan(result):
+        raise InvalidSystem(f"{what} is a number; received NaN")
+    return result
+
+
+def square(value: Any, name: str, size: int | None = None) -> np.ndarray:
+    """A finite (size, size) float matrix, copied."""
+    try:
+        matrix = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidSystem(f"{name} is a square matrix of numbers; received {value!r}") from None
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
+        raise InvalidSystem(f"{name} is a square matrix; received shape {matrix.shape}")
+    if size is not None and matrix.shape[0] != size:
+        raise InvalidSystem(f"{name} is {size} by {size} like mass; received {matrix.shape[0]} by {matrix.shape[1]}")
+    if not np.all(np.isfinite(matrix)):
+        i, j = np.argwhere(~np.isfinite(matrix))[0]
+        raise InvalidSystem(f"{name} holds finite numbers; entry ({i + 1}, {j + 1}) is {matrix[i, j]}")
+    return matrix
+
+
+def symmetric(matrix: np.ndarray, name: str) -> np.ndarray:
+    """The symmetric part, where the matrix is symmetric to a few roundings of its larger entry."""
+    defect = np.abs(matrix - matrix.T)
+    if np.any(defect > 8.0 * EPSILON * np.maximum(np.abs(matrix), np.abs(matrix.T))):
+        i, j = np.unravel_index(int(np.argmax(defect)), defect.shape)
+        raise InvalidSystem(
+            f"{name} must be symmetric; entry ({i + 1}, {j + 1}) is {matrix[i, j]:g} and ({j + 1}, {i + 1}) is {matrix[j, i]:g}"
+        )
+    return 0.5 * (matrix + matrix.T)
+
+
+def check_positive_definite(mass: np.ndarray) -> None:
+    """Cholesky of the mass scaled to a unit diagonal, so that mass ratios of any size pass."""
+    diagonal = np.diag(mass)
+    if np.any(diagonal <= 0.0):
+        k = int(np.argmin(diagonal))
+        raise InvalidSystem(f"mass must be positive definite; its diagonal entry {k + 1} is {diagonal[k]:g}")
+    scale = 1.0 / np.sqrt(diagonal)
+    smallest = float(np.linalg.eigvalsh(scale[:, None] * mass * scale)[0])
+    if smallest <= len(mass) * 4.0 * EPSILON:
+        kind = "indefinite" if smallest < -len(mass) * 4.0 * EPSILON else "singular"
+        raise InvalidSystem(
+            f"mass must be positive definite; scaled to a unit diagonal it is {kind} (lowest eigenvalue {smallest:.3g})"
+        )
+
+
+def refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+    """Name the first unknown key and the nearest known one."""
+    for key in given:
+        if key not in known:
+            near = get_close_matches(str(key), known, 1, 0.0)
+            raise InvalidSystem(f"unknown key {key!r} in {where}; nearest known: {near[0] if near else ', '.join(known)}")

@@ -1,0 +1,441 @@
+"""`saltus continue` from end to end: the families that the closed form knows, those of the published figures, and other systems."""
+
+import contextlib
+import io
+import json
+import math
+import re
+import subprocess
+import sys
+from functools import cache
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from saltus.__main__ import main
+from tests.branches.closed_form import Backbone
+
+SMOOTH = "RT", "PD", "SB", "BP", "SN"
+
+
+@cache
+def told(*words):
+    """Exit code, standard output, standard error of a command, and the JSON that it wrote."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main([*words, "--json", "-"])
+    return code, json.loads(out.getvalue()) if out.getvalue() else None, err.getvalue()
+
+
+def column(data, name):
+    return np.array([point[name] for point in data["points"]])
+
+
+def largest_miss(data, backbone):
+    """Largest relative difference from the closed form at any point: of h, and of the two initial velocities against the speed."""
+    worst = 0.0
+    for point in data["points"]:
+        energy, velocities = backbone.energy(point["alpha"]), backbone.velocities(point["alpha"])
+        sign = 1 if (point["velocities"][0] > 0) == (velocities[0] > 0) else -1
+        size = mp.norm(mp.matrix(velocities))
+        worst = max(worst, abs(point["h"] / energy - 1))
+        worst = max(worst, *(abs(sign * a - b) / size for a, b in zip(point["velocities"], velocities, strict=True)))
+    return float(worst)
+
+
+def stability_faults(data, backbone):
+    """Points whose stability is said and not so, and points where it is null although alpha decides it by a part in 1e9."""
+    wrong, silent = [], []
+    for i, point in enumerate(data["points"]):
+        if point["stable"] is None:
+            slow = backbone.impact_speed(point["alpha"]) < 1e-7 * math.sqrt(2.0 * point["h"])
+            if not slow and backbone.stable(point["alpha"], 1e-8) is not None:
+                silent.append((i, point["h"]))
+        elif backbone.stable(point["alpha"]) is not point["stable"] and backbone.stable(point["alpha"], 1e-13) is not None:
+            wrong.append((i, point["h"]))
+    return wrong, silent
+
+
+def changes(data):
+    """Where the decided stability changes: pairs of indices of the points on both sides."""
+    decided = [(i, point["stable"]) for i, point in enumerate(data["points"]) if point["stable"] is not None]
+    return [(i, j) for (i, a), (j, b) in zip(decided, decided[1:], strict=False) if a is not b]
+
+
+def types(data, *wanted):
+    return [event for event in data["events"] if event["type"] in wanted]
+
+
+# ---------------------------------------------------------------------------------------------------- the in-phase backbone
+
+
+def test_in_phase_backbone_is_the_closed_form():
+    """Oracle: closed form in forty digits, with the relative error 1e-12 of the issue at every point."""
+    code, data, err = told("continue", "S13O00+")
+    assert code == 0 and len(data["points"]) > 100
+    assert largest_miss(data, Backbone()) < 1e-12
+    assert set(column(data, "label")) == {"S13O00+"}
+
+
+def test_in_phase_backbone_at_the_published_point():
+    """Oracle: published, alpha = 1.7 and h = 0.58875 (Fig. 7(a)); closed form h = 0.588748128566443."""
+    assert abs(Backbone().energy(1.7) / mp.mpf("0.588748128566443") - 1) < 3e-15
+    _, data, _ = told("orbit", "S13O00+", "--alpha", "1.7")
+    assert math.isclose(data["orbit"]["h"], 0.588748128566443, rel_tol=1e-14)
+    assert abs(data["orbit"]["h"] - 0.58875) < 5e-6
+
+
+def test_in_phase_backbone_begins_at_the_grazing_of_the_linear_mode():
+    """Oracle: the grazing energy w^2/(2 b^2) of the in-phase mode, 0.118507810593582, at a quarter of its period."""
+    _, data, _ = told("continue", "S13O00+")
+    w, _, b = Backbone().modes[0]
+    first = data["events"][0]
+    assert first["type"] == "GR" and data["points"][0]["h"] == first["h"]
+    assert abs(first["h"] / (w**2 / (2 * b**2)) - 1) < 1e-12 and abs(first["h"] / 0.118507810593582 - 1) < 1e-12
+    assert abs(first["alpha"] / (mp.pi / (2 * w)) - 1) < 1e-10
+    assert data["ended"][0]["reason"] == "EVENT" and "vanishes" in data["ended"][0]["text"]
+
+
+def test_in_phase_backbone_ends_where_the_opposite_wall_is_touched():
+    """Oracle: closed form: at the last alpha the gap coordinate reaches -1 and no further; the event names that wall."""
+    _, data, _ = told("continue", "S13O00+")
+    last, backbone = data["events"][-1], Backbone()
+    hit = "+" if data["branch"]["ends"][1] == "stop+" else "-"
+    assert last["type"] == "GR" and last["stop"] == {"+": "-", "-": "+"}[hit] and f"touches stop {last['stop']}" in last["note"]
+    alpha = mp.mpf(last["alpha"])
+    g = backbone.half_period_sum(alpha)
+
+    def gap(t):
+        return sum(b * b * mp.sin(w * t) / (w * mp.cos(w * alpha)) for w, _, b in backbone.modes) / g
+
+    turn = mp.findroot(lambda t: mp.diff(gap, t), 0.764)
+    assert 0 < turn < alpha and abs(gap(turn) + 1) < 1e-9
+    times = np.linspace(0.0, float(alpha), 2000)
+    assert min(float(gap(t)) for t in times) > -1.0 - 1e-9 and max(float(gap(t)) for t in times[:-1]) < 1.0
+
+
+def test_in_phase_backbone_has_one_change_of_stability_an_sb():
+    """Oracle: tau_half of the closed form in forty digits."""
+    _, data, _ = told("continue", "S13O00+")
+    backbone = Backbone()
+    assert stability_faults(data, backbone) == ([], [])
+    (before, after) = next(iter(changes(data)))
+    assert len(changes(data)) == 1
+    breaking = types(data, "SB", "BP", "SN", "PD")
+    assert [event["type"] for event in breaking] == ["SB"]
+    assert before <= breaking[0]["point"] <= after and after - before <= 2
+    assert breaking[0]["breaks"] == "half-period symmetry"
+    alpha, energy = backbone.where_tau_half_is(2 if backbone.tau_half(breaking[0]["alpha"]) > 0 else -2, 1.70, 1.72)
+    assert abs(breaking[0]["alpha"] / alpha - 1) < 1e-10 and abs(breaking[0]["h"] / energy - 1) < 1e-9
+
+
+def test_tau_half_is_that_of_the_closed_form():
+    """Oracle: tau_half of the closed form in forty digits; each point, against what grazing magnifies."""
+    for name in "S13O00+", "S11O00-":
+        _, data, _ = told("continue", name)
+        backbone = Backbone()
+        for point in data["points"][::7]:
+            if point["tau_half"] is None:
+                continue
+            expected = backbone.tau_half(point["alpha"])
+            slow = float(backbone.impact_speed(point["alpha"])) / math.sqrt(2.0 * point["h"])
+            assert abs(point["tau_half"] - expected) < 1e-11 * (1.0 + abs(expected)) / slow
+            assert math.isclose(point["tau"], point["tau_half"] ** 2 - 2.0, rel_tol=1e-9, abs_tol=1e-9)
+
+
+def test_a_process_of_its_own_computes_the_same():
+    """Oracle: the same run inside this process."""
+    command = [sys.executable, "-m", "saltus", "continue", "S13O00+", "--json", "-"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    _, data, err = told("continue", "S13O00+")
+    assert json.loads(done.stdout) == data and done.stderr == err
+
+
+# ------------------------------------------------------------------------------------------------ the out-of-phase backbone
+
+FOLD = 1.13584395619551, 0.0691164499682690
+
+
+def test_out_of_phase_backbone_is_the_closed_form():
+    """Oracle: closed form in forty digits at every point, over h up to 1e4."""
+    code, data, _ = told("continue", "S11O00-")
+    assert code == 0
+    h = column(data, "h")
+    assert math.isclose(h.max(), 1e4, rel_tol=1e-12) and set(column(data, "label")) == {"S11O00-"}
+    assert largest_miss(data, Backbone()) < 1e-12
+
+
+def test_out_of_phase_backbone_has_one_fold():
+    """Oracle: closed form, dh/dalpha = 0 at alpha = 1.13584395619551 and h = 0.0691164499682690.
+
+    A fold is known to 1e-10 in arclength, and its energy, which is stationary there, to rounding.
+    """
+    _, data, _ = told("continue", "S11O00-")
+    backbone = Backbone()
+    with mp.workdps(40):
+        alpha = mp.findroot(lambda a: mp.diff(backbone.energy, a), FOLD[0])
+    assert abs(alpha / FOLD[0] - 1) < 1e-14
+    folds = types(data, "SN")
+    assert len(folds) == 1
+    assert abs(folds[0]["alpha"] - float(alpha)) < 1e-10 and abs(folds[0]["h"] - FOLD[1]) < 1e-15
+    low, high = folds[0]["bracket"]
+    assert low <= folds[0]["arclength"] <= high and high - low < 2e-10
+
+
+def test_out_of_phase_backbone_changes_stability_at_its_fold_alone():
+    """Oracle: tau_half of the closed form; unstable from the fold to the grazing end at h = 0.0864921894064179, stable above."""
+    _, data, _ = told("continue", "S11O00-")
+    assert stability_faults(data, Backbone()) == ([], [])
+    fold = types(data, "SN")[0]
+    h, alpha = column(data, "h").tolist(), column(data, "alpha").tolist()
+    stable = [point["stable"] for point in data["points"]]
+    for i, (a, said) in enumerate(zip(alpha, stable, strict=True)):
+        if i not in [event["point"] for event in data["events"]]:
+            assert said is (a < fold["alpha"]), (h[i], said)
+    assert len(changes(data)) == 1 and not types(data, "SB", "BP")
+    grazing = types(data, "GR")
+    assert len(grazing) == 1 and abs(grazing[0]["h"] - 0.0864921894064179) < 1e-13
+    undecided = [i for i, said in enumerate(stable) if said is None]
+    assert set(undecided) <= {event["point"] for event in types(data, "GR", "SN", "PD")}
+
+
+def test_resonances_of_the_backbones_are_where_the_closed_form_has_them():
+    """Oracle: tau_half^2 - 2 = 2 cos(2 pi p/q) in the closed form; period doubling where tau_half = 0."""
+    count = 0
+    for name in "S13O00+", "S11O00-":
+        _, data, _ = told("continue", name)
+        for event in types(data, "RT", "PD"):
+            p, q = event["p_q"] or (1, 2)
+            tau_half = math.copysign(2.0 * abs(math.cos(math.pi * p / q)), Backbone().tau_half(event["alpha"]))
+            if event["type"] == "PD":
+                tau_half = 0.0
+            alpha, energy = Backbone().where_tau_half_is(tau_half, event["alpha"] * (1 - 1e-4), event["alpha"] * (1 + 1e-4))
+            assert abs(event["alpha"] - alpha) < 2e-10 and abs(event["h"] / energy - 1) < 1e-9, event
+            count += 1
+    assert count >= 10
+
+
+# --------------------------------------------------------------------------------------------------------- published families
+
+
+def at_energy(data, energy):
+    """Quarter periods at the points next to an energy, along the branch."""
+    h, alpha = column(data, "h"), column(data, "alpha")
+    return [alpha[i] for i in range(len(h) - 1) if (h[i] - energy) * (h[i + 1] - energy) <= 0.0]
+
+
+@pytest.mark.parametrize(("name", "energy", "alpha", "digits"), [("S73O33-", 7.3348, 1.64595, 1e-5), ("U8353-", 1.9458, 4.9065, 1e-4)])
+def test_published_points_are_passed(name, energy, alpha, digits):
+    """Oracle: Figs 7(b) and 7(c) of the paper, as many digits as they give."""
+    code, data, _ = told("continue", name)
+    assert code == 0 and data["branch"]["label"] == name
+    assert min(abs(a - alpha) for a in at_energy(data, energy)) < digits
+    code, orbit, _ = told("orbit", name, "--energy", str(energy))
+    assert code == 0 and orbit["orbit"]["label"] == name and abs(orbit["orbit"]["alpha"] - alpha) < digits
+
+
+@pytest.mark.parametrize("name", ["S73O33-", "U8353-"])
+def test_published_families_have_an_impulsive_orbit(name):
+    """Oracle: at an IO the absorber has no velocity at an end where u = 0: the point's own state."""
+    _, data, _ = told("continue", name)
+    impulsive = types(data, "IO")
+    assert impulsive
+    for event in impulsive:
+        point = data["points"][event["point"]]
+        speed = math.hypot(*point["velocities"])
+        assert abs(point["velocities"][0]) < 1e-8 * speed and event["status"] == "located"
+        assert max(map(abs, point["start"]["u"])) == 0.0
+
+
+@pytest.mark.parametrize("name", ["S73O33-", "U8353-"])
+def test_published_families_end_at_grazing_at_both_ends(name):
+    """Oracle: the end points: an impact has no speed there, or the record names the stop that is touched (shown in the orbits)."""
+    _, data, _ = told("continue", name)
+    for place, ended in zip((0, -1), data["ended"], strict=True):
+        event = data["events"][place]
+        assert ended["reason"] == "EVENT" and event["type"] == "GR" and event["stop"] in ("+", "-")
+        assert ended["text"].startswith("GR at h = ")
+        slowest = min(data["points"][event["point"]]["impact_speeds"]) / math.sqrt(2.0 * event["h"])
+        assert ("touches" in event["note"]) or slowest < 1e-8
+        assert slowest > -1e-8
+
+
+def test_without_the_pin_two_families_are_listed(tmp_path):
+    """Oracle: two families carry S73O33-, near alpha = 1.646 and near 4.866; the scene's pin chooses the first."""
+    scene = tmp_path / "unpinned.toml"
+    scene.write_text('[system]\nmodel = "vibro_impact_nes"\nmu = 0.1\nsigma = 0.1\n[bounds]\nenergy = [0.05, 1e4]\nquarter_period = 10.0\nimpacts = 16\n')
+    code, data, err = told("continue", "S73O33-", "--scene", str(scene))
+    suffixes = re.findall(r"S73O33-@h=([0-9.e+-]+),alpha=([0-9.]+)", err)
+    assert code == 2 and data is None and len(err.splitlines()) == 1 and "2 families" in err
+    assert sorted(round(float(alpha), 2) for _, alpha in suffixes) == [1.65, 4.87]
+    for h, alpha in suffixes:
+        words = "continue", f"S73O33-@h={h},alpha={alpha}", "--scene", str(scene), "--points", "12"
+        code, data, _ = told(*words)
+        assert code == 0 and min(abs(a - float(alpha)) for a in column(data, "alpha")) < 1e-3
+    assert abs(column(told("continue", "S73O33-")[1], "alpha")[0] - 1.646) < 1e-3
+
+
+def test_each_seventh_turn_bifurcates_where_the_closed_form_says():
+    """Oracle: S73O33- leaves seven turns of S11O00- where that has tau_half = 2 cos(6 pi/7): h = 0.840488860361179.
+
+    The energy of the family is least there: the branch point is the fold, and it is told once.
+    """
+    _, data, _ = told("continue", "S73O33-")
+    alpha, energy = Backbone().where_tau_half_is(2 * mp.cos(6 * mp.pi / 7), 0.2351, 0.2352)
+    assert abs(energy - 0.840488860361179) < 1e-14
+    born = types(data, "BP", "SN")
+    assert [event["type"] for event in born] == ["BP"]
+    assert abs(born[0]["h"] / energy - 1) < 1e-9 and abs(born[0]["alpha"] / (7 * alpha) - 1) < 1e-9
+
+
+# -------------------------------------------------------------------------------------------------------------- other systems
+
+
+@pytest.mark.parametrize("name", ["S13O00+", "S11O00-"])
+def test_the_same_commands_on_another_system(name):
+    """Oracle: closed form at mu = 0.37, sigma = 0.81: energies, velocities, stability, and one fold on each family."""
+    code, data, _ = told("continue", name, "--mu", "0.37", "--sigma", "0.81")
+    backbone = Backbone(0.37, 0.81)
+    assert code == 0 and data["system"]["mu"] == 0.37
+    assert largest_miss(data, backbone) < 1e-12
+    assert stability_faults(data, backbone) == ([], [])
+    assert [event["type"] for event in types(data, "SN", "SB", "BP")] == ["SN"]
+    mode = backbone.modes[0 if name == "S13O00+" else 1]
+    grazing = [event for event in types(data, "GR") if "vanishes" in event["note"]]
+    assert len(grazing) == 1 and abs(grazing[0]["h"] / (mode[0] ** 2 / (2 * mode[2] ** 2)) - 1) < 1e-12
+    assert set(column(data, "label")) == {name} and {event["label"] for event in data["events"]} == {name}
+
+
+RANDOM = np.random.default_rng(20091868).uniform(0.02, 2.0, (6, 2)).round(3)
+
+
+@pytest.mark.parametrize(("mu", "sigma"), [*map(tuple, RANDOM), (1e-6, 0.1), (1e6, 0.1), (0.1, 1e-8), (0.1, 0.0)])
+def test_random_and_extreme_systems(mu, sigma):
+    """Oracle: closed form; sigma = 0 is the free impact damper, whose relative motion has no stiffness.
+
+    Several families may have the name then: the first is taken by the suffix that the program gives.
+    """
+    options = "--mu", str(mu), "--sigma", str(sigma), "--energy", "0.2:50"
+    name = "S11O00-"
+    code, data, err = told("continue", name, *options)
+    if code == 2:
+        name = re.search(r"expected one of (\S+)", err)[1]
+        code, data, err = told("continue", name, *options)
+    assert code == 0, err
+    if sigma > 0.0:
+        assert largest_miss(data, Backbone(mu, sigma)) < 1e-12
+        assert stability_faults(data, Backbone(mu, sigma)) == ([], [])
+    else:
+        for point in data["points"]:  # two modes: the LO with frequency 1, the free NES
+            b = 1.0 / math.sqrt(mu)
+            g = b * b * point["alpha"] + math.tan(point["alpha"])
+            expected = (b * b + 1.0 / math.cos(point["alpha"]) ** 2) / (2.0 * g * g)
+            assert math.isclose(point["h"], expected, rel_tol=1e-12)
+
+
+# ------------------------------------------------------------------------------------------------------------ the command line
+
+
+def test_each_line_has_what_was_asked_for():
+    """Oracle: the events of the record: point number, type, label, energy, quarter period, stability, largest multiplier."""
+    _, data, err = told("continue", "S73O33-")
+    lines = [line.split() for line in err.splitlines() if re.match(r" *-?\d+  [A-Z]{2} ", line)]
+    assert len(lines) == len(data["events"])
+    words = {True: "yes", False: "no", None: "undecided"}
+    for event in data["events"]:
+        line = next(line for line in lines if int(line[0]) == event["number"] and line[1] == event["type"])
+        assert line[2] == event["label"] and line[5] == words[event["stable"]]
+        assert math.isclose(float(line[3]), event["h"], rel_tol=1e-12) and math.isclose(float(line[4]), event["alpha"], rel_tol=1e-12)
+        assert line[6] == "unbounded" if event["multiplier"] is None else math.isclose(float(line[6]), event["multiplier"], rel_tol=1e-7)
+    assert err.startswith("start  ") and sum(line.startswith("end    ") for line in err.splitlines()) == 2
+
+
+@pytest.mark.parametrize("name", ["S13O00+@h=0.5", "S11O00-@h=0.08,alpha=1.29", "S11O00-@h=0.08,alpha=0.91", "S11O00-"])
+@pytest.mark.parametrize(("direction", "sign"), [("up", 1), ("down", -1)])
+def test_the_first_step_goes_the_way_that_was_asked_for(name, direction, sign):
+    """Oracle: the energies of the start and of the first step, on both sides of a fold."""
+    code, data, _ = told("continue", name, "--direction", direction, "--points", "3")
+    h = column(data, "h")
+    assert code == 0 and sign * (h[1] - h[0]) > 0.0
+
+
+def test_a_direction_that_was_not_asked_for_is_not_called_out_of_points():
+    """Oracle: the words: no number of points was reached."""
+    _, data, err = told("continue", "S13O00+", "--direction", "up", "--energy", "0.15:1")
+    assert "number of points was reached" not in err
+    assert any("not asked for" in end["text"] for end in data["ended"])
+
+
+@pytest.mark.parametrize("points", [1, 2, 3, 7, 50])
+def test_points_are_counted_in_total(points):
+    """Oracle: the number asked for; it is the reason of the end."""
+    code, data, _ = told("continue", "S13O00+", "--points", str(points))
+    assert code == 0 and len(data["points"]) == points
+    assert any(end["reason"] == "POINTS" for end in data["ended"])
+
+
+@pytest.mark.parametrize("bounds", ["0.2:0.7", "0.5:0.5000000001", "1e11:1e12"])
+def test_the_family_ends_on_the_bounds_of_the_energy(bounds):
+    """Oracle: the bounds, to rounding."""
+    name = "S11O00-" if "e" in bounds else "S13O00+"
+    code, data, _ = told("continue", name, "--energy", bounds)
+    low, high = map(float, bounds.split(":"))
+    h = column(data, "h")
+    assert code == 0 and math.isclose(h.min(), low, rel_tol=1e-12) and math.isclose(h.max(), high, rel_tol=1e-12)
+    assert [event["type"] for event in (data["events"][0], data["events"][-1])] == ["EP", "EP"]
+    assert largest_miss(data, Backbone()) < 1e-12
+
+
+def test_a_narrow_range_near_grazing_has_the_family():
+    """Oracle: the family begins at 0.118507810593582, so it passes 0.1185079 to 0.1186."""
+    code, data, err = told("continue", "S13O00+", "--energy", "0.1185079:0.1186")
+    assert code == 0, err
+    h = column(data, "h")
+    assert math.isclose(h.min(), 0.1185079, rel_tol=1e-12) and math.isclose(h.max(), 0.1186, rel_tol=1e-12)
+
+
+def test_the_event_to_stop_at_is_the_last():
+    """Oracle: closed form: going down the unstable part of S11O00- the fold is met before anything else."""
+    code, data, _ = told("continue", "S11O00-@h=0.08,alpha=1.29", "--direction", "down", "--stop-at", "SN")
+    assert code == 0 and [event["type"] for event in data["events"]] == ["SN"]
+    assert any(end["reason"] == "STOP_AT" for end in data["ended"])
+    assert abs(data["events"][0]["h"] - FOLD[1]) < 1e-14
+
+
+@pytest.mark.parametrize("name", ["S13", "U21", "S11", "S13O"])
+def test_unfinished_labels_match_all_that_fit(name):
+    """Oracle: the answer is a family whose label begins so, or the list of the families that do."""
+    code, data, err = told("continue", name, "--energy", "0.05:1", "--points", "5")
+    labels = [data["branch"]["label"]] if code == 0 else re.findall(r"([SU]\S+?)@h=", err.partition("expected one of")[2])
+    stem = re.match(r"[SU]\d+", name)[0]
+    assert labels and code in (0, 2) and all(label.startswith(stem) for label in labels), err
+    assert code == 0 or len(err.splitlines()) == 1
+
+
+def test_several_turns_are_named_with_their_root():
+    """Oracle: S39O11+ is three turns of S13O00+, for 3 times (1, 3) half-waves and 3 times 1 impact."""
+    code, data, err = told("continue", "S39O11+", "--energy", "0.2:2")
+    assert code == 2 and data is None and len(err.splitlines()) == 1
+    assert "3 turns of S13O00+" in err
+
+
+def test_multipliers_that_are_not_reliable_are_told(monkeypatch):
+    """Oracle: the quality of the points; no point is doubtful here, so the limit is lowered for the test."""
+    monkeypatch.setattr("branches.stability.PAIRING_LIMIT", 1e-30)
+    code, data, err = told("continue", "S13O00+", "--energy", "0.2:0.3")
+    doubtful = sum(not point["quality"]["reliable"] for point in data["points"])
+    assert code == 0 and doubtful > 10
+    assert re.search(rf"doubt  the multipliers of {doubtful} of {len(data['points'])} points are not reliable", err)
+    code, _, err = told("orbit", "S13O00+", "--energy", "0.25")
+    assert code == 0 and "NOT RELIABLE" in err
+
+
+@pytest.mark.parametrize("words", ["--mu 1e300", "--sigma 1e300", "--mu 1e-12", "--sigma 1e-300"])
+def test_absurd_systems_give_one_line_or_an_answer(words):
+    """Oracle: the exit code, and one line on standard error where there is no answer."""
+    code = "import sys; from saltus.__main__ import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, "continue", "S11O00-@h=1", *words.split(), "--points", "5", "--csv", "-"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode in (0, 2) and "Traceback" not in done.stderr and "Warning" not in done.stderr, done.stderr
+    assert done.returncode == 0 or len(done.stderr.splitlines()) == 1
