@@ -1,8 +1,8 @@
-"""Where the time of an accepted point goes: compiled arithmetic, entering compiled code, and the Python between.
+"""Where the time of an accepted point goes: compiled arithmetic, entering compiled code, the Python between.
 
 The steps that a run accepts are kept with their arguments and asked for again one layer at a time: the family's step, the multipoint
-problem's step, the compiled calls in it, and compiled functions that take the same arguments and do nothing. The differences are
-what each layer costs.
+problem's step, the compiled calls in it, and a compiled function that takes the same arguments and does nothing. The
+differences are what each layer costs.
 """
 
 from __future__ import annotations
@@ -42,35 +42,35 @@ class Breakdown:
         Number of inner impacts.
     steps, iterations, compiled_calls : float
         Asked for a point: steps, corrector iterations, compiled calls (all means over points without an event on their way).
-    compiled : Spread
+    compiled : float
         Arithmetic in compiled code.
-    entering : Spread
+    entering : float
         Taking the same arguments into compiled code and back.
-    problem : Spread
+    problem : float
         Python in `MultipointProblem.step` around the compiled calls: arrays for the result, the `Solution`.
-    family : Spread
+    family : float
         Python in `Family.step`: test functions, the `Step`.
-    engine : Spread
+    engine : float
         Python in the engine: step control, watching the test functions.
     total : Spread
-        Measured as a whole, without the layers.
+        Measured as a whole; its median is the sum of the layers, which are differences of medians.
     """
 
     inner: int
     steps: float
     iterations: float
     compiled_calls: float
-    compiled: Spread
-    entering: Spread
-    problem: Spread
-    family: Spread
-    engine: Spread
+    compiled: float
+    entering: float
+    problem: float
+    family: float
+    engine: float
     total: Spread
 
     @property
     def python(self) -> float:
         """Median seconds that are not compiled arithmetic."""
-        return self.total.median - self.compiled.median
+        return self.total.median - self.compiled
 
 
 def breakdown(problem: MultipointProblem, y: np.ndarray, points: int, repeats: int) -> Breakdown:
@@ -93,7 +93,7 @@ def breakdown(problem: MultipointProblem, y: np.ndarray, points: int, repeats: i
     """
     recorded = RecordedFamily(problem)
     run = timed_run(recorded, recorded.begin(y), points)
-    asked = [recorded.calls[i] for i in _clean_calls(run, len(recorded.calls))]
+    asked = [recorded.calls[i] for i in _clean_calls(run)]
     family = Family(problem)
     with compiled_calls() as calls:
         for arguments in asked:
@@ -110,27 +110,23 @@ def breakdown(problem: MultipointProblem, y: np.ndarray, points: int, repeats: i
         problems.append(_loop([(problem.step, arguments) for arguments in asked]) / accepted)
         kernels.append(_loop(seen) / accepted)
         nothings.append(_loop([(_nothing, arguments) for _, arguments in seen]) / accepted)
-    total, in_family, in_problem, in_kernel, nothing = (spread(x) for x in (totals, families, problems, kernels, nothings))
+    total = spread(totals)
+    in_family, in_problem, in_kernel, nothing = (float(np.median(x)) for x in (families, problems, kernels, nothings))
     return Breakdown(
         problem.inner,
         len(asked) / accepted,
         float(np.mean([step.iterations for step, clean in zip(run.steps, run.clean, strict=True) if clean])),
         len(seen) / accepted,
-        _less(in_kernel, nothing),
+        in_kernel - nothing,
         nothing,
-        _less(in_problem, in_kernel),
-        _less(in_family, in_problem),
-        _less(total, in_family),
+        in_problem - in_kernel,
+        in_family - in_problem,
+        total.median - in_family,
         total,
     )
 
 
-def _less(outer: Spread, inner: Spread) -> Spread:
-    """What the outer layer adds; each of its figures is a difference of the same figures."""
-    return Spread(outer.least - inner.least, outer.median - inner.median)
-
-
-def _clean_calls(run: Run, total: int) -> list[int]:
+def _clean_calls(run: Run) -> list[int]:
     """Indices of the calls on the way to points without an event."""
     out: list[int] = []
     before = 0
@@ -138,7 +134,7 @@ def _clean_calls(run: Run, total: int) -> list[int]:
         if clean:
             out += range(before, after)
         before = after
-    return [i for i in out if i < total]
+    return out
 
 
 def _loop(calls: list[Call]) -> float:
@@ -148,7 +144,7 @@ def _loop(calls: list[Call]) -> float:
     for function, arguments in calls:
         function(*arguments)
     middle = clock()
-    for function, arguments in calls:
+    for _, arguments in calls:
         _python_nothing(*arguments)
     return (middle - began) - (clock() - middle)
 

@@ -10,13 +10,22 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from importlib import import_module
 
 from saltus.arguments import OneLineParser
 from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line
 
 __all__ = ["main"]
 
-NAMES = ("points", "layers", "families", "memory", "processes")
+SECTIONS = {
+    "points": "point_tables",
+    "layers": "point_tables",
+    "families": "whole_tables",
+    "memory": "whole_tables",
+    "processes": "whole_tables",
+}
+"""The sections in the order in which they are measured, and the module that holds the function of that name."""
+
 PROGRAM = "python -m benchmarks.continuation"
 
 
@@ -49,14 +58,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     parser = OneLineParser(prog=PROGRAM, description="Speed and memory of continuation, beside what is measured in the same run.")
     parser.add_argument("--quick", action="store_true", help="few repeats: below a minute, for a look")
-    parser.add_argument("--only", metavar="SECTION", action="append", help=f"one of {', '.join(NAMES)}; may be given several times")
+    parser.add_argument("--only", metavar="SECTION", action="append", help=f"one of {', '.join(SECTIONS)}; may be given several times")
     parser.add_argument("--out", metavar="PAGE", help="a Markdown page; the tables go between its two marks")
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
         parser.refuse(unknown[0])
     for name in arguments.only or ():
-        if name not in NAMES:
-            raise BadInput(f"unknown section {name!r}, expected one of {', '.join(NAMES)}{nearest(name, NAMES)}")
+        if name not in SECTIONS:
+            raise BadInput(f"unknown section {name!r}, expected one of {', '.join(SECTIONS)}{nearest(name, SECTIONS)}")
     if arguments.out is not None and (arguments.only or arguments.quick):
         raise BadInput("--out writes a whole page of settled figures; expected no --only and no --quick with it")
 
@@ -65,23 +74,23 @@ def _run(argv: Sequence[str] | None) -> int:
     if arguments.out is not None:
         check_page(arguments.out)
 
+    from benchmarks.effort import FULL, QUICK
     from benchmarks.machine import describe
-    from benchmarks.measures import FULL, QUICK, SECTIONS
 
     machine = describe()
     print("\n".join(machine), end="\n\n")
     began = time.perf_counter()
     tables = []
-    for name in NAMES:
+    for name, module in SECTIONS.items():
         if not arguments.only or name in arguments.only:
-            table = SECTIONS[name](QUICK if arguments.quick else FULL, _say)
+            section = getattr(import_module(f"benchmarks.{module}"), name)
+            table = section(QUICK if arguments.quick else FULL, _say)
             tables.append(table)
             print(table.text(), flush=True)
     took = f"Measured in {time.perf_counter() - began:.0f} s by `{PROGRAM}{' --quick' if arguments.quick else ''}`."
     print(took)
     if arguments.out is not None:
-        page = "\n\n".join([*("\n".join(machine + [took]),), *(table.markdown() for table in tables)])
-        write_page(arguments.out, page)
+        write_page(arguments.out, "\n\n".join(["\n".join([*machine, took]), *(table.markdown() for table in tables)]))
     return DONE
 
 

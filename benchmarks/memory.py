@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import gc
 import tracemalloc
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from branches.tracing import follow_family
+from branches.tracing import SETTINGS, follow_family
 from bvp.multipoint import MultipointProblem
 
 __all__ = ["Held", "held"]
+
+
+SHORT_STEPS = replace(SETTINGS, initial_step=2e-3, maximum_step=2e-3)
+"""Many points on a short piece of a family: few events are met, so that points are counted and not these."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +39,13 @@ def held(problem: MultipointProblem, y: np.ndarray, points: int) -> Held:
     points : int
         Points in total, events counted.
     """
-    follow_family(problem, y, points=points, direction="up")  # what is made once is made before counting
+    options = {"points": points, "direction": "up", "settings": SHORT_STEPS}
+    follow_family(problem, y, **options)  # what is made once is made before counting
     gc.collect()
     tracemalloc.start()
     try:
         before = tracemalloc.get_traced_memory()[0]
-        branch = follow_family(problem, y, points=points, direction="up")
+        branch = follow_family(problem, y, **options)
         gc.collect()
         after, most = tracemalloc.get_traced_memory()
     finally:

@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["Process", "PROCESSES", "cold_and_warm", "seconds_of"]
+__all__ = ["PROCESSES", "Process", "measure", "seconds_of"]
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -25,15 +25,15 @@ PROCESSES = (
 
 @dataclass(frozen=True)
 class Process:
-    """Seconds of a process: the first with no compiled code on disk, and the later ones."""
+    """Seconds of a process: the first with no compiled code on disk (None: not run so), and the later ones."""
 
     words: str
-    cold: float
+    cold: float | None
     warm: list[float]
 
 
-def cold_and_warm(words: str, arguments: tuple[str, ...], repeats: int) -> Process:
-    """Run a process once with an empty directory for compiled code, and again with what it left there.
+def measure(words: str, arguments: tuple[str, ...], repeats: int, cold: bool) -> Process:
+    """Run a process with an empty directory for compiled code, and again with what it left there.
 
     Parameters
     ----------
@@ -43,22 +43,28 @@ def cold_and_warm(words: str, arguments: tuple[str, ...], repeats: int) -> Proce
         Of the interpreter.
     repeats : int
         Number of later runs.
+    cold : bool
+        False: the directory is the usual one, and the first run, which may fill it, is not counted.
 
     Raises
     ------
     RuntimeError
         When the process fails; the message holds the last line it wrote.
     """
+    if not cold:
+        seconds_of(arguments)
+        return Process(words, None, [seconds_of(arguments) for _ in range(repeats)])
     with tempfile.TemporaryDirectory(prefix="saltus-benchmark-") as directory:
-        cold = seconds_of(arguments, directory)
-        warm = [seconds_of(arguments, directory) for _ in range(repeats)]
-    return Process(words, cold, warm)
+        first = seconds_of(arguments, directory)
+        return Process(words, first, [seconds_of(arguments, directory) for _ in range(repeats)])
 
 
-def seconds_of(arguments: tuple[str, ...], cache: str) -> float:
-    """Seconds of one process of this interpreter, with compiled code kept in the directory `cache`."""
+def seconds_of(arguments: tuple[str, ...], cache: str | None = None) -> float:
+    """Seconds of one process of this interpreter, with compiled code kept in the directory `cache` (None: the usual one)."""
     path = os.pathsep.join(part for part in (str(ROOT), os.environ.get("PYTHONPATH")) if part)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "PYTHONPATH": path}
+    environment = {**os.environ, "PYTHONPATH": path}
+    if cache is not None:
+        environment["NUMBA_CACHE_DIR"] = cache
     began = time.perf_counter()
     done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, check=False)
     seconds = time.perf_counter() - began

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-__all__ = ["BEGIN", "END", "PageError", "Table", "check_page", "number", "write_page"]
+from benchmarks.following import Spread
+
+__all__ = ["BEGIN", "END", "PageError", "Table", "check_page", "microseconds", "number", "write_page"]
 
 BEGIN = "<!-- measured: begin -->"
 END = "<!-- measured: end -->"
@@ -55,7 +57,7 @@ class Table:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, without an exponent between 0.001 and a million.
+    """A number with so many significant digits, without an exponent between 0.001 and 1e9.
 
     Examples
     --------
@@ -64,10 +66,21 @@ def number(value: float, digits: int = 3) -> str:
     """
     if value == 0.0:
         return "0"
-    if not 1e-3 <= abs(value) < 1e6:
+    if not 1e-3 <= abs(value) < 1e9:
         return f"{value:.{digits - 1}g}"
     rounded = float(f"{value:.{digits}g}")
     return f"{rounded:.0f}" if abs(rounded) >= 10 ** (digits - 1) else f"{rounded:.{digits}g}"
+
+
+def microseconds(seconds: Spread) -> str:
+    """Median and, in parentheses, least of repeated times, in microseconds.
+
+    Examples
+    --------
+    >>> microseconds(Spread(1e-5, 1.25e-5))
+    '12.5 (10)'
+    """
+    return f"{number(1e6 * seconds.median)} ({number(1e6 * seconds.least)})"
 
 
 def check_page(path: str | os.PathLike[str]) -> None:

@@ -6,13 +6,13 @@ A pin never starts a search: it only chooses among the families that were found.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.discovery import Found, Scanner
+from branches.discovery import Found, Scanner, accept
 from branches.labels import Label, Name, canonical, matches, nearest, parse_name, roots
 from branches.words import split_family_id
 
@@ -86,10 +86,7 @@ def resolve(
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(_linear_mode(system, name.label))
     search = _Search(system, name, limits, energy)
-    found = search.run()
-    if not found:
-        raise NameNotFound(search.nothing())
-    families = search.families(found)
+    families = search.families(search.run(LEVELS)) or _passing(system, name, limits, energy)
     families = _select(name, families)
     if not families:
         raise NameNotFound(search.nothing())
@@ -115,6 +112,24 @@ def _linear_mode(system: ImpactSystem, label: Label) -> str:
         f"{label} is a linear mode of frequency {w:.10g}: it has no impacts, and grazes the stops at h = "
         f"{0.5 * (w * reach / b) ** 2:.10g}; expected the name of an impacting family such as S13O00+ or S11O00-"
     )
+
+
+def _passing(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float]) -> list[tuple[Found, Branch]]:
+    """Families found elsewhere within the limits, each with an orbit in a range of energies where the search itself found none:
+    one so narrow, or so near to grazing, that the orbits lie between its angles."""
+    low, high = energy
+    if name.h is not None or not 0.0 < low < high < math.inf or (low <= limits.energy[0] and high >= limits.energy[1]):
+        return []
+    wide = _Search(system, name, limits, limits.energy)
+    out = []
+    for _, branch in wide.families(wide.run(LEVELS[:1])):
+        for part in (0.5, 0.1, 0.9):
+            candidates = branch.orbits_at(energy=low ** (1.0 - part) * high**part)
+            orbits = [orbit for orbit in (accept(c.problem, c.solution) for c in candidates) if orbit is not None and wide._matches(orbit)]
+            if orbits:
+                out.append((orbits[0], branch))
+                break
+    return out
 
 
 def _select(name: Name, families: list[tuple[Found, Branch]]) -> list[tuple[Found, Branch]]:
@@ -186,9 +201,9 @@ class _Search:
         self.seen: dict[str, tuple[float, float]] = {}
         self.searched = (0, 0)
 
-    def run(self) -> list[Found]:
-        """All matches of the first level that has any."""
-        for step, density in LEVELS:
+    def run(self, levels: Sequence[tuple[float, int]]) -> list[Found]:
+        """All matches of the first of the levels that has any."""
+        for step, density in levels:
             energies = self._energies(step)
             angles = density * max(1, min(4, max(self.impacts)))
             self.searched = (len(energies), angles)
@@ -225,7 +240,7 @@ class _Search:
         return out
 
     def _matches(self, orbit: Found) -> bool:
-        if self.word is not None:
+        if self.word is not None and self.ends is not None:
             from branches.words import canonical as canonical_word
 
             same = canonical_word(orbit.problem.word, orbit.problem.ends, odd_symmetry=self.system.has_odd_symmetry)

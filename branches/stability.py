@@ -128,7 +128,8 @@ def _planar(
         sizes = np.max(np.abs(states), axis=1)
         rate = np.max(sizes[:, 2:], axis=1) / np.max(sizes[:, :2], axis=1)
         factors = balance(problem, rate)
-        stable = decide(*(value * factor for value, factor in zip((a, b, c, d), factors, strict=True)), entry("magnified"), problem.inner)
+        a, b, c, d = (value * factor for value, factor in zip((a, b, c, d), factors, strict=True))
+        stable = decide(a, b, c, d, entry("magnified"), problem.inner)
         agreed = np.abs(tau - trace) <= 1e-6 * (1.0 + np.abs(tau))
     bounded = ~grazing & np.isfinite(trace)
     largest = np.maximum(1.0, np.abs(multipliers[:, 0]))
@@ -146,9 +147,6 @@ def _planar(
 
 def _general(problem: MultipointProblem, solutions: Sequence[Solution], grazing: np.ndarray) -> dict[str, np.ndarray]:
     """More degrees of freedom: orbit by orbit."""
-    from bvp.multipliers import saddle_point_multipliers
-    from bvp.stability import stability
-
     count, size = len(solutions), problem.size
     columns: dict[str, np.ndarray] = {
         "multipliers": np.full((count, size - 2), np.nan, complex),

@@ -71,11 +71,11 @@ def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
         if here is None:
             raise RuntimeError(f"the orbit at {event.id} could not be corrected")
         for window in _windows(problem, event):
-            at = embed(problem, here.y, window)
-            wide = MultipointProblem(problem.system, at.ends, at.word)
+            stretch = embed(problem, here.y, window)
+            wide = MultipointProblem(problem.system, stretch.ends, stretch.word)
             nudge = 1e-6 * here.tangent[: problem.unknowns]
             ahead, behind = (embed(problem, here.y + sign * nudge, window).unknowns(wide) for sign in (1.0, -1.0))
-            y = at.unknowns(wide)
+            y = stretch.unknowns(wide)
             out += _follow(wide, y, _across(wide, y, ahead - behind, event), options)
     if not out:
         raise RuntimeError(f"no orbit of a new family was found next to {event.id}")

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bvp.kernels import multipoint as kernel
 from bvp.kernels.extrema import Observed
@@ -223,9 +224,10 @@ class MultipointProblem:
 
     # -- unknowns -------------------------------------------------------------------------------------------------------------
 
-    def pack(self, start: np.ndarray, nodes: np.ndarray, flight_times: Sequence[float]) -> np.ndarray:
+    def pack(self, start: ArrayLike, nodes: ArrayLike, flight_times: ArrayLike) -> np.ndarray:
         """Unknowns y (u,) from the start state (N,), the node states (k, N) and the flight times (k + 1,)."""
         y = np.zeros(self.unknowns)
+        nodes, times = np.asarray(nodes, float), np.asarray(flight_times, float)
         difference = np.asarray(start, float) - self.segment.start_offset
         y[: self.parameters] = self.segment.start_map.T @ difference
         at = self.parameters
@@ -233,7 +235,7 @@ class MultipointProblem:
             if i > 0:
                 y[at : at + self.size] = nodes[i - 1]
                 at += self.size
-            y[at] = flight_times[i]
+            y[at] = times[i]
             at += 1
         return y
 

@@ -63,8 +63,8 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
     for i in range(flights):
         base = max(0, (i - 1) * rows)
         end = start + (i + 1) * rows
-        for l in range(rows):
-            j = i * rows + l
+        for e in range(rows):
+            j = i * rows + e
             column = window[j]
             d, f = _reflector(column, j - base, end - base)
             diagonal[j] = d
@@ -72,7 +72,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
             if f == 0.0:
                 continue
             reflections += 1
-            for other in range(l + 1, rows):
+            for other in range(e + 1, rows):
                 _reflect(column, j - base, end - base, f, window[i * rows + other], 0)
             if i + 1 < flights:
                 shift = base - i * rows
@@ -82,16 +82,16 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
                 for other in range(closers):
                     _reflect(column, j - base, end - base, f, closing[other], base)
     first = flights * rows
-    for l in range(closers):
-        column = closing[l]
-        d, f = _reflector(column, first + l, unknowns)
-        diagonal[first + l] = d
-        factor[first + l] = f
+    for e in range(closers):
+        column = closing[e]
+        d, f = _reflector(column, first + e, unknowns)
+        diagonal[first + e] = d
+        factor[first + e] = f
         if f == 0.0:
             continue
         reflections += 1
-        for other in range(l + 1, closers):
-            _reflect(column, first + l, unknowns, f, closing[other], 0)
+        for other in range(e + 1, closers):
+            _reflect(column, first + e, unknowns, f, closing[other], 0)
     return reflections
 
 
@@ -100,18 +100,18 @@ def forward(flights, rows, window, closing, diagonal, right):
     """Solve R^T x = right in place."""
     for i in range(flights):
         base = max(0, (i - 1) * rows)
-        for l in range(rows):
-            j = i * rows + l
+        for e in range(rows):
+            j = i * rows + e
             total = right[j]
             for r in range(base, j):
                 total -= window[j, r - base] * right[r]
             right[j] = total / diagonal[j]
     first = flights * rows
-    for l in range(closing.shape[0]):
-        total = right[first + l]
-        for r in range(first + l):
-            total -= closing[l, r] * right[r]
-        right[first + l] = total / diagonal[first + l]
+    for e in range(closing.shape[0]):
+        total = right[first + e]
+        for r in range(first + e):
+            total -= closing[e, r] * right[r]
+        right[first + e] = total / diagonal[first + e]
 
 
 @kernel
@@ -119,13 +119,13 @@ def apply_reflectors(flights, rows, start, window, closing, factor, x):
     """x <- Q x, in place; x has one entry for each unknown."""
     unknowns = closing.shape[1]
     first = flights * rows
-    for l in range(closing.shape[0] - 1, -1, -1):
-        if factor[first + l] != 0.0:
-            _reflect(closing[l], first + l, unknowns, factor[first + l], x, 0)
+    for e in range(closing.shape[0] - 1, -1, -1):
+        if factor[first + e] != 0.0:
+            _reflect(closing[e], first + e, unknowns, factor[first + e], x, 0)
     for i in range(flights - 1, -1, -1):
         base = max(0, (i - 1) * rows)
         end = start + (i + 1) * rows
-        for l in range(rows - 1, -1, -1):
-            j = i * rows + l
+        for e in range(rows - 1, -1, -1):
+            j = i * rows + e
             if factor[j] != 0.0:
                 _reflect(window[j], j - base, end - base, factor[j], x, base)

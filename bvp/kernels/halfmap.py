@@ -2,8 +2,9 @@
 
 At an end the reduced perturbations (tangent to the energy level, modulo the flow) split into those kept by the end's reversal (+) and
 those turned round by it (-). In these coordinates the linearised flow from one end to the other is phi = [[a, b], [c, d]], symplectic, and
-the orbit's return map, R phi^-1 R phi, has [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]] (blocks; ' is transposition), whose trace is 2 (n - 1) + 4 tr(b'c).
-A zero of det c is a fold or branch point within the class of orbits between such ends, of det b the loss of the reversal, of det a or det d a doubling.
+the orbit's return map, R phi^-1 R phi, is [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]] (blocks; ' is transposition), whose trace is
+2 (n - 1) + 4 tr(b'c). A zero of det c is a fold or branch point within the class of orbits between such ends, of det b the loss of
+the reversal, of det a or det d a doubling.
 """
 
 import math

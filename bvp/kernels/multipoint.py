@@ -2,12 +2,12 @@
 
 Unknowns   y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]):  start parameters, flight times, node states after each inner impact
 Equations  R exp(B t_i) z_i - z_{i+1} = 0,  g . z_{i+1} - bound = 0   for each inner impact, then the closing equations:
-           two ends   L exp(B t_k) z_k = l                       (n equations; z_0 = Z s + c)
+           two ends   L exp(B t_k) z_k = L0                      (n equations; z_0 = Z s + c)
            periodic   R exp(B t_k) z_k + xi grad H(z_0) - z_0 = 0,  g . z_0 - bound = 0
 
 The start of a periodic orbit is an impact, which is its phase condition; xi is the unfolding parameter of the conserved energy
 (Munoz-Almaraz et al., Physica D 181 (2003) 1), given as a kick along grad H at the closure: H(z_0) = H(z_0 - xi grad H) forces
-xi = 0 on every solution. There is one unknown more than equations: a family.
+xi = 0 on every solution (the other root is of order one, far from any start). There is one unknown more than equations: a family.
 """
 
 import math
@@ -22,7 +22,20 @@ from bvp.kernels.flight import flow_matrix, flow_state, rate
 ORIGIN, REST, STOP, PERIODIC = 0, 1, 2, 3
 """Kinds of an end."""
 
-__all__ = ["ORIGIN", "REST", "STOP", "PERIODIC", "Segment", "Factor", "Metric", "evaluate", "factorise", "correct", "null_vector", "make_factor"]
+__all__ = [
+    "Factor",
+    "Metric",
+    "ORIGIN",
+    "PERIODIC",
+    "REST",
+    "STOP",
+    "Segment",
+    "correct",
+    "evaluate",
+    "factorise",
+    "make_factor",
+    "null_vector",
+]
 
 
 class Segment(NamedTuple):
@@ -248,34 +261,34 @@ def fill(segment, y, factor):
             for c in range(size):
                 column[after - base + c] = segment.gap[i, c] * scale[after + c]
         else:
-            for l in range(closing.shape[0]):
-                column = closing[l]
-                if periodic and l == size:
+            for e in range(closing.shape[0]):
+                column = closing[e]
+                if periodic and e == size:
                     for c in range(size):
                         column[c] += segment.gap[i, c] * scale[c]
                     continue
                 for c in range(states):
                     total = 0.0
                     if periodic:
-                        total = landing[l, c]
+                        total = landing[e, c]
                     elif i == 0:
                         for b in range(size):
                             inner = 0.0
                             for d in range(size):
                                 inner += landing[b, d] * segment.start_map[d, c]
-                            total += segment.end_map[l, b] * inner
+                            total += segment.end_map[e, b] * inner
                     else:
                         for b in range(size):
-                            total += segment.end_map[l, b] * landing[b, c]
+                            total += segment.end_map[e, b] * landing[b, c]
                     column[at + c] += total * scale[at + c]
                 if periodic:
-                    column[at + states] += along[l] * scale[at + states]
-                    column[l] += (y[after] * segment.weights[l] - 1.0) * scale[l]
-                    column[after] += segment.weights[l] * y[l] * scale[after]
+                    column[at + states] += along[e] * scale[at + states]
+                    column[e] += (y[after] * segment.weights[e] - 1.0) * scale[e]
+                    column[after] += segment.weights[e] * y[e] * scale[after]
                 else:
                     total = 0.0
                     for b in range(size):
-                        total += segment.end_map[l, b] * along[b]
+                        total += segment.end_map[e, b] * along[b]
                     column[at + states] += total * scale[at + states]
         at = after
 
@@ -292,16 +305,16 @@ def factorise(segment, y, factor):
     closing_first = 0 if segment.shape[1] == 1 else max(0, k - 1)
     norms = factor.work[1]
     for i in range(k):
-        for l in range(rows):
+        for e in range(rows):
             total = 0.0
             for r in range(factor.window.shape[1]):
-                total += factor.window[i * rows + l, r] ** 2
-            norms[i * rows + l] = total
-    for l in range(factor.closing.shape[0]):
+                total += factor.window[i * rows + e, r] ** 2
+            norms[i * rows + e] = total
+    for e in range(factor.closing.shape[0]):
         total = 0.0
         for r in range(factor.closing.shape[1]):
-            total += factor.closing[l, r] ** 2
-        norms[k * rows + l] = total
+            total += factor.closing[e, r] ** 2
+        norms[k * rows + e] = total
     reflections = eliminate(k, rows, start, closing_first, factor.window, factor.closing, factor.diagonal, factor.factor)
     sign = -1.0 if reflections % 2 else 1.0
     smallest = 1.0

@@ -5,7 +5,8 @@ Linearised about an orbit with impacts i = 0 .. P-1 (states z_i after each, free
     dz_{i+1} = J_i dz_i + F_i dt_i,     g_{i+1} . dz_{i+1} = 0,     J_i = R exp(B t_i),  F_i = R B z(t_i)
 
 closed by dz_P = lambda dz_0. The flight times are the multipliers of the gap constraints. Orthogonal bases N_i of the
-admissible perturbations (tangent to the stop; for a conserved energy also to its level) and Q_i of the rows that annihilate F_i turn it into
+admissible perturbations (tangent to the stop; for a conserved energy also to its level) and Q_i of the rows that annihilate F_i
+turn it into
 
     E_i y_{i+1} = A_i y_i,     A_i = Q_i J_i N_i,     E_i = Q_i N_{i+1}
 

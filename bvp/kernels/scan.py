@@ -1,8 +1,8 @@
 """Many starts at once: follow each through its impacts, and measure how far it misses each set of ends on its way.
 
 For two degrees of freedom an orbit between ends is a zero of one number: what is transverse to the end's condition when the rest of
-it holds. At an impact that is the velocity along the stop; where the gap coordinate passes zero, the other displacement (origin); where its velocity
-passes zero, the other velocity (rest).
+it holds. At an impact that is the velocity along the stop; where the gap coordinate passes zero, the other displacement (origin);
+where its velocity passes zero, the other velocity (rest).
 """
 
 import math
@@ -81,7 +81,8 @@ def scan(
     word (M, K + 1): contacts hit, -1 after the last. times, values (M, K + 1, C): time and miss of the c-th crossing after k inner
     impacts, NaN where there is none (for STOP, C = 1 and the crossing is impact k + 1 itself). ends (M,): time followed.
     status (M,): 0 followed to a limit, 1 the next impact was not found (sticking, or a search that gave up).
-    nodes (M, K, N), instants (M, K): states after the inner impacts and their times; of length 0 where they are not wanted. work: of `impact.work_array`."""
+    nodes (M, K, N), instants (M, K): states after the inner impacts and their times; of length 0 where they are not wanted.
+    work: of `impact.work_array`."""
     size = starts.shape[1]
     z = np.empty(size)
     before = np.empty(size)

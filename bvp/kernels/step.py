@@ -116,7 +116,6 @@ def tangent_at(segment, y, factor, old_direction, metric, tangent, result):
 def observe(segment, observed, y, ends, work, result):
     """Admissibility, impact speeds, flight times and half-waves of the orbit at y (`ends`: states at the end of each flight)."""
     size = segment.matrix.shape[0]
-    half = size // 2
     k = segment.shape[0]
     s = segment.start_map.shape[1]
     start = work[0, :size]
@@ -135,7 +134,7 @@ def observe(segment, observed, y, ends, work, result):
     sign_primary = 0
     total = 0.0
     at = s
-    for i in range(k + 1):
+    for _ in range(k + 1):
         total += y[at]
         at += size + 1
     middle = 0.5 * total if segment.shape[2] == 2 else total
@@ -376,7 +375,6 @@ def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, m
     then at y. out (u,). result: the entries of RESULT up to `branching`."""
     segment = unpack(pairs, rows, scalars, start_map, shape)
     unknowns = y.shape[0]
-    size = rows.shape[1]
     old = Metric(metric[2], metric[3])
     new = Metric(metric[0], metric[1])
     row = factor.work[5, :unknowns]

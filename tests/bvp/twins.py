@@ -94,10 +94,12 @@ def next_impact(system, u, v, horizon, step, skip_start=0.0):
 
     Distances at times up to `skip_start` are not looked at; where that is not 0, the first step is sampled a hundred times finer.
     """
-    if skip_start > 0.0 and horizon > step:
-        soon = next_impact(system, u, v, step, step / 100, skip_start)
-        if soon is not None:
-            return soon
+    soon = first_crossing(system, u, v, step, step / 100, skip_start) if skip_start > 0.0 else None
+    return soon or first_crossing(system, u, v, horizon, step, skip_start)
+
+
+def first_crossing(system, u, v, horizon, step, skip_start):
+    """What `next_impact` does, with one step for all."""
     a = first_order(system)
     move = expm(a * step)
     samples = [np.concatenate([u, v])]

@@ -264,7 +264,8 @@ def test_published_families_end_at_grazing_at_both_ends(name):
 def test_without_the_pin_two_families_are_listed(tmp_path):
     """Oracle: two families carry S73O33-, near alpha = 1.646 and near 4.866; the scene's pin chooses the first."""
     scene = tmp_path / "unpinned.toml"
-    scene.write_text('[system]\nmodel = "vibro_impact_nes"\nmu = 0.1\nsigma = 0.1\n[bounds]\nenergy = [0.05, 1e4]\nquarter_period = 10.0\nimpacts = 16\n')
+    system = '[system]\nmodel = "vibro_impact_nes"\nmu = 0.1\nsigma = 0.1\n'
+    scene.write_text(system + "[bounds]\nenergy = [0.05, 1e4]\nquarter_period = 10.0\nimpacts = 16\n")
     code, data, err = told("continue", "S73O33-", "--scene", str(scene))
     suffixes = re.findall(r"S73O33-@h=([0-9.e+-]+),alpha=([0-9.]+)", err)
     assert code == 2 and data is None and len(err.splitlines()) == 1 and "2 families" in err
