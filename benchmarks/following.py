@@ -30,7 +30,7 @@ def spread(values: list[float]) -> Spread:
     return Spread(min(values), float(np.median(values)))
 
 
-class BareFamily:
+class BareFamily(Family):
     """A family whose points are orbits and no more: no multipliers, no admissibility, no half-waves; the fold is its only test.
 
     Parameters
@@ -38,10 +38,9 @@ class BareFamily:
     problem : MultipointProblem
     """
 
-    tests = (Test("SN", "crossing", False, "fold in the energy", True),)
-
     def __init__(self, problem: MultipointProblem) -> None:
-        self.problem = problem
+        super().__init__(problem)
+        self._tests = (Test("SN", "crossing", False, "fold in the energy", True),)
 
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from branches.branch import Branch
 from branches.tracing import SETTINGS, follow_family
 from bvp.multipoint import MultipointProblem
 
@@ -39,13 +40,16 @@ def held(problem: MultipointProblem, y: np.ndarray, points: int) -> Held:
     points : int
         Points in total, events counted.
     """
-    options = {"points": points, "direction": "up", "settings": SHORT_STEPS}
-    follow_family(problem, y, **options)  # what is made once is made before counting
+
+    def traced() -> Branch:
+        return follow_family(problem, y, points=points, direction="up", settings=SHORT_STEPS)
+
+    traced()  # what is made once is made before counting
     gc.collect()
     tracemalloc.start()
     try:
         before = tracemalloc.get_traced_memory()[0]
-        branch = follow_family(problem, y, **options)
+        branch = traced()
         gc.collect()
         after, most = tracemalloc.get_traced_memory()
     finally:

@@ -39,11 +39,11 @@ class Shot:
             return (self.failure, "-", "-", "-", "-")
         orbit = spread(self.orbits)
         last = (microseconds(orbit), number(self.error, 2))
-        ratio = number(orbit.median / orbit_only.median)
+        ratio = number(orbit.least / orbit_only.least)
         if not self.multipliers:
             return ("not run", *last, "-", ratio)
         whole = spread([a + b for a, b in zip(self.orbits, self.multipliers, strict=True)])
-        return (microseconds(whole), *last, number(whole.median / all_on.median), ratio)
+        return (microseconds(whole), *last, number(whole.least / all_on.least), ratio)
 
 
 def shoot(inner: int, rtol: float, count: int, differenced: bool) -> Shot:
@@ -99,7 +99,7 @@ def points(effort: Effort, say: Callable[[str], object]) -> Table:
             str(inner),
             microseconds(all_on),
             microseconds(orbit_only),
-            number(all_on.median / orbit_only.median),
+            number(all_on.least / orbit_only.least),
             _location(full),
             number(error, 2),
         )
@@ -116,15 +116,15 @@ def points(effort: Effort, say: Callable[[str], object]) -> Table:
         ),
         rows,
         (
-            f"S13O00+ from h = {number(backbone.energy(system, cases.ALPHA))} upward; k inner impacts are 2k + 1 quarters",
-            "of it in one segment, a solution of that word's problem whose closed form is known. Error: the largest relative one, in h or in",
-            "the velocities at the start, against the closed form at the orbit's own quarter period.",
+            f"S13O00+ from h = {number(backbone.energy(system, cases.ALPHA))} upward. k inner impacts are 2k + 1 quarters of it in one",
+            "segment: a solution of that word's problem whose closed form is known. Error: the largest relative one, in h or in the",
+            "velocities at the start, against the closed form at the orbit's own quarter period.",
             f"saltus: median (least) of {effort.repeats} runs of {effort.points} points, those with an event on their way left out.",
             "An event: what locating one adds, in multiples of a point. All on: multipliers, admissibility, half-waves, all test",
             "functions; orbit only: none of these, but the tangent and the fold.",
             "Shooting: solve_ivp (DOP853, atol = rtol) with an event on the gap, restitution in a loop, finite-difference Jacobian with",
             f"Broyden's updates, multipliers by differences over the period. Median (least) of {least} to {most} points of the same",
-            "spacing. Ratio: shooting to saltus, of the medians.",
+            "spacing. Ratio: shooting to saltus, the least to the least.",
         ),
     )  # fmt: skip
 
@@ -133,8 +133,10 @@ def _location(runs: list[Run]) -> str:
     """How many times a point's cost an event on its way adds, as text."""
     if runs[0].events == 0:
         return "none met"
-    extra = np.median([np.sum(run.seconds[~run.clean] - run.clean_point) / run.events for run in runs])
-    return number(float(extra / np.median([run.clean_point for run in runs])), 2)
+    point = min(run.clean_point for run in runs)
+    eventful = min(float(np.sum(run.seconds[~run.clean])) for run in runs)
+    extra = (eventful - int(np.sum(~runs[0].clean)) * point) / runs[0].events
+    return number(extra / point, 2)
 
 
 def layers(effort: Effort, say: Callable[[str], object]) -> Table:
@@ -153,7 +155,7 @@ def layers(effort: Effort, say: Callable[[str], object]) -> Table:
                 number(parts.compiled_calls),
                 *(number(1e6 * seconds) for seconds in times),
                 microseconds(parts.total),
-                f"{100.0 * parts.python / parts.total.median:.0f} %",
+                f"{100.0 * parts.python / parts.total.least:.0f} %",
             )
         )
     return Table(
@@ -165,7 +167,7 @@ def layers(effort: Effort, say: Callable[[str], object]) -> Table:
         rows,
         (
             "The steps of the run above are asked for again, layer by layer; a layer is what it adds to the one inside it (difference",
-            "of medians, so the layers sum to the total, which is measured as a whole).",
+            "of the least times, so the layers sum to the least total, which is measured as a whole).",
             "Compiled: arithmetic. Entering: the same arguments into compiled code that does nothing. Problem, family, engine: Python",
             f"in MultipointProblem.step, Family.step and continuation.follow. {effort.repeats} repeats.",
         ),

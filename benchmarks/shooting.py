@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -61,10 +62,11 @@ class PlainShooting:
         def gap(t, x):
             return 1.0 - abs(x[0] - x[1])
 
-        gap.terminal = True
-        gap.direction = -1.0
         self._motion = motion
-        self._gap = gap
+        event: Any = gap
+        event.terminal = True
+        event.direction = -1.0
+        self._gap = event
 
     def flight(self, x: np.ndarray, longest: float = _LONGEST) -> tuple[float, np.ndarray, bool]:
         """Time and state (4,) at the next impact, True; or after `longest`, False."""

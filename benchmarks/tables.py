@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.following import Spread
@@ -28,14 +28,14 @@ class Table:
     ----------
     title : str
     columns : sequence of str
-    rows : list of sequence of str
+    rows : sequence of sequences of str
     notes : sequence of str
         Sentences that say how it was measured, one a line.
     """
 
     title: str
     columns: Sequence[str]
-    rows: list[Sequence[str]] = field(default_factory=list)
+    rows: Sequence[Sequence[str]]
     notes: Sequence[str] = ()
 
     def text(self) -> str:

@@ -109,9 +109,9 @@ class Scanner:
         count = len(starts)
         modes = self.modes
         crossings = 1 if self.kind == STOP else CROSSINGS
-        word = np.empty((count, most + 1), dtype=np.int64)
-        times = np.empty((count, most + 1, crossings))
-        values = np.empty((count, most + 1, crossings))
+        word = np.full((count, most + 1), -1, dtype=np.int64)
+        times = np.full((count, most + 1, crossings), np.nan)
+        values = np.full((count, most + 1, crossings), np.nan)
         ends = np.empty(count)
         status = np.empty(count, dtype=np.int64)
         kept = count if nodes else 0

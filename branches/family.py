@@ -29,7 +29,7 @@ RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 _I = RESULT_INDEX
 _CLEAR = 1e3
 _BRANCHING = 1
-_SINGULAR = 1e-2
+_SINGULAR = 2e-3
 _SHORT = 1e-3
 _NOISE = 2e-13
 """Part of the half map's largest entry below which an entry is rounding: a conserved momentum makes one vanish all along a family, and
@@ -229,7 +229,7 @@ class Family:
             return None
         data: dict[str, Any] = {"stop": None, "p_q": None, "breaks": None, "note": test.label}
         code = test.code
-        if code == "SN" and self._meets_branch_point(before, at, after):
+        if code in ("SN", "SB") and self._meets_branch_point(before, at, after):
             return None
         if code == "GR":
             self._grazing(index, solution, data)
@@ -243,20 +243,29 @@ class Family:
             if old == new:
                 return None
             data["note"] = f"{old} becomes {new}"
-        counted: Solution = location.low.extra
-        if code == "GR":
-            # At grazing itself a turning point meets an impact, and which of them counts is rounding: count just before it.
-            shorter = self.step(before.y, before.tangent, (1.0 - _SHORT) * location.s)
-            counted = shorter.extra if shorter.converged else counted
+        counted: Solution = self._just_before(before, location) if code in ("GR", "IO") else location.low.extra
         data["label"] = label_text(self.problem, counted.result)
         data["half_waves"] = int(counted["waves_absorber"])
         return EventDetails(code, test.terminal, data)
 
     def _meets_branch_point(self, before: Point, at: Step, after: Point) -> bool:
-        """Whether a fold is that of a branch point. Families that leave a multiple turn of an orbit have their least energy
-        there; the equations are singular, so the two zeros are found apart by the square root of rounding."""
+        """Whether a fold or symmetry breaking is nothing but a branch point. Families that leave a multiple turn of an orbit
+        have their least energy or tau = 2 there; the equations are singular, so the zeros are found apart by the square root
+        of rounding."""
         first, here, last = (float(step.tests[_BRANCHING]) for step in (before, at, after))
         return first * last < 0.0 and abs(here) < _SINGULAR * max(abs(first), abs(last))
+
+    def _just_before(self, before: Point, location: Location) -> Solution:
+        """The orbit a little before an event. At grazing itself a turning point meets an impact, at an impulsive orbit a velocity
+        is zero, and which of them counts is rounding."""
+        offset = max(1e-7, _SHORT * location.s)
+        if location.s > 2.0 * offset:
+            near = self.step(before.y, before.tangent, location.s - offset)
+            if near.converged:
+                found: Solution = near.extra
+                return found
+        solution: Solution = before.step.extra
+        return solution
 
     def _grazing(self, index: int, solution: Solution, data: dict[str, Any]) -> None:
         problem = self.problem

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -115,10 +115,14 @@ def _linear_mode(system: ImpactSystem, label: Label) -> str:
 
 
 def _passing(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float]) -> list[tuple[Found, Branch]]:
-    """Families found elsewhere within the limits, each with an orbit in a range of energies where the search itself found none:
-    one so narrow, or so near to grazing, that the orbits lie between its angles."""
+    """Families found elsewhere within the limits, each with an orbit in a range of energies, or at the one energy of the name,
+    where the search itself found none: one so narrow, or so near to grazing, that the orbits lie between its angles."""
     low, high = energy
-    if name.h is not None or not 0.0 < low < high < math.inf or (low <= limits.energy[0] and high >= limits.energy[1]):
+    if name.h is not None:
+        beyond = (min(limits.energy[0], 0.9 * name.h), max(limits.energy[1], 1.1 * name.h))
+        anywhere = _Search(system, replace(name, h=None), limits, beyond)
+        return anywhere.families(anywhere.run(LEVELS[:1]))
+    if not 0.0 < low < high < math.inf or (low <= limits.energy[0] and high >= limits.energy[1]):
         return []
     wide = _Search(system, name, limits, limits.energy)
     out = []
@@ -257,10 +261,12 @@ class _Search:
         from branches.tracing import follow_family
 
         out: list[tuple[Found, Branch]] = []
+        followed: list[Branch] = []
         for orbit in found:
-            if any(passes(branch, orbit) for _, branch in out):
+            if any(passes(branch, orbit) for branch in followed):
                 continue
             branch = follow_family(orbit.problem, orbit.solution.y, energy=self.range)
+            followed.append(branch)
             if self.name.family is not None and branch.id != self.name.family:
                 continue
             out.append((orbit, branch))

@@ -177,9 +177,10 @@ def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
         return None
     tangent = np.concatenate([direction / length, np.zeros(problem.unknowns)])
     ds = DISTANCE
-    for _ in range(12):
+    for _ in range(20):
         step = family.step(y, tangent, ds)
-        if step.converged and step.turn > 0.8:
+        near = step.converged and np.linalg.norm(np.asarray(step.position) - position) < 2.0 * ds
+        if near and step.turn > 0.8:
             solution = step.extra
             if solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0:
                 return step

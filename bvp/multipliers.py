@@ -185,13 +185,15 @@ def _arguments(cycle: Cycle) -> tuple[tuple[np.ndarray, ...], int, int]:
     nodes, size = cycle.after.shape
     half = size // 2
     scale = np.ones(size)
+    weights = np.ones(size)
     if modes.layout != "coupled":
         for part in (slice(0, half), slice(half, size)):
             largest = float(np.max(np.abs(cycle.before[:, part])))
             scale[part] = largest if largest > 0.0 else 1.0
-    weights = np.ones(size)
     if cycle.system.is_conservative:
         weights[:half] = modes.squares
+        # velocities by sqrt(2 h), not by those at the impacts: an impact may be the only slow part of an orbit
+        scale[half:] = math.sqrt(float(np.sum(weights * cycle.after[0] ** 2)))
     arrays = [np.ascontiguousarray(x, dtype=float) for x in (cycle.before, cycle.after, cycle.duration)]
     return (*arrays, np.ascontiguousarray(cycle.contact, dtype=np.int64), scale, weights), nodes, size
 

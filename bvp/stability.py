@@ -62,11 +62,9 @@ class Stability:
 
 
 def velocity_scale(problem: MultipointProblem, solution: Solution) -> float:
-    """Largest modal velocity over largest modal displacement at the impacts and the ends: what `balance` asks for."""
-    half = problem.half
-    states = np.abs(np.vstack([problem.start(solution.y), solution.ends]))
-    displacement, velocity = float(np.max(states[:, :half])), float(np.max(states[:, half:]))
-    return velocity / displacement if velocity > 0.0 and displacement > 0.0 else 1.0
+    """sqrt(2 h) over the largest modal displacement at the impacts and the ends: what `balance` asks for."""
+    displacements = np.vstack([problem.start(solution.y), solution.ends])[:, : problem.half]
+    return math.sqrt(2.0 * problem.energy(solution.y)) / float(np.max(np.abs(displacements)))
 
 
 def balance(problem: MultipointProblem, rate: np.ndarray | float) -> tuple[Any, Any, Any, Any]:

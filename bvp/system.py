@@ -263,7 +263,7 @@ class ImpactSystem:
         given = dict(description)
         if "model" in given:
             name = given.pop("model")
-            if name not in MODELS:
+            if not isinstance(name, str) or name not in MODELS:
                 raise InvalidSystem(f"unknown model {name!r}; known: {', '.join(MODELS)}")
             function, keys = MODELS[name]
             refuse_unknown(given, keys, f"model {name}")

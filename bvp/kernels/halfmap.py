@@ -43,6 +43,17 @@ def section_basis(segment, node, kind, z, vectors, out):
 
 
 @kernel
+def magnification(segment, node, z, reach):
+    """sqrt(2 h) |g| / |g . v|: what an impact at the state z makes of rounding errors (1 where it is head-on and fastest)."""
+    normal = 0.0
+    speed = 0.0
+    for r in range(z.shape[0]):
+        normal += segment.gap[node, r] ** 2
+        speed += segment.gap_rate[node, r] * z[r]
+    return reach * math.sqrt(normal) / abs(speed) if speed != 0.0 else math.inf
+
+
+@kernel
 def half_map(segment, y, ends, work, phi):
     """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; `work` (>= 2 n + 6, N).
     Returns the largest factor by which an impact magnifies rounding (1: none)."""
@@ -63,6 +74,14 @@ def half_map(segment, y, ends, work, phi):
     final_kind = segment.shape[4]
     section_basis(segment, k, final_kind, ends[k], vectors, last)
     magnified = 1.0
+    reach = 0.0
+    for r in range(size):
+        reach += segment.weights[r] * z[r] * z[r]
+    reach = math.sqrt(reach)
+    if kind == STOP:
+        magnified = max(magnified, magnification(segment, k + 1, z, reach))
+    if final_kind == STOP:
+        magnified = max(magnified, magnification(segment, k, ends[k], reach))
     for column in range(2 * (half - 1)):
         for r in range(size):
             v[r] = 0.0
@@ -105,17 +124,12 @@ def half_map(segment, y, ends, work, phi):
                     speed += segment.gap_rate[i, r] * field[r]
                 hit = 0.0
                 through = 0.0
-                length = 0.0
-                normal = 0.0
                 for r in range(size):
                     field[r] -= segment.jump[i] * speed * segment.push[i, r]
                     hit += segment.gap[i, r] * x[r]
                     through += segment.gap[i, r] * field[r]
-                for r in range(half):
-                    length += field[r] ** 2
-                    normal += segment.gap[i, r] ** 2
-                if through != 0.0:
-                    magnified = max(magnified, math.sqrt(length * normal) / abs(through))
+                if column == 0:
+                    magnified = max(magnified, magnification(segment, i, ends[i], reach))
                 for r in range(size):
                     v[r] = x[r] - hit / through * field[r] if through != 0.0 else math.inf
             at += size + 1

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bvp.kernels.arrays import set_1, set_2
 from bvp.kernels.compiled import kernel
 from bvp.kernels.elimination import apply_reflectors, eliminate, forward
 from bvp.kernels.flight import flow_matrix, flow_state, rate
@@ -235,8 +236,8 @@ def fill(segment, y, factor):
     window = factor.window
     closing = factor.closing
     scale = factor.scale
-    window[:, :] = 0.0
-    closing[:, :] = 0.0
+    set_2(window, 0.0)
+    set_2(closing, 0.0)
     at = 0
     for i in range(k + 1):
         states = s if i == 0 else size
@@ -415,7 +416,7 @@ def constraint_row(segment, y, energy, alpha, position, direction, row):
     along = 0.0
     for r in range(size):
         along += direction[r] * position[r]
-    row[:] = 0.0
+    set_1(row, 0.0)
     radial = direction[size] / energy - along / (2.0 * energy)
     for j in range(s):
         total = 0.0

@@ -22,6 +22,7 @@ import math
 
 import numpy as np
 
+from bvp.kernels.arrays import set_2
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_matrix, rate
 
@@ -196,7 +197,7 @@ def sweep(left, right, height, width, frame, product, exponent):
     top = np.empty((size, w))
     e = np.empty((size, size))
     y = np.empty((size, size))
-    product[:, :] = 0.0
+    set_2(product, 0.0)
     for c in range(w):
         product[c, c] = 1.0
         exponent[c] = 0.0

@@ -88,9 +88,6 @@ def scan(
     before = np.empty(size)
     scratch = np.empty(size)
     crossing_times = np.empty(times.shape[2])
-    values[:, :, :] = math.nan
-    times[:, :, :] = math.nan
-    word[:, :] = -1
     for m in range(starts.shape[0]):
         for r in range(size):
             z[r] = starts[m, r]

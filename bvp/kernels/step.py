@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import kernel
 from bvp.kernels.cycle import count_impacts, unfold
 from bvp.kernels.extrema import Observed, clearance, sign_changes
@@ -122,7 +123,7 @@ def observe(segment, observed, y, ends, work, result):
     scratch = work[1, :size]
     start_state(segment, y, start)
     best = math.inf
-    result[CLEARANCE_FLIGHT : CLEARANCE_TIME + 1] = 0.0
+    set_1(result[CLEARANCE_FLIGHT : CLEARANCE_TIME + 1], 0.0)
     result[GAVE_UP] = 0.0
     slowest = math.inf
     slowest_node = -1
@@ -252,13 +253,24 @@ def stability_2(segment, y, ends, cycle_before, cycle_after, cycle_time, cycle_r
         result[HALF_C] = phi[1, 0]
         result[HALF_D] = phi[1, 1]
     else:
-        result[HALF_A : HALF_D + 1] = math.nan
+        set_1(result[HALF_A : HALF_D + 1], math.nan)
         result[MAGNIFIED] = 1.0
     unfold(segment, y, ends, cycle_before, cycle_after, cycle_time, cycle_row, work)
     nodes = cycle_after.shape[0]
     if nodes == 0:
-        result[TRACE : SINGULAR + 1] = math.nan
+        set_1(result[TRACE : SINGULAR + 1], math.nan)
         return
+    # velocities by sqrt(2 h), not by those at the impacts: an impact may be the only slow part of an orbit
+    displacement = 0.0
+    energy = 0.0
+    for r in range(size):
+        energy += segment.weights[r] * cycle_after[0, r] ** 2
+    for i in range(nodes):
+        for r in range(size // 2):
+            displacement = max(displacement, abs(cycle_after[i, r]))
+    for r in range(size // 2):
+        scale[r] = displacement if displacement > 0.0 else 1.0
+        scale[size // 2 + r] = math.sqrt(energy)
     maps = np.empty((nodes, size, size))
     along = np.empty((nodes, size))
     landings(
@@ -381,8 +393,8 @@ def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, m
     residual = factor.work[6, : unknowns - 1]
     along = tangent[:unknowns]
     curvature = tangent[unknowns:]
-    row[:] = 0.0
-    old.direction[:] = 0.0
+    set_1(row, 0.0)
+    set_1(old.direction, 0.0)
     target = 0.0
     oriented = False
     for j in range(unknowns):
@@ -438,7 +450,6 @@ def orbit_stability(pairs, rows, scalars, start_map, shape, y, ends, work, resul
     """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
     segment = unpack(pairs, rows, scalars, start_map, shape)
     size = rows.shape[1]
-    half = size // 2
     nodes = count_impacts(shape)
     before = np.empty((nodes, size))
     after = np.empty((nodes, size))
@@ -447,15 +458,6 @@ def orbit_stability(pairs, rows, scalars, start_map, shape, y, ends, work, resul
     left = np.empty((nodes, size, size))
     right = np.empty((nodes, size, size))
     scale = np.empty(size)
-    displacement = 0.0
-    velocity = 0.0
-    for i in range(ends.shape[0]):
-        for r in range(half):
-            displacement = max(displacement, abs(ends[i, r]))
-            velocity = max(velocity, abs(ends[i, half + r]))
-    for r in range(half):
-        scale[r] = displacement if displacement > 0.0 else 1.0
-        scale[half + r] = velocity if velocity > 0.0 else 1.0
     stability_2(segment, y, ends, before, after, duration, node, scale, left, right, work, result)
 
 

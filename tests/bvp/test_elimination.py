@@ -124,7 +124,8 @@ def test_two_hundred_impacts_with_growth(periodic, growth):
     flights = 200
     rng = np.random.default_rng(5)
     rows, start, window, closing, jacobian = random_problem(rng, flights, 2, periodic, growth)
-    assert np.linalg.cond(jacobian) < 1e10
+    squares = np.linalg.eigvalsh(jacobian @ jacobian.T)
+    assert squares[0] > 1e-12 * squares[-1], "the problem itself is well conditioned"
     diagonal, factor, _ = eliminated(flights, periodic, rows, start, window, closing)
     right = rng.normal(size=jacobian.shape[0])
     solution = np.zeros(jacobian.shape[1])

@@ -3,12 +3,17 @@ trips."""
 
 import json
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import bvp
 from bvp.system import ImpactSystem, InvalidSystem, Stop, vibro_impact_nes
 
+ROOT = Path(__file__).parents[2]
 EYE = np.eye(2)
 ZERO = np.zeros((2, 2))
 STOP = Stop((1.0, -1.0), -1.0, 1.0)
@@ -169,6 +174,7 @@ def test_a_description_survives_json_and_gives_the_same_system(system):
             {"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": 1.0}], "coordinates": {"absorber": "x"}},
             "absorber 'x' is none of the coordinates u1",
         ),
+        ({"model": ["vibro_impact_nes"]}, "unknown model"),
         ([1, 2], "a table of keys and values"),
     ],
 )
@@ -183,3 +189,16 @@ def test_a_changed_matrix_is_not_described_as_the_model_it_came_from():
 
     system = replace(vibro_impact_nes(), stiffness=np.array([[0.2, -0.2], [-0.2, 1.2]]))
     assert ImpactSystem.from_description(system.describe()).stiffness[0, 0] == 0.2
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    """Names resolve on first use; a fresh interpreter holds no numpy after `import bvp`."""
+    code = (
+        "import sys, bvp; assert not {'numpy', 'numba', 'scipy'} & set(sys.modules);"
+        "print(bvp.vibro_impact_nes().degrees_of_freedom)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "2"
+    assert all(hasattr(bvp, name) for name in bvp.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = bvp.nothing

@@ -90,9 +90,11 @@ def rates(system, states):
 
 
 def next_impact(system, u, v, horizon, step, skip_start=0.0):
-    """(contact, time) of the first crossing by dense sampling, Brent's method on crossings and on minima between samples; or None.
+    """(contact, time) of the first crossing by dense sampling, Brent's method on crossings and on minima between samples; or
+    None.
 
-    Distances at times up to `skip_start` are not looked at; where that is not 0, the first step is sampled a hundred times finer.
+    Distances at times up to `skip_start` are not looked at; where that is not 0, the first step is sampled a hundred times
+    finer.
     """
     soon = first_crossing(system, u, v, step, step / 100, skip_start) if skip_start > 0.0 else None
     return soon or first_crossing(system, u, v, horizon, step, skip_start)
@@ -108,7 +110,8 @@ def first_crossing(system, u, v, horizon, step, skip_start):
     samples = np.array(samples)
     far, slope = distances(system, samples), rates(system, samples)
     crossing = far[1:] < 0.0
-    turning = (slope[:-1] < 0.0) & (slope[1:] > 0.0)
+    low_enough = far[:-1] < 4.0 * step * (np.abs(slope[:-1]) + np.abs(slope[1:]))
+    turning = (slope[:-1] < 0.0) & (slope[1:] > 0.0) & low_enough
     for k in np.flatnonzero(np.any(crossing | turning, axis=1)):
         found = []
         for c in np.flatnonzero(crossing[k] | turning[k]):

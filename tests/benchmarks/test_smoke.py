@@ -1,0 +1,221 @@
+"""The pieces of the benchmark on small sizes: they measure what they say, and the orbits that they time are right. No time is asserted."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bvp.multipoint
+from benchmarks import cases, continuation
+from benchmarks.breakdown import breakdown, compiled_calls
+from benchmarks.effort import FULL, QUICK
+from benchmarks.following import BareFamily, spread, timed_run
+from benchmarks.memory import held
+from benchmarks.point_tables import layers, points
+from benchmarks.processes import measure, seconds_of
+from benchmarks.shooting import PlainShooting, ShotOrbit
+from benchmarks.tables import BEGIN, END, PageError, Table, check_page, write_page
+from branches.family import Family
+from branches.orbit import Orbit
+from tests.bvp import backbone
+
+
+@pytest.fixture(scope="module")
+def system():
+    return cases.system()
+
+
+@pytest.mark.parametrize("inner", cases.INNER)
+def test_both_families_follow_the_closed_form(system, inner):
+    """Oracle: the closed form of one impact a half period; and the points are the same with and without multipliers."""
+    problem, y = cases.segment(system, inner)
+    assert np.max(np.abs(problem.residual(y))) < 1e-12 * np.max(np.abs(y))
+    runs = [timed_run(family, family.begin(y), 4) for family in (Family(problem), BareFamily(problem))]
+    for run in runs:
+        assert len(run.steps) == 4 and np.all(run.seconds > 0.0)
+        assert all(cases.step_error(problem, step) < 1e-12 for step in run.steps)
+        assert all(later.parameter > earlier.parameter for earlier, later in zip(run.steps, run.steps[1:], strict=False))
+    for full, bare in zip(*(run.steps for run in runs), strict=True):
+        np.testing.assert_allclose(full.y, bare.y, rtol=1e-9, atol=1e-11)
+
+
+def test_the_error_sees_a_wrong_orbit(system):
+    """Oracle: a known relative change of the energy, and of the velocities."""
+    exact = backbone.origin_velocity(system, cases.ALPHA)
+    energy = backbone.energy(system, cases.ALPHA)
+    assert cases.closed_form_error(system, 2, energy, 5 * cases.ALPHA, exact) < 1e-14
+    assert cases.closed_form_error(system, 2, energy * (1 + 1e-6), 5 * cases.ALPHA, exact) == pytest.approx(1e-6, rel=1e-6)
+    assert cases.closed_form_error(system, 2, energy, 5 * cases.ALPHA, exact * (1 - 1e-6)) == pytest.approx(1e-6, rel=1e-6)
+    assert cases.closed_form_error(system, 2, energy, 3 * cases.ALPHA, exact) > 0.1
+
+
+@pytest.mark.parametrize("inner", (0, 2))
+def test_shooting_agrees_with_the_closed_form_to_its_tolerance(system, inner):
+    """Oracle: the closed form; the error of shooting shrinks with the tolerance of its integrator."""
+    errors = []
+    for rtol in (1e-6, 1e-9):
+        method = PlainShooting(cases.MU, cases.SIGMA, inner, rtol)
+        known = [
+            ShotOrbit(backbone.origin_velocity(system, alpha), (2 * inner + 1) * alpha, 0) for alpha in (cases.ALPHA + 1e-3, cases.ALPHA)
+        ]
+        orbit = method.next_orbit(*known, 0.01)
+        energy = method.energy(orbit.velocities)
+        assert energy > backbone.energy(system, cases.ALPHA) * 1.01
+        errors.append(cases.closed_form_error(system, inner, energy, orbit.duration, orbit.velocities))
+        assert errors[-1] < 100.0 * rtol
+    assert errors[1] < 0.01 * errors[0]
+
+
+def test_multipliers_of_shooting_are_those_of_the_orbit(system):
+    """Oracle: the trace of the reduced period map from the half map, and a determinant of 1."""
+    problem, y = cases.segment(system, 0)
+    method = PlainShooting(cases.MU, cases.SIGMA, 0, 1e-11)
+    orbit = ShotOrbit(backbone.origin_velocity(system, cases.ALPHA), cases.ALPHA, 0)
+    matrix = method.monodromy(orbit)
+    assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-4)
+    assert np.trace(matrix) - 2.0 == pytest.approx(Orbit(problem, Family(problem).begin(y).extra).tau, abs=1e-3)
+
+
+def test_layers_sum_to_the_point_and_leave_the_module_as_it_was(system):
+    """Oracle: the sum of the layers is the total by construction; the compiled functions are put back."""
+    before = dict(vars(bvp.multipoint))
+    parts = breakdown(*cases.segment(system, 2), points=3, repeats=2)
+    assert dict(vars(bvp.multipoint)) == before
+    layers = parts.compiled + parts.entering + parts.problem + parts.family + parts.engine
+    assert layers == pytest.approx(parts.total.least, rel=1e-9)
+    assert parts.compiled > 0.0 and parts.entering > 0.0
+    assert parts.steps >= 1.0 and parts.iterations >= 1.0 and parts.compiled_calls >= 1.0
+
+
+def test_compiled_calls_are_seen_and_do_the_same_again(system):
+    """Oracle: the step itself; calling what was kept once more gives the same numbers."""
+    problem, y = cases.segment(system, 2)
+    family = Family(problem)
+    start = family.begin(y)
+    expected = problem.step(start.y, start.tangent, 0.01)
+    with compiled_calls() as calls:
+        found = problem.step(start.y, start.tangent, 0.01)
+    assert calls
+    np.testing.assert_array_equal(found.y, expected.y)
+    for function, arguments in calls:
+        function(*arguments)
+    np.testing.assert_array_equal(found.y, expected.y)
+
+
+def test_memory_counts_the_arrays_and_grows_with_points(system):
+    """Oracle: the arrays of the branch are part of what is held; unknowns of twice as many points are twice as many."""
+    problem, y = cases.segment(system, 2)
+    short, long = (held(problem, y, count) for count in (8, 16))
+    assert (short.points, long.points) == (8, 16)
+    assert short.arrays < short.kept <= short.most
+    assert long.arrays > 1.5 * short.arrays
+    assert long.kept > short.kept and long.most > short.most
+
+
+def test_processes_are_run_and_failures_told():
+    """Oracle: an interpreter that ends well, and one that does not."""
+    process = measure("python -c pass", ("-c", "pass"), 2, cold=True)
+    assert process.cold > 0.0 and len(process.warm) == 2 and min(process.warm) > 0.0
+    assert measure("python -c pass", ("-c", "pass"), 1, cold=False).cold is None
+    with pytest.raises(RuntimeError, match="ended with code 3: no such thing"):
+        seconds_of(("-c", "import sys; print('no such thing', file=sys.stderr); sys.exit(3)"))
+
+
+def test_tables_of_a_point(system, monkeypatch):
+    """Oracle: a row for each number of impacts and tolerance; the errors in it are those of the closed form."""
+    monkeypatch.setattr(cases, "INNER", (0, 2))
+    tiny = dataclasses.replace(QUICK, points=3, repeats=2, shot={0: 1, 2: 1}, rtols={0: (1e-6,), 2: (1e-6, 1e-9)}, differenced=0)
+    table = points(tiny, lambda text: None)
+    assert [(row[0], row[6]) for row in table.rows] == [("0", "1e-06"), ("2", "1e-06"), ("2", "1e-09")]
+    assert all(len(row) == len(table.columns) for row in table.rows)
+    assert all(float(row[5]) < 1e-12 < float(row[9]) < 1e-4 for row in table.rows)
+    assert [row[7] == "not run" for row in table.rows] == [False, True, True]
+    table = layers(tiny, lambda text: None)
+    assert [row[0] for row in table.rows] == ["0", "2"] and all(len(row) == len(table.columns) for row in table.rows)
+
+
+def test_effort_names_each_number_of_impacts():
+    """Oracle: the numbers of impacts that are measured."""
+    for effort in (FULL, QUICK):
+        assert set(effort.shot) == set(effort.rtols) == set(cases.INNER)
+
+
+def test_spread():
+    """Oracle: by hand."""
+    assert spread([3.0, 1.0, 2.0, 10.0]) == (1.0, 2.5)
+    assert not math.isnan(spread([1.0]).median)
+
+
+def test_a_page_keeps_all_but_what_is_between_its_marks(tmp_path):
+    """Oracle: the text by hand."""
+    page = tmp_path / "speed.md"
+    page.write_text(f"# Title\n\n{BEGIN}\nold\n{END}\n\nafter\n")
+    table = Table("T", ("a", "b"), [("1", "22")], ("A note.",))
+    write_page(page, table.markdown())
+    expected = f"# Title\n\n{BEGIN}\n### T\n\nA note.\n\n| a | b |\n| ---: | ---: |\n| 1 | 22 |\n{END}\n\nafter\n"
+    assert page.read_text() == expected
+    write_page(page, table.markdown())
+    assert page.read_text() == expected
+    assert [path.name for path in tmp_path.iterdir()] == ["speed.md"]
+    assert table.text() == "T\nA note.\n\n  a   b\n  1  22\n"
+
+
+@pytest.mark.parametrize("text", ("nothing", f"{END}\n{BEGIN}\n", f"{BEGIN}\n{BEGIN}\n{END}\n"))
+def test_a_page_without_marks_is_refused(tmp_path, text):
+    """Oracle: the page is as it was."""
+    page = tmp_path / "speed.md"
+    page.write_text(text)
+    with pytest.raises(PageError, match="no place for the tables"):
+        check_page(page)
+    assert page.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    (
+        (["--quik"], "unknown option --quik of python -m benchmarks.continuation; nearest: --quick"),
+        (["fast"], "unexpected argument 'fast'"),
+        (["--only", "layer"], "unknown section 'layer'"),
+        (["--only"], "--only: expected one argument"),
+        (["--out", "no/such/page.md"], "cannot read no/such/page.md: No such file or directory"),
+        (["--out", "README.md", "--quick"], "expected no --only and no --quick"),
+    ),
+)
+def test_bad_input_is_one_line_and_nothing_is_measured(capsys, words, message):
+    """Oracle: exit code 2, one line on standard error that says what was wrong, nothing on standard output."""
+    assert continuation.main(words) == 2
+    out, error = capsys.readouterr()
+    assert out == "" and error.count("\n") == 1 and message in error
+
+
+def test_a_table_is_printed(capsys, monkeypatch):
+    """Oracle: the names of the processes that were run, and where it was measured."""
+    from benchmarks import whole_tables
+
+    monkeypatch.setattr(whole_tables, "PROCESSES", (("first", ("-c", "pass")), ("second", ("-c", "pass"))))
+    assert continuation.main(["--quick", "--only", "processes"]) == 0
+    out, error = capsys.readouterr()
+    assert out.startswith("Machine: ") and "first" in out and "second" in out and "Measured in" in out
+    assert error == ""
+
+
+def test_out_puts_the_tables_into_the_page(tmp_path, capsys, monkeypatch):
+    """Oracle: the page of the project, whose text around the marks stays; its tables are those printed."""
+    from benchmarks import effort, whole_tables
+
+    source = (Path(__file__).parents[2] / "docs" / "speed.md").read_text(encoding="utf-8")
+    page = tmp_path / "speed.md"
+    page.write_text(source, encoding="utf-8")
+    monkeypatch.setattr(effort, "FULL", QUICK)
+    monkeypatch.setattr(continuation, "SECTIONS", {"processes": "whole_tables"})
+    monkeypatch.setattr(whole_tables, "PROCESSES", (("first", ("-c", "pass")), ("second", ("-c", "pass"))))
+    assert continuation.main(["--out", str(page)]) == 0
+    written = page.read_text(encoding="utf-8")
+    assert written.partition(BEGIN)[0] == source.partition(BEGIN)[0] and written.partition(END)[2] == source.partition(END)[2]
+    measured = written.partition(BEGIN)[2].partition(END)[0]
+    assert measured.strip().startswith("Machine: ") and "### Whole processes, seconds" in measured
+    second = next(line for line in capsys.readouterr().out.splitlines() if line.strip().startswith("second"))
+    cells = [cell.strip() for line in measured.splitlines() if line.startswith("| second") for cell in line.strip("| ").split("|")]
+    assert cells[2] in second

@@ -1,0 +1,309 @@
+"""Families as they are followed: each orbit is one, each event is where it is said, each label counts what it says.
+
+Oracles: conservation of energy; the event-driven run, which shares no equation with the boundary-value problem; the saltation
+product in numpy; dense samples; the closed form of both backbones is in tests/saltus/test_continue.py.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import saltus
+from branches.labels import label_of
+from branches.tracing import TraceError, follow_family
+from bvp.cycle import cycle_of
+from bvp.multipliers import saddle_point_multipliers
+from bvp.multipoint import MultipointProblem
+from tests.branches.traced import EPS, count_label, monodromy, spread, traced
+
+NAMES = "S13O00+", "S11O00-", "S73O33-", "U8353-", "S11E11+@h=3.0", "S35O22+@h=1.0,alpha=4.91349"
+
+
+@pytest.fixture(params=NAMES, scope="module")
+def branch(request):
+    """A family of the reference system: two backbones, symmetric ones, unsymmetric ones, rest ends, unstable orbits."""
+    return traced(request.param)
+
+
+def sampled(branch, count=9):
+    return [branch.orbit(i) for i in spread(branch, count)]
+
+
+def test_energy_is_constant_along_each_orbit(branch):
+    """Oracle: conservation of energy, to 1e-13 relative, sampled over two periods and across impacts."""
+    for orbit in sampled(branch):
+        times = np.concatenate([np.linspace(0.0, 2.0 * orbit.period, 500), [impact.time for impact in orbit.impacts]])
+        energy = branch.system.energy(*orbit.sample(times))
+        assert np.max(np.abs(energy / orbit.h - 1.0)) < 1e-13
+
+
+def test_each_orbit_returns_to_itself_in_the_event_driven_run(branch):
+    """Oracle: a run of one period by the next-impact search; it returns within 100 eps |monodromy| |state|."""
+    for orbit in sampled(branch):
+        u, v = orbit.sample(np.zeros(1))
+        start = np.concatenate([u[0], v[0]])
+        run = saltus.run(branch.system, u[0], v[0], orbit.period)
+        bound = 100.0 * EPS * np.linalg.norm(monodromy(orbit), 2) * np.linalg.norm(start)
+        assert np.linalg.norm(run.final - start) < bound, (orbit.h, orbit.alpha)
+        assert list(run.contacts) == [impact.stop for impact in orbit.impacts]
+
+
+def test_no_orbit_passes_a_stop(branch):
+    """Oracle: dense samples: |u1 - u2| <= 1 all along."""
+    for orbit in sampled(branch):
+        u, _ = orbit.sample(np.linspace(0.0, orbit.period, 5001))
+        assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12
+
+
+def test_multipliers_are_those_of_the_saltation_product(branch):
+    """Oracle: eigenvalues of the monodromy formed in numpy; it has two trivial ones, a Jordan pair, known to sqrt(eps) only."""
+    for orbit in sampled(branch):
+        product = monodromy(orbit)
+        size = np.linalg.norm(product, 2)
+        tau = np.trace(product) - 2.0
+        assert abs(orbit.tau - tau) < 1e3 * EPS * size + 1e-9 * abs(tau), (orbit.h, orbit.tau, tau)
+        assert abs(np.sum(orbit.multipliers).real - orbit.tau) < (1e-9 + 4.0 * EPS * size) * max(1.0, abs(orbit.tau))
+        assert abs(np.prod(orbit.multipliers) - 1.0) < 1e-9 + 4.0 * EPS * size
+        assert orbit.quality["reliable"] is True
+
+
+def test_stability_is_that_of_the_trace(branch):
+    """Oracle: the numpy trace, where it is further from 2 than its own error."""
+    decided = 0
+    for orbit in sampled(branch, 25):
+        product = monodromy(orbit)
+        tau, error = np.trace(product) - 2.0, 1e4 * EPS * np.linalg.norm(product, 2)
+        if abs(abs(tau) - 2.0) > error:
+            decided += 1
+            assert orbit.stable is bool(abs(tau) < 2.0), (orbit.h, tau)
+    assert decided >= 3
+
+
+@pytest.mark.parametrize("pieces", [3, 20, 100])
+def test_cut_flights_have_the_same_multipliers(branch, pieces):
+    """Oracle: the uncut orbit, and tau of the branch: 1e-9, up to where eps times the multiplier is no more than a tenth of that.
+
+    A multiplier next to grazing goes with one over the impact's speed, and rounding of the orbit moves it by eps times its square.
+    """
+    for i in spread(branch, 8):
+        orbit = branch.orbit(i)
+        if np.linalg.norm(monodromy(orbit), 2) * EPS > 1e-10:
+            continue
+        whole = saddle_point_multipliers(orbit.cycle)
+        cut = saddle_point_multipliers(orbit.cycle, pieces=pieces)
+        assert np.max(np.abs(cut.values / whole.values - 1.0)) < 1e-9
+        assert math.isclose(cut.trace, branch.points["tau"][i], rel_tol=1e-9, abs_tol=1e-9)
+
+
+def test_labels_count_half_waves_and_impacts(branch):
+    """Oracle: sign changes of u1' and u2' and impacts, counted on dense samples of the half period."""
+    for i in spread(branch, 12):
+        orbit = branch.orbit(i)
+        m, n, first, second, quarter = count_label(orbit)
+        if any(event.point == i for event in branch.events):
+            continue
+        symmetric = branch.ends != ("origin", "origin")
+        parity = ("O" if quarter else "E") if symmetric else None
+        u, v = orbit.sample(np.zeros(1))
+        expected = label_of(m, n, parity, first, second, "+" if v[0, 0] * v[0, 1] > 0 else "-")
+        assert orbit.label == str(expected) == branch.points["label"][i], (orbit.h, orbit.alpha)
+
+
+def test_symmetric_orbits_are_antiperiodic(branch):
+    """Oracle: u(t + T/2) = -u(t) where a quarter was solved."""
+    if branch.ends == ("origin", "origin"):
+        return
+    orbit = branch.orbit(len(branch) // 2)
+    times = np.linspace(0.0123, 0.9871, 50) * orbit.period
+    u, v = orbit.sample(times)
+    later_u, later_v = orbit.sample(times + 0.5 * orbit.period)
+    assert np.max(np.abs(later_u + u)) < 1e-12 * np.max(np.abs(u)) and np.max(np.abs(later_v + v)) < 1e-11 * np.max(np.abs(v))
+
+
+def test_points_and_events_are_in_order_of_arclength(branch):
+    """Oracle: the definition of arclength: chords of (start / sqrt(2 h), log h, log alpha) are no longer, and nearly as long."""
+    s = branch.points["arclength"]
+    assert s[0] == 0.0 and np.all(np.diff(s) > 0.0)
+    assert all(a.arclength <= b.arclength for a, b in zip(branch.events, branch.events[1:], strict=False))
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    chords = np.hypot(np.diff(np.log(h)), np.diff(np.log(alpha)))
+    assert np.all(chords <= np.diff(s) * (1.0 + 1e-6) + 1e-9)
+    assert np.max(branch.points["residual"]) < 1e-12
+
+
+def test_events_lie_in_their_brackets(branch):
+    """Oracle: the bracket, 1e-10 wide in arclength where the event is located; at a branch point the equations are singular."""
+    for event in branch.events:
+        low, high = event.bracket
+        assert low <= event.arclength <= high and branch.points["arclength"][event.point] == event.arclength
+        assert branch.points["h"][event.point] == event.h and branch.points["alpha"][event.point] == event.alpha
+        if event.type != "BP":
+            assert event.status == "located" and high - low < 1e-9, event
+
+
+def test_tau_at_the_events(branch):
+    """Oracle: tau = 2 at SN, BP and SB, -2 at PD, 2 cos(2 pi p/q) at RT, from the saltation product."""
+    for event in branch.events:
+        if event.type not in ("SN", "BP", "SB", "PD", "RT"):
+            continue
+        product = monodromy(branch.orbit(event.point))
+        p, q = {"PD": (1, 2)}.get(event.type) or event.p_q or (0, 1)
+        expected = 2.0 * math.cos(2.0 * math.pi * p / q)
+        slope = np.gradient(branch.points["tau"], branch.points["arclength"])
+        steep = np.nanmax(np.abs(slope[max(0, event.point - 3) : event.point + 4]))
+        error = 1e4 * EPS * np.linalg.norm(product, 2) + 1e-9 * (1.0 + steep)
+        assert abs(np.trace(product) - 2.0 - expected) < (error if event.type != "BP" else 1e-6), event
+
+
+def test_folds_and_nothing_else_turn_the_energy():
+    """Oracle: the energies of the points: between neighbours of an SN the energy turns, elsewhere it does not."""
+    for name in NAMES:
+        branch = traced(name)
+        h = branch.points["h"]
+        folds = {event.point for event in branch.events if event.type in ("SN", "BP")}
+        for i in range(1, len(h) - 1):
+            turns = (h[i] - h[i - 1]) * (h[i + 1] - h[i]) < -((1e-13 * h[i]) ** 2)
+            assert not turns or folds & {i - 1, i, i + 1}, (name, i)
+
+
+def test_grazing_ends_are_grazing():
+    """Oracle: the orbits at the ends: a wall is touched to 1e-9 without an impact, or an impact has no speed."""
+    for name in NAMES:
+        branch = traced(name)
+        for event in branch.events:
+            if event.type != "GR":
+                continue
+            assert event.point in (0, len(branch) - 1)
+            orbit = branch.orbit(event.point)
+            if "touches" in event.note:
+                u, _ = orbit.sample(np.linspace(0.0, orbit.period, 200001))
+                w = u[:, 0] - u[:, 1]
+                times = np.linspace(0.0, orbit.period, 200001)
+                away = np.min(np.abs(times[:, None] - np.array([x.time for x in orbit.impacts])), axis=1) > 1e-2
+                reached = np.max(np.abs(w[away]))
+                assert 1.0 - 1e-6 < reached < 1.0 + 1e-9
+            else:
+                assert min(x.speed for x in orbit.impacts) < 1e-8 * math.sqrt(2.0 * orbit.h)
+                assert event.multiplier is None and event.stable is None
+
+
+def test_points_next_to_grazing_keep_their_quality():
+    """Oracle: near grazing a multiplier grows without bound, its partner is its inverse to 1e-6."""
+    large = 0
+    for name in NAMES:
+        branch = traced(name)
+        multipliers = branch.points["multipliers"]
+        for i in np.flatnonzero(np.abs(multipliers[:, 0]) > 1e3):
+            large += 1
+            assert abs(multipliers[i, 0] * multipliers[i, 1] - 1.0) < 1e-6
+    assert large > 5
+
+
+def test_a_multiplier_above_a_hundred_million_keeps_its_pair():
+    """Oracle: the product of a pair is 1, to 1e-6 relative; orbits next to grazing, by the saddle-point route."""
+    branch = traced("S11O00-")
+    quarter = 0.5 * math.pi / branch.system.modes.frequencies[1]
+    for apart in (1e-5, 1.5e-5, 2e-5):
+        solution = branch.problem.solve(branch.unknowns(1), quarter_period=quarter * (1.0 - apart))
+        found = saddle_point_multipliers(cycle_of(branch.problem, solution.y))
+        assert abs(found.values[0]) > 1e8 and found.quality.reliable
+        assert abs(found.values[0] * found.values[1] - 1.0) < 1e-6
+
+
+# ------------------------------------------------------------------------------------------------------- how a family is followed
+
+
+def test_tracing_on_from_a_saved_point_is_the_same_branch(tmp_path):
+    """Oracle: the branch itself: id, ends, events and energies of the family traced on from several of its points."""
+    branch = traced("S13O00+")
+    branch.save(tmp_path / "branch.json")
+    saved = saltus.read_branch(tmp_path / "branch.json")
+    for i in (1, 20, len(saved) // 2, len(saved) - 2):
+        again = saved.trace(i, energy=(0.05, 1e4))
+        assert again.id == branch.id
+        types = [event.type for event in again.events]
+        assert types == [event.type for event in branch.events]
+        for mine, theirs in zip(again.events, branch.events, strict=True):
+            assert math.isclose(mine.h, theirs.h, rel_tol=1e-9) and math.isclose(mine.alpha, theirs.alpha, rel_tol=1e-9)
+
+
+def test_conditions_of_the_user():
+    """Oracle: the condition itself; the words that it gives are the reason."""
+    branch = saltus.trace("S13O00+", direction="up", stop_when=lambda orbit: orbit.alpha < 1.65 and "alpha is below 1.65")
+    assert branch.ended[1].reason == "STOP_WHEN" and "alpha is below 1.65" in branch.ended[1].text
+    assert branch.points["alpha"][-1] < 1.65 and np.all(branch.points["alpha"][:-1] >= 1.65)
+
+
+def test_an_interrupted_run_keeps_what_it_has():
+    """Oracle: the points told before the interruption travel with it, in order of arclength."""
+
+    def interrupt(count):
+        if count == 150:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        saltus.trace("S13O00+", on_point=interrupt)
+    kept = caught.value.branch
+    whole = traced("S13O00+")
+    assert 149 <= len(kept) <= 151 and np.all(np.diff(kept.points["arclength"]) > 0.0)
+    assert kept.ended[0].reason == "INTERRUPTED"
+    assert set(kept.points["h"].tolist()) <= set(whole.points["h"].tolist())
+
+
+def test_callbacks_tell_what_the_branch_has():
+    """Oracle: the branch that is returned."""
+    events, ends, counts = [], [], []
+    branch = saltus.trace("S73O33-", on_event=events.append, on_end=ends.append, on_point=counts.append)
+    assert sorted((e.type, e.number, e.h) for e in events) == sorted((e.type, e.number, e.h) for e in branch.events)
+    assert tuple(ends) == branch.ended and counts[-1] == len(branch)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"direction": "left"}, "expected up, down or both"),
+        ({"points": 0}, "expected at least 1"),
+        ({"energy": (2.0, 1.0)}, "empty or reversed"),
+        ({"energy": (float("nan"), 1.0)}, "expected 0 <= LO < HI"),
+    ],
+)
+def test_options_that_cannot_be(options, words):
+    """Oracle: the message says what was expected."""
+    branch = traced("S13O00+")
+    with pytest.raises(TraceError, match=words):
+        branch.trace(5, **options)
+
+
+def test_a_family_is_the_same_from_either_end():
+    """Oracle: an orbit between two origins run from its other end is the same orbit: same id, mirrored label."""
+    branch = traced("U8353-")
+    problem = branch.problem
+    i = len(branch) // 2
+    orbit = branch.orbit(i)
+    other = {"+": "-", "-": "+"}
+    # u -> -u(T/2 - t): the velocities at the far end are the new start's, impacts come in reverse order on the other side
+    times = orbit.solution.y[problem.parameters :: problem.size + 1][: problem.inner + 1]
+    half = 0.5 * orbit.period
+    word = tuple(other[letter] for letter in reversed(problem.word))
+    turned = MultipointProblem(problem.system, problem.ends, word)
+    u, v = orbit.sample(np.array([half]))
+    start = problem.modes.from_state @ np.concatenate([u[0], v[0]])
+    instants = np.cumsum(times)[:-1]
+    nodes = []
+    for instant in instants[::-1]:
+        u, v = orbit.sample(np.array([instant * (1.0 - 1e-13)]))  # before the impact; reversed time makes it after
+        nodes.append(problem.modes.from_state @ np.concatenate([-u[0], v[0]]))
+    again = follow_family(turned, turned.pack(start, np.array(nodes), times[::-1]), energy=(0.05, 1e4))
+    assert again.id == branch.id
+    assert "U8335-" in set(again.points["label"])
+    assert np.allclose(sorted(e.h for e in again.events), sorted(e.h for e in branch.events), rtol=1e-9)
+
+
+def test_the_identity_does_not_depend_on_the_way():
+    """Oracle: one family has one id: from several starts, in either order, by name and by name with a suffix."""
+    branch = traced("S13O00+")
+    ids = {branch.trace(i, energy=(0.05, 1e4), rising=rising).id for i in (5, 60, -5) for rising in (True, False)}
+    ids |= {saltus.trace(name).id for name in ("S13+", "S13O00+@h=0.5", "S13O00+@alpha=1.66")}
+    assert ids == {branch.id}
+    assert saltus.trace(branch.id).id == branch.id
