@@ -5,6 +5,8 @@ stop end, with time reversed. A segment between an origin and a rest or stop end
 stands at minus its start, and the second half period is the negative of the first.
 """
 
+from numba import int64
+
 from bvp.kernels.compiled import kernel
 from bvp.kernels.multipoint import ORIGIN, STOP, start_state
 
@@ -50,7 +52,7 @@ def unfold(segment, y, ends, before, after, duration, row, work):
     start = work[0, :size]
     mirror = work[1, :size]
     start_state(segment, y, start)
-    count = 0
+    count = int64(0)
     first = 0.0
     if segment.shape[1] == 1:
         for i in range(k + 1):

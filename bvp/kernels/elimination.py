@@ -19,6 +19,8 @@ Layout of the factor arrays (m = N + 1 equations a flight, k full flights, c clo
 
 import math
 
+from numba import int64
+
 from bvp.kernels.compiled import kernel
 
 __all__ = ["eliminate", "forward", "apply_reflectors"]
@@ -73,7 +75,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
                 continue
             reflections += 1
             for other in range(e + 1, rows):
-                _reflect(column, j - base, end - base, f, window[i * rows + other], 0)
+                _reflect(column, j - base, end - base, f, window[i * rows + other], int64(0))
             if i + 1 < flights:
                 shift = base - i * rows
                 for other in range(rows):
@@ -91,7 +93,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
             continue
         reflections += 1
         for other in range(e + 1, closers):
-            _reflect(column, first + e, unknowns, f, closing[other], 0)
+            _reflect(column, first + e, unknowns, f, closing[other], int64(0))
     return reflections
 
 
@@ -121,7 +123,7 @@ def apply_reflectors(flights, rows, start, window, closing, factor, x):
     first = flights * rows
     for e in range(closing.shape[0] - 1, -1, -1):
         if factor[first + e] != 0.0:
-            _reflect(closing[e], first + e, unknowns, factor[first + e], x, 0)
+            _reflect(closing[e], first + e, unknowns, factor[first + e], x, int64(0))
     for i in range(flights - 1, -1, -1):
         base = max(0, (i - 1) * rows)
         end = start + (i + 1) * rows

@@ -9,6 +9,9 @@ the reversal, of det a or det d a doubling.
 
 import math
 
+import numpy as np
+from numba import int64
+
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_state, rate
 from bvp.kernels.multipoint import ORIGIN, REST, STOP, start_state
@@ -36,7 +39,7 @@ def section_basis(segment, node, kind, z, vectors, out):
         out[0, 1] = vectors[0, 0] / norm
         return
     head = vectors[0, 0]
-    complement(vectors, 1, out)
+    complement(vectors, int64(1), out)
     if head < 0.0:
         for r in range(half):
             out[half - 2, r] = -out[half - 2, r]
@@ -64,11 +67,11 @@ def half_map(segment, y, ends, work, phi):
     kind = segment.shape[3]
     z = work[0, :size]
     field = work[1, :size]
-    vectors = work[2:3, :half]
+    vectors = np.empty((1, half))
     v = work[3, :size]
     x = work[4, :size]
-    first = work[5 : 5 + half - 1, :half]
-    last = work[5 + half : 5 + half + half - 1, :half]
+    first = np.empty((half - 1, half))
+    last = np.empty((half - 1, half))
     start_state(segment, y, z)
     section_basis(segment, k + 1, kind, z, vectors, first)
     final_kind = segment.shape[4]

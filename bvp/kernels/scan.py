@@ -8,6 +8,7 @@ where its velocity passes zero, the other velocity (rest).
 import math
 
 import numpy as np
+from numba import int64
 
 from bvp.kernels.compiled import kernel
 from bvp.kernels.extrema import amplitude_bound, dot, safe_step
@@ -91,7 +92,7 @@ def scan(
     for m in range(starts.shape[0]):
         for r in range(size):
             z[r] = starts[m, r]
-        leaving = -1
+        leaving = int64(-1)
         elapsed = 0.0
         status[m] = 0
         for k in range(most_impacts + 1):

@@ -7,6 +7,7 @@ map and multipliers. Together they give the raw values that test functions are m
 import math
 
 import numpy as np
+from numba import int64
 
 from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import kernel
@@ -114,6 +115,27 @@ def tangent_at(segment, y, factor, old_direction, metric, tangent, result):
 
 
 @kernel
+def bends(segment, observed, stop, i, end):
+    """Whether flight i begins (end 0) or ends (1) with an impact at another stop than the given one, which bends the path of its
+    gap there: an extremum that is no turning point inside a flight."""
+    k = segment.shape[0]
+    if end == 0:
+        node = i - 1 if i > 0 else k + 1
+        hit = i > 0 or segment.shape[3] == STOP or segment.shape[3] == PERIODIC
+    else:
+        node = i
+        hit = i < k or segment.shape[4] == STOP or segment.shape[4] == PERIODIC
+    if not hit:
+        return False
+    apart = 0.0
+    size = 0.0
+    for r in range(observed.gap.shape[1]):
+        apart += abs(observed.gap[stop, r] - segment.gap[node, r])
+        size += abs(observed.gap[stop, r])
+    return apart > 1e-9 * size
+
+
+@kernel
 def observe(segment, observed, y, ends, work, result):
     """Admissibility, impact speeds, flight times and half-waves of the orbit at y (`ends`: states at the end of each flight)."""
     size = segment.matrix.shape[0]
@@ -131,8 +153,8 @@ def observe(segment, observed, y, ends, work, result):
     shortest_index = 0
     changes_absorber = 0
     changes_primary = 0
-    sign_absorber = 0
-    sign_primary = 0
+    sign_absorber = int64(0)
+    sign_primary = int64(0)
     total = 0.0
     at = s
     for _ in range(k + 1):
@@ -175,7 +197,7 @@ def observe(segment, observed, y, ends, work, result):
                     resting = (end == 0 and i == 0 and segment.shape[3] == REST) or (
                         end == 1 and i == k and segment.shape[4] == REST
                     )
-                    if resting:
+                    if resting or (observed.gap.shape[0] > 1 and bends(segment, observed, stop, i, end)):
                         w = 0.0
                         for r in range(size):
                             w += observed.gap[stop, r] * (z[r] if end == 0 else ends[i, r])

@@ -31,7 +31,8 @@ def test_a_file_keeps_every_bit(tmp_path, name):
         np.testing.assert_array_equal(back.points[key], values, err_msg=key)
         assert back.points[key].dtype.kind == values.dtype.kind
     assert back.events == branch.events and back.ended == branch.ended and back.id == branch.id
-    assert (back.label, back.word, back.ends, back.aliases, back.start) == (branch.label, branch.word, branch.ends, branch.aliases, branch.start)
+    for attribute in ("label", "word", "ends", "aliases", "start"):
+        assert getattr(back, attribute) == getattr(branch, attribute), attribute
     assert back.system.describe() == branch.system.describe()
     back.save(tmp_path / "c.json")
     assert (tmp_path / "c.json").read_bytes() == (tmp_path / "b.json").read_bytes()

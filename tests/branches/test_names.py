@@ -129,7 +129,8 @@ def test_orbits_without_impacts_are_no_answer():
 
 def test_systems_on_which_names_cannot_be_searched():
     """Oracle: the message says what the system has and what is expected instead."""
-    chain = ImpactSystem([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]], [[0.0] * 3] * 3, [[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]], (Stop((1.0, -1, 0), -1, 1),))
+    stiffness = [[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]]
+    chain = ImpactSystem([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]], [[0.0] * 3] * 3, stiffness, (Stop((1.0, -1, 0), -1, 1),))
     with pytest.raises(ValueError, match="this system has 3: start its families from a given state"):
         found("S11O00-", system=chain)
     one_sided = ImpactSystem([[1.0, 0], [0, 1.0]], [[0.0] * 2] * 2, [[2.0, -1], [-1, 2]], (Stop((1.0, -1), upper=1.0),))

@@ -1,6 +1,6 @@
 """What is said of the points: tau, stability, multipliers, quality.
 
-Oracles: tau_half of the closed form in forty digits; the half map in many digits (tests/bvp/high_precision.py) where there is no closed form.
+Oracles: tau_half of the closed form in forty digits; the monodromy formed in numpy where there is no closed form.
 """
 
 import numpy as np

@@ -82,14 +82,9 @@ def test_stability_is_that_of_the_trace(branch):
 
 @pytest.mark.parametrize("pieces", [3, 20, 100])
 def test_cut_flights_have_the_same_multipliers(branch, pieces):
-    """Oracle: the uncut orbit, and tau of the branch: 1e-9, up to where eps times the multiplier is no more than a tenth of that.
-
-    A multiplier next to grazing goes with one over the impact's speed, and rounding of the orbit moves it by eps times its square.
-    """
+    """Oracle: the uncut orbit, and tau of the branch: 1e-9, at orbits next to grazing too."""
     for i in spread(branch, 8):
         orbit = branch.orbit(i)
-        if np.linalg.norm(monodromy(orbit), 2) * EPS > 1e-10:
-            continue
         whole = saddle_point_multipliers(orbit.cycle)
         cut = saddle_point_multipliers(orbit.cycle, pieces=pieces)
         assert np.max(np.abs(cut.values / whole.values - 1.0)) < 1e-9
