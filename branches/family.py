@@ -29,7 +29,7 @@ RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 _I = RESULT_INDEX
 _CLEAR = 1e3
 _BRANCHING = 1
-_SINGULAR = 2e-3
+_SINGULAR = 1e-4
 _SHORT = 1e-3
 _NOISE = 2e-13
 """Part of the half map's largest entry below which an entry is rounding: a conserved momentum makes one vanish all along a family, and
@@ -253,7 +253,7 @@ class Family:
         have their least energy or tau = 2 there; the equations are singular, so the zeros are found apart by the square root
         of rounding."""
         first, here, last = (float(step.tests[_BRANCHING]) for step in (before, at, after))
-        return first * last < 0.0 and abs(here) < _SINGULAR * max(abs(first), abs(last))
+        return first * last < 0.0 and abs(here) * after.step_size < _SINGULAR * abs(last - first)
 
     def _just_before(self, before: Point, location: Location) -> Solution:
         """The orbit a little before an event. At grazing itself a turning point meets an impact, at an impulsive orbit a velocity

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["AmbiguousName", "Limits", "NameNotFound", "resolve", "search_bounds"]
 
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
-"""Scans: step in log h, and angles over half a turn for each inner impact up to four (at least one). Each level is finer; the search
-ends at the first that finds the name."""
+"""Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
+inner impact up to four (at least one). Each level is finer; the search ends at the first that finds the name."""
 
 PIN_TOLERANCE = 0.02
 """How far, relatively, the quarter period of a chosen family may be from its pin at the pin's energy."""
@@ -208,7 +208,7 @@ class _Search:
     def run(self, levels: Sequence[tuple[float, int]]) -> list[Found]:
         """All matches of the first of the levels that has any."""
         for step, density in levels:
-            energies = self._energies(step)
+            energies = self._energies(step if max(self.impacts) else 2.0 * step)
             angles = density * max(1, min(4, max(self.impacts)))
             self.searched = (len(energies), angles)
             found = [orbit for h in energies for orbit in self._at(h, angles)]

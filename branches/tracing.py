@@ -87,7 +87,9 @@ def trace(
     energy = check_energy(energy if energy is not None else limits.energy)
     found, rising = resolve(name, system, pins=pins or {}, limits=limits, energy=energy)
     if not energy[0] <= found.h <= energy[1]:
-        raise TraceError(f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}; expected a range with it inside")
+        raise TraceError(
+            f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}; expected a range with it inside"
+        )
     if on_start is not None:
         problem = found.problem
         on_start(

@@ -7,13 +7,13 @@ stands at minus its start, and the second half period is the negative of the fir
 
 from numba import int64
 
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.multipoint import ORIGIN, STOP, start_state
 
 __all__ = ["count_impacts", "unfold"]
 
 
-@kernel
+@part
 def count_impacts(shape):
     """Impacts in the whole period."""
     k = shape[0]

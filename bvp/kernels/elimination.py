@@ -21,12 +21,12 @@ import math
 
 from numba import int64
 
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 
 __all__ = ["eliminate", "forward", "apply_reflectors"]
 
 
-@kernel
+@part
 def _reflector(column, first, last):
     """Turn column[first:last] into a reflector; return the diagonal entry of R and 2/(v.v)."""
     total = 0.0
@@ -55,7 +55,7 @@ def _reflect(column, first, last, factor, other, shift):
             other[r + shift] -= total * column[r]
 
 
-@kernel
+@part
 def eliminate(flights, rows, start, closing_first, window, closing, diagonal, factor):
     """Reduce J^T in place. `rows` = m; `start` = size of the first block of unknowns; `closing_first` = first flight whose
     unknowns the closing equations touch. Returns (sign of the determinant of [R], number of reflections)."""
@@ -97,7 +97,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
     return reflections
 
 
-@kernel
+@part
 def forward(flights, rows, window, closing, diagonal, right):
     """Solve R^T x = right in place."""
     for i in range(flights):

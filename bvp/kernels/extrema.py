@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.bounds import block_growth, envelope
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
 
 __all__ = ["Observed", "amplitude_bound", "clearance", "sign_changes"]
@@ -74,7 +74,7 @@ def amplitude_bound(pairs, mean, delta, matrix, row, z, horizon):
     return total
 
 
-@kernel
+@part
 def safe_step(f, slope, bound):
     """Longest step over which f has no zero, or is monotone."""
     if bound <= 0.0:
@@ -115,7 +115,7 @@ def sign_changes(pairs, mean, delta, matrix, value, rate, second, z, duration, s
     return -1, sign
 
 
-@kernel
+@part
 def clearance(pairs, mean, delta, matrix, observed, stop, z, duration, work):
     """Least distance to the bounds of one stop at the turning points of w inside a flight: (distance, side, time); distance
     is infinite where w does not turn, NaN when the search gave up."""

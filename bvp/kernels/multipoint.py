@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.arrays import set_1, set_2
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.elimination import apply_reflectors, eliminate, forward
 from bvp.kernels.flight import flow_matrix, flow_state, rate
 
@@ -200,7 +200,7 @@ def set_scale(segment, y, factor):
     return displacement, velocity, longest
 
 
-@kernel
+@part
 def jacobian_blocks(segment, i, time, factor, landing, push_rate):
     """landing = R exp(B t_i) (dense), push_rate = R B z(t_i): what an impact makes of a node's and a flight time's change."""
     size = segment.matrix.shape[0]
@@ -223,7 +223,7 @@ def jacobian_blocks(segment, i, time, factor, landing, push_rate):
                     landing[r, c] -= total * segment.push[i, r]
 
 
-@kernel
+@part
 def fill(segment, y, factor):
     """Write the scaled transpose of the Jacobian at y into the factor arrays (before: `evaluate` at y)."""
     size = segment.matrix.shape[0]
@@ -407,7 +407,7 @@ def metric_direction(segment, y, position, energy, alpha, tangent, out):
     return change, math.sqrt(length)
 
 
-@kernel
+@part
 def constraint_row(segment, y, energy, alpha, position, direction, row):
     """Row r with r . dy = <direction, change of `locate` along dy>: the pseudo-arclength condition in the unknowns."""
     size = segment.matrix.shape[0]
@@ -429,7 +429,7 @@ def constraint_row(segment, y, energy, alpha, position, direction, row):
         at += size + 1
 
 
-@kernel
+@part
 def scaled_residual(segment, residual, displacement, velocity):
     """Largest residual, displacements and velocities each by their own scale."""
     size = segment.matrix.shape[0]

@@ -23,7 +23,7 @@ import math
 import numpy as np
 
 from bvp.kernels.arrays import set_2
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_matrix, rate
 
 __all__ = ["complement", "landing_map", "landings", "pencil", "sweep", "trivial_directions"]
@@ -69,7 +69,7 @@ def complement(vectors, count, out):
                     x[r] -= inner * vectors[c, r]
 
 
-@kernel
+@part
 def landing_map(pairs, mean, delta, matrix, gap_rate, push, jump, duration, before, scale, landing, along):
     """landing = R exp(B t), along = R B z(t), in states divided by `scale`; jump = 0 leaves the impact out."""
     size = matrix.shape[0]
@@ -93,7 +93,7 @@ def landing_map(pairs, mean, delta, matrix, gap_rate, push, jump, duration, befo
             landing[r, c] *= scale[c] / scale[r]
 
 
-@kernel
+@part
 def _constraints(gap, weights, after, scale, conservative, free, vectors):
     """Rows that a perturbation of a node is orthogonal to; returns how many."""
     size = after.shape[0]

@@ -10,7 +10,7 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.cycle import count_impacts, unfold
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import flow_state
@@ -83,7 +83,7 @@ RESULT = (
 ) = range(39)
 
 
-@kernel
+@part
 def tangent_at(segment, y, factor, old_direction, metric, tangent, result):
     """Tangent at a solution y, of unit length in the metric and turned like `old_direction` (all zero: as it comes)."""
     unknowns = y.shape[0]
@@ -135,7 +135,7 @@ def bends(segment, observed, stop, i, end):
     return apart > 1e-9 * size
 
 
-@kernel
+@part
 def observe(segment, observed, y, ends, work, result):
     """Admissibility, impact speeds, flight times and half-waves of the orbit at y (`ends`: states at the end of each flight)."""
     size = segment.matrix.shape[0]
@@ -263,7 +263,7 @@ def observe(segment, observed, y, ends, work, result):
                 result[IN_PHASE] = 0.0
 
 
-@kernel
+@part
 def stability_2(segment, y, ends, cycle_before, cycle_after, cycle_time, cycle_row, scale, left, right, work, result):
     """Half map, and multipliers of the reduced saddle-point matrix, for two degrees of freedom."""
     size = segment.matrix.shape[0]

@@ -112,8 +112,8 @@ def test_narrow_ranges(energy):
     """Oracle: the family passes these energies: S13O00+ begins at 0.1185078 and ends at 14.5537."""
     branch = traced("S13O00+", low=energy[0], high=energy[1])
     h = branch.points["h"]
-    assert math.isclose(h.max(), energy[1], rel_tol=1e-12)
-    assert math.isclose(h.min(), energy[0], rel_tol=1e-12)
+    assert math.isclose(h.max(), energy[1], rel_tol=2e-10)
+    assert math.isclose(h.min(), energy[0], rel_tol=2e-10)
 
 
 def test_orbits_without_impacts_are_no_answer():

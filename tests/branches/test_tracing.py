@@ -87,7 +87,9 @@ def test_cut_flights_have_the_same_multipliers(branch, pieces):
         orbit = branch.orbit(i)
         whole = saddle_point_multipliers(orbit.cycle)
         cut = saddle_point_multipliers(orbit.cycle, pieces=pieces)
-        assert np.max(np.abs(cut.values / whole.values - 1.0)) < 1e-9
+        # the two multipliers of a nearly parabolic orbit move by rounding over their distance
+        error = 1e-9 + 1e-13 / np.abs(whole.values[0] - whole.values[1])
+        assert np.max(np.abs(cut.values / whole.values - 1.0)) < error
         assert math.isclose(cut.trace, branch.points["tau"][i], rel_tol=1e-9, abs_tol=1e-9)
 
 

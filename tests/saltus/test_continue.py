@@ -162,7 +162,7 @@ def test_out_of_phase_backbone_is_the_closed_form():
     code, data, _ = told("continue", "S11O00-")
     assert code == 0
     h = column(data, "h")
-    assert math.isclose(h.max(), 1e4, rel_tol=1e-12) and set(column(data, "label")) == {"S11O00-"}
+    assert math.isclose(h.max(), 1e4, rel_tol=2e-10) and set(column(data, "label")) == {"S11O00-"}
     assert largest_miss(data, Backbone()) < 1e-12
 
 
@@ -378,12 +378,12 @@ def test_points_are_counted_in_total(points):
 
 @pytest.mark.parametrize("bounds", ["0.2:0.7", "0.5:0.5000000001", "1e11:1e12"])
 def test_the_family_ends_on_the_bounds_of_the_energy(bounds):
-    """Oracle: the bounds, to rounding."""
+    """Oracle: the bounds, to the 1e-10 in arclength to which events are located."""
     name = "S11O00-" if "e" in bounds else "S13O00+"
     code, data, _ = told("continue", name, "--energy", bounds)
     low, high = map(float, bounds.split(":"))
     h = column(data, "h")
-    assert code == 0 and math.isclose(h.min(), low, rel_tol=1e-12) and math.isclose(h.max(), high, rel_tol=1e-12)
+    assert code == 0 and math.isclose(h.min(), low, rel_tol=2e-10) and math.isclose(h.max(), high, rel_tol=2e-10)
     assert [event["type"] for event in (data["events"][0], data["events"][-1])] == ["EP", "EP"]
     assert largest_miss(data, Backbone()) < 1e-12
 
@@ -393,7 +393,7 @@ def test_a_narrow_range_near_grazing_has_the_family():
     code, data, err = told("continue", "S13O00+", "--energy", "0.1185079:0.1186")
     assert code == 0, err
     h = column(data, "h")
-    assert math.isclose(h.min(), 0.1185079, rel_tol=1e-12) and math.isclose(h.max(), 0.1186, rel_tol=1e-12)
+    assert math.isclose(h.min(), 0.1185079, rel_tol=2e-10) and math.isclose(h.max(), 0.1186, rel_tol=2e-10)
 
 
 def test_the_event_to_stop_at_is_the_last():
