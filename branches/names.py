@@ -15,6 +15,7 @@ import numpy as np
 from branches.discovery import Found, Scanner, accept
 from branches.labels import Label, Name, canonical, matches, nearest, parse_name, roots
 from branches.words import split_family_id
+from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -237,6 +238,8 @@ class _Search:
         out = []
         for scanner in self.scanners:
             for orbit in scanner.orbits(h, angles, self.impacts):
+                if not self._matches(orbit) and self._matches_turned(orbit):
+                    orbit = from_other_end(orbit)
                 if self._matches(orbit):
                     out.append(orbit)
                 elif orbit.label is not None:
@@ -255,6 +258,11 @@ class _Search:
         if pattern.p is not None and pattern.p != pattern.q:
             return pattern.p == label.p
         return label.p is None or label.q is None or label.p <= label.q
+
+    def _matches_turned(self, orbit: Found) -> bool:
+        """Whether the orbit has the label when it is started at its other end: Umnpq is Umnqp."""
+        label, pattern = orbit.label, self.name.label
+        return label is not None and pattern is not None and label.kind == "U" and label.p != label.q and matches(pattern, label)
 
     def families(self, found: list[Found]) -> list[tuple[Found, Branch]]:
         """One orbit of each family, and the family traced."""
@@ -297,6 +305,19 @@ class _Search:
         search = _Search(self.system, Name(root, None, None, None), self.limits, self.range)
         step, angles = LEVELS[0]
         return any(search._at(h, angles) for h in search._energies(step))
+
+
+def from_other_end(orbit: Found) -> Found:
+    """The same origin..origin orbit, started half a period later; itself where Newton does not confirm it there."""
+    from branches.switching import embed
+
+    stretch = embed(orbit.problem, orbit.solution.y, (1, 2))
+    problem = MultipointProblem(orbit.problem.system, stretch.ends, stretch.word)
+    try:
+        turned = accept(problem, problem.solve(stretch.unknowns(problem), energy=orbit.h))
+    except NotConverged:
+        return orbit
+    return orbit if turned is None else turned
 
 
 def passes(branch: Branch, orbit: Found) -> bool:

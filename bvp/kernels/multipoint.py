@@ -458,7 +458,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     """Newton's corrections of y, in place, held on row . y = target (row all zero: least-norm corrections).
 
     The factorisation is kept while a correction with it shrinks the update tenfold. Ends when the update stagnates at rounding
-    level. Returns (converged, iterations, worst ratio of successive updates, scaled residual)."""
+    level; with no iterations allowed, y is only looked at. Returns (converged, iterations, worst ratio of successive updates, scaled residual)."""
     unknowns = y.shape[0]
     z = factor.work[2]
     update = factor.work[3]
@@ -474,6 +474,9 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     worst = math.inf
     evaluate(segment, y, factor.before, z[:size], residual)
     displacement, velocity, longest = set_scale(segment, y, factor)
+    if maximum == 0:
+        worst = scaled_residual(segment, residual, displacement, velocity)
+        return worst < 1e-12, 0, 0.0, worst
     for iteration in range(maximum):
         if fresh:
             factorise(segment, y, factor)

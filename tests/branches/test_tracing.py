@@ -13,6 +13,7 @@ import saltus
 from branches.labels import label_of
 from branches.tracing import TraceError, follow_family
 from bvp.cycle import cycle_of
+from bvp.multipliers import monodromy as saltation_monodromy
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
 from tests.branches.traced import EPS, count_label, monodromy, spread, traced
@@ -66,6 +67,15 @@ def test_multipliers_are_those_of_the_saltation_product(branch):
         assert abs(np.sum(orbit.multipliers).real - orbit.tau) < (1e-9 + 4.0 * EPS * size) * max(1.0, abs(orbit.tau))
         assert abs(np.prod(orbit.multipliers) - 1.0) < 1e-9 + 4.0 * EPS * size
         assert orbit.quality["reliable"] is True
+
+
+def test_the_program_has_the_same_saltation_product(branch):
+    """Oracle: the monodromy formed in numpy: the trace, which has no small number in it, and the two trivial multipliers."""
+    for orbit in sampled(branch, 5):
+        product = monodromy(orbit)
+        mine = saltation_monodromy(orbit.cycle)
+        size = np.linalg.norm(product, 2)
+        assert abs(np.trace(mine) - np.trace(product)) < 1e4 * EPS * size + 1e-9 * abs(np.trace(product))
 
 
 def test_stability_is_that_of_the_trace(branch):
