@@ -153,13 +153,13 @@ class Branch:
             raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         y = self.unknowns(i)
         try:
-            solution: Solution | None = self.problem.solve(y)
+            return Orbit(self.problem, self.problem.solve(y))
         except NotConverged:
             # At a branch point the equations are singular, and the saved orbit is better than what Newton makes of it.
-            solution = self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0)
-            if solution is None:
+            saved = self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0)
+            if saved is None:
                 raise
-        return Orbit(self.problem, solution)
+            return Orbit(self.problem, saved)
 
     def orbits_at(self, *, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
         """All orbits of the branch at an energy or at a quarter period, in order of arclength.
