@@ -14,7 +14,7 @@ from bvp.kernels.bounds import block_growth, envelope
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
 
-__all__ = ["Observed", "amplitude_bound", "clearance", "sign_changes"]
+__all__ = ["Observed", "amplitude_bound", "clearance", "refine", "safe_step", "sign_changes"]
 
 STEP_LIMIT = 100000
 """Steps after which a search gives up and says so; a flight of a thousand periods takes some ten thousand."""
@@ -115,6 +115,27 @@ def sign_changes(pairs, mean, delta, matrix, value, rate, second, z, duration, s
     return -1, sign
 
 
+@kernel
+def refine(pairs, mean, delta, matrix, value, rate, z, low, high, positive, tolerance, work):
+    """The zero of value . z(t) between low and high, where it changes sign once; `positive`: its sign at low."""
+    root = 0.5 * (low + high)
+    for _ in range(100):
+        flow_state(pairs, mean, delta, matrix, z, root, work)
+        f = dot(value, work)
+        if (f > 0.0) == positive:
+            low = root
+        else:
+            high = root
+        slope = dot(rate, work)
+        newton = root - f / slope if slope != 0.0 else 0.5 * (low + high)
+        if not (low <= newton <= high):
+            newton = 0.5 * (low + high)
+        if abs(newton - root) <= tolerance:
+            return newton
+        root = newton
+    return root
+
+
 @part
 def clearance(pairs, mean, delta, matrix, observed, stop, z, duration, work):
     """Least distance to the bounds of one stop at the turning points of w inside a flight: (distance, side, time); distance
@@ -129,34 +150,19 @@ def clearance(pairs, mean, delta, matrix, observed, stop, z, duration, work):
     floor = 1e-13 * duration
     f = dot(rate, z)
     slope = dot(second, z)
+    sign = 1 if f > 0.0 else -1 if f < 0.0 else 0
     for _ in range(STEP_LIMIT):
         if t >= duration:
             return best, best_side, best_time
         after = min(duration, t + max(safe_step(f, slope, bound), floor))
         flow_state(pairs, mean, delta, matrix, z, after, work)
         f_after = dot(rate, work)
-        if (f > 0.0 and f_after < 0.0) or (f < 0.0 and f_after > 0.0):
-            low = t
-            high = after
-            turn = low + (high - low) * f / (f - f_after)
-            for _ in range(60):
-                flow_state(pairs, mean, delta, matrix, z, turn, work)
-                g = dot(rate, work)
-                if (g > 0.0) == (f > 0.0):
-                    low = turn
-                else:
-                    high = turn
-                d = dot(second, work)
-                newton = turn - g / d if d != 0.0 else 0.5 * (low + high)
-                if not (low <= newton <= high):
-                    newton = 0.5 * (low + high)
-                if abs(newton - turn) <= 1e-10 * duration:
-                    turn = newton
-                    break
-                turn = newton
+        now = 1 if f_after > 0.0 else -1 if f_after < 0.0 else sign
+        if sign * now < 0:
+            turn = refine(pairs, mean, delta, matrix, rate, second, z, t, after, sign > 0, 1e-10 * duration, work)
             flow_state(pairs, mean, delta, matrix, z, turn, work)
             w = dot(observed.gap[stop], work)
-            if f > 0.0:
+            if sign > 0:
                 distance = observed.upper[stop] - w
                 side = 1.0
             else:
@@ -169,5 +175,6 @@ def clearance(pairs, mean, delta, matrix, observed, stop, z, duration, work):
             flow_state(pairs, mean, delta, matrix, z, after, work)
         t = after
         f = f_after
+        sign = now
         slope = dot(second, work)
     return math.nan, 0.0, 0.0

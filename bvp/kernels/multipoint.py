@@ -458,7 +458,8 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     """Newton's corrections of y, in place, held on row . y = target (row all zero: least-norm corrections).
 
     The factorisation is kept while a correction with it shrinks the update tenfold. Ends when the update stagnates at rounding
-    level; with no iterations allowed, y is only looked at. Returns (converged, iterations, worst ratio of successive updates, scaled residual)."""
+    level; with no iterations allowed, y is only looked at. Returns (converged, iterations, worst ratio of successive updates,
+    scaled residual)."""
     unknowns = y.shape[0]
     z = factor.work[2]
     update = factor.work[3]

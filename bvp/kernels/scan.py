@@ -11,7 +11,7 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import kernel
-from bvp.kernels.extrema import amplitude_bound, dot, safe_step
+from bvp.kernels.extrema import amplitude_bound, dot, refine, safe_step
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
 from bvp.kernels.multipoint import STOP
@@ -41,24 +41,7 @@ def crossings(pairs, mean, delta, matrix, value, rate, second, z, duration, time
         flow_state(pairs, mean, delta, matrix, z, after, work)
         g = dot(value, work)
         if (g > 0.0) != (f > 0.0) and after < duration:
-            low = t
-            high = after
-            sign = f > 0.0
-            root = 0.5 * (low + high)
-            for _ in range(60):
-                flow_state(pairs, mean, delta, matrix, z, root, work)
-                x = dot(value, work)
-                if (x > 0.0) == sign:
-                    low = root
-                else:
-                    high = root
-                d = dot(rate, work)
-                newton = root - x / d if d != 0.0 else 0.5 * (low + high)
-                if not (low <= newton <= high):
-                    newton = 0.5 * (low + high)
-                if abs(newton - root) <= 1e-13 * duration:
-                    break
-                root = newton
+            root = refine(pairs, mean, delta, matrix, value, rate, z, t, after, f > 0.0, 1e-13 * duration, work)
             if count < times.shape[0]:
                 times[count] = root
             count += 1
