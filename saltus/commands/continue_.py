@@ -82,9 +82,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _follow(arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs) -> tuple[Branch | None, int]:
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
+    from saltus.first_run import prepare
     from saltus.progress import ProgressBar
     from saltus.tracing import trace
 
+    prepare()
     with ProgressBar(arguments.points) as bar:
         tell = partial(bar.line, stream=files.words)
 

@@ -66,9 +66,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _family(arguments: argparse.Namespace, scene: Scene, energy: float | None) -> Branch:
     """Trace the family over the scene's energies, and past them as far as the energy asked for."""
+    from saltus.first_run import prepare
     from saltus.progress import ProgressBar
     from saltus.tracing import trace
 
+    prepare()
     low, high = scene.energy
     if energy is not None:
         low, high = min(low, 0.9 * energy), max(high, 1.1 * energy)

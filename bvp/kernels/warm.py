@@ -1,0 +1,42 @@
+"""Compile the kernels that look at an orbit, and keep them on disk: `python -m bvp.kernels.warm`.
+
+Run beside a program that compiles the other kernels at the same time, this uses a second core at the very first run.
+"""
+
+from __future__ import annotations
+
+import os
+
+__all__ = ["kept", "warm"]
+
+
+def kept() -> bool:
+    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk."""
+    from bvp.kernels.scan import scan
+    from bvp.kernels.step import orbit_stability
+
+    for kernel in (scan, orbit_stability):
+        folder, name = kernel.stats.cache_path, kernel.py_func.__name__
+        if not os.path.isdir(folder) or not any(f".{name}-" in entry or entry.startswith(f"{name}-") for entry in os.listdir(folder)):
+            return False
+    return True
+
+
+def warm() -> None:
+    """Compile admissibility, half map and multipliers, by asking for them once."""
+    import numpy as np
+
+    from bvp.kernels.step import RESULT, orbit_observe, orbit_stability
+    from bvp.multipoint import MultipointProblem
+    from bvp.system import vibro_impact_nes
+
+    problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
+    y = np.array([0.8, 0.6, 1.7])
+    ends = np.ones((1, 4))
+    result = np.zeros(len(RESULT))
+    orbit_stability(*problem._packed, y, ends, problem._work, result)
+    orbit_observe(*problem._packed, problem._watched, problem._bounds, y, ends, problem._work, result)
+
+
+if __name__ == "__main__":
+    warm()

@@ -1,0 +1,36 @@
+"""The first run on a machine compiles the kernels: say so, and use a second core for it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+__all__ = ["prepare"]
+
+
+def prepare() -> None:
+    """Tell on standard error, where it is a terminal, that kernels will be compiled, if they were not before, and compile some
+    of them beside this process.
+
+    The second process is a help, not a need: where it cannot be started, or fails, this one compiles everything itself.
+    """
+    from bvp.kernels.warm import kept
+
+    if kept():
+        return
+    if sys.stderr is not None and sys.stderr.isatty():
+        print("saltus: compiling the kernels, which takes up to a minute at the first run only", file=sys.stderr, flush=True)
+    if (os.cpu_count() or 1) < 2:
+        return
+    try:
+        subprocess.Popen(
+            [sys.executable, "-m", "bvp.kernels.warm"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
+            start_new_session=True,
+        )
+    except OSError:
+        return
