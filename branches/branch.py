@@ -187,6 +187,9 @@ class Branch:
             orbit = Orbit(self.problem, solution)
             if not any(np.allclose(orbit.solution.y, other.solution.y, rtol=1e-9, atol=1e-12) for other in out):
                 out.append(orbit)
+        nearest = int(np.argmin(np.abs(difference)))
+        if not out and abs(difference[nearest]) <= 1e-10 * abs(value):
+            out.append(self.orbit(nearest))
         return out
 
     def orbit_at(self, *, energy: float | None = None, alpha: float | None = None) -> Orbit:
@@ -254,6 +257,12 @@ class Branch:
         system = ImpactSystem.from_description(record["system"])
         head = record["branch"]
         problem = MultipointProblem(system, (head["ends"][0], head["ends"][1]), parse_word(head["word"]))
+        flights = {len(point["flight_times"]) for point in record["points"]}
+        if flights != {problem.inner + 1}:
+            raise ValueError(
+                f"the word {head['word']!r} between the ends {', '.join(head['ends'])} makes {problem.inner + 1} flights; "
+                f"the points have {', '.join(map(str, sorted(flights)))} flight_times"
+            )
         names = set(BranchEvent._fields)
         events = []
         for item in record["events"]:

@@ -52,6 +52,10 @@ def search_bounds(bounds: Mapping[str, Any] | None) -> Limits:
     """Limits from a scene's bounds (missing ones by default)."""
     bounds = dict(bounds or {})
     default = Limits()
+    for key in bounds:
+        if key not in default.__dataclass_fields__:
+            near = nearest(key, default.__dataclass_fields__, 1) or tuple(default.__dataclass_fields__)
+            raise ValueError(f"unknown bound {key!r}; expected {', '.join(near)}")
     energy = bounds.get("energy", default.energy)
     return Limits(
         (float(energy[0]), float(energy[1])),
@@ -86,6 +90,11 @@ def resolve(
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(_linear_mode(system, name.label))
+    if name.label is not None and (system.absorber is None or system.primary is None):
+        raise NameNotFound(
+            f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
+            "expected absorber and primary (in a scene NES and LO under [coordinates])"
+        )
     search = _Search(system, name, limits, energy)
     families = search.families(search.run(LEVELS)) or _passing(system, name, limits, energy)
     families = _select(name, families)
@@ -128,8 +137,9 @@ def _passing(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[flo
     wide = _Search(system, name, limits, limits.energy)
     out = []
     for _, branch in wide.families(wide.run(LEVELS[:1])):
-        for part in (0.5, 0.1, 0.9):
-            candidates = branch.orbits_at(energy=low ** (1.0 - part) * high**part)
+        least, most = max(low, float(branch.points["h"].min())), min(high, float(branch.points["h"].max()))
+        for part in (0.5, 0.1, 0.9) if least < most else ():
+            candidates = branch.orbits_at(energy=least ** (1.0 - part) * most**part)
             orbits = [orbit for orbit in (accept(c.problem, c.solution) for c in candidates) if orbit is not None and wide._matches(orbit)]
             if orbits:
                 out.append((orbits[0], branch))
@@ -156,7 +166,13 @@ def _select(name: Name, families: list[tuple[Found, Branch]]) -> list[tuple[Foun
 
 
 def _pinned(families: list[tuple[Found, Branch]], pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
-    """The family that passes nearest to the pin, if one passes near."""
+    """The family that passes nearest to the pin, if one passes near; those at its energy or quarter period where it has only one."""
+    if "h" not in pin or "alpha" not in pin:
+        return [
+            (found, branch)
+            for found, branch in families
+            if (branch.orbits_at(energy=pin["h"]) if "h" in pin else branch.orbits_at(alpha=pin["alpha"]))
+        ]
     best, chosen = PIN_TOLERANCE, []
     for found, branch in families:
         for orbit in branch.orbits_at(energy=pin["h"]):
@@ -268,12 +284,16 @@ class _Search:
         """One orbit of each family, and the family traced."""
         from branches.tracing import follow_family
 
+        low, high = self.range
+        if self.name.family is None:
+            # What a range of energies cuts apart can be one family.
+            low, high = min(low, self.limits.energy[0]), max(high, self.limits.energy[1])
         out: list[tuple[Found, Branch]] = []
         followed: list[Branch] = []
         for orbit in found:
             if any(passes(branch, orbit) for branch in followed):
                 continue
-            branch = follow_family(orbit.problem, orbit.solution.y, energy=self.range)
+            branch = follow_family(orbit.problem, orbit.solution.y, energy=(low, high))
             followed.append(branch)
             if self.name.family is not None and branch.id != self.name.family:
                 continue

@@ -26,6 +26,12 @@ __all__ = ["SETTINGS", "TraceError", "follow_family", "trace"]
 SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
 """How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
 
+EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
+"""Types of events, see `branches.family`."""
+
+UNDECIDED_AT = ("SN", "BP", "SB", "PD")
+"""Events at which a multiplier is at its bound: stability there is decided by the location error alone, so it is not given."""
+
 _SIGNS = {"up": 1, "both": 1, "down": -1, "along": 0}
 
 Condition = Callable[[Orbit], "bool | str"]
@@ -144,6 +150,8 @@ def follow_family(
     energy = check_energy(energy)
     if direction not in _SIGNS:
         raise TraceError(f"direction {direction!r}: expected up, down or both")
+    if stop_at is not None and stop_at not in EVENT_TYPES:
+        raise TraceError(f"stop_at {stop_at!r}: expected one of {', '.join(EVENT_TYPES)}")
     if points is not None:
         if points < 1:
             raise TraceError(f"points = {points}: expected at least 1")
@@ -192,7 +200,10 @@ def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
     TraceError
         Otherwise.
     """
-    low, high = float(energy[0]), float(energy[1])
+    try:
+        low, high = (float(value) for value in energy)
+    except (TypeError, ValueError):
+        raise TraceError(f"energy range {energy!r}: expected two numbers (LO, HI)") from None
     if not (0.0 <= low < high):
         raise TraceError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 <= LO < HI")
     return low, high
@@ -260,7 +271,7 @@ class _Collector:
 
 def _event(event: Event, name: str, point: int, number: int, columns: Mapping[str, np.ndarray], index: int) -> BranchEvent:
     details = event.details
-    stable = int(columns["stable"][index])
+    stable = -1 if event.code in UNDECIDED_AT else int(columns["stable"][index])
     largest = float(np.max(np.abs(columns["multipliers"][index]))) if columns["multipliers"].shape[1] else math.nan
     return BranchEvent(
         name,
@@ -291,6 +302,8 @@ def _branch(problem: MultipointProblem, run: Run) -> Branch:
         """At an event a velocity can be zero to rounding, so its counts are those of the branch just before it."""
         labels = columns["label"].astype(object)
         for event in run.events:
+            if event.code in UNDECIDED_AT:
+                columns["stable"][event.index] = -1
             labels[event.index] = event.details["label"]
             columns["half_waves"][event.index] = max(1, event.details["half_waves"])
         columns["label"] = labels.astype(str)

@@ -88,7 +88,7 @@ def _select(branch: Branch, name: Name, energy: float | None, alpha: float | Non
     if not found:
         values = branch.points[key]
         raise BadInput(
-            f"no orbit of {name} has {key} = {value:.10g}: the family was followed from {key} = {values.min():.10g} to {values.max():.10g}"
+            f"no orbit of {name} has {key} = {value:.15g}: the family was followed from {key} = {values.min():.15g} to {values.max():.15g}"
         )
     if wish is not None:
         nearest = min(found, key=lambda orbit: abs(getattr(orbit, other) - wish))

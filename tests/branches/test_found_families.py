@@ -1,0 +1,109 @@
+"""Families that a range of energies cuts, pins with one number, and options that cannot be; each with what must come of it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from branches.branch import Branch
+from branches.record import to_record
+from branches.tracing import trace
+from bvp.system import vibro_impact_nes
+
+SYSTEM = vibro_impact_nes()
+FOLD = 0.0691164499682690
+GRAZING = 0.118507810593582
+
+
+def test_a_range_that_holds_only_a_fold_has_the_family():
+    """Closed form: S11O00- lives above its fold, so 0.06:0.0692 holds it with its SN."""
+    branch = trace("S11O00-", SYSTEM, energy=(0.06, 0.0692))
+    assert [event.type for event in branch.events if event.type in ("SN", "EP")] == ["EP", "SN", "EP"]
+    assert abs(branch.points["h"].min() - FOLD) < 1e-14
+
+
+def test_a_range_that_barely_reaches_the_grazing_has_the_family():
+    """Closed form: S13O00+ begins at its grazing, inside 0.11:0.119."""
+    branch = trace("S13O00+", SYSTEM, energy=(0.11, 0.119))
+    assert branch.events[0].type == "GR" and abs(branch.events[0].h - GRAZING) < 1e-12
+
+
+def test_two_sides_of_a_fold_below_the_range_are_one_family():
+    """Both sides of the fold of S11O00- cross h = 0.08; they are one family, so the name is not ambiguous."""
+    assert trace("S11O00-", SYSTEM, energy=(0.0692, 0.0863)).label == "S11O00-"
+
+
+@pytest.mark.parametrize("pin", [{"h": 7.3348}, {"alpha": 1.6459}])
+def test_a_pin_with_one_number_chooses_or_leaves_the_name_ambiguous(pin):
+    """Two families are named S73O33-; whatever one number decides, it is said in words."""
+    try:
+        branch = trace("S73O33-", SYSTEM, energy=(0.05, 200.0), pins={"S73O33-": pin})
+    except ValueError as error:
+        assert "families; expected one of S73O33-@h=" in str(error)
+    else:
+        reached = branch.orbits_at(energy=pin["h"]) if "h" in pin else branch.orbits_at(alpha=pin["alpha"])
+        assert reached
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"stop_at": "QQ"}, "expected one of SN"),
+        ({"bounds": {"impcts": 3}}, "unknown bound 'impcts'; expected impacts"),
+        ({"energy": 5}, "expected two numbers"),
+        ({"energy": (1.0,)}, "expected two numbers"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_in_one_line(options, words):
+    with pytest.raises(ValueError, match=words) as caught:
+        trace("S13O00+", SYSTEM, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_label_on_a_system_without_named_coordinates_is_refused_at_once():
+    """Labels count half-waves of an absorber and a primary: a system that names neither has no labels."""
+    from dataclasses import replace
+
+    with pytest.raises(ValueError, match="absorber and a primary"):
+        trace("S13O00+", replace(SYSTEM, absorber=None, primary=None, model=None, parameters=None))
+
+
+def test_stability_is_not_given_at_a_located_bifurcation():
+    """At SB and SN a multiplier is 1 within the location error, whichever side the located point is on."""
+    for name, kind in (("S13O00+", "SB"), ("S11O00-", "SN")):
+        for energy in ((0.05, 30.0), (0.06, 25.0)):
+            branch = trace(name, SYSTEM, energy=energy)
+            event = next(event for event in branch.events if event.type == kind)
+            assert event.stable is None and branch.points["stable"][event.point] == -1
+            around = branch.points["stable"][[event.point - 1, event.point + 1]]
+            assert sorted(around) == [0, 1]
+
+
+def test_the_published_fold_energy_itself_has_its_orbit():
+    """An energy that is the fold's to all digits printed is answered with the orbit there."""
+    branch = trace("S11O00-", SYSTEM, energy=(0.06, 1.0))
+    assert any(abs(orbit.alpha - 1.13584395619551) < 1e-5 for orbit in branch.orbits_at(energy=FOLD))
+
+
+def test_a_saved_branch_whose_word_was_changed_is_refused():
+    """The word fixes the number of flights."""
+    record = json.loads(json.dumps(to_record(trace("S13O00+", SYSTEM, energy=(0.4, 0.6)))))
+    record["branch"]["word"] = "+-"
+    with pytest.raises(ValueError, match="makes 3 flights"):
+        Branch.from_record(record)
+
+
+def test_every_orbit_of_a_branch_can_be_had_also_at_its_branch_points():
+    """Each point, asked for again, has the energy that was saved."""
+    branch = trace("S73O33-", SYSTEM, energy=(0.5, 8.0), pins={"S73O33-": {"h": 7.3348, "alpha": 1.6459}})
+    for event in branch.events:
+        assert np.isclose(branch.orbit(event.point).h, event.h, rtol=1e-9)
+
+
+def test_an_orbit_is_found_from_either_end():
+    """U3201- and U3210- are one orbit started at its two ends; p and q follow the name."""
+    one, other = (trace(name, SYSTEM, energy=(0.1, 0.2)) for name in ("U3201-", "U3210-"))
+    a, b = (branch.orbit_at(energy=0.13) for branch in (one, other))
+    assert (a.label, b.label) == ("U3201-", "U3210-") and abs(a.alpha - b.alpha) < 1e-12
