@@ -152,14 +152,10 @@ class Branch:
         if not -len(self) <= i < len(self):
             raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         y = self.unknowns(i)
-        try:
-            return Orbit(self.problem, self.problem.solve(y))
-        except NotConverged:
-            # At a branch point the equations are singular, and the saved orbit is better than what Newton makes of it.
-            saved = self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0)
-            if saved is None:
-                raise
-            return Orbit(self.problem, saved)
+        # The saved orbit is taken as it stands where its residual allows: at a branch point the equations are singular, and Newton
+        # would move it. Where the nodes of a long unstable segment have lost digits by propagation, they are corrected.
+        saved = self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0)
+        return Orbit(self.problem, self.problem.solve(y, energy=float(self.points["h"][i])) if saved is None else saved)
 
     def orbits_at(self, *, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
         """All orbits of the branch at an energy or at a quarter period, in order of arclength.

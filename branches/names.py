@@ -90,12 +90,12 @@ def resolve(
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(_linear_mode(system, name.label))
-    if name.label is not None and (system.absorber is None or system.primary is None):
+    search = _Search(system, name, limits, energy)
+    if name.label is not None and system.has_odd_symmetry and (system.absorber is None or system.primary is None):
         raise NameNotFound(
             f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
             "expected absorber and primary (in a scene NES and LO under [coordinates])"
         )
-    search = _Search(system, name, limits, energy)
     families = search.families(search.run(LEVELS)) or _passing(system, name, limits, energy)
     families = _select(name, families)
     if not families:

@@ -47,7 +47,9 @@ def test_each_orbit_returns_to_itself_in_the_event_driven_run(branch):
         run = saltus.run(branch.system, u[0], v[0], orbit.period)
         bound = 100.0 * EPS * np.linalg.norm(monodromy(orbit), 2) * np.linalg.norm(start)
         assert np.linalg.norm(run.final - start) < bound, (orbit.h, orbit.alpha)
-        assert list(run.contacts) == [impact.stop for impact in orbit.impacts]
+        grazing = 1e-6 * np.sqrt(2.0 * orbit.h)  # an impact without speed may as well be a touch
+        hits = [contact for contact, speed in zip(run.contacts, run.speeds, strict=True) if speed > grazing]
+        assert hits == [impact.stop for impact in orbit.impacts if impact.speed > grazing]
 
 
 def test_no_orbit_passes_a_stop(branch):
