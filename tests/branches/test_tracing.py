@@ -41,15 +41,17 @@ def test_energy_is_constant_along_each_orbit(branch):
 
 def test_each_orbit_returns_to_itself_in_the_event_driven_run(branch):
     """Oracle: a run of one period by the next-impact search; it returns within 100 eps |monodromy| |state|."""
+    compared = 0
     for orbit in sampled(branch):
         u, v = orbit.sample(np.zeros(1))
         start = np.concatenate([u[0], v[0]])
         run = saltus.run(branch.system, u[0], v[0], orbit.period)
         bound = 100.0 * EPS * np.linalg.norm(monodromy(orbit), 2) * np.linalg.norm(start)
         assert np.linalg.norm(run.final - start) < bound, (orbit.h, orbit.alpha)
-        grazing = 1e-6 * np.sqrt(2.0 * orbit.h)  # an impact without speed may as well be a touch
-        hits = [contact for contact, speed in zip(run.contacts, run.speeds, strict=True) if speed > grazing]
-        assert hits == [impact.stop for impact in orbit.impacts if impact.speed > grazing]
+        if bound < 0.01 * min(impact.speed for impact in orbit.impacts):  # else its own error may turn a slow impact into none
+            assert list(run.contacts) == [impact.stop for impact in orbit.impacts]
+            compared += 1
+    assert compared > 0
 
 
 def test_no_orbit_passes_a_stop(branch):
