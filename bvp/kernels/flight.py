@@ -24,7 +24,7 @@ import numpy as np
 
 from bvp.kernels.compiled import kernel
 
-__all__ = ["as_arrays", "circular", "flow_block", "flow_matrix", "flow_pair", "flow_state", "rate"]
+__all__ = ["circular", "flow_block", "flow_matrix", "flow_pair", "flow_state", "rate"]
 
 SERIES_LIMIT = 0.03
 """|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
@@ -180,13 +180,3 @@ def rate(pairs, matrix, z, out):
                 for c in range(i, i - j):
                     total += matrix[r, c] * z[c]
                 out[r] = total
-
-
-def as_arrays(pairs, mean, delta, matrix):
-    """The four arrays with the element types and the memory order that the kernels were compiled for."""
-    return (
-        np.ascontiguousarray(pairs, dtype=np.int64),
-        np.ascontiguousarray(mean, dtype=np.float64),
-        np.ascontiguousarray(delta, dtype=np.float64),
-        np.ascontiguousarray(matrix, dtype=np.float64),
-    )
