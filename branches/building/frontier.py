@@ -1,0 +1,116 @@
+"""Work that grows while it is done, on any executor, with a result that does not depend on how many work or who is first.
+
+Seeds wait in a queue. Executors work ahead on those near its front, but what comes of them is taken in the queue's order, one at a time:
+new seeds go to the end. A seed that turns out to be known when its turn comes is taken without its result, whether it was worked on or
+not, so that what was known by chance at the time of submission changes nothing but the time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from concurrent.futures import Executor, Future
+from typing import Generic, NamedTuple, TypeVar
+
+__all__ = ["Frontier", "Taken"]
+
+Seed = TypeVar("Seed")
+Result = TypeVar("Result")
+
+
+class Taken(NamedTuple, Generic[Seed, Result]):
+    """A seed whose turn came, and what came of it; None where it was known already."""
+
+    seed: Seed
+    result: Result | None
+
+
+class Frontier(Generic[Seed, Result]):
+    """A queue of seeds and those that are worked on.
+
+    Parameters
+    ----------
+    executor : concurrent.futures.Executor
+    work : callable
+        seed -> result; runs on the executor, and depends on the seed alone.
+    known : callable
+        seed -> whether nothing is left to do for it. Once true it has to stay true.
+    key : callable
+        seed -> its name; a name is queued once.
+    ahead : int
+        How many seeds from the front may be worked on at a time.
+
+    Examples
+    --------
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> found = set()
+    >>> with ThreadPoolExecutor(2) as pool:
+    ...     frontier = Frontier(pool, lambda n: [n // 2, n // 3], lambda n: n in found, lambda n: n, ahead=4)
+    ...     _ = frontier.extend([100])
+    ...     for seed, result in frontier:
+    ...         found.add(seed)
+    ...         _ = frontier.extend(result or [])
+    >>> sorted(found)[-4:]
+    [25, 33, 50, 100]
+    """
+
+    def __init__(
+        self,
+        executor: Executor,
+        work: Callable[[Seed], Result],
+        known: Callable[[Seed], bool],
+        key: Callable[[Seed], Hashable],
+        ahead: int,
+    ) -> None:
+        self._executor = executor
+        self._work = work
+        self._known = known
+        self._key = key
+        self._ahead = ahead
+        self._queue: deque[Seed] = deque()
+        self._names: set[Hashable] = set()
+        self._running: dict[Hashable, Future[Result]] = {}
+
+    def __len__(self) -> int:
+        """How many seeds wait for their turn."""
+        return len(self._queue)
+
+    def extend(self, seeds: Iterable[Seed]) -> int:
+        """Queue those seeds that never were, in their order.
+
+        Returns
+        -------
+        int
+            How many they are.
+        """
+        before = len(self._queue)
+        for seed in seeds:
+            name = self._key(seed)
+            if name not in self._names:
+                self._names.add(name)
+                self._queue.append(seed)
+        return len(self._queue) - before
+
+    def __iter__(self) -> Iterator[Taken[Seed, Result]]:
+        """The seeds in their order, each with its result, until none is left; what was not taken is cancelled at the end."""
+        try:
+            while self._queue:
+                self._submit()
+                seed = self._queue.popleft()
+                future = self._running.pop(self._key(seed), None)
+                if future is None or self._known(seed):
+                    if future is not None:
+                        future.cancel()
+                    yield Taken(seed, None)
+                else:
+                    yield Taken(seed, future.result())
+        finally:
+            for future in self._running.values():
+                future.cancel()
+            self._running.clear()
+
+    def _submit(self) -> None:
+        for seed, _ in zip(self._queue, range(self._ahead), strict=False):
+            name = self._key(seed)
+            if name not in self._running and not self._known(seed):
+                self._running[name] = self._executor.submit(self._work, seed)

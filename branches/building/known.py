@@ -1,0 +1,154 @@
+"""Which families are known already, and whether an orbit lies on one of them, however the orbit was reached.
+
+An orbit belongs to a family when it is a point of the family's curve: between two points of it, and, after a correction on the hyperplane
+through the orbit, on the curve to within the error of both.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from branches.identity import presentations
+from bvp.kernels import multipoint as kernel
+from bvp.multipoint import MultipointProblem
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.stretch import Stretch
+
+__all__ = ["KnownFamilies", "Place", "images_of"]
+
+NEAR = 0.1
+"""Distance from the chord between two points, in parts of its length, within which the curve is looked at. Steps turn by a twentieth, so
+that the curve stays within a hundredth of its chord."""
+
+ON = 1e-7
+"""Distance in the metric of the arclength at which an orbit is on the curve. Orbits are located to 1e-10."""
+
+
+class Place(NamedTuple):
+    """Where an orbit lies on a known family: the family's id, and the arclength there."""
+
+    id: str
+    arclength: float
+
+
+class _Curve:
+    """A family's points in the metric of its arclength."""
+
+    def __init__(self, branch: Branch) -> None:
+        columns = branch.points
+        modes = branch.system.modes
+        states = np.hstack([columns["start_u"], columns["start_v"]]) @ modes.from_state.T
+        self.branch = branch
+        self.positions = np.column_stack(
+            [states / np.sqrt(2.0 * columns["h"])[:, None], np.log(columns["h"]), np.log(columns["alpha"])]
+        )
+        self.chords = np.diff(self.positions, axis=0)
+        self.lengths = np.maximum(np.linalg.norm(self.chords, axis=1), 1e-300)
+
+    def arclength(self, position: np.ndarray, times: np.ndarray) -> float | None:
+        """Where an orbit lies; None where it does not."""
+        branch = self.branch
+        away = position - self.positions[:-1]
+        along = np.clip(np.einsum("ij,ij->i", away, self.chords) / self.lengths**2, 0.0, 1.0)
+        distance = np.linalg.norm(away - along[:, None] * self.chords, axis=1)
+        for i in np.flatnonzero(distance <= NEAR * self.lengths + ON):
+            # From the nearer of the two points: at an end that grazes, and at a bifurcation, there is nothing to correct.
+            j = int(i + (along[i] > 0.5))
+            columns = branch.points
+            longest = float(np.max(times))
+            here = float(np.linalg.norm(position - self.positions[j]))
+            if here <= ON:
+                if np.allclose(columns["flight_times"][j], times, rtol=0.0, atol=10.0 * ON * longest):
+                    return float(columns["arclength"][j])
+                continue
+            found = self._corrected(int(i), j, position)
+            if found is not None and np.allclose(found, times, rtol=0.0, atol=10.0 * ON * longest):
+                return float(columns["arclength"][i] + along[i] * (columns["arclength"][i + 1] - columns["arclength"][i]))
+        return None
+
+    def _corrected(self, i: int, j: int, position: np.ndarray) -> np.ndarray | None:
+        """Flight times of the family's orbit on the hyperplane through a position near the chord i, from its point j; None where that
+        orbit is elsewhere."""
+        problem = self.branch.problem
+        y = self.branch.unknowns(j)
+        tangent = np.zeros(2 * problem.unknowns)
+        tangent[: problem.unknowns] = (self.branch.unknowns(i + 1) - self.branch.unknowns(i)) / self.lengths[i]
+        start, change = np.empty((2, problem.size + 2))
+        energy, alpha = kernel.locate(problem.segment, y, start)
+        _, length = kernel.metric_direction(
+            problem.segment, y, start, energy, alpha, np.ascontiguousarray(tangent[: problem.unknowns]), change
+        )
+        if not length > 0.0:
+            return None
+        tangent /= length
+        solution = problem.step(y, tangent, float((position - start) @ change) / length, full=False)
+        if solution is None or float(np.linalg.norm(solution.position - position)) > ON:
+            return None
+        return problem.flight_times(solution.y)
+
+
+def images_of(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
+    """All presentations of an orbit with its canonical ends and word."""
+    return presentations(problem, y)
+
+
+class KnownFamilies:
+    """The families found so far, sorted by their canonical ends and word.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> known = KnownFamilies()
+    >>> branch = saltus.trace("S13O00+", energy=(0.2, 1.0))
+    >>> known.add("one", branch)
+    >>> orbit = branch.orbit_at(energy=0.55).solution
+    >>> known.find(branch.problem, orbit.y).id
+    'one'
+    >>> other = saltus.trace("S13O00+", energy=(1.2, 1.5))
+    >>> known.find(other.problem, other.unknowns(5)) is None
+    True
+    """
+
+    def __init__(self) -> None:
+        self._curves: dict[tuple[tuple[str, str], tuple[str, ...]], list[tuple[str, _Curve]]] = {}
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, id: str, branch: Branch) -> None:
+        """Remember a family by its id."""
+        key = (branch.ends, tuple(branch.problem.word))
+        self._curves.setdefault(key, []).append((id, _Curve(branch)))
+        self._count += 1
+
+    def find(self, problem: MultipointProblem, y: np.ndarray) -> Place | None:
+        """The known family that an orbit lies on; None where it lies on none."""
+        return self.place(problem, presentations(problem, y))
+
+    def place(self, problem: MultipointProblem, images: list[Stretch]) -> Place | None:
+        """The known family on which one of an orbit's images lies; None where there is none."""
+        curves = self._curves.get((images[0].ends, images[0].word), [])
+        if not curves:
+            return None
+        for image in images:
+            energy = 0.5 * float(np.sum(problem.segment.weights * image.start**2))
+            alpha = float(np.sum(image.times)) / _quarters(image)
+            position = np.concatenate([image.start / np.sqrt(2.0 * energy), [np.log(energy), np.log(alpha)]])
+            for id, curve in curves:
+                at = curve.arclength(position, image.times)
+                if at is not None:
+                    return Place(id, at)
+        return None
+
+
+def _quarters(image: Stretch) -> int:
+    """How many quarters of the period a segment is."""
+    first, last = image.ends
+    if first == "periodic":
+        return 4
+    return 1 if (first == "origin") != (last == "origin") else 2

@@ -1,0 +1,76 @@
+"""Growing work on executors: the order in which it is taken, and that nothing but the time depends on who works."""
+
+import random
+import time
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+
+import pytest
+
+from branches.building.frontier import Frontier
+
+
+class Serial(Executor):
+    """Works at once, in the caller's thread."""
+
+    def submit(self, function, /, *args, **keywords):
+        future = Future()
+        try:
+            future.set_result(function(*args, **keywords))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
+
+
+def divisors(n):
+    return [n // d for d in range(2, 6) if n // d > 0]
+
+
+def explore(executor, ahead, work=divisors, start=(1000, 777)):
+    """All numbers reached, each class n mod 7 being one family that is found once."""
+    families, taken = {}, []
+    frontier = Frontier(executor, work, lambda n: n % 7 in families, lambda n: n, ahead)
+    frontier.extend(start)
+    for seed, result in frontier:
+        taken.append((seed, result))
+        if result is not None:
+            families[seed % 7] = seed
+            frontier.extend(result)
+    return taken
+
+
+def test_the_order_is_that_of_the_queue_for_any_number_of_workers():
+    def slowly(n):
+        time.sleep(random.random() * 2e-3)
+        return divisors(n)
+
+    expected = explore(Serial(), 1)
+    assert len({seed for seed, _ in expected}) == len(expected)
+    for workers, ahead in ((1, 1), (2, 3), (8, 40)):
+        with ThreadPoolExecutor(workers) as pool:
+            assert explore(pool, ahead, slowly) == expected
+
+
+def test_what_became_known_while_it_was_worked_on_is_taken_without_result():
+    taken = explore(Serial(), 100, start=(8, 1))
+    assert taken[:2] == [(8, divisors(8)), (1, None)]
+
+
+def test_a_name_is_queued_once():
+    frontier = Frontier(Serial(), divisors, lambda n: False, lambda n: n % 10, 2)
+    assert frontier.extend([1, 11, 2]) == 2
+    assert frontier.extend([2, 3]) == 1
+    assert len(frontier) == 3
+
+
+def test_an_error_of_the_work_is_raised_at_its_turn_and_the_rest_cancelled():
+    def fail(n):
+        if n == 2:
+            raise ArithmeticError("no orbit")
+        return []
+
+    frontier = Frontier(Serial(), fail, lambda n: False, lambda n: n, 3)
+    frontier.extend([1, 2, 3])
+    turns = iter(frontier)
+    assert next(turns) == (1, [])
+    with pytest.raises(ArithmeticError, match="no orbit"):
+        next(turns)
