@@ -38,6 +38,8 @@ class BareFamily(Family):
     problem : MultipointProblem
     """
 
+    march = None
+
     def __init__(self, problem: MultipointProblem) -> None:
         super().__init__(problem)
         self._tests = (Test("SN", "crossing", False, "fold in the energy", True),)
@@ -75,7 +77,9 @@ _FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, float("inf"), 0, float(
 
 
 class RecordedFamily(Family):
-    """A family that keeps the arguments of each step that it is asked for."""
+    """A family that keeps the arguments of each step that it is asked for, one by one."""
+
+    march = None
 
     def __init__(self, problem: MultipointProblem) -> None:
         super().__init__(problem)

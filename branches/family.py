@@ -8,15 +8,20 @@ hides in a trace that touches +-2 without crossing it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.kernels.march import Block, march
 from branches.labels import ImpossibleLabelError, Label, label_of
+from branches.markers import COMMON, NOISE, common_tests, is_orbit, planar_tests
 from bvp.kernels import multipoint as kernel
+from bvp.kernels.result import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
-from continuation.problem import EventDetails, Point, Step, Test
+from continuation.control import Control, kinds_of
+from continuation.problem import EventDetails, Marched, Point, Step, Test
 
 if TYPE_CHECKING:
     from continuation.location import Location
@@ -27,13 +32,9 @@ RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 """Rotation numbers p/q of the full period whose q-tuplings are reported."""
 
 _I = RESULT_INDEX
-_CLEAR = 1e3
 _BRANCHING = 1
 _SINGULAR = 1e-4
 _SHORT = 1e-3
-_NOISE = 2e-13
-"""Part of the half map's largest entry below which an entry is rounding: a conserved momentum makes one vanish all along a family, and
-its noise is no event."""
 
 _GRAZING = (
     Test("GR", "guard", True, "a flight touches a stop"),
@@ -125,6 +126,9 @@ class Family:
         self._low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
         self._high = math.log(energy[1]) if energy[1] < math.inf else math.inf
         self._targets = [multiplication(p, q) for p, q in RESONANCES]
+        self._kinds = np.array(kinds_of(self._tests))
+        self._bounds = np.array([self._low, self._high])
+        self._aims = np.array(self._targets)
 
     @property
     def tests(self) -> tuple[Test, ...]:
@@ -142,50 +146,59 @@ class Family:
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:
             return _FAILED
-        (
-            _, iterations, contraction, residual, energy, _, slope, turn, branching, clearance, _, _, _, _, speed, _, flight, _,
-            absorber_start, absorber_end, waves_absorber, waves_primary, first, second, in_phase, gave_up, a, b, c, d, _, trace,
-            *_,
-        ) = solution.result.tolist()  # fmt: skip
-        if gave_up == 1.0 or not residual < 1e-12:
+        result = solution.result.tolist()
+        if not is_orbit(result):
             return _FAILED
-        level = math.log(energy)
-        tests = [
-            slope,
-            branching,
-            clearance if clearance < _CLEAR else _CLEAR,
-            speed,
-            flight,
-            level - self._low if self._low > -math.inf else 1.0,
-            self._high - level if self._high < math.inf else 1.0,
-            absorber_start,
-            absorber_end,
-            ((waves_absorber * 4096.0 + waves_primary) * 4096.0 + first) * 8192.0 + second * 4.0 + in_phase,
-        ]
-        if not self._planar:
-            tests += self._general(solution)
+        tests = [0.0] * len(self._tests)
+        common_tests(result, self._low, self._high, tests)
+        if self._planar:
+            planar_tests(result, self.problem.quarters, self._targets, tests)
         else:
-            kind = self._kind
-            nu = b * c
-            level = _NOISE * max(abs(a), abs(b), abs(c), abs(d))
-            if abs(b) < level or abs(a) < level or abs(d) < level:
-                a, b, d = (x if abs(x) >= level else math.nan for x in (a, b, d))
-            if kind == "quarter":
-                half = 2.0 + 4.0 * nu
-                tests += [b, a, d, half]
-                tau = half * half - 2.0
-            elif kind == "half":
-                tau = 2.0 + 4.0 * nu
-                tests += [b, a, d]
-            else:
-                tau = trace
-                tests.append(tau + 2.0)
-            for target in self._targets:
-                tests.append(tau - target)
+            tests[COMMON:] = self._general(solution)
         return Step(
-            True, solution.y, solution.tangent, tuple(solution.position.tolist()), turn, contraction, int(iterations), residual,
-            energy, slope, tests, solution,
+            True, solution.y, solution.tangent, tuple(solution.position.tolist()), result[TURN], result[CONTRACTION],
+            int(result[ITERATIONS]), result[RESIDUAL], result[ENERGY], result[SLOPE], tests, solution,
         )  # fmt: skip
+
+    @property
+    def march(self) -> Callable[..., Marched] | None:
+        """See `continuation.Problem`; None where there are more than two degrees of freedom."""
+        return self._march if self._planar else None
+
+    def _march(
+        self, step: Step, tests: list[float], older: list[float], before: float, ds: float, goal: Any, room: int, control: Control
+    ) -> Marched:
+        problem = self.problem
+        rows = room + 1
+        size, unknowns = problem.size, problem.unknowns
+        block = Block(
+            np.empty((rows, unknowns)),
+            np.empty((rows, 2 * unknowns)),
+            np.empty((rows, size + 2)),
+            np.empty((rows, problem.inner + 1, size)),
+            np.empty((rows, len(RESULT_INDEX))),
+            np.empty((rows, len(self._tests))),
+            np.empty((rows, 2)),
+        )
+        count, tried, ds = problem.compiled(
+            march, control, self._kinds, self._bounds, self._aims, step.y, step.tangent, np.array(step.position), np.array(tests),
+            np.array(older), np.array(goal), before, ds, np.empty((4, size + 2)), np.empty(len(self._tests)), block,
+        )  # fmt: skip
+        if 2 * (count + tried) < rows:  # let no short piece keep a whole block
+            block = Block(*(array[: count + tried].copy() for array in block))
+        solutions = [Solution(*row) for row in zip(block.y, block.tangent, block.position, block.ends, block.result, strict=True)]
+        picked = block.result[:count, _PICKED].tolist()
+        positions, values, lengths = (array[:count].tolist() for array in (block.position, block.tests, block.lengths))
+        ahead = []
+        for i in range(count - 1, -1, -1):
+            solution = solutions[i]
+            turn, contraction, iterations, residual, energy, slope = picked[i]
+            taken = Step(
+                True, solution.y, solution.tangent, tuple(positions[i]), turn, contraction, int(iterations), residual, energy, slope,
+                values[i], solution,
+            )  # fmt: skip
+            ahead.append((taken, *lengths[i]))
+        return Marched(ahead, ds, self._step(solutions[count]) if tried else None)
 
     def _general(self, solution: Solution) -> list[float]:
         """More than two degrees of freedom: determinants of the blocks of the half map in place of its entries."""
@@ -196,7 +209,7 @@ class Family:
         a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]
         if not np.isfinite(phi).all():
             return [math.nan] * (5 if self._kind == "quarter" else 4)
-        level = _NOISE * float(np.max(np.abs(phi)))
+        level = NOISE * float(np.max(np.abs(phi)))
         out = []
         for block in (b, a, d):
             singular = np.linalg.svd(block, compute_uv=False)
@@ -297,5 +310,7 @@ class Family:
             data["note"] = f"{here} and {there} merge: the flight between them has no duration"
             data["graze"] = ("merge", flight, 0.0)
 
+
+_PICKED = np.array([TURN, CONTRACTION, ITERATIONS, RESIDUAL, ENERGY, SLOPE])
 
 _FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, math.inf, 0, math.inf, math.nan, math.nan, [])

@@ -7,15 +7,17 @@ solution at a given energy or quarter period, and the step along the family with
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.kernels import multipoint as kernel
 from bvp.kernels.extrema import Observed
-from bvp.kernels.step import RESULT, end_states, orbit_observe, orbit_stability, orbit_step, pack
+from bvp.kernels.result import RESULT
+from bvp.kernels.step import end_states, orbit_observe, orbit_stability, orbit_step, pack
 from bvp.system import ImpactSystem
 
 __all__ = ["EndsError", "MultipointProblem", "NotConverged", "RESULT_INDEX", "Solution"]
@@ -48,7 +50,7 @@ class Solution:
     ends : (k + 1, N) float
         State at the end of each flight, before the impact there.
     result : (len(RESULT),) float
-        See `bvp.kernels.step.RESULT`; entries that do not exist are NaN.
+        See `bvp.kernels.result.RESULT`; entries that do not exist are NaN.
     """
 
     y: np.ndarray
@@ -363,6 +365,11 @@ class MultipointProblem:
             if self._planar:
                 orbit_stability(*packed, out, ends, self._work, result)
         return Solution(out, out_tangent, metric[0], ends, result)
+
+    def compiled(self, kernel: Callable[..., Any], *arguments: Any, maximum: int = 12) -> Any:
+        """Call a compiled function that takes steps of its own: before its own arguments it gets the problem (as `orbit_step` does), what
+        is watched, scratch, and the most iterations of a correction."""
+        return kernel(*self._packed, self._factor, self._watched, self._bounds, self._work, maximum, *arguments)
 
 
 _ENTRIES = len(RESULT)

@@ -1,7 +1,7 @@
 """Following a family by pseudo-arclength: step control, refusal of steps, events as they come, and the reason for the end.
 
-Python does little for an accepted point: a few comparisons of floats, the chord, the next step. Everything else - event
-location, closure, switching - happens only where it is asked for.
+Plain points come in blocks from a problem that can march by itself, or one by one; both ways use the same functions of
+`continuation.control`. Everything else - event location, refused steps, closure - is done here, where it is met.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from continuation.closure import Closure
+from continuation.control import BLOCK, JUMPED, NEAR_GOAL, SLOW, TURNED, arclength_of, control_of, distance, next_step, refusal
 from continuation.ends import End, EndReason, Tally
 from continuation.events import EventFinder, Found, arclength_between, make_event
 from continuation.location import StepRefused
@@ -20,7 +21,6 @@ from continuation.problem import Event, Point, Problem, Step
 from continuation.settings import Settings
 
 _LEVEL = 1e-8  # a smaller |slope| at the start is no direction
-_LONG_CHORD = 2.0  # a chord longer than this many times its step did not come from following the curve
 
 StopWhen = Callable[[Point], "bool | str"]
 
@@ -151,17 +151,12 @@ def walk(
     with the direction in which the run would pass it; the start, if not given.
     """
     take = problem.step
+    march = getattr(problem, "march", None)
     finder = EventFinder(problem, settings)
     scan = finder.scan
-    dist = math.dist
     tolerance = settings.coincidence_tolerance
-    least_turn = math.cos(settings.maximum_turn)
-    slowest = settings.maximum_contraction
-    turn_scale = 2.0 / settings.target_turn**2  # turn angle^2 ~ 2 (1 - cosine)
-    contraction_scale = 1.0 / settings.target_contraction
-    growth = settings.maximum_growth
-    easy = 1.0 / growth**2
-    shortest, longest = settings.minimum_step, settings.maximum_step
+    control = control_of(settings)
+    shortest = settings.minimum_step
     accepted = not_converged = slow = turned = jumped = 0
 
     point = Point(0, 0.0, first)
@@ -177,45 +172,54 @@ def walk(
     length_old = 0.0
     ds = settings.initial_step
     closure = None if goal is None else Closure(problem, settings, *goal)
+    ahead: list[tuple[Step, float, float]] = []  # marched and accepted, the next one last
+    trial: Step | None = None  # the step of length ds where it was tried already
 
     while True:
         while allowance.points <= 0:
             yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
             if not allowance.resume:
                 return
-        new = take(step.y, step.tangent, ds)
+        if not ahead and trial is None and march is not None and older is not None:
+            ahead, ds, trial = march(step, values, older, length_old, ds, origin, min(allowance.points, BLOCK), control)
         cause = ""
-        length = 0.0
         found: list[Found] = []
         closed = False
-        if not new.converged:
-            not_converged += 1
-            cause = "the corrector does not converge"
-        elif not new.turn >= least_turn:
-            turned += 1
-            cause = "the tangent turns too far"
-        elif not new.contraction <= slowest:
-            slow += 1
-            cause = f"the corrector contracts by {new.contraction:.3g} only"
+        marched = bool(ahead)
+        tests: Any
+        if marched:
+            new, stride, length = ahead.pop()
+            tests = new.tests
         else:
-            chord = dist(position, new.position)
-            if not chord <= _LONG_CHORD * ds:
+            new = take(step.y, step.tangent, ds) if trial is None else trial
+            trial = None
+            length = 0.0
+            chord = math.inf
+            verdict = None
+            if new.converged:
+                chord = distance(position, new.position)
+                verdict = refusal(new.turn, new.contraction, chord, ds, control)
+            if verdict is None:
+                not_converged += 1
+                cause = "the corrector does not converge"
+            elif verdict == TURNED:
+                turned += 1
+                cause = "the tangent turns too far"
+            elif verdict == SLOW:
+                slow += 1
+                cause = f"the corrector contracts by {new.contraction:.3g} only"
+            elif verdict == JUMPED:
                 jumped += 1
                 cause = f"the corrector goes {chord:.3g} away in a step of {ds:.3g}"
             else:
-                if closure is not None and dist(new.position, origin) <= 2.0 * chord:
+                if closure is not None and distance(new.position, origin) <= NEAR_GOAL * chord:
                     landing = closure.landing(point, new, ds)
                     if landing is not None:
                         ds, new = landing
-                        chord = dist(position, new.position)
+                        chord = distance(position, new.position)
                         closed = True
-                half = 0.5 * (1.0 - new.turn)
-                if half > 1e-12:  # as in arclength_between, written out: this runs at every point
-                    sine = math.sqrt(half)
-                    length = chord * math.asin(sine) / sine
-                else:
-                    length = chord
-                tests: Any = new.tests
+                length = arclength_of(chord, new.turn)
+                tests = new.tests
                 if type(tests) is not list:
                     tests = _floats(tests)
                 suspects = scan(older, values, tests, length_old, length)
@@ -230,6 +234,7 @@ def walk(
                             if any(ds - event.location.s <= tolerance and not event.details.terminal for event in found):
                                 ds *= 0.75  # an accepted point on an event would have test functions of undecided sign
                                 continue
+            stride = ds
         if cause:
             ds *= 0.5
             if ds < shortest:
@@ -265,9 +270,9 @@ def walk(
                 yield End(EndReason.STOP_AT, f"{special.code} at arclength {special.arclength:.9g}", tally)
                 return
             if stop_when is not None:
-                verdict = stop_when(at_event)
-                if verdict:
-                    yield End(EndReason.STOP_WHEN, verdict if isinstance(verdict, str) else "", tally)
+                answer = stop_when(at_event)
+                if answer:
+                    yield End(EndReason.STOP_WHEN, answer if isinstance(answer, str) else "", tally)
                     return
         while allowance.points <= 0:
             yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
@@ -276,12 +281,12 @@ def walk(
         index += 1
         allowance.points -= 1
         arclength += length
-        point = Point(index, arclength, new, ds)
+        point = Point(index, arclength, new, stride)
         yield point
         if stop_when is not None:
-            verdict = stop_when(point)
-            if verdict:
-                words = verdict if isinstance(verdict, str) else ""
+            answer = stop_when(point)
+            if answer:
+                words = answer if isinstance(answer, str) else ""
                 yield End(EndReason.STOP_WHEN, words, Tally(accepted, not_converged, slow, turned, jumped))
                 return
         if closed:
@@ -292,12 +297,8 @@ def walk(
         step = new
         position = new.position
         older, values, length_old = values, tests, length
-        effort = max(turn_scale * (1.0 - new.turn), contraction_scale * new.contraction)
-        ds *= growth if effort < easy else max(0.5, 1.0 / math.sqrt(effort))
-        if ds > longest:
-            ds = longest
-        elif ds < shortest:
-            ds = shortest
+        if not marched:
+            ds = next_step(ds, new.turn, new.contraction, control)
 
 
 def _floats(values: Any) -> list[float]:

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
+from continuation.control import arclength_of, distance, kinds_of, watch
 from continuation.location import JUMP_RATIO, Location, Locator, StepRefused
 from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
 from continuation.settings import Settings
@@ -16,17 +17,9 @@ _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
 def arclength_between(start: Any, step: Step) -> float:
-    """Arclength from a position to a corrected point.
-
-    The chord is corrected by the turn of the tangent, theta, as on a circle: chord (theta/2)/sin(theta/2). This is exact on a
-    circle and of fourth order in the step on any smooth curve. `start` is the position that the step was taken from.
-    """
-    chord = math.dist(start, step.position)
-    half = 0.5 * (1.0 - step.turn)  # sin(theta/2)^2
-    if half > 1e-12:
-        sine = math.sqrt(half) if half < 1.0 else 1.0
-        return chord * math.asin(sine) / sine
-    return chord
+    """Arclength from the position that a step was taken from to the corrected point (see `continuation.control.arclength_of`)."""
+    length: float = arclength_of(distance(start, step.position), step.turn)
+    return length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,14 +54,9 @@ class EventFinder:
         self._problem = problem
         self._settings = settings
         self._tests: tuple[Test, ...] = tuple(problem.tests)
-        for number, test in enumerate(self._tests):
-            if test.kind not in ("crossing", "guard", "change"):
-                raise ValueError(
-                    f"test function {number} ({test.code}): kind {test.kind!r}, expected crossing, guard or change"
-                )
-        self._crossings = [i for i, test in enumerate(self._tests) if test.kind == "crossing"]
-        self._guards = [i for i, test in enumerate(self._tests) if test.kind == "guard"]
-        self._changes = [i for i, test in enumerate(self._tests) if test.kind == "change"]
+        self._kinds = kinds_of(self._tests)
+        self._places = [math.nan] * len(self._tests)
+        self._undefined = [math.nan] * len(self._tests)
         self._absorbing = any(test.absorbs for test in self._tests)
 
     def scan(
@@ -76,53 +64,13 @@ class EventFinder:
     ) -> list[Suspect]:
         """The test functions that ask for a look, from their values at the last three points and the arclengths between these.
 
-        This runs at every accepted step and costs a few comparisons of floats for each test function.
+        `older` is None where there are two points only.
         """
-        suspects: list[Suspect] = []
-        for i in self._crossings:
-            a = old[i]
-            b = new[i]
-            if (a > 0.0) is not (b > 0.0):
-                if a == a and b == b:
-                    suspects.append(Suspect(i, None))
-            elif older is not None and (a < older[i]) is (a > 0.0):  # |value| was falling
-                dip = self._dip(older[i], a, b, length_old, length_new)
-                if dip is not None:
-                    suspects.append(Suspect(i, dip))
-        for i in self._guards:
-            a = old[i]
-            b = new[i]
-            if b <= 0.0:
-                if a > 0.0 or (a == a and self._tests[i].terminal):
-                    suspects.append(Suspect(i, None))
-            elif older is not None and 0.0 < a < older[i]:
-                dip = self._dip(older[i], a, b, length_old, length_new)
-                if dip is not None:
-                    suspects.append(Suspect(i, dip))
-        for i in self._changes:
-            a = old[i]
-            b = new[i]
-            if a != b and a == a and b == b:
-                suspects.append(Suspect(i, None))
-        return suspects
-
-    def _dip(self, first: float, a: float, b: float, before: float, last: float) -> float | None:
-        """Place (0..1) in the last interval of the extremum of the parabola through three values, if it dips towards zero."""
-        if a == 0.0 or not before > 0.0:
-            return None
-        rise_before = (a - first) / before
-        rise_last = (b - a) / last
-        curvature = (rise_last - rise_before) / (before + last)
-        slope_end = rise_last + last * curvature
-        if (slope_end > 0.0) is not (a > 0.0):
-            return None
-        slope = rise_before + before * curvature
-        if curvature == 0.0 or not slope * slope_end < 0.0:
-            return None
-        extremum = a - slope * slope / (4.0 * curvature)
-        if not extremum / a < self._settings.dip_ratio * min(1.0, b / a):
-            return None
-        return -slope / (2.0 * curvature) / last
+        first = self._undefined if older is None else older
+        places = self._places
+        if not watch(self._kinds, first, old, new, length_old, length_new, self._settings.dip_ratio, places):
+            return []
+        return [Suspect(i, None if math.isinf(place) else place) for i, place in enumerate(places) if place == place]
 
     def find(self, suspects: list[Suspect], before: Point, after: Point, ds: float) -> list[Found]:
         """The events of a step from `before` to `after` of length ds, in order, after the problem's word on each.

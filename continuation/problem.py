@@ -104,6 +104,30 @@ class Step(NamedTuple):
         return id(self)
 
 
+class Marched(NamedTuple):
+    """Plain steps that a problem took by itself, as the engine would have.
+
+    ``march(step, tests, older, before, ds, goal, room, control)`` starts at `step` with its `tests`, those of the point before it
+    (`older`) and the arclength between the two (`before`), with a first step of length `ds`. It corrects, judges and measures each step
+    with `refusal`, `arclength_of`, `watch` and `next_step` of `continuation.control`, given `control`. It stops after `room` steps, or
+    with the first step that is not plain: not converged, refused, with a test function that asks for a look, or within `NEAR_GOAL` chords
+    of the position `goal`. The points must be those that the engine finds step by step.
+
+    Attributes
+    ----------
+    ahead : list of (Step, float, float)
+        The accepted steps with the length asked for and the arclength, the last one first; `Step.tests` are lists.
+    ds : float
+        Length of the step after them.
+    trial : Step or None
+        The step of length `ds`, if it was tried and is not plain; the engine decides what it is.
+    """
+
+    ahead: list[tuple[Step, float, float]]
+    ds: float
+    trial: Step | None
+
+
 class EventDetails(NamedTuple):
     """What a problem makes of a located event: its final `code`, whether the family ends there, and free `data`."""
 
@@ -237,7 +261,8 @@ class Problem(Protocol):
        or ``"interrupted"``.
     6. `residual(y)` (n,) and `jacobian(y)` (n, n + 1) are used for switching only.
 
-    Optional, found by name: ``failure(y, tangent, ds) -> str``, words for the end of a family where steps fail;
+    Optional, found by name: ``march(step, tests, older, before, ds, goal, room, control) -> Marched``, which takes many plain steps at
+    once, for speed alone (see `Marched`); ``failure(y, tangent, ds) -> str``, words for the end of a family where steps fail;
     ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.
     """
 

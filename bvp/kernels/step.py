@@ -1,7 +1,7 @@
 """One step along a family of impacting orbits in three compiled calls: predict, correct, tangent; admissibility and half-waves; half
 map and multipliers. Together they give the raw values that test functions are made of.
 
-`RESULT` names the entries of the result array.
+`bvp.kernels.result.RESULT` names the entries of the result array.
 """
 
 import math
@@ -31,57 +31,49 @@ from bvp.kernels.multipoint import (
     start_state,
 )
 from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
-
-__all__ = ["RESULT", "end_states", "observe", "orbit_observe", "orbit_stability", "orbit_step", "pack", "stability_2", "tangent_at"]
-
-RESULT = (
-    "converged",
-    "iterations",
-    "contraction",
-    "residual",
-    "energy",
-    "quarter_period",
-    "slope",
-    "turn",
-    "branching",
-    "clearance",
-    "clearance_flight",
-    "clearance_stop",
-    "clearance_side",
-    "clearance_time",
-    "speed",
-    "speed_node",
-    "flight",
-    "flight_index",
-    "absorber_start",
-    "absorber_end",
-    "waves_absorber",
-    "waves_primary",
-    "first_quarter",
-    "second_quarter",
-    "in_phase",
-    "gave_up",
-    "a",
-    "b",
-    "c",
-    "d",
-    "magnified",
-    "trace",
-    "determinant",
-    "larger_real",
-    "larger_imaginary",
-    "smaller_real",
-    "smaller_imaginary",
-    "trivial",
-    "singular",
+from bvp.kernels.result import (
+    ABSORBER_END,
+    ABSORBER_START,
+    BRANCHING,
+    CLEARANCE,
+    CLEARANCE_FLIGHT,
+    CLEARANCE_SIDE,
+    CLEARANCE_STOP,
+    CLEARANCE_TIME,
+    CONTRACTION,
+    CONVERGED,
+    DETERMINANT,
+    ENERGY,
+    FIRST_QUARTER,
+    FLIGHT,
+    FLIGHT_INDEX,
+    GAVE_UP,
+    HALF_A,
+    HALF_B,
+    HALF_C,
+    HALF_D,
+    IN_PHASE,
+    ITERATIONS,
+    LARGER_IMAGINARY,
+    LARGER_REAL,
+    MAGNIFIED,
+    QUARTER_PERIOD,
+    RESIDUAL,
+    SECOND_QUARTER,
+    SINGULAR,
+    SLOPE,
+    SMALLER_IMAGINARY,
+    SMALLER_REAL,
+    SPEED,
+    SPEED_NODE,
+    TRACE,
+    TRIVIAL,
+    TURN,
+    WAVES_ABSORBER,
+    WAVES_PRIMARY,
 )
-(
-    CONVERGED, ITERATIONS, CONTRACTION, RESIDUAL, ENERGY, QUARTER_PERIOD, SLOPE, TURN, BRANCHING, CLEARANCE, CLEARANCE_FLIGHT,
-    CLEARANCE_STOP, CLEARANCE_SIDE, CLEARANCE_TIME, SPEED, SPEED_NODE, FLIGHT, FLIGHT_INDEX, ABSORBER_START, ABSORBER_END,
-    WAVES_ABSORBER, WAVES_PRIMARY, FIRST_QUARTER, SECOND_QUARTER, IN_PHASE, GAVE_UP, HALF_A, HALF_B, HALF_C, HALF_D, MAGNIFIED, TRACE,
-    DETERMINANT, LARGER_REAL, LARGER_IMAGINARY, SMALLER_REAL, SMALLER_IMAGINARY, TRIVIAL, SINGULAR,
-) = range(39)
 
+__all__ = ["end_states", "observe", "orbit_observe", "orbit_stability", "orbit_step", "pack", "stability_2", "tangent_at"]
 
 @part
 def tangent_at(segment, y, factor, old_direction, metric, tangent, result):

@@ -26,7 +26,8 @@ def warm() -> None:
     """Compile admissibility, half map and multipliers, by asking for them once."""
     import numpy as np
 
-    from bvp.kernels.step import RESULT, orbit_observe, orbit_stability
+    from bvp.kernels.result import RESULT
+    from bvp.kernels.step import orbit_observe, orbit_stability
     from bvp.multipoint import MultipointProblem
     from bvp.system import vibro_impact_nes
 

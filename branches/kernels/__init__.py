@@ -1,0 +1,1 @@
+"""Compiled code that binds orbits to continuation."""

@@ -1,0 +1,92 @@
+"""Many plain steps along a family in one compiled call, n = 2: predict, correct, look, judge, measure, choose the next step.
+
+The duties are those of `continuation.problem.Marched`; the judgement is that of `continuation.control` and `branches.markers`, compiled.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.markers import common_tests, is_orbit, planar_tests
+from bvp.kernels.arrays import set_1
+from bvp.kernels.compiled import kernel, part
+from bvp.kernels.result import CONTRACTION, CONVERGED, TURN
+from bvp.kernels.step import orbit_observe, orbit_stability, orbit_step
+from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, next_step, refusal, watch
+
+__all__ = ["Block", "march"]
+
+_distance = part(distance)
+_arclength_of = part(arclength_of)
+_refusal = part(refusal)
+_next_step = part(next_step)
+_watch = part(watch)
+_is_orbit = part(is_orbit)
+_common_tests = part(common_tests)
+_planar_tests = part(planar_tests)
+
+
+class Block(NamedTuple):
+    """What is found of each step; row after row, the last one for a step that is tried and not plain. u unknowns, k inner impacts."""
+
+    y: np.ndarray  # (steps + 1, u)
+    tangent: np.ndarray  # (steps + 1, 2 u)
+    position: np.ndarray  # (steps + 1, N + 2)
+    ends: np.ndarray  # (steps + 1, k + 1, N)
+    result: np.ndarray  # (steps + 1, len(RESULT))
+    tests: np.ndarray  # (steps + 1, tests)
+    lengths: np.ndarray  # (steps + 1, 2) length asked for, arclength
+
+
+@kernel
+def march(
+    pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, most, control, kinds, energy, targets, first_y,
+    first_tangent, first_position, first_tests, first_older, goal, before, ds, metric, places, block,
+):  # fmt: skip
+    """Steps from (first_y, first_tangent) into `block`. energy (2,): bounds of its logarithm. metric (4, N + 2), places (tests,):
+    scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length of the step to take next)."""
+    y = first_y
+    tangent = first_tangent
+    position = first_position
+    tests = first_tests
+    older = first_older
+    for count in range(block.y.shape[0] - 1):
+        result = block.result[count]
+        set_1(result, np.nan)
+        new = block.y[count]
+        ahead = block.tangent[count]
+        orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, new, ahead, result)
+        if result[CONVERGED] != 1.0:
+            return count, 1, ds
+        ends = block.ends[count]
+        for i in range(ends.shape[0]):
+            for r in range(ends.shape[1]):
+                ends[i, r] = factor.before[i, r]
+        orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, new, ends, work, result)
+        orbit_stability(pairs, rows, scalars, start_map, shape, new, ends, work, result)
+        place = block.position[count]
+        for r in range(place.shape[0]):
+            place[r] = metric[0, r]
+        if not _is_orbit(result):
+            return count, 1, ds
+        values = block.tests[count]
+        _common_tests(result, energy[0], energy[1], values)
+        _planar_tests(result, shape[2], targets, values)
+        turn = result[TURN]
+        contraction = result[CONTRACTION]
+        chord = _distance(position, place)
+        if _refusal(turn, contraction, chord, ds, control) != ACCEPTED or _distance(place, goal) <= NEAR_GOAL * chord:
+            return count, 1, ds
+        length = _arclength_of(chord, turn)
+        if _watch(kinds, older, tests, values, before, length, control.dip_ratio, places) > 0:
+            return count, 1, ds
+        block.lengths[count, 0] = ds
+        block.lengths[count, 1] = length
+        ds = _next_step(ds, turn, contraction, control)
+        before = length
+        older = tests
+        tests = values
+        position = place
+        tangent = ahead
+        y = new
+    return block.y.shape[0] - 1, 0, ds

@@ -1,0 +1,106 @@
+"""The test functions of a family of orbits with two degrees of freedom, from what the kernels know of an orbit.
+
+Pure functions of numbers and sequences, which call no other: `branches.family` calls them as they stand, and
+`branches.kernels.march` compiles the very same ones.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from bvp.kernels.result import (
+    ABSORBER_END,
+    ABSORBER_START,
+    BRANCHING,
+    CLEARANCE,
+    CONVERGED,
+    ENERGY,
+    FIRST_QUARTER,
+    FLIGHT,
+    GAVE_UP,
+    HALF_A,
+    HALF_B,
+    HALF_C,
+    HALF_D,
+    IN_PHASE,
+    RESIDUAL,
+    SECOND_QUARTER,
+    SLOPE,
+    SPEED,
+    TRACE,
+    WAVES_ABSORBER,
+    WAVES_PRIMARY,
+)
+
+__all__ = ["COMMON", "NOISE", "common_tests", "is_orbit", "planar_tests"]
+
+COMMON = 10
+"""Test functions that every family has, whatever its degrees of freedom."""
+
+_ACCURATE = 1e-12
+"""Scaled residual below which a solution is an orbit."""
+
+_CLEAR = 1e3
+NOISE = 2e-13
+"""Part of the half map's largest entry below which an entry is rounding: a conserved momentum makes one vanish all along a family, and
+its noise is no event."""
+
+
+def is_orbit(result: Any) -> bool:
+    """Whether the result entries are those of an accurate orbit of which everything could be found out."""
+    return result[CONVERGED] == 1.0 and result[RESIDUAL] < _ACCURATE and not result[GAVE_UP] == 1.0
+
+
+def common_tests(result: Any, low: Any, high: Any, out: Any) -> None:
+    """The first `COMMON` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's logarithm (low, high),
+    impulsive orbits, and the key that stands for the label."""
+    level = math.log(result[ENERGY])
+    out[0] = result[SLOPE]
+    out[1] = result[BRANCHING]
+    out[2] = result[CLEARANCE] if result[CLEARANCE] < _CLEAR else _CLEAR
+    out[3] = result[SPEED]
+    out[4] = result[FLIGHT]
+    out[5] = level - low if low > -math.inf else 1.0
+    out[6] = high - level if high < math.inf else 1.0
+    out[7] = result[ABSORBER_START]
+    out[8] = result[ABSORBER_END]
+    waves = result[WAVES_ABSORBER] * 4096.0 + result[WAVES_PRIMARY]
+    out[9] = (waves * 4096.0 + result[FIRST_QUARTER]) * 8192.0 + result[SECOND_QUARTER] * 4.0 + result[IN_PHASE]
+
+
+def planar_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
+    """The entries of `out` after the common ones, n = 2: the entries of the half map (see `bvp.kernels.halfmap`), each bifurcation a plain
+    zero of one, then the distances of the full period's trace from the `targets`. `quarters`: quarter periods solved."""
+    a = result[HALF_A]
+    b = result[HALF_B]
+    c = result[HALF_C]
+    d = result[HALF_D]
+    product = b * c
+    largest = abs(a)
+    for entry in (b, c, d):
+        if abs(entry) > largest:
+            largest = abs(entry)
+    noise = NOISE * largest
+    if abs(a) < noise:
+        a = math.nan
+    if abs(b) < noise:
+        b = math.nan
+    if abs(d) < noise:
+        d = math.nan
+    if quarters == 4:
+        tau = result[TRACE]
+        out[10] = tau + 2.0
+        at = 11
+    else:
+        tau = 2.0 + 4.0 * product
+        out[10] = b
+        out[11] = a
+        out[12] = d
+        at = 13
+        if quarters == 1:
+            out[13] = tau
+            tau = tau * tau - 2.0
+            at = 14
+    for i in range(len(targets)):
+        out[at + i] = tau - targets[i]
