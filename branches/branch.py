@@ -17,6 +17,7 @@ from branches.words import canonical, format_word, join_family_id, parse_word
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
 if TYPE_CHECKING:
+    from branches.grazing import Neighbour
     from bvp.system import ImpactSystem
 
 __all__ = ["Branch", "BranchEvent", "Ended"]
@@ -237,12 +238,41 @@ class Branch:
         """
         from branches.switching import switch
 
-        if isinstance(event, str):
-            known = {item.id: item for item in self.events}
-            if event not in known:
-                raise ValueError(f"no event {event!r} on this branch; it has {', '.join(known) or 'none'}")
-            event = known[event]
-        return switch(self, event, **options)
+        return switch(self, self.event(event) if isinstance(event, str) else event, **options)
+
+    def neighbours(self, event: BranchEvent | str, *, turns: int = 1, **options: Any) -> list[Neighbour]:
+        """The families that meet this branch at a grazing, followed; see `branches.grazing.neighbours`.
+
+        Parameters
+        ----------
+        event : BranchEvent or str
+            A GR of this branch, or its id.
+        turns : int
+            Neighbours of up to that many periods of the grazing orbit are looked for.
+        **options
+            As for `branches.tracing.follow_family`.
+
+        Raises
+        ------
+        ValueError
+            For an event of another type, or one that this branch does not have.
+        """
+        from branches.grazing import neighbours
+
+        return neighbours(self, event, turns=turns, **options)
+
+    def event(self, name: str) -> BranchEvent:
+        """The event with an id such as "GR1".
+
+        Raises
+        ------
+        ValueError
+            Where there is none: the message lists those that there are.
+        """
+        known = {item.id: item for item in self.events}
+        if name not in known:
+            raise ValueError(f"no event {name!r} on this branch; it has {', '.join(known) or 'none'}")
+        return known[name]
 
     @classmethod
     def from_record(cls, record: dict[str, Any]) -> Branch:

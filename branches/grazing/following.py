@@ -1,0 +1,292 @@
+"""The families that meet at grazing: each candidate is solved at the grazing orbit, and followed to the side where it is an orbit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from branches.branch import Branch, BranchEvent
+from branches.family import Family
+from branches.grazing.candidates import Candidate, candidate
+from branches.grazing.merging import CannotMerge, merged
+from branches.grazing.touching import Touching, touching
+from branches.tracing import follow_family
+from branches.words import Ends, format_word, impacts_per_period
+from bvp.kernels import multipoint as kernel
+from bvp.multipoint import MultipointProblem, Solution
+from continuation.switching import SwitchError, branch_directions
+
+if TYPE_CHECKING:
+    from continuation.problem import Step
+
+__all__ = ["Closure", "Neighbour", "follow", "neighbours"]
+
+PROBES = (1e-5, 1e-4, 1e-3)
+"""Arclengths from the grazing orbit at which a candidate has to be an orbit. The nearest decides; the family is followed from the last."""
+
+_SINGULAR = 1e-10
+"""Singular values below this part of the largest are zero: two families of one word cross at the grazing orbit."""
+
+_MOVED = 1e-7
+"""A correction by more than this, in scales of the orbit, leads to another orbit."""
+
+_STRAIGHT = 0.9
+
+_SAME_EVENT = 1e-8
+
+
+class Closure(NamedTuple):
+    """A problem with the unknowns y by which the grazing orbit solves it, and the scaled residual."""
+
+    problem: MultipointProblem
+    y: np.ndarray
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbour:
+    """A family that meets another one at a grazing orbit, or the reason why a word has none there.
+
+    Parameters
+    ----------
+    kind : str
+        "fold": both families exist on the same side of the grazing energy; "passage": on opposite sides; "linear mode": all impacts
+        vanish, and the orbit there is one of linear motion; "dead end": no admissible orbits next to the grazing orbit.
+    ends, word : (str, str), str
+        Of the neighbour. Empty for a linear mode.
+    label : str
+        Of the neighbour next to the grazing orbit, "" outside the grammar; the name of the linear mode.
+    h, alpha : float
+        Energy of the grazing orbit, and a quarter of the neighbour's period there.
+    stops : tuple of str
+        Contacts that are grazed.
+    impacts : int
+        Impacts in a period of the neighbour.
+    turns : int
+        How often the grazing orbit, over the period that was given, runs through that of the neighbour.
+    reason : str
+        Why there are no orbits, where there are none; else "".
+    branch : Branch or None
+        The neighbour, followed both ways from an orbit next to the grazing one.
+    event : BranchEvent or None
+        The same grazing on the neighbour; None where it was not reached within the options.
+    here, there : Closure or None
+        The grazing orbit as a solution of the problem of the family that it was reached on, and of the neighbour's.
+    """
+
+    kind: str
+    ends: Ends | tuple[()]
+    word: str
+    label: str
+    h: float
+    alpha: float
+    stops: tuple[str, ...]
+    impacts: int
+    turns: int
+    reason: str = ""
+    branch: Branch | None = None
+    event: BranchEvent | None = None
+    here: Closure | None = None
+    there: Closure | None = None
+
+
+def neighbours(branch: Branch, event: BranchEvent | str, *, turns: int = 1, **options: Any) -> list[Neighbour]:
+    """The families that meet a branch at a grazing.
+
+    Each grazing instant of the orbit over its period - a touch, or an impact of zero speed - may count as an impact or not. All choices
+    are tried, one of each class under the orbit's symmetries, with the ends or the periodic closure that the choice leaves.
+
+    Parameters
+    ----------
+    branch : Branch
+    event : BranchEvent or str
+        A GR of this branch, or its id.
+    turns : int
+        Periods of the grazing orbit that are unfolded: neighbours of up to that many times its period.
+    **options
+        As for `branches.tracing.follow_family`.
+
+    Returns
+    -------
+    list of Neighbour
+        Those with a family first.
+
+    Raises
+    ------
+    ValueError
+        For an event of another type, or one that this branch does not have.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> branch = saltus.trace("S13O00+", saltus.vibro_impact_nes(mu=0.1, sigma=0.1), energy=(0.05, 20.0))
+    >>> [(item.kind, item.ends, item.word) for item in neighbours(branch, "GR2", points=60) if item.branch is not None]
+    [('fold', ('origin', 'stop+'), '-')]
+    """
+    if isinstance(event, str):
+        event = branch.event(event)
+    if event.type != "GR":
+        raise ValueError(f"{event.id} is of type {event.type}; neighbours at grazing are those of a GR")
+    if turns < 1:
+        raise ValueError(f"turns is {turns}, expected 1 or more")
+    solution = branch.orbit(event.point).solution
+    rising = _leaves_upward(branch, event.point)
+    here = Closure(branch.problem, solution.y, solution["residual"])
+    try:
+        swapped = merged(branch.problem, solution)
+    except CannotMerge as error:
+        return [Neighbour("dead end", (), "", "", event.h, event.alpha, (), 0, 1, str(error), here=here)]
+    if swapped is not None:
+        problem, y, stops = swapped
+        impacts = impacts_per_period(problem.word, problem.ends)
+        return [replace(_meet(problem, y, stops, impacts, 1, rising, options), here=here)]
+    orbit = touching(branch.problem, solution.y)
+    if not orbit.hard:
+        return [replace(_linear(orbit), here=here)]
+    orbit = orbit.repeated(turns)
+    own = orbit.smallest(orbit.kept)
+    choices = (candidate(orbit, mask) for mask in orbit.choices() if mask != own)
+    found = [replace(follow(orbit, choice, rising, **options), here=here) for choice in choices]
+    return sorted(found, key=lambda item: (item.branch is None, item.turns, item.ends, item.word))
+
+
+def follow(orbit: Touching, choice: Candidate, rising: bool, **options: Any) -> Neighbour:
+    """The family of a candidate at a grazing orbit, followed if it has orbits.
+
+    Parameters
+    ----------
+    orbit : Touching
+    choice : Candidate
+    rising : bool
+        Whether the family that it is reached from leaves the grazing orbit upward in energy.
+    """
+    if not choice.impacts:
+        return _linear(orbit)
+    problem = choice.problem(orbit)
+    y = problem.pack(choice.start, choice.nodes, choice.times)
+    return _meet(problem, y, orbit.stops, choice.impacts, choice.turns, rising, options)
+
+
+def _meet(
+    problem: MultipointProblem, y: np.ndarray, stops: tuple[str, ...], impacts: int, turns: int, rising: bool, options: dict[str, Any]
+) -> Neighbour:
+    """Solve a problem at the grazing orbit y, and follow it to its admissible sides."""
+
+    def neighbour(kind: str, **more: Any) -> Neighbour:
+        return Neighbour(
+            kind, problem.ends, format_word(problem.word), more.pop("label", ""), problem.energy(y), problem.quarter_period(y),
+            stops, impacts, turns, **more,
+        )  # fmt: skip
+
+    y, residual, directions = _solve(problem, y)
+    if not residual < 1e-12:
+        return neighbour("dead end", reason="the grazing orbit does not solve this problem")
+    there = Closure(problem, y, residual)
+    family = Family(problem)
+    sides: list[str] = []
+    for direction in directions:
+        step = _first(family, y, direction, sides)
+        if step is None:
+            continue
+        kind = "fold" if (step.parameter > problem.energy(y)) == rising else "passage"
+        branch = follow_family(problem, step.y, direction="both", **options)
+        event = _same_event(branch, problem, y)
+        return neighbour(kind, label=branch.label, branch=branch, event=event, there=there)
+    return neighbour("dead end", reason="; ".join(dict.fromkeys(sides)), there=there)
+
+
+def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float, list[np.ndarray]]:
+    """The grazing orbit as a solution of a problem, its residual scaled by the state, and the directions in which the family may leave it.
+
+    By dense linear algebra in scales of the whole orbit: where it grazes, the velocities at all nodes may be zero.
+    """
+    speed = np.sqrt(2.0 * problem.energy(y))
+    times = problem.flight_times(y)
+    size = np.concatenate([np.full(problem.half, max(1e-300, *np.abs(problem.end_states(y))[:, : problem.half].max(axis=0))), np.full(problem.half, speed)])
+    scale = problem.pack(size + problem.segment.start_offset, np.tile(size, (problem.inner, 1)), np.full(len(times), np.sum(times)))
+    scale = np.where(scale == 0.0, 1.0, np.abs(scale))
+    start = y
+    for _ in range(3):
+        jacobian = problem.jacobian(y) * scale
+        left, singular, right = np.linalg.svd(jacobian)
+        keep = singular > _SINGULAR * singular[0]
+        y = y - scale * (right[: len(singular)][keep].T @ ((left.T @ problem.residual(y))[keep] / singular[keep]))
+    residual = float(np.max(np.abs(problem.residual(y)))) / float(np.max(size))
+    if not np.all(np.abs(y - start) <= _MOVED * scale):
+        residual = np.inf
+    null = right[-1] * scale
+    if keep.all():
+        return y, residual, [null, -null]
+    try:
+        return y, residual, list(branch_directions(Family(problem), y, null))
+    except SwitchError:
+        return y, residual, []
+
+
+def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str]) -> Step | None:
+    """An orbit next to the grazing one in a direction, as far from it as the probes go on being orbits; else the reason into `sides`."""
+    problem = family.problem
+    position, change = np.empty((2, problem.size + 2))
+    energy, alpha = kernel.locate(problem.segment, y, position)
+    _, length = kernel.metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
+    if not length > 0.0:
+        sides.append("the orbit does not change with the first impulses")
+        return None
+    tangent = np.concatenate([direction / length, np.zeros(problem.unknowns)])
+    last, reason = None, "no orbit next to the grazing one could be corrected"
+    for ds in PROBES:
+        step = family.step(y, tangent, ds)
+        if not step.converged or not step.turn > _STRAIGHT:
+            continue  # nearer than this, the speeds at the nodes may be lost in rounding
+        reason = _why(problem, step.extra)
+        if reason:
+            break
+        last = step
+    if last is None:
+        sides.append(reason)
+    return last
+
+
+def _why(problem: MultipointProblem, solution: Solution) -> str:
+    """Why a solution is no orbit; "" where it is one."""
+    inner = problem.inner
+    if solution["speed"] <= 0.0:
+        node = int(solution["speed_node"])
+        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
+        return f"the impact {place} would have to pull"
+    if solution["clearance"] <= 0.0:
+        side = "+" if solution["clearance_side"] > 0.0 else "-"
+        return f"flight {int(solution['clearance_flight']) + 1} of {inner + 1} goes through the {side} side of a stop"
+    if solution["flight"] <= 0.0:
+        return f"flight {int(solution['flight_index']) + 1} of {inner + 1} has a negative duration"
+    return ""
+
+
+def _same_event(branch: Branch, problem: MultipointProblem, y: np.ndarray) -> BranchEvent | None:
+    """The grazing of the branch that is the orbit y."""
+    energy, alpha = problem.energy(y), problem.quarter_period(y)
+    for event in branch.events:
+        if event.type == "GR" and abs(event.h / energy - 1.0) < _SAME_EVENT and abs(event.alpha / alpha - 1.0) < _SAME_EVENT:
+            return event
+    return None
+
+
+def _leaves_upward(branch: Branch, point: int) -> bool:
+    """Whether a branch that ends at a point leaves it upward in energy."""
+    h = branch.points["h"]
+    inside = point + 1 if point + 1 < len(h) else point - 1
+    return bool(h[max(inside, 0)] > h[point])
+
+
+def _linear(orbit: Touching) -> Neighbour:
+    """Linear motion without any impact, with the name of the mode."""
+    from branches.linear_modes import mode_of
+
+    mode = mode_of(orbit)
+    label = "" if mode is None else mode.label
+    which = "a linear motion of several modes" if mode is None else f"the linear mode {label or mode.index + 1}"
+    reason = f"{which}, which touches the stops; the families that begin there are given by branches.linear_modes.families_at"
+    return Neighbour("linear mode", (), "", label, orbit.h, 0.25 * orbit.period, orbit.stops, 0, 1, reason)
+

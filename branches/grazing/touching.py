@@ -1,0 +1,250 @@
+"""A grazing orbit over its whole period: every impact, every instant at which it only touches a stop, and its symmetries.
+
+At grazing, an impact of zero speed and a touch are the same motion: each grazing instant may count as an impact or not. What an orbit
+keeps of the symmetries depends on which of them do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from bvp.cycle import cycle_of
+from bvp.kernels.flight import flow_state
+from bvp.kernels.scan import crossings
+from bvp.multipoint import MultipointProblem
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Symmetry", "Touching", "touching"]
+
+CONTACT = 1e-8
+"""A turning point nearer to a stop than this part of the largest gap is a touch, an impact slower than this part of sqrt(2h) one of zero
+speed. Events are located far better, and other turning points are far away."""
+
+_SAME = 1e-7
+"""States, as parts of the largest, and times, as parts of the period, that are the same."""
+
+_TURNS = 4096
+
+
+class Symmetry(NamedTuple):
+    """A symmetry of a grazing orbit: to which instant each of them goes, and the axis of a reversal in [0, T/2) (the other is half a
+    period later) with its kind, "origin" or "rest"; None for a shift in time, whose `time` is the shift."""
+
+    image: tuple[int, ...]
+    axis: str | None
+    time: float
+    mirrored: bool
+
+    def move(self, mask: int) -> int:
+        """The set of instants to which a set goes; sets are bit masks."""
+        out = 0
+        for i, j in enumerate(self.image):
+            if mask >> i & 1:
+                out |= 1 << j
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """A grazing orbit, instant by instant.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    period : float
+    times : (P,) float
+        Instants of impact or touch in [0, T), ascending.
+    contact : (P,) int
+        Contact hit or touched (row of the contact arrays of `Modes`).
+    before, after : (P, N) float
+        Modal states there; equal at a touch.
+    grazing : (P,) bool
+        Where the speed is zero.
+    kept : int
+        Bit mask of the instants that count as impacts in the family that the orbit was reached on.
+    """
+
+    system: ImpactSystem
+    period: float
+    times: np.ndarray
+    contact: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    grazing: np.ndarray
+    kept: int
+
+    @property
+    def hard(self) -> int:
+        """Bit mask of the impacts that have a speed."""
+        return sum(1 << i for i in np.flatnonzero(~self.grazing).tolist())
+
+    @cached_property
+    def letters(self) -> tuple[str, ...]:
+        """Contact letters, one for each instant."""
+        return tuple(self.system.modes.contact_letters[c] for c in self.contact)
+
+    @property
+    def stops(self) -> tuple[str, ...]:
+        """Letters of the contacts that are grazed."""
+        return tuple(dict.fromkeys(letter for letter, graze in zip(self.letters, self.grazing, strict=True) if graze))
+
+    @property
+    def h(self) -> float:
+        """Energy."""
+        modes = self.system.modes
+        weights = np.concatenate([modes.squares, np.ones(len(modes.squares))])
+        return float(0.5 * np.sum(weights * self.after[0] ** 2))
+
+    def state(self, time: float) -> np.ndarray:
+        """Modal state (N,) at a time, after the impact if there is one."""
+        local = time % self.period
+        i = int(np.searchsorted(self.times, local, side="right")) - 1
+        elapsed = local - self.times[i] if i >= 0 else local + self.period - self.times[-1]
+        out = np.empty(self.after.shape[1])
+        flow_state(*self.system.modes.blocks, self.after[i], float(elapsed), out)
+        return out
+
+    def at(self, time: float) -> int | None:
+        """The instant at a time, if there is one."""
+        apart = np.abs((self.times - time + 0.5 * self.period) % self.period - 0.5 * self.period)
+        i = int(np.argmin(apart))
+        return i if apart[i] < _SAME * self.period else None
+
+    def repeated(self, turns: int) -> Touching:
+        """The same orbit over several periods."""
+        count = len(self.times)
+        kept = sum(self.kept << turn * count for turn in range(turns))
+        times = np.concatenate([self.times + turn * self.period for turn in range(turns)])
+        contact, grazing = np.tile(self.contact, turns), np.tile(self.grazing, turns)
+        before, after = np.tile(self.before, (turns, 1)), np.tile(self.after, (turns, 1))
+        return Touching(self.system, turns * self.period, times, contact, before, after, grazing, kept)
+
+    @cached_property
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """All symmetries, the identity first: shifts in time, as they are or mirrored, and reversals about origin and rest axes."""
+        count, half = len(self.times), self.after.shape[1] // 2
+        size = np.concatenate([np.full(half, np.max(np.abs(self.after[:, :half]))), np.full(half, np.max(np.abs(self.after[:, half:])))])
+        flip = np.concatenate([-np.ones(half), np.ones(half)])
+        signs = (1.0, -1.0) if self.system.has_odd_symmetry else (1.0,)
+        numbers = np.arange(count)
+        gaps = np.diff(np.append(self.times, self.times[0] + self.period))
+
+        def same(a: np.ndarray, b: np.ndarray) -> bool:
+            return bool(np.all(np.abs(a - b) <= _SAME * size))
+
+        out = []
+        for d in range(count):
+            shifted = (numbers + d) % count
+            if not np.allclose(gaps[shifted], gaps, rtol=0.0, atol=_SAME * self.period):
+                continue
+            for sign in signs:
+                if (self.grazing[shifted] == self.grazing).all() and same(self.after[shifted], sign * self.after):
+                    shift = float(self.times[d] - self.times[0])
+                    out.append(Symmetry(tuple(shifted.tolist()), None, shift, sign < 0.0))
+        for c in range(count):
+            turned = (c - numbers) % count
+            if not np.allclose(gaps[(turned - 1) % count], gaps, rtol=0.0, atol=_SAME * self.period):
+                continue
+            for kind in ("origin", "rest") if len(signs) == 2 else ("rest",):
+                if (self.grazing[turned] == self.grazing).all() and same(self.after[turned], (flip if kind == "origin" else -flip) * self.before):
+                    axis = 0.5 * float(self.times[0] + self.times[c]) % (0.5 * self.period)
+                    out.append(Symmetry(tuple(turned.tolist()), kind, axis, kind == "origin"))
+        out.sort(key=lambda item: (item.image != tuple(range(count)), item.axis is not None))
+        return tuple(out)
+
+    def smallest(self, mask: int) -> int:
+        """The representative of a set of instants among its images."""
+        return min(symmetry.move(mask) for symmetry in self.symmetries)
+
+    def choices(self, every: int = 12) -> Iterator[int]:
+        """Sets of instants that may count as impacts, one of each class under the symmetries: all hard impacts, and any grazing instants.
+
+        Where more than `every` instants graze, only those that keep a reversal.
+        """
+        free = np.flatnonzero(self.grazing).tolist()
+        hard, seen = self.hard, set()
+        groups: list[list[int]] = []
+        if len(free) <= every:
+            groups.append([1 << i for i in free])
+        else:
+            known: set[tuple[str | None, bool]] = set()
+            for symmetry in self.symmetries:
+                if symmetry.axis is None:
+                    continue
+                fixed = any(symmetry.image[i] == i for i in range(len(symmetry.image)))
+                if (symmetry.axis, fixed) in known and len({s.move(1) for s in self.symmetries}) == len(self.times):
+                    continue  # all instants are images of each other, and so are the axes of a kind
+                known.add((symmetry.axis, fixed))
+                groups.append(sorted({1 << i | 1 << symmetry.image[i] for i in free}))
+        for parts in groups:
+            for number in range(1 << len(parts)):
+                mask = hard
+                for i, part in enumerate(parts):
+                    if number >> i & 1:
+                        mask |= part
+                mask = self.smallest(mask)
+                if mask not in seen:
+                    seen.add(mask)
+                    yield mask
+
+
+def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:
+    """The grazing orbit y of a multipoint problem over its whole period, with all touches and impacts of zero speed."""
+    cycle = cycle_of(problem, y)
+    modes = problem.system.modes
+    speed = np.sqrt(2.0 * problem.energy(y))
+    reach = float(np.max(np.abs(modes.contact_bound[np.isfinite(modes.contact_bound)])))
+    slow = np.abs(cycle.speeds) < CONTACT * speed * float(np.max(np.linalg.norm(modes.contact_rate, axis=1)))
+    rows = [
+        (float(time % cycle.period), int(contact), before, after, bool(graze), True)
+        for time, contact, before, after, graze in zip(cycle.times, cycle.contact, cycle.before, cycle.after, slow, strict=True)
+    ]
+    for i, duration in enumerate(cycle.duration):
+        for contact, time, state in _touches(problem.system, cycle.after[i], float(duration), CONTACT * reach):
+            apart = min(time, duration - time)
+            beside = {int(cycle.contact[i]) if time < duration - time else int(cycle.contact[(i + 1) % len(cycle.contact)])}
+            if apart > _SAME * cycle.period or contact not in beside:
+                rows.append((float((cycle.times[i] + time) % cycle.period), contact, state, state, True, False))
+    rows.sort(key=lambda row: row[0])
+    return Touching(
+        problem.system,
+        cycle.period,
+        np.array([row[0] for row in rows]),
+        np.array([row[1] for row in rows], dtype=np.int64),
+        np.array([row[2] for row in rows]),
+        np.array([row[3] for row in rows]),
+        np.array([row[4] for row in rows]),
+        sum(1 << i for i, row in enumerate(rows) if row[5]),
+    )
+
+
+def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: float) -> Iterator[tuple[int, float, np.ndarray]]:
+    """(contact, time, state) of the turning points of each gap along a flight that are at a stop."""
+    modes = system.modes
+    times, state = np.empty(_TURNS), np.empty(len(z))
+    for contact in range(len(modes.contact_side)):
+        gap, rate, bend = modes.contact_gap[contact], modes.contact_rate[contact], modes.contact_acceleration[contact]
+        third = np.ascontiguousarray(bend @ modes.matrix)
+        found = crossings(*modes.blocks, rate, bend, third, np.ascontiguousarray(z), duration, times, np.empty(len(z)))
+        for time in times[: min(found, _TURNS)].tolist():
+            for _ in range(3):
+                flow_state(*modes.blocks, z, time, state)
+                slope = float(bend @ state)
+                if slope != 0.0:
+                    time -= float(rate @ state) / slope
+            flow_state(*modes.blocks, z, time, state)
+            distance = modes.contact_side[contact] * (modes.contact_bound[contact] - float(gap @ state))
+            if abs(distance) < tolerance and modes.contact_side[contact] * float(bend @ state) < 0.0:
+                yield contact, time, state.copy()
+
+
+def stabiliser(orbit: Touching, mask: int) -> Collection[Symmetry]:
+    """The symmetries that a set of instants keeps."""
+    return tuple(symmetry for symmetry in orbit.symmetries if symmetry.move(mask) == mask)
