@@ -14,6 +14,7 @@ import numpy as np
 
 from branches.discovery import Found, Scanner, accept
 from branches.labels import Label, Name, canonical, matches, nearest, parse_name, roots
+from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
 from branches.words import split_family_id
 from bvp.multipoint import MultipointProblem, NotConverged
 
@@ -26,17 +27,6 @@ __all__ = ["AmbiguousName", "Limits", "NameNotFound", "resolve", "search_bounds"
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 """Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
 inner impact up to four (at least one). Each level is finer; the search ends at the first that finds the name."""
-
-PIN_TOLERANCE = 0.02
-"""How far, relatively, the quarter period of a chosen family may be from its pin at the pin's energy."""
-
-
-class NameNotFound(ValueError):
-    """No orbit has the name within the bounds; the message says what was searched and what exists."""
-
-
-class AmbiguousName(ValueError):
-    """Several families have the name; the message lists the suffix that selects each."""
 
 
 @dataclass(frozen=True)

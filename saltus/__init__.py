@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from branches.branch import Branch
+    from branches.catalogue.store import Catalogue
     from branches.orbit import Orbit
     from branches.record import read_branch
     from bvp.run import run
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Branch",
+    "Catalogue",
     "ImpactSystem",
     "Orbit",
     "Scene",
@@ -38,6 +40,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Branch": "branches.branch",
+    "Catalogue": "branches.catalogue.store",
     "ImpactSystem": "bvp.system",
     "Orbit": "branches.orbit",
     "Scene": "saltus.scene",

@@ -1,0 +1,106 @@
+"""The orbit of an event as each of the two families that meet there has it: what an edge keeps so that its closing can be checked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from branches.catalogue.rows import Edge, EventOrbit
+from branches.switching import embed
+from branches.words import Ends, Word, mirror, mirror_ends
+from bvp.cycle import cycle_of
+from bvp.kernels.flight import flow_state
+from bvp.multipoint import MultipointProblem
+
+if TYPE_CHECKING:
+    from branches.branch import Branch, BranchEvent
+
+__all__ = ["distance", "event_orbit", "orbit_of_event", "seen_from", "switch_edge", "unknowns_of"]
+
+_SAMPLES = 48
+"""States looked at on each flight before the nearest is refined."""
+
+
+def event_orbit(problem: MultipointProblem, y: np.ndarray) -> EventOrbit:
+    """The orbit y of a problem, as an edge keeps it."""
+    start = problem.modes.to_state @ problem.start(y)
+    return EventOrbit(
+        problem.ends, "".join(problem.word), tuple(start.tolist()), tuple(problem.flight_times(y).tolist())
+    )
+
+
+def orbit_of_event(branch: Branch, event: BranchEvent) -> EventOrbit:
+    """The orbit of a branch's event, as it was saved."""
+    columns = branch.points
+    start = np.concatenate([columns["start_u"][event.point], columns["start_v"][event.point]])
+    times = columns["flight_times"][event.point]
+    return EventOrbit(branch.ends, branch.word, tuple(start.tolist()), tuple(times.tolist()))
+
+
+def seen_from(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word) -> EventOrbit | None:
+    """The orbit y as an orbit of the problem with other ends and word: started at another of its ends, run over a longer segment or
+    several turns, or mirrored; None where it is none."""
+    windows: list[tuple[int, int] | int] = [1, 2, 3, 4, 5]
+    if not problem.periodic:
+        windows += [(first, first + length) for length in (1, 2, 4) for first in range(4)]
+    signs = (1, -1) if problem.system.has_odd_symmetry else (1,)
+    for window in windows:
+        if isinstance(window, int) != (ends[0] == "periodic"):
+            continue
+        stretch = embed(problem, y, window)
+        for sign in signs:
+            image = (stretch.ends, stretch.word) if sign > 0 else (mirror_ends(stretch.ends), mirror(stretch.word))
+            if image == (ends, word):
+                start = sign * (problem.modes.to_state @ stretch.start)
+                return EventOrbit(ends, "".join(word), tuple(start.tolist()), tuple(map(float, stretch.times)))
+    return None
+
+
+def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event: str = "") -> Edge:
+    """The edge from a BP, SB or PD of one family to the family that was followed from there."""
+    y = source.unknowns(event.point)
+    seen = seen_from(source.problem, y, target.ends, tuple(target.problem.word))
+    return Edge(
+        source.id, event.id, event.type, "switch", target.id, event.h, event.alpha, target_event, event.stop, event.note,
+        orbit_of_event(source, event), seen,
+    )  # fmt: skip
+
+
+def unknowns_of(problem: MultipointProblem, orbit: EventOrbit) -> np.ndarray:
+    """Unknowns of a problem from an orbit that was kept: exact start and flight times, nodes by exact flight."""
+    from branches.branch import propagate
+
+    start = problem.modes.from_state @ np.array(orbit.start)
+    times = np.array(orbit.flight_times)
+    return problem.pack(start, propagate(problem, start, times), times)
+
+
+def distance(problem: MultipointProblem, y: np.ndarray, start: np.ndarray) -> float:
+    """How far a state (2 n,), in physical coordinates, is from the orbit y, its mirror image and both run backwards, relative to the
+    size of the state. One state of a free motion is the whole of it."""
+    modes, half = problem.modes, problem.half
+    cycle = cycle_of(problem, y)
+    signs = (1.0, -1.0) if problem.system.has_odd_symmetry else (1.0,)
+    back = np.concatenate([np.ones(half), -np.ones(half)])
+    images = [modes.from_state @ (sign * way * start) for sign in signs for way in (np.ones(2 * half), back)]
+    size = float(np.linalg.norm(images[0]))
+    state = np.empty(2 * half)
+    times = np.linspace(0.0, 1.0, _SAMPLES)
+    track = np.empty((len(cycle.duration), _SAMPLES, 2 * half))
+    for i, duration in enumerate(cycle.duration):
+        for j, part in enumerate(times):
+            flow_state(*modes.blocks, cycle.after[i], float(part * duration), track[i, j])
+    best = np.inf
+    for image in images:
+        away = np.linalg.norm(track - image, axis=2)
+        for flat in np.argsort(away, axis=None)[:4]:
+            i, j = np.unravel_index(flat, away.shape)
+            t = times[j] * cycle.duration[i]
+            for _ in range(8):
+                flow_state(*modes.blocks, cycle.after[i], float(t), state)
+                rate = modes.matrix @ state
+                t = min(max(t + rate @ (image - state) / (rate @ rate), 0.0), cycle.duration[i])
+            flow_state(*modes.blocks, cycle.after[i], float(t), state)
+            best = min(best, float(np.linalg.norm(state - image)))
+    return best / size

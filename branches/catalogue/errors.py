@@ -1,0 +1,63 @@
+"""What can be wrong with the file of a catalogue, said in one line each."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from branches.files import WriteFailure
+
+__all__ = ["CatalogueDamaged", "CatalogueError", "CatalogueInUse", "translated"]
+
+
+class CatalogueError(ValueError):
+    """A file that cannot be used as the catalogue that was asked for; the message is one line."""
+
+
+class CatalogueDamaged(CatalogueError):
+    """A catalogue of which a part cannot be trusted; the message names the part."""
+
+
+class CatalogueInUse(CatalogueError):
+    """A catalogue that another process is writing; the message names it."""
+
+
+@contextmanager
+def translated(path: Path) -> Iterator[None]:
+    """Say what SQLite reports in the user's words.
+
+    Parameters
+    ----------
+    path : Path
+        The file that is read or written in the block.
+
+    Raises
+    ------
+    CatalogueError, CatalogueDamaged
+        Where the file cannot be read.
+    WriteFailure
+        Where it cannot be written; what it held stays whole.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = getattr(error, "sqlite_errorname", None) or ""
+        if code == "SQLITE_FULL":
+            raise WriteFailure(f"cannot write {path}: no space is left on the device; what it held is whole") from error
+        if code.startswith("SQLITE_READONLY"):
+            raise WriteFailure(f"cannot write {path}: it, or its directory, is read-only") from error
+        if code.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+            raise CatalogueInUse(f"{path} is in use by another process") from error
+        if code in ("SQLITE_IOERR_WRITE", "SQLITE_IOERR_FSYNC", "SQLITE_IOERR_TRUNCATE", "SQLITE_IOERR_SHMSIZE"):
+            raise WriteFailure(f"cannot write {path}: the device refused; what it held is whole") from error
+        if code == "SQLITE_NOTADB":
+            raise CatalogueDamaged(f"{path} is no catalogue: it is no SQLite file") from error
+        if code.startswith("SQLITE_CANTOPEN"):
+            raise CatalogueError(f"cannot open {path}, or the files -wal and -shm that belong to it") from error
+        if code.startswith(("SQLITE_CORRUPT", "SQLITE_IOERR")):
+            raise CatalogueDamaged(f"{path} is damaged: {error}") from error
+        if isinstance(error, sqlite3.OperationalError) and str(error).startswith("no such"):
+            raise CatalogueDamaged(f"{path} is damaged: it has {error}") from error
+        raise

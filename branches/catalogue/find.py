@@ -1,0 +1,229 @@
+"""Families of a catalogue by filters and by name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
+
+from branches.catalogue.errors import CatalogueError, translated
+from branches.catalogue.rows import FamilyRow
+from branches.labels import Label, LabelSyntaxError, Name, canonical, matches, nearest, parse, parse_name, roots
+from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
+
+if TYPE_CHECKING:
+    from branches.catalogue.store import Catalogue
+
+__all__ = ["Match", "chosen", "find"]
+
+_WILD = re.compile(r"[*?\[]")
+_PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic).*")
+_SIDE = re.compile(r"(?<=stop)[a-z]?[+-]")
+
+Crossing = tuple[float, float]
+"""h and alpha of an orbit."""
+
+
+class Match(NamedTuple):
+    """What a name stands for: the id of a family or linear mode, and the orbit that a suffix, pin or label selects on it."""
+
+    id: str
+    kind: str
+    h: float | None = None
+    alpha: float | None = None
+
+
+# -- filters ------------------------------------------------------------------------------------------------------------------
+
+
+def chosen(
+    families: Iterable[FamilyRow],
+    *,
+    label: str | None = None,
+    energy: float | None = None,
+    stable: bool = False,
+    ends: str | None = None,
+    impacts: tuple[float, float] | None = None,
+) -> list[FamilyRow]:
+    """Those of the families that fit: see `Catalogue.families`.
+
+    Raises
+    ------
+    LabelSyntaxError
+        For a label that cannot be read and has no wildcard.
+    CatalogueError
+        For ends that no family has; those that exist are named.
+    """
+    families = list(families)
+    fits = None if label is None else _label_test(label)
+    if ends is not None:
+        known = {row.ends for row in families}
+        known |= {_SIDE.sub("", name) for name in known}
+        if ends not in known and families:
+            raise CatalogueError(f"no family has the ends {ends!r}; expected one of {', '.join(sorted(known))}")
+
+    def keep(row: FamilyRow) -> bool:
+        if ends is not None and ends not in (row.ends, _SIDE.sub("", row.ends)):
+            return False
+        if impacts is not None and not impacts[0] <= row.impacts <= impacts[1]:
+            return False
+        parts = [part.arclength for part in row.labels if fits is None or fits(part.label)]
+        if energy is not None:
+            parts = [p.arclength for p in row.labels if p.h[0] <= energy <= p.h[1] and (fits is None or fits(p.label))]
+        if not stable:
+            return bool(parts)
+        steady = [p.arclength for p in row.stability if p.stable == 1 and (energy is None or p.h[0] <= energy <= p.h[1])]
+        return any(a[0] < b[1] and b[0] < a[1] for a in parts for b in steady) or (row.points == 1 and bool(parts) and bool(steady))
+
+    return [row for row in families if keep(row)]
+
+
+def _label_test(text: str) -> Callable[[str], bool]:
+    """Whether a label fits a label, a pattern of labels, or shell wildcards."""
+    try:
+        pattern = parse(text)
+    except LabelSyntaxError:
+        if not _WILD.search(text):
+            raise
+        return cache(lambda label: fnmatchcase(label, text))
+    return cache(lambda label: bool(label) and matches(pattern, parse(label)))
+
+
+# -- names --------------------------------------------------------------------------------------------------------------------
+
+
+def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]]) -> Match:
+    """What a name stands for in a catalogue: see `Catalogue.find`."""
+    families = catalogue.families()
+    head, at, _ = text.partition("@")
+    by_id = [row for row in families if row.id == head]
+    if not by_id and _PART_OF_ID.fullmatch(head):
+        by_id = [row for row in families if row.id.startswith(head) or row.id.rpartition(":")[2].startswith(head)]
+        if not by_id:
+            near = ", ".join(nearest(head, [row.id for row in families])) or "none, the catalogue is empty"
+            raise NameNotFound(f"{catalogue.path} has no family whose id begins with {head!r}; nearest: {near}")
+        if len(by_id) > 1:
+            listed = " ".join(row.id for row in by_id[:8]) + (f" and {len(by_id) - 8} more" if len(by_id) > 8 else "")
+            raise AmbiguousName(f"{len(by_id)} families have an id that begins with {head!r}: {listed}")
+    if by_id:
+        name = parse_name(by_id[0].id + at + text.partition("@")[2])
+        orbits = _select(catalogue, name, by_id, None)
+        if not orbits:
+            raise NameNotFound(f"family {by_id[0].id} has no orbit at {_where(name)}: it has {_extent(by_id[0])}")
+        return orbits[0]
+    name = parse_name(text)
+    assert name.label is not None
+    if name.label.kind == "L":
+        return _linear_mode(catalogue, name.label)
+    pattern = name.label
+    fits = cache(lambda label: bool(label) and matches(pattern, parse(label)))
+    having = [row for row in families if any(fits(part.label) for part in row.labels)]
+    found = _select(catalogue, name, having, fits)
+    if not found:
+        raise NameNotFound(_nothing(catalogue, name, families, having))
+    if len(found) > 1 and name.h is None and name.alpha is None:
+        pin = pins.get(text) or pins.get(str(name.label))
+        if pin is not None:
+            asked = Name(name.label, None, pin.get("h"), pin.get("alpha"))
+            found = _select(catalogue, asked, having, None) or found
+    if len(found) > 1:
+        listed = " ".join(f"{head}@h={match.h:.6g},alpha={match.alpha:.6g}" for match in found[:12])
+        more = f" and {len(found) - 12} more" if len(found) > 12 else ""
+        raise AmbiguousName(f"{text} is {len(found)} families; expected one of {listed}{more}")
+    return found[0]
+
+
+def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fits: Callable[[str], bool] | None) -> list[Match]:
+    """The families with an orbit at the energy and quarter period of a name and with a label that fits; all that have such a label
+    where the name has neither. With both given, the one that comes nearest."""
+    out: list[tuple[float, Match]] = []
+    for row in families:
+        if name.h is None and name.alpha is None and fits is None:
+            out.append((0.0, Match(row.id, "family")))
+            continue
+        if name.h is not None and not row.h[0] <= name.h <= row.h[1]:
+            continue
+        if name.h is None and name.alpha is not None and not row.alpha[0] <= name.alpha <= row.alpha[1]:
+            continue
+        points = _track(catalogue, row)
+        if name.h is None and name.alpha is None:
+            own = [(h, alpha) for h, alpha, label in points if fits is None or fits(label)]
+            middle = own[len(own) // 2] if own else (points[0][0], points[0][1])
+            out.append((0.0, Match(row.id, "family", *middle)))
+            continue
+        key, value = (0, name.h) if name.h is not None else (1, name.alpha)
+        assert value is not None
+        best: tuple[float, Crossing] | None = None
+        for crossing in _crossings(points, key, value, fits):
+            miss = abs(crossing[1] / name.alpha - 1.0) if name.h is not None and name.alpha is not None else 0.0
+            if miss < (best[0] if best else PIN_TOLERANCE):
+                best = (miss, crossing)
+        if best is not None:
+            out.append((best[0], Match(row.id, "family", *best[1])))
+    least = min((miss for miss, _ in out), default=0.0)
+    return [match for miss, match in out if miss <= least + 1e-9]
+
+
+def _track(catalogue: Catalogue, row: FamilyRow) -> list[tuple[float, float, str]]:
+    """Energy, quarter period and label along a family."""
+    with translated(catalogue.path):
+        return catalogue._connection.execute(
+            "SELECT h, alpha, label FROM points WHERE number >= ? AND number < ? ORDER BY number",
+            (row.first_point, row.first_point + row.points),
+        ).fetchall()
+
+
+def _crossings(
+    points: Sequence[tuple[float, float, str]], key: int, value: float, fits: Callable[[str], bool] | None
+) -> list[Crossing]:
+    """Where the track reaches a value of h (key 0) or alpha (key 1), by linear interpolation."""
+    out = []
+    for one, other in zip(points, [*points[1:], points[-1]], strict=True):
+        before, after = one[:2][key] - value, other[:2][key] - value
+        # Both ends of a family are named as they are printed, which can be a hair outside.
+        if before * after > 0.0 and abs(before) > 1e-5 * value:
+            continue
+        if fits is not None and not (fits(one[2]) or fits(other[2])):
+            continue
+        part = before / (before - after) if before * after < 0.0 else 0.0
+        out.append((one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])))
+    return out
+
+
+def _linear_mode(catalogue: Catalogue, label: Label) -> Match:
+    asked = str(canonical(label))
+    known = [node for node in catalogue.nodes if node.kind == "linear mode"]
+    for node in known:
+        if node.id == asked:
+            return Match(node.id, node.kind, node.h[1] if node.h else None, node.alpha)
+    there = ", ".join(node.id for node in known) or "none"
+    raise NameNotFound(f"{catalogue.path} has no linear mode {asked}; it has {there}")
+
+
+def _nothing(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], having: Sequence[FamilyRow]) -> str:
+    """What was asked for, and what exists."""
+    label = name.label
+    assert label is not None
+    if having:
+        listed = "; ".join(f"{row.id} with {_extent(row)}" for row in having[:4])
+        return f"no orbit {label} at {_where(name)} in {catalogue.path}; families that have the label: {listed}"
+    existing: dict[str, Crossing] = {}
+    for row in families:
+        for part in row.labels:
+            existing.setdefault(part.label, (part.h[0], part.alpha[0]))
+    existing.pop("", None)
+    for root, turns in roots(label):
+        if turns > 1 and any(matches(root, parse(known)) for known in existing):
+            return f"{label} is {turns} turns of {root}; expected the name of a primitive orbit"
+    near = ", ".join(nearest(str(canonical(label)), existing)) or "none, it holds no family with a label"
+    return f"{catalogue.path} has no family {label}; nearest that exist: {near}"
+
+
+def _where(name: Name) -> str:
+    return ", ".join(f"{key} = {value:.10g}" for key, value in (("h", name.h), ("alpha", name.alpha)) if value is not None)
+
+
+def _extent(row: FamilyRow) -> str:
+    return f"h = {row.h[0]:.6g} to {row.h[1]:.6g}, alpha = {row.alpha[0]:.6g} to {row.alpha[1]:.6g}"

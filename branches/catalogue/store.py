@@ -1,0 +1,502 @@
+"""The catalogue itself: families in, families out, one transaction each."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from branches.catalogue import schema
+from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
+from branches.catalogue.lock import WriterLock
+from branches.catalogue.opening import open_to_read, open_to_write, settle
+from branches.catalogue.rows import (
+    EDGE_COLUMNS,
+    EVENT_COLUMNS,
+    FAMILY_COLUMNS,
+    NODE_COLUMNS,
+    Edge,
+    FamilyRow,
+    Node,
+    crc_of,
+    no_nan,
+)
+from branches.catalogue.scene import SceneRecord, difference
+
+if TYPE_CHECKING:
+    import networkx
+    import numpy as np
+
+    from branches.branch import Branch, BranchEvent
+    from branches.catalogue.find import Match
+    from bvp.system import ImpactSystem
+
+__all__ = ["Catalogue"]
+
+
+class Catalogue:
+    """The families of one system, in one file.
+
+    Parameters
+    ----------
+    path : path-like
+    mode : {"r", "a"}
+        "r" reads, and changes nothing; "a" also adds, and makes the file where there is none. One process writes at a time.
+    scene : saltus.Scene, ImpactSystem or SceneRecord, optional
+        Needed to make a file. Of a file that exists, its system has to be the one of the catalogue.
+    provenance : mapping, optional
+        Written beside the versions of the libraries when the file is made: JSON values by name.
+
+    Raises
+    ------
+    CatalogueError
+        For a file that is no catalogue, has another schema, or belongs to another system; `CatalogueDamaged` and `CatalogueInUse`
+        are of this kind.
+    WriteFailure
+        Where the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, saltus
+    >>> directory = tempfile.TemporaryDirectory()
+    >>> path = directory.name + "/lee2009.sqlite"
+    >>> with saltus.Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
+    ...     id = catalogue.add(saltus.trace("S13O00+", energy=(0.2, 1.0)))
+    >>> with saltus.Catalogue(path) as catalogue:
+    ...     [family.label for family in catalogue.families(energy=0.5)], [event.id for event in catalogue.branch(id).events]
+    (['S13O00+'], ['EP1', 'SB1', 'RT1', 'EP2'])
+    >>> directory.cleanup()
+    """
+
+    def __init__(
+        self, path: str | os.PathLike[str], mode: str = "r", *, scene: Any = None, provenance: Mapping[str, Any] | None = None
+    ) -> None:
+        if mode not in ("r", "a"):
+            raise ValueError(f"the mode of a catalogue is {mode!r}, expected r (read) or a (add)")
+        self.path = Path(path)
+        self._lock: WriterLock | None = None
+        self._depth = 0
+        self._process = os.getpid()
+        record = None if scene is None else SceneRecord.of(scene)
+        if mode == "a":
+            self.path = Path(os.path.realpath(path))
+            self._lock = WriterLock(self.path)
+        try:
+            self._connection = open_to_write(self.path) if mode == "a" else open_to_read(self.path)
+        except BaseException:
+            if self._lock is not None:
+                self._lock.release()
+            raise
+        try:
+            with translated(self.path):
+                if mode == "a" and schema.is_empty(self._connection):
+                    self._make(record, dict(provenance or {}))
+                schema.require(self._connection, self.path)
+            if record is not None:
+                self.require_system(record.system)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Catalogue:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave one single file behind. A process that was forked from the writer's does nothing."""
+        if os.getpid() != self._process:
+            return
+        if self._lock is None:
+            self._connection.close()
+            return
+        settle(self._connection)
+        self._lock.release()
+
+    # -- what it is about -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def scene(self) -> SceneRecord:
+        """The scene that it belongs to."""
+        return SceneRecord(**self._table("scene"))
+
+    @cached_property
+    def provenance(self) -> dict[str, Any]:
+        """Versions and settings that it was made with."""
+        return self._table("provenance")
+
+    @cached_property
+    def system(self) -> ImpactSystem:
+        """The system of its families."""
+        from bvp.system import ImpactSystem
+
+        return ImpactSystem.from_description(self.scene.system)
+
+    def require_system(self, system: Mapping[str, Any]) -> None:
+        """Refuse another system than that of the catalogue, given as it describes itself.
+
+        Raises
+        ------
+        CatalogueError
+            Naming what differs.
+        """
+        told = difference(self.scene.system, system)
+        if told is not None:
+            raise CatalogueError(f"{self.path} belongs to another system: there {told}")
+
+    # -- families -------------------------------------------------------------------------------------------------------------
+
+    def families(
+        self,
+        *,
+        label: str | None = None,
+        energy: float | None = None,
+        stable: bool = False,
+        ends: str | None = None,
+        impacts: tuple[float, float] | None = None,
+    ) -> list[FamilyRow]:
+        """The families, those with few impacts and low energies first.
+
+        Parameters
+        ----------
+        label : str, optional
+            Only those that have such a label somewhere: a label or pattern of labels (``U83``), or shell wildcards (``U8*``).
+        energy : float, optional
+            Only those that cross this energy.
+        stable : bool
+            Only those that are stable somewhere. Label, energy and stability have to hold together.
+        ends : str, optional
+            ``origin-stop`` for both sides of the stop, ``origin-stop+``, ``periodic``.
+        impacts : (float, float), optional
+            Least and most in half a period.
+
+        Returns
+        -------
+        list of FamilyRow
+        """
+        from branches.catalogue.find import chosen
+
+        return chosen(self._families, label=label, energy=energy, stable=stable, ends=ends, impacts=impacts)
+
+    def family(self, id: str) -> FamilyRow:
+        """The row of one family.
+
+        Raises
+        ------
+        CatalogueError
+            For an id that it does not have; the nearest is named.
+        """
+        rows = self._select("families", ("number", *FAMILY_COLUMNS), "WHERE id = ?", (id,))
+        if not rows:
+            from branches.labels import nearest
+
+            near = ", ".join(nearest(id, [row.id for row in self._families])) or "none, it holds no family"
+            raise CatalogueError(f"{self.path} has no family {id!r}; nearest: {near}")
+        return self._family(rows[0])
+
+    def __contains__(self, id: object) -> bool:
+        with translated(self.path):
+            return self._connection.execute("SELECT 1 FROM families WHERE id = ?", (id,)).fetchone() is not None
+
+    def __len__(self) -> int:
+        with translated(self.path):
+            return int(self._connection.execute("SELECT count(*) FROM families").fetchone()[0])
+
+    def points(self, id: str) -> dict[str, np.ndarray]:
+        """The columns of a family's points, as `branches.branch.Branch.points` has them.
+
+        Raises
+        ------
+        CatalogueDamaged
+            Where a checksum does not fit.
+        """
+        from branches.catalogue.points import POINT_COLUMNS, columns_of
+        from branches.words import parse_ends
+
+        row = self.family(id)
+        with translated(self.path):
+            found = self._connection.execute(
+                f"SELECT {', '.join(POINT_COLUMNS)} FROM points WHERE number >= ? AND number < ? ORDER BY number",
+                (row.first_point, row.first_point + row.points),
+            ).fetchall()
+        where = f"{self.path} is damaged: family {id}"
+        if len(found) != row.points:
+            raise CatalogueDamaged(f"{where}: it has {len(found)} of {row.points} points")
+        return columns_of(found, row.layout, parse_ends(row.ends), row.columns_crc, where)
+
+    def events(self, id: str) -> tuple[BranchEvent, ...]:
+        """The events of a family, in order of arclength."""
+        from branches.catalogue.events import read_event
+
+        row = self.family(id)
+        with translated(self.path):
+            found = self._connection.execute(
+                f"SELECT {', '.join(EVENT_COLUMNS)}, crc FROM events WHERE family = ? ORDER BY position", (row.number,)
+            ).fetchall()
+        if len(found) != row.events:
+            raise CatalogueDamaged(f"{self.path} is damaged: family {id}: it has {len(found)} of {row.events} events")
+        return tuple(read_event(self._checked(values, f"event {values[0]} of family {id}")) for values in found)
+
+    def branch(self, id: str) -> Branch:
+        """A family as the branch that was added, bit for bit."""
+        from branches.branch import Branch, Ended
+        from branches.words import parse_ends, parse_word
+        from bvp.multipoint import MultipointProblem
+
+        row = self.family(id)
+        problem = MultipointProblem(self.system, parse_ends(row.ends), parse_word(row.word))
+        first, last = (Ended(*ended) for ended in row.ended)
+        return Branch(problem, self.points(id), self.events(id), (first, last), row.start)
+
+    def find(self, name: str, *, pins: Mapping[str, Mapping[str, float]] | None = None) -> Match:
+        """The one family, or linear mode, that a name stands for.
+
+        Parameters
+        ----------
+        name : str
+            ``LABEL[@h=..][,alpha=..]``, an id, or the beginning of one that no other has.
+        pins : mapping, optional
+            Cited points that choose among matches of a bare name; by default those of the catalogue's scene.
+
+        Raises
+        ------
+        NameNotFound, AmbiguousName, LabelSyntaxError, ImpossibleLabelError
+        """
+        from branches.catalogue.find import find
+
+        return find(self, name, self.scene.pins if pins is None else pins)
+
+    # -- the graph ------------------------------------------------------------------------------------------------------------
+
+    @property
+    def nodes(self) -> list[Node]:
+        """The nodes that are no families, in the order of their ids."""
+        rows = self._select("nodes", NODE_COLUMNS, "ORDER BY id")
+        return [Node.read(self._checked(values, f"node {values[0]}")) for values in rows]
+
+    def edges(self, id: str | None = None) -> list[Edge]:
+        """The edges, or those at one node, in an order that does not depend on how they were found."""
+        where, values = ("WHERE source = ? OR target = ?", (id, id)) if id is not None else ("", ())
+        rows = self._select("edges", EDGE_COLUMNS, f"{where} ORDER BY source, h, source_event, kind, target, target_event", values)
+        return [Edge.read(self._checked(row, f"the edge at {row[1] or row[2]} of {row[0]}")) for row in rows]
+
+    def graph(self) -> networkx.MultiDiGraph:
+        """The families and linear modes as nodes, their events as edges: see `branches.catalogue.graph`."""
+        from branches.catalogue.graph import graph_of
+
+        return graph_of(self)
+
+    # -- adding ---------------------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """All that is added in the block is kept together, or nothing of it."""
+        self._writable()
+        with translated(self.path):
+            if self._depth == 0:
+                self._connection.execute("BEGIN IMMEDIATE")
+            self._depth += 1
+            try:
+                yield
+                if self._depth == 1:
+                    self._connection.execute("COMMIT")
+            except BaseException:
+                if self._depth == 1 and self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+                raise
+            finally:
+                self._depth -= 1
+                # What was read of the families may no longer be all of them.
+                self.__dict__.pop("_families", None)
+
+    def add(self, branch: Branch) -> str:
+        """Keep a family; one with the same id is kept already, and stays as it is.
+
+        Returns
+        -------
+        str
+            Its id.
+
+        Raises
+        ------
+        CatalogueError
+            For a branch of another system.
+        WriteFailure
+            Where the file cannot be written; what it held stays.
+        """
+        from branches.catalogue.events import event_values
+        from branches.catalogue.intervals import label_intervals, stability_intervals
+        from branches.catalogue.points import POINT_COLUMNS, layout_of, rows_of
+        from branches.words import format_ends, impacts_per_period
+
+        self._writable()
+        self.require_system(branch.system.describe())
+        id = branch.id
+        if id in self:
+            return id
+        columns = branch.points
+        layout = layout_of(columns, branch.ends)
+        points, columns_crc = rows_of(columns, layout)
+        impacts = 0.5 * impacts_per_period(branch.problem.word, branch.ends)
+        with self.transaction():
+            number, first = (
+                self._connection.execute(f"SELECT coalesce(max(number), 0) + 1 FROM {table}").fetchone()[0]
+                for table in ("families", "points")
+            )
+            row = FamilyRow(
+                id, branch.label, format_ends(branch.ends), branch.word, impacts,
+                _range(columns["h"]), _range(columns["alpha"]),
+                len(branch), len(branch.events), int(branch.start), label_intervals(columns), stability_intervals(columns, branch.events),
+                tuple((str(end.reason), end.text) for end in branch.ended), layout, first, columns_crc, number,
+            )  # fmt: skip
+            self._insert("families", ("number", *FAMILY_COLUMNS), (number, *row.values()), crc_of(row.values()))
+            marks = ", ".join("?" * (len(POINT_COLUMNS) + 2))
+            self._connection.executemany(
+                f"INSERT INTO points (number, family, {', '.join(POINT_COLUMNS)}) VALUES ({marks})",
+                ((first + i, number, *values) for i, values in enumerate(points)),
+            )
+            for position, event in enumerate(branch.events):
+                values = event_values(event)
+                self._insert("events", ("family", "position", *EVENT_COLUMNS), (number, position, *values), crc_of(values))
+        return id
+
+    def connect(self, edge: Edge) -> Edge:
+        """Keep an edge; one between the same events is kept already, and stays as it is. An edge without a target is given a dead
+        end of its own.
+
+        Returns
+        -------
+        Edge
+            As it is kept.
+        """
+        from dataclasses import replace
+
+        with self.transaction():
+            if edge.target is None:
+                end = Node(f"dead end:{edge.source}:{edge.source_event}", "dead end", note=edge.note or "no admissible neighbour was found")
+                self.add_node(end)
+                edge = replace(edge, target=end.id)
+            edge = replace(edge, h=float(edge.h), alpha=float(edge.alpha))
+            self._insert("edges", EDGE_COLUMNS, edge.values(), crc_of(edge.values()), ignore=True)
+        return edge
+
+    def add_node(self, node: Node) -> None:
+        """Keep a node that is no family, such as a linear mode; one with the same id stays as it is."""
+        if node.h is not None:
+            node = Node(node.id, node.kind, node.label, (float(node.h[0]), float(node.h[1])), no_nan(node.alpha), node.note)
+        with self.transaction():
+            self._insert("nodes", NODE_COLUMNS, node.values(), crc_of(node.values()), ignore=True)
+
+    # -- work that is left ----------------------------------------------------------------------------------------------------
+
+    def add_work(self, items: Iterable[tuple[str, Any]]) -> int:
+        """Queue pieces of work, as (key, JSON value); a key that is known already stays as it is.
+
+        Returns
+        -------
+        int
+            How many were new.
+        """
+        with self.transaction():
+            before = self._connection.total_changes
+            self._connection.executemany(
+                "INSERT OR IGNORE INTO work (key, state, payload) VALUES (?, 'pending', ?)",
+                ((key, json.dumps(value, sort_keys=True)) for key, value in items),
+            )
+            return self._connection.total_changes - before
+
+    def finish(self, key: str, result: Any = None) -> None:
+        """Mark a piece of work as done: in one transaction with what came of it."""
+        with self.transaction():
+            self._connection.execute(
+                "UPDATE work SET state = 'done', result = ? WHERE key = ?", (json.dumps(result, sort_keys=True), key)
+            )
+
+    def work(self, state: str = "pending") -> list[tuple[str, Any, Any]]:
+        """Pieces of work, ``pending`` or ``done``: (key, value, result) in the order of their keys."""
+        rows = self._select("work", ("key", "payload", "result"), "WHERE state = ? ORDER BY key", (state,))
+        return [(key, json.loads(value), None if result is None else json.loads(result)) for key, value, result in rows]
+
+    def progress(self, key: str) -> Any:
+        """What was last noted under a key, None where nothing was."""
+        rows = self._select("progress", ("value",), "WHERE key = ?", (key,))
+        return json.loads(rows[0][0]) if rows else None
+
+    def note(self, key: str, value: Any) -> None:
+        """Note a JSON value under a key, in place of what was there."""
+        with self.transaction():
+            self._connection.execute("INSERT OR REPLACE INTO progress VALUES (?, ?)", (key, json.dumps(value, sort_keys=True)))
+
+    # -- inside ---------------------------------------------------------------------------------------------------------------
+
+    def _make(self, scene: SceneRecord | None, provenance: dict[str, Any]) -> None:
+        from branches.catalogue.provenance import versions
+
+        if scene is None:
+            raise CatalogueError(f"there is no catalogue {self.path}; expected a scene to make one for")
+        created = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
+        made = {"created": created, "schema": schema.SCHEMA, "versions": versions(), **provenance}
+        with self.transaction():
+            schema.create(self._connection)
+            for table, content in (("scene", vars(scene)), ("provenance", made)):
+                for key, value in content.items():
+                    row = (key, json.dumps(value, allow_nan=False))
+                    self._insert(table, ("key", "value"), row, crc_of(row))
+
+    def _writable(self) -> None:
+        if self._lock is None:
+            raise CatalogueError(f"{self.path} was opened to read, expected mode a to add to it")
+        if os.getpid() != self._process:
+            raise CatalogueError(f"{self.path} is written by process {self._process}, not by this one, which was forked from it")
+
+    @cached_property
+    def _families(self) -> list[FamilyRow]:
+        return [self._family(row) for row in self._select("families", ("number", *FAMILY_COLUMNS), "ORDER BY impacts, h_low, id")]
+
+    def _family(self, row: tuple[Any, ...]) -> FamilyRow:
+        number, *values = row
+        return FamilyRow.read(number, self._checked(values, f"the row of family {values[0]}"))
+
+    def _select(self, table: str, columns: tuple[str, ...], rest: str = "", values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+        """Rows of a table, each with its checksum behind it where the table has one."""
+        crc = ", crc" if table in ("families", "nodes", "edges") else ""
+        with translated(self.path):
+            return self._connection.execute(f"SELECT {', '.join(columns)}{crc} FROM {table} {rest}", values).fetchall()
+
+    def _table(self, table: str) -> dict[str, Any]:
+        with translated(self.path):
+            rows = self._connection.execute(f"SELECT key, value, crc FROM {table}").fetchall()
+        return {key: json.loads(value) for key, value in (self._checked(row, f"{row[0]} in the table {table}") for row in rows)}
+
+    def _checked(self, values: Iterable[Any], what: str) -> tuple[Any, ...]:
+        """A row's values without the checksum at their end.
+
+        Raises
+        ------
+        CatalogueDamaged
+            Where it does not fit.
+        """
+        *kept, crc = values
+        if crc_of(tuple(kept)) != crc:
+            raise CatalogueDamaged(f"{self.path} is damaged: {what} does not fit its checksum")
+        return tuple(kept)
+
+    def _insert(self, table: str, columns: tuple[str, ...], values: tuple[Any, ...], crc: int, ignore: bool = False) -> None:
+        marks = ", ".join("?" * (len(columns) + 1))
+        verb = "INSERT OR IGNORE" if ignore else "INSERT"
+        try:
+            self._connection.execute(f"{verb} INTO {table} ({', '.join(columns)}, crc) VALUES ({marks})", (*values, crc))
+        except sqlite3.IntegrityError as error:
+            raise CatalogueError(f"{self.path}: {error}") from error
+
+
+def _range(values: np.ndarray) -> tuple[float, float]:
+    return float(values.min()), float(values.max())

@@ -1,0 +1,43 @@
+"""A small catalogue of real families that the tests share, traced once, and copies of a family under other ids."""
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+
+import saltus
+from branches.branch import Ended
+
+HIGH = 20.0
+
+
+@cache
+def scene():
+    """The reference scene."""
+    return saltus.load_scene()
+
+
+@cache
+def real():
+    """S13O00+, S11O00-, S73O33-, and the family born where the first breaks its symmetry."""
+    backbone, out_of_phase, twisted = (saltus.trace(name, energy=(0.05, HIGH)) for name in ("S13O00+", "S11O00-", "S73O33-"))
+    return backbone, out_of_phase, twisted, backbone.switch("SB1", energy=(0.05, HIGH))[0]
+
+
+def renamed(branch, k):
+    """The same points as another family: its id hashes the ends' reasons, which are changed."""
+    return dataclasses.replace(branch, ended=(Ended(f"COPY{k}", "a copy"), branch.ended[1]), events=())
+
+
+def same_columns(one, other):
+    """Whether two sets of columns are the same bit for bit; NaN is NaN."""
+    assert set(one) == set(other)
+    for name, values in one.items():
+        assert values.shape == other[name].shape, name
+        if values.dtype.kind != "U":
+            assert values.dtype == other[name].dtype, name
+            values, given = (array.astype(complex) if array.dtype.kind == "c" else array for array in (values, other[name]))
+            bits, given_bits = values.tobytes(), given.tobytes()
+            assert bits == given_bits or np.array_equal(np.isnan(values), np.isnan(given)), name
+        assert np.array_equal(values, other[name], equal_nan=values.dtype.kind in "fc"), name
+    return True

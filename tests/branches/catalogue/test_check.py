@@ -1,0 +1,142 @@
+"""`check` finds what is wrong with points and edges whose checksums are right: catalogues that are filled with wrong things."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import saltus
+from branches.catalogue import Edge, EventOrbit
+from branches.catalogue.check import check
+from branches.catalogue.closures import distance, event_orbit, seen_from, switch_edge
+from tests.branches.catalogue.families import real, scene
+
+
+def checked(tmp_path, *branches, edges=()):
+    """What `check` says of a catalogue with these families and edges."""
+    with saltus.Catalogue(tmp_path / "checked.sqlite", "a", scene=scene()) as catalogue:
+        for branch in branches:
+            catalogue.add(branch)
+        for edge in edges:
+            catalogue.connect(edge)
+        return check(catalogue)
+
+
+def changed(branch, name, index, factor):
+    points = {key: values.copy() for key, values in branch.points.items()}
+    points[name][index] *= factor
+    return dataclasses.replace(branch, points=points)
+
+
+def breaking():
+    """The edge from S13O00+ to the family born at its SB1."""
+    backbone, *_, born = real()
+    return switch_edge(backbone, next(event for event in backbone.events if event.id == "SB1"), born)
+
+
+def test_a_good_catalogue_passes(tmp_path):
+    """Oracle: no failure, and everything was looked at."""
+    counts, failures = checked(tmp_path, *real(), edges=[breaking()])
+    assert failures == []
+    assert counts == {
+        "families": 4, "points": sum(map(len, real())), "events": sum(len(branch.events) for branch in real()), "edges": 1
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "factor", "words"),
+    [
+        ("flight_times", 20, 1.0 + 1e-10, "its residual is"),
+        ("start_v", (20, 1), 1.0 + 1e-10, "its residual is"),
+        ("h", 20, 1.0 + 1e-11, "the energy"),
+        ("alpha", 20, 1.0 + 1e-11, "the quarter period"),
+        ("arclength", 20, 0.5, "order of arclength"),
+    ],
+)
+def test_a_point_that_is_no_orbit_is_found(tmp_path, name, index, factor, words):
+    """Oracle: the number that was changed, by less than any other digit would show."""
+    failures = checked(tmp_path, changed(real()[0], name, index, factor))[1]
+    assert any(words in failure.text for failure in failures)
+    assert all(failure.where == real()[0].id for failure in failures)
+
+
+def test_an_orbit_that_pierces_a_stop_is_found(tmp_path):
+    """Oracle: S13O00+ solved beyond its grazing at h = 14.55, where its closed form goes through the stop."""
+    branch = real()[0]
+    last = len(branch) - 1
+    beyond = branch.problem.solve(branch.unknowns(last), energy=1.05 * branch.points["h"][last])
+    points = {name: values.copy() for name, values in branch.points.items()}
+    start = branch.problem.modes.to_state @ branch.problem.start(beyond.y)
+    points["start_u"][last - 1], points["start_v"][last - 1] = start[:2], start[2:]
+    points["velocities"][last - 1] = start[2:]
+    points["flight_times"][last - 1] = branch.problem.flight_times(beyond.y)
+    points["h"][last - 1], points["alpha"][last - 1] = beyond["energy"], beyond["quarter_period"]
+    failures = checked(tmp_path, dataclasses.replace(branch, points=points))[1]
+    assert any("a flight pierces a stop" in failure.text for failure in failures)
+    assert not any("residual" in failure.text for failure in failures)
+
+
+def test_an_edge_that_does_not_close_is_found(tmp_path):
+    """Oracle: the number that was changed."""
+    edge = breaking()
+    moved = dataclasses.replace(edge.target_orbit, start=(*edge.target_orbit.start[:3], edge.target_orbit.start[3] * (1.0 + 1e-8)))
+    slower = dataclasses.replace(edge.source_orbit, flight_times=(edge.source_orbit.flight_times[0] * (1.0 + 1e-8),))
+    cases = {
+        "problem of its target": dataclasses.replace(edge, target_orbit=moved),
+        "problem of its source": dataclasses.replace(edge, source_orbit=slower),
+        "no event 'SB9'": dataclasses.replace(edge, source_event="SB9"),
+        "not in the catalogue": dataclasses.replace(edge, target="origin-origin:+:00000000"),
+        "cannot be seen to close": dataclasses.replace(edge, target_orbit=None),
+        "the edge h = 0.4": dataclasses.replace(edge, h=0.4),
+        "not of that family": dataclasses.replace(edge, target=real()[1].id),
+    }
+    for k, (words, wrong) in enumerate(cases.items()):
+        (tmp_path / str(k)).mkdir()
+        failures = checked(tmp_path / str(k), *real(), edges=[wrong])[1]
+        assert any(words in failure.text for failure in failures), (words, failures)
+
+
+def test_two_different_orbits_at_one_energy_are_told_apart(tmp_path):
+    """Oracle: an orbit of S11O00- at the energy of the SB of S13O00+ solves its own problem, but is not the orbit of that event."""
+    backbone, other, *_ = real()
+    event = next(event for event in backbone.events if event.id == "SB1")
+    orbit = other.orbit_at(energy=event.h)
+    edge = Edge(
+        backbone.id, event.id, "SB", "switch", other.id, event.h, event.alpha,
+        source_orbit=breaking().source_orbit, target_orbit=event_orbit(other.problem, orbit.solution.y),
+    )  # fmt: skip
+    failures = checked(tmp_path, *real(), edges=[edge])[1]
+    assert len(failures) == 1 and "not the same" in failures[0].text
+
+
+def test_an_orbit_is_known_in_all_its_images():
+    """Oracle: the same motion mirrored, run backwards, started at any other time is at no distance; another one is far."""
+    branch = real()[2]
+    orbit = branch.orbit(len(branch) // 2)
+    times = np.linspace(0.0, orbit.period, 7)[1:-1] + 0.01
+    u, v = orbit.sample(times)
+    for state in np.concatenate([u, v], axis=1):
+        for image in (state, -state, state * [1, 1, -1, -1]):
+            assert distance(branch.problem, orbit.solution.y, image) < 1e-12
+        assert distance(branch.problem, orbit.solution.y, state * [1, 1, 1, 1.01]) > 1e-4
+
+
+def test_an_orbit_is_seen_from_the_problems_that_it_solves():
+    """Oracle: the residual of each problem; a quarter-period orbit as half a period from either end, as a period, and mirrored."""
+    from branches.catalogue.closures import unknowns_of
+    from bvp.multipoint import MultipointProblem
+
+    branch = real()[0]
+    y = branch.orbit(50).solution.y
+    for ends, word in (
+        (("origin", "origin"), ("+",)),
+        (("origin", "origin"), ("-",)),
+        (("stop+", "stop-"), ()),
+        (("stop-", "origin"), ()),
+        (("periodic", "periodic"), ("+", "-")),
+    ):
+        seen = seen_from(branch.problem, y, ends, word)
+        assert isinstance(seen, EventOrbit) and (seen.ends, seen.word) == (ends, "".join(word))
+        problem = MultipointProblem(branch.system, ends, word)
+        assert np.max(np.abs(problem.residual(unknowns_of(problem, seen)))) < 1e-13
+    assert seen_from(branch.problem, y, ("origin", "rest"), ()) is None

@@ -1,0 +1,381 @@
+"""What a catalogue survives: killed writers, second writers, full and read-only disks, damage."""
+
+import json
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import textwrap
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import saltus
+from branches.catalogue import CatalogueDamaged, CatalogueError, CatalogueInUse
+from branches.catalogue.check import check
+from branches.catalogue.errors import translated
+from branches.files import WriteFailure
+from tests.branches.catalogue.families import real, renamed, same_columns, scene
+
+ROOT = Path(__file__).parents[3]
+PRIVILEGED = hasattr(os, "geteuid") and os.geteuid() == 0
+
+WRITER = """
+    import sys
+    sys.path.insert(0, {root!r})
+    import saltus
+    from tests.branches.catalogue.families import renamed
+    branch = saltus.read_branch({branch!r})
+    with saltus.Catalogue({path!r}, "a", scene=branch.system) as catalogue:
+        print("open", flush=True)
+        for k in range({first}, {first} + 100000):
+            print(catalogue.add(renamed(branch, k)), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def branch_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("branch") / "branch.json"
+    real()[0].save(path)
+    return path
+
+
+def writer(branch_file, path, first=0):
+    """A process that adds families without end and tells the id of each that is kept."""
+    script = textwrap.dedent(WRITER.format(root=str(ROOT), branch=str(branch_file), path=str(path), first=first))
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline().strip() == "open"
+    return process
+
+
+def test_a_killed_writer_loses_no_finished_family(branch_file, tmp_path):
+    """Oracle: the ids that the writer told before it was killed, at random moments, several times in one file; the points themselves."""
+    path = tmp_path / "killed.sqlite"
+    told = []
+    dice = random.Random(20)
+    for run in range(5):
+        process = writer(branch_file, path, 100000 * run)
+        time.sleep(dice.uniform(0.0, 0.4))
+        process.send_signal(signal.SIGKILL)
+        told += process.stdout.read().split()
+        assert process.wait() == -signal.SIGKILL
+        with saltus.Catalogue(path) as catalogue:
+            kept = {row.id for row in catalogue.families()}
+            assert kept.issuperset(told)
+            assert len(kept) <= len(told) + run + 1
+            for id in told[-2:]:
+                assert same_columns(catalogue.points(id), real()[0].points)
+    assert len(told) > 20
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        assert catalogue._connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        assert {row.id for row in catalogue.families()}.issuperset(told)
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_writer_killed_while_it_makes_the_file(branch_file, tmp_path):
+    """Oracle: either no file, an empty one that is refused in words, or a catalogue; the next writer makes one of each."""
+    dice = random.Random(3)
+    for run in range(6):
+        path = tmp_path / f"{run}.sqlite"
+        script = f"import saltus, sys; s = saltus.vibro_impact_nes(); print(1, flush=True); saltus.Catalogue({str(path)!r}, 'a', scene=s)"
+        process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, cwd=ROOT)
+        process.stdout.readline()
+        time.sleep(dice.uniform(0.0, 0.06))
+        process.kill()
+        process.wait()
+        try:
+            saltus.Catalogue(path).close()
+        except CatalogueError as error:
+            assert "empty" in str(error) or "there is no catalogue" in str(error), error
+        with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+            assert len(catalogue) == 0
+
+
+def test_a_second_writer_is_told_of_the_first(branch_file, tmp_path):
+    """Oracle: the first's process number; and that readers are let in meanwhile."""
+    path = tmp_path / "used.sqlite"
+    process = writer(branch_file, path)
+    try:
+        with pytest.raises(CatalogueInUse, match=rf"being written by process {process.pid} on \S+ since 20\d\d-"):
+            saltus.Catalogue(path, "a", scene=scene())
+        first = process.stdout.readline().strip()
+        with saltus.Catalogue(path) as catalogue:
+            assert first in catalogue
+    finally:
+        process.kill()
+        process.wait()
+    assert path.with_name(path.name + ".lock").exists()
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        assert first in catalogue
+        with pytest.raises(CatalogueInUse, match="this very process"):
+            saltus.Catalogue(path, "a", scene=scene())
+    assert not path.with_name(path.name + ".lock").exists()
+
+
+def test_a_forked_worker_leaves_the_writer_alone(tmp_path):
+    """Oracle: the file and its lock after a child has closed its copy."""
+    path = tmp_path / "forked.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        child = os.fork()
+        if child == 0:
+            try:
+                catalogue.add(real()[0])
+            except CatalogueError:
+                catalogue.close()
+                os._exit(0)
+            os._exit(1)
+        assert os.waitpid(child, 0)[1] == 0
+        assert path.with_name(path.name + ".lock").exists()
+        catalogue.add(real()[0])
+    with saltus.Catalogue(path) as catalogue:
+        assert len(catalogue) == 1
+
+
+def full(path, families):
+    """Add families until the disk is full; how many were kept."""
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        for k in range(families):
+            try:
+                catalogue.add(renamed(real()[0], k))
+            except WriteFailure as failure:
+                assert "no space" in str(failure) or "device refused" in str(failure)
+                assert "\n" not in str(failure) and str(path) in str(failure)
+                break
+        else:
+            raise AssertionError("the disk never was full")
+    return k
+
+
+def whole(path, count):
+    """Whether a file is a catalogue with so many families that all can be read."""
+    with saltus.Catalogue(path) as catalogue:
+        assert len(catalogue) == count
+        assert all(same_columns(catalogue.points(row.id), real()[0].points) for row in catalogue.families()[-3:])
+        assert catalogue._connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+    return True
+
+
+@contextmanager
+def mounted(directory, options):
+    """A small file system of its own; skips where it cannot be mounted."""
+    directory.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(directory)], capture_output=True).returncode:
+        pytest.skip("no file system can be mounted here")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", str(directory)], check=True)
+
+
+@pytest.mark.skipif(not PRIVILEGED, reason="mounting needs privileges")
+def test_a_full_disk(tmp_path):
+    """Oracle: the families that were kept before, on a file system of one megabyte; and that it goes on where there is room."""
+    with mounted(tmp_path / "small", "size=1m"):
+        path = tmp_path / "small" / "full.sqlite"
+        count = full(path, 200)
+        assert count > 1 and whole(path, count)
+
+
+def test_a_file_that_may_not_grow(tmp_path):
+    """Oracle: the families that were kept before a limit on the pages was reached."""
+    path = tmp_path / "limited.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        catalogue._connection.execute("PRAGMA max_page_count = 60")
+        with pytest.raises(WriteFailure, match=r"no space is left on the device; what it held is whole"):
+            for k in range(100):
+                catalogue.add(renamed(real()[0], k))
+    assert k > 1 and whole(path, k)
+
+
+def test_a_limit_on_the_size_of_files(branch_file, tmp_path):
+    """Oracle: as above, with the limit set by the system in a process of its own; exit code by the class of the error."""
+    path = tmp_path / "limited.sqlite"
+    script = textwrap.dedent(f"""
+        import resource, sys
+        sys.path.insert(0, {str(ROOT)!r})
+        import saltus
+        from tests.branches.catalogue import test_safety
+        test_safety.real = lambda: [branch]
+        branch = saltus.read_branch({str(branch_file)!r})
+        resource.setrlimit(resource.RLIMIT_FSIZE, (400000, 400000))
+        print(test_safety.full({str(path)!r}, 100))
+    """)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 1 and whole(path, int(done.stdout))
+
+
+def test_a_finished_file_reads_from_a_read_only_medium(tmp_path):
+    """Oracle: the points; on a file system mounted read-only where that can be, else in a directory without permissions."""
+    with saltus.Catalogue(tmp_path / "here.sqlite", "a", scene=scene()) as catalogue:
+        catalogue.add(real()[0])
+    assert [entry.name for entry in tmp_path.iterdir()] == ["here.sqlite"]
+    with mounted(tmp_path / "medium", "size=4m") if PRIVILEGED else locked(tmp_path / "medium"):
+        path = tmp_path / "medium" / "there.sqlite"
+        path.write_bytes((tmp_path / "here.sqlite").read_bytes())
+        if PRIVILEGED:
+            subprocess.run(["mount", "-o", "remount,ro", str(path.parent)], check=True)
+        else:
+            path.parent.chmod(0o555)
+        assert whole(path, 1)
+        with pytest.raises(WriteFailure, match="cannot write .*(read-only|permission)"):
+            saltus.Catalogue(path, "a", scene=scene())
+        with pytest.raises(WriteFailure, match="cannot write .*(read-only|permission)"):
+            saltus.Catalogue(path.with_name("new.sqlite"), "a", scene=scene())
+        if PRIVILEGED:
+            subprocess.run(["mount", "-o", "remount,rw", str(path.parent)], check=True)
+
+
+@contextmanager
+def locked(directory):
+    directory.mkdir()
+    try:
+        yield
+    finally:
+        directory.chmod(0o755)
+
+
+def test_a_file_that_was_never_settled_reads_from_a_read_only_medium(branch_file, tmp_path):
+    """Oracle: the words where a log is left beside it, and the families once it has been opened where it can be written."""
+    path = tmp_path / "left.sqlite"
+    process = writer(branch_file, path)
+    first = process.stdout.readline().strip()
+    process.kill()
+    process.wait()
+    assert path.with_name(path.name + "-wal").exists()
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        assert first in catalogue
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.fixture
+def good(tmp_path):
+    path = tmp_path / "good.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        for branch in real():
+            catalogue.add(branch)
+    return path
+
+
+def refused(path):
+    """The words with which a file is refused when everything in it is read."""
+    with pytest.raises(CatalogueError) as caught, saltus.Catalogue(path) as catalogue:
+        for row in catalogue.families():
+            catalogue.branch(row.id)
+        catalogue.graph()
+    assert "\n" not in str(caught.value) and str(path) in str(caught.value)
+    return str(caught.value)
+
+
+def test_what_is_no_catalogue_is_refused(good, tmp_path):
+    """Oracle: the words that name what it is instead."""
+    path = tmp_path / "other"
+    path.write_text("h,alpha\n1,2\n")
+    assert "no SQLite file" in refused(path)
+    path.write_bytes(b"")
+    assert "empty" in refused(path)
+    path.unlink()
+    assert refused(path) == f"there is no catalogue {path}"
+    assert "directory" in refused(tmp_path)
+    connection = sqlite3.connect(path)
+    connection.execute("CREATE TABLE t (x)")
+    connection.close()
+    assert "something else" in refused(path)
+
+
+def test_another_schema_is_refused_by_name(good):
+    """Oracle: both numbers."""
+    connection = sqlite3.connect(good)
+    connection.execute("PRAGMA user_version = 7")
+    connection.close()
+    assert "schema 7" in refused(good) and "schema 1" in refused(good)
+
+
+@pytest.mark.parametrize("part", [0.999, 0.9, 0.5, 0.1, 0.001])
+def test_a_file_cut_short_is_refused(good, part):
+    """Oracle: both sizes."""
+    whole_size = good.stat().st_size
+    os.truncate(good, int(part * whole_size))
+    assert f"cut short, {int(part * whole_size)} " in refused(good)
+
+
+def test_a_missing_table_is_refused(good):
+    """Oracle: its name."""
+    connection = sqlite3.connect(good)
+    connection.execute("DROP TABLE edges")
+    connection.close()
+    assert "no table edges" in refused(good)
+
+
+CHANGES = {
+    "UPDATE points SET states = zeroblob(length(states)) WHERE number = 7": "the states of point 6",
+    "UPDATE points SET multipliers = zeroblob(length(multipliers)) WHERE number = 9": "the multipliers of point 8",
+    "UPDATE points SET h = h * (1 + 1e-15) WHERE number = 7": "the columns of its points",
+    "UPDATE points SET stable = 1 - stable WHERE number = 150": "the columns of its points",
+    "UPDATE points SET label = 'S11O00-' WHERE number = 7": "the columns of its points",
+    "DELETE FROM points WHERE number = 7": "202 of 203 points",
+    "DELETE FROM events WHERE family = 1 AND position = 0": "of 5 events",
+    "UPDATE events SET h = 1.0 WHERE family = 1 AND position = 1": "event SB1",
+    "UPDATE families SET h_low = 0.1 WHERE number = 1": "the row of family origin-stop+::",
+    "UPDATE scene SET value = '{}' WHERE key = 'system'": "system in the table scene",
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_damaged_is_named(good, change):
+    """Oracle: the row that was changed; `check` finds the same, and changes nothing."""
+    connection = sqlite3.connect(good)
+    assert connection.execute(change).rowcount == 1
+    connection.commit()
+    connection.close()
+    before = good.read_bytes()
+    if "scene" not in change:
+        assert CHANGES[change] in refused(good)
+    with saltus.Catalogue(good) as catalogue:
+        failures = check(catalogue)[1] if "scene" not in change else []
+        if "scene" in change:
+            with pytest.raises(CatalogueDamaged, match=CHANGES[change]):
+                _ = catalogue.system
+    assert good.read_bytes() == before
+    assert any(CHANGES[change] in failure.text for failure in failures) or "scene" in change
+
+
+def test_flipped_bytes_are_noticed(good):
+    """Oracle: one byte anywhere: either it is refused or `check` tells it, or nothing that is read has changed (unused space)."""
+    data = good.read_bytes()
+    dice = random.Random(7)
+    noticed = 0
+    for _ in range(60):
+        at = dice.randrange(100, len(data))
+        good.write_bytes(data[:at] + bytes([data[at] ^ (1 << dice.randrange(8))]) + data[at + 1 :])
+        try:
+            with saltus.Catalogue(good) as catalogue:
+                quick = catalogue._connection.execute("PRAGMA quick_check").fetchall() == [("ok",)]
+                same = [same_columns(catalogue.points(b.id), b.points) and catalogue.events(b.id) == b.events for b in real()]
+                assert (not quick) or all(same)
+                noticed += not quick
+        except (CatalogueError, sqlite3.DatabaseError) as error:
+            assert isinstance(error, CatalogueError) or "malformed" in str(error), error
+            noticed += 1
+    assert noticed > 30
+
+
+def test_the_words_of_sqlite_are_the_users(tmp_path):
+    """Oracle: an error of each kind is one of ours, with the file's name."""
+    for name, kind in (("SQLITE_FULL", WriteFailure), ("SQLITE_BUSY", CatalogueInUse), ("SQLITE_CORRUPT_INDEX", CatalogueDamaged)):
+        error = sqlite3.OperationalError("raw words")
+        error.sqlite_errorname = name
+        with pytest.raises(kind, match="the.sqlite"), translated(Path("the.sqlite")):
+            raise error
+
+
+def test_the_lock_says_who(tmp_path):
+    """Oracle: this process."""
+    path = tmp_path / "here.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()):
+        note = json.loads(path.with_name("here.sqlite.lock").read_text())
+    assert note["process"] == os.getpid() and note["host"] and note["since"].startswith("20")
