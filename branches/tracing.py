@@ -32,6 +32,9 @@ EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 UNDECIDED_AT = ("SN", "BP", "SB", "PD")
 """Events at which a multiplier is at its bound: stability there is decided by the location error alone, so it is not given."""
 
+_ROUNDING = 1e-13
+"""Part of an energy by which a start that was solved for a bound of the range may lie outside of it."""
+
 _SIGNS = {"up": 1, "both": 1, "down": -1, "along": 0}
 
 Condition = Callable[[Orbit], "bool | str"]
@@ -92,7 +95,7 @@ def trace(
     limits = search_bounds(bounds)
     energy = check_energy(energy if energy is not None else limits.energy)
     found, rising = resolve(name, system, pins=pins or {}, limits=limits, energy=energy)
-    if not energy[0] <= found.h <= energy[1]:
+    if not energy[0] * (1.0 - _ROUNDING) <= found.h <= energy[1] * (1.0 + _ROUNDING):
         raise TraceError(
             f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}; expected a range with it inside"
         )
@@ -136,7 +139,8 @@ def follow_family(
     stop_at : str, optional
         Type of the events to end at.
     stop_when : callable, optional
-        Called with each `Orbit` (its attributes are computed when asked for); the family ends where it gives True or words.
+        Called with each `Orbit`, the start's first (its attributes are computed when asked for); the family ends where it gives
+        True or words. A condition that holds at the start ends it there, with one point.
     on_event, on_end, on_point : callable, optional
         Called with each event as it is found (its `number` counts from the start), each end, and the number of points so far.
     settings : continuation.Settings

@@ -142,7 +142,7 @@ class EventFinder:
                 step = locator.step(low)
                 crossings.append(Location("outside", "located", low, step, abs(locator.value(index, low)), step, step))
             elif positive_low is not positive_high and (test.kind == "crossing" or positive_low):
-                crossings.append(locator.crossing(index, low, high))
+                crossings.append(locator.crossing(index, low, high, guard=test.kind == "guard"))
         return crossings
 
     def _probe(self, locator: Locator, index: int, dip: float, ds: float) -> list[float]:

@@ -212,8 +212,10 @@ class Locator:
             raise StepRefused("the test function is not defined inside the step")
         return value
 
-    def crossing(self, index: int, low: float, high: float) -> Location:
+    def crossing(self, index: int, low: float, high: float, *, guard: bool = False) -> Location:
         """The change of sign of a test function between steps of length low and high.
+
+        Of a `guard` the point is the last with a value of 0 or more, to rounding: beyond it the family is not valid.
 
         Raises
         ------
@@ -226,6 +228,8 @@ class Locator:
         if found.interrupted and found.high - found.low > self._settings.coincidence_tolerance:
             raise StepRefused(found.interrupted)
         scale = max(abs(value_low), abs(value_high))
+        if guard and found.value < 0.0:
+            found = self._within(index, found)
         residual = abs(found.value)
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
         if residual > JUMP_RATIO * scale:
@@ -233,6 +237,21 @@ class Locator:
         status: Status = "located" if kind == "zero" else "bracketed"
         ends = self.step(found.low), self.step(found.high)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted)
+
+    def _within(self, index: int, found: RootBracket) -> RootBracket:
+        """The root of a guard moved to the nearest step tried where its value is not negative, inside the same bracket."""
+        valid = found.low if found.root == found.high else found.high
+        away = 2 * math.ulp(found.root)
+        while away < abs(valid - found.root):
+            s = found.root + math.copysign(away, valid - found.root)
+            try:
+                value = self.value(index, s)
+            except StepRefused:
+                break
+            if value >= 0.0:
+                return found._replace(root=s, value=value)
+            away *= 2
+        return found._replace(root=valid, value=self.value(index, valid))
 
     def change(self, index: int, low: float, high: float, terminal: bool) -> tuple[Location, float]:
         """The first change of key that bisection meets between steps of length low and high, and the upper end of its bracket.

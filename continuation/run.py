@@ -66,8 +66,8 @@ def trace(
     Parameters
     ----------
     problem, start, settings, stop_when, stop_at
-        As for `continuation.follow`. The number of points is for both directions together: each may have half, and takes what
-        the other leaves.
+        As for `continuation.follow`, but `stop_when` is called with the start too, and the run is that one point where it
+        holds there. The number of points is for both directions together: each may have half, and takes what the other leaves.
     both : bool
         False: the direction alone.
     direction : int
@@ -91,6 +91,14 @@ def trace(
     if isinstance(first, str):
         none = End(EndReason.NO_START, first)
         return Run((), (), (none, none), 0)
+    if stop_when is not None:
+        point = Point(0, 0.0, first)
+        verdict = stop_when(point)
+        if verdict:
+            if on_point is not None:
+                on_point(point)
+            held = End(EndReason.STOP_WHEN, (f"{verdict}, " if isinstance(verdict, str) else "") + "at the start already")
+            return Run((point,), (), (held, held), 0)
     total = settings.maximum_points
     allowance = Allowance(min(total // 2 + 1, total) if both else total, resume=both)
     forward = _Half(problem, first, settings, stop_when, stop_at, allowance, on_point, on_event)
@@ -131,10 +139,12 @@ class _Half:
         self.points: list[Point] = []
         self.events: list[Event] = []
         self.end = End(EndReason.POINTS)
+        self._allowance = allowance
         self._items = walk(problem, first, settings, stop_when, stop_at, allowance, goal)
         self._first = not allowance.started
         allowance.started = True
         self._near = settings.coincidence_tolerance
+        self._exact = settings.location_tolerance
         self._on_point = on_point
         self._on_event = on_event
 
@@ -146,16 +156,29 @@ class _Half:
         """Follow until the next end."""
         for item in self._items:
             if isinstance(item, Point):
+                if item.index == 1 and item.event is not None and item.arclength <= self._exact:
+                    self._start_is(item.event)
+                    continue
                 self.points.append(item)
                 if self._on_point is not None and (item.index or self._first):
                     self._on_point(item)
             elif isinstance(item, Event):
-                self.events.append(item)
+                item = self.events[0] if self.events and self.events[0].index == 0 else item
+                if item.index:
+                    self.events.append(item)
                 if self._on_event is not None:
                     self._on_event(item)
             else:
                 self.end = item
                 return
+
+    def _start_is(self, event: Event) -> None:
+        """The family ends at the start itself, to the accuracy of locations: one point, which has the event."""
+        low, high = event.bracket
+        first = replace(event, arclength=0.0, bracket=(min(low, 0.0), max(high, 0.0)), index=0)
+        self.points = [Point(0, 0.0, first.point, 0.0, first)]
+        self.events = [first]
+        self._allowance.points += 1
 
     def last_place(self, problem: Problem) -> tuple[Step, np.ndarray] | None:
         """The last point seen from the other direction, and the way along the curve there; None if it is the start."""
@@ -218,6 +241,8 @@ def _both_ways(problem: Problem, settings: Settings, backward: _Half, forward: _
     points, events = backward.reversed(problem)
     start = len(points) - 1
     later, later_events = forward.moved(start, points[-1].arclength)
+    if later[0].event is not None:
+        points[-1] = later[0]
     points += later[1:]
     events += later_events
     if 0 < start < len(points) - 1:

@@ -246,6 +246,27 @@ def test_conditions_of_the_user():
     assert branch.points["alpha"][-1] < 1.65 and np.all(branch.points["alpha"][:-1] >= 1.65)
 
 
+def test_a_condition_that_holds_at_the_start_ends_the_family_there():
+    """Oracle: the condition itself."""
+    branch = saltus.trace("S13O00+", stop_when=lambda orbit: orbit.h < 1e3 and "low energy")
+    assert len(branch) == 1 and branch.events == () and branch.points["h"][0] < 1e3
+    assert all(end.reason == "STOP_WHEN" and "low energy, at the start already" in end.text for end in branch.ended)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.1])
+@pytest.mark.parametrize("energy", [(0.3, 0.7), (0.2, 0.3), (0.1301, 7.3)])
+@pytest.mark.parametrize("name", ["S11O00-@h=0.3", "S13O00+@h=0.3"])
+def test_the_ends_lie_inside_the_range(name, energy, sigma):
+    """Oracle: the range asked for, whose bound may be the start; points have arclengths of their own."""
+    branch = saltus.trace(name, saltus.vibro_impact_nes(mu=0.1, sigma=sigma), energy=energy)
+    h = branch.points["h"]
+    assert energy[0] * (1.0 - 4.0 * EPS) <= h.min() and h.max() <= energy[1] * (1.0 + 4.0 * EPS)
+    assert np.all(np.diff(branch.points["arclength"]) > 0.0)
+    ends = [event for event in branch.events if event.type == "EP"]
+    assert ends and all(min(abs(event.h / bound - 1.0) for bound in energy) < 1e-9 for event in ends)
+    assert math.isclose(h[branch.start], 0.3, rel_tol=1e-12)
+
+
 def test_an_interrupted_run_keeps_what_it_has():
     """Oracle: the points told before the interruption travel with it, in order of arclength."""
 

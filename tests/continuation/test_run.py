@@ -184,3 +184,40 @@ def test_event_on_the_start_of_a_closed_family_is_reported_once(offset, directio
     assert run.closed
     assert [event.arclength for event in run.events] == pytest.approx([0.0, math.pi], abs=1e-7)
     assert run.events[0].index == 0
+
+
+@pytest.mark.parametrize("words", [True, "far enough"])
+def test_a_condition_that_holds_at_the_start_ends_it_there(words):
+    """Oracle: the definition: one point, and both ends say why."""
+    seen = []
+    run = trace(Line(*TESTS), np.array([0.0]), SHORT, stop_when=lambda point: point.parameter < 1 and words, on_point=seen.append)
+    assert [point.parameter for point in run.points] == [0.0] and run.events == () and len(seen) == 1
+    assert all(end.reason is EndReason.STOP_WHEN and "at the start" in end.detail for end in run.ends)
+    assert words is True or all("far enough" in end.detail for end in run.ends)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("off", [0.0, 1e-16, -1e-16, 3e-16])
+@pytest.mark.parametrize("end", [-2.0, 3.0])
+def test_a_start_at_its_end_is_one_point(end, off, direction):
+    """Oracle: exact places: the guard is zero at the start, to rounding; arclength rises from point to point."""
+    tests = ((Marker("LOW", "guard", terminal=True), lambda s: s + 2.0), (Marker("HIGH", "guard", terminal=True), lambda s: 3.0 - s))
+    run = trace(Line(*tests), np.array([end + off]), SHORT, direction=direction)
+    consistent(run)
+    assert np.all(np.diff([point.arclength for point in run.points]) > 0.0)
+    assert [event.code for event in run.events] == ["LOW", "HIGH"][::direction]
+    assert [end.reason for end in run.ends] == [EndReason.EVENT, EndReason.EVENT]
+    assert run.start in (0, len(run.points) - 1) and run.points[-1].arclength == pytest.approx(5.0, abs=1e-12)
+    alone = trace(Line(*tests), np.array([end + off]), SHORT, direction=1 if end > 0 else -1, both=False)
+    assert [point.event.code for point in alone.points] == ["HIGH" if end > 0 else "LOW"]
+
+
+@given(st.floats(0.05, 3.0), st.floats(0.2, 5.0), st.sampled_from([1, -1]))
+@hypothesis_settings(max_examples=60, deadline=None)
+def test_a_guard_is_not_negative_at_its_event(place, power, direction):
+    """Oracle: the definition of a guard: the family is valid where it is not negative; exact place of its zero."""
+    bound = direction * place
+    guard = Marker("BOUND", "guard", terminal=True), lambda s: math.copysign(abs(bound - s) ** power, direction * (bound - s))
+    run = trace(Line(guard), np.array([0.0]), SHORT, direction=direction, both=False)
+    assert run.points[-1].event is not None and run.points[-1].tests[0] >= 0.0
+    assert direction * (bound - run.points[-1].parameter) >= 0.0 and run.points[-1].parameter == pytest.approx(bound, abs=1e-10)
