@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,11 +13,12 @@ import numpy as np
 
 from branches.orbit import Orbit
 from branches.stability import describe
-from branches.words import canonical, format_word, join_family_id, parse_word
+from branches.words import format_word, parse_word
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
 if TYPE_CHECKING:
     from branches.grazing import Neighbour
+    from branches.whole import Piece, Whole
     from bvp.system import ImpactSystem
 
 __all__ = ["Branch", "BranchEvent", "Ended"]
@@ -73,6 +74,8 @@ class Branch:
         At the first point and at the last.
     start : int
         Index of the point that it was started from.
+    energy : (float, float)
+        The range of energies in which it was followed.
 
     Examples
     --------
@@ -87,6 +90,7 @@ class Branch:
     events: tuple[BranchEvent, ...]
     ended: tuple[Ended, Ended]
     start: int = 0
+    energy: tuple[float, float] = (0.0, math.inf)
 
     def __len__(self) -> int:
         return len(self.points["h"])
@@ -123,17 +127,25 @@ class Branch:
         return out
 
     @cached_property
+    def whole(self) -> Whole:
+        """The family beyond the branch: what identifies it, and the other pieces that a range of energies cut off."""
+        from branches.whole import whole
+
+        return whole(self)
+
+    @property
     def id(self) -> str:
-        """`ends:word:hash`; the hash is that of the rounded events at the two ends, lowest energy first."""
-        word, ends = canonical(self.problem.word, self.problem.ends, odd_symmetry=self.system.has_odd_symmetry)
-        last = len(self) - 1
-        marks = []
-        for index, ended in ((0, self.ended[0]), (last, self.ended[1])):
-            kind = next((event.type for event in self.events if event.point == index), ended.reason)
-            marks.append((float(self.points["h"][index]), float(self.points["alpha"][index]), kind))
-        marks.sort()
-        text = ";".join(f"{kind}:{h:.6e}:{alpha:.6e}" for h, alpha, kind in marks)
-        return join_family_id(ends, word, hashlib.sha256(text.encode()).hexdigest()[:8])
+        """`ends:word:hash` of the family, which does not depend on how it was reached or cut: see `branches.whole`."""
+        return self.whole.ids[0]
+
+    @property
+    def others(self) -> tuple[Piece, ...]:
+        """The other pieces into which the range of energies cuts the family, each with (h, alpha) of its first and last orbit."""
+        return self.whole.others
+
+    def has_id(self, text: str) -> bool:
+        """Whether a family's id is that of this branch's family, also where rounding gave it another hash."""
+        return text in self.whole.ids
 
     def unknowns(self, i: int) -> np.ndarray:
         """Unknowns of the multipoint problem near point i: exact start and flight times, nodes by exact flight."""
@@ -297,7 +309,9 @@ class Branch:
             events.append(BranchEvent(**fields))
         ended = [Ended(item["reason"], item["text"]) for item in record["ended"]]
         start = next((event.point - event.number for event in events), 0)
-        return cls(problem, points_of(record), tuple(events), (ended[0], ended[1]), start)
+        low, high = head.get("energy") or (0.0, None)
+        energy = (float(low), math.inf if high is None else float(high))
+        return cls(problem, points_of(record), tuple(events), (ended[0], ended[1]), start, energy)
 
     @classmethod
     def from_solutions(
@@ -308,10 +322,11 @@ class Branch:
         events: Callable[[dict[str, np.ndarray]], tuple[BranchEvent, ...]],
         ended: tuple[Ended, Ended],
         start: int,
+        energy: tuple[float, float] = (0.0, math.inf),
     ) -> Branch:
         """A branch from its solutions; `events` makes the events from the columns of the points."""
         columns = describe(problem, solutions, arclength).columns
-        return cls(problem, columns, events(columns), ended, start)
+        return cls(problem, columns, events(columns), ended, start, energy)
 
 
 def propagate(problem: MultipointProblem, start: np.ndarray, times: np.ndarray) -> np.ndarray:

@@ -68,8 +68,8 @@ def _or_null(inner: Check) -> Check:
     return check
 
 
-def _object(**entries: Check) -> Check:
-    """Make a check of an object that has at least the given keys."""
+def _object(optional: Mapping[str, Check] | None = None, **entries: Check) -> Check:
+    """Make a check of an object that has at least the given keys; those in `optional` are checked where they are there."""
 
     def check(value: Any, where: str) -> None:
         TABLE(value, where)
@@ -77,6 +77,9 @@ def _object(**entries: Check) -> Check:
             if key not in value:
                 raise RecordError(f"{where} lacks {key!r}" + _like(key, value, entries))
             entry(value[key], f"{where}.{key}")
+        for key, entry in (optional or {}).items():
+            if key in value:
+                entry(value[key], f"{where}.{key}")
 
     return check
 
@@ -129,12 +132,15 @@ EVENT = _object(
     multiplier=NUMBER_OR_NULL,
 )
 
+PLACE = _object(h=NUMBER, alpha=NUMBER)
+
 BRANCH = _object(
     system=TABLE,
     branch=_object(
+        {"energy": _list_of(NUMBER_OR_NULL, 2), "others": _list_of(_object(None, **{"from": PLACE, "to": PLACE}))},
         id=TEXT,
         label=TEXT,
-        aliases=_list_of(_object(label=TEXT, **{"from": NUMBER, "to": NUMBER})),
+        aliases=_list_of(_object(None, label=TEXT, **{"from": NUMBER, "to": NUMBER})),
         ends=_list_of(TEXT, 2),
         word=TEXT,
     ),

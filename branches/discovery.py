@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.family import label_at
+from branches.identity import turns
 from branches.labels import ImpossibleLabelError, Label
-from bvp.cycle import cycle_of
 from bvp.kernels.impact import work_array
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.scan import scan
@@ -24,7 +24,7 @@ from bvp.multipoint import MultipointProblem, NotConverged, Solution
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Found", "Scanner", "turns"]
+__all__ = ["Found", "Scanner"]
 
 CROSSINGS = 6
 """Crossings kept in one flight; a longer flight between impacts has more, and they are counted as not searched."""
@@ -206,24 +206,3 @@ def accept(problem: MultipointProblem, solution: Solution) -> Found | None:
     except ImpossibleLabelError:
         label = None
     return Found(problem, solution, label)
-
-
-def turns(problem: MultipointProblem, solution: Solution) -> int:
-    """How often the solved orbit repeats itself: k for k turns of its primitive orbit, with k = 2 also where an origin..origin
-    segment is half a turn of an orbit with half-period symmetry (a quarter problem solves that one)."""
-    cycle = cycle_of(problem, solution.y)
-    count = len(cycle.duration)
-    size = float(np.max(np.abs(cycle.after)))
-    best = 1
-    for divisor in range(1, count):
-        if count % divisor:
-            continue
-        for sign in (1.0, -1.0):
-            if sign < 0.0 and (problem.quarters != 2 or 2 * divisor != count or not problem.system.has_odd_symmetry):
-                continue
-            shifted = np.roll(cycle.after, -divisor, axis=0)
-            if np.allclose(shifted, sign * cycle.after, rtol=0.0, atol=1e-7 * size) and np.allclose(
-                np.roll(cycle.duration, -divisor), cycle.duration, rtol=0.0, atol=1e-7 * float(np.max(cycle.duration))
-            ):
-                best = max(best, count // divisor)
-    return best

@@ -210,6 +210,7 @@ class _Search:
             self.impacts = [len(self.word)]
         self.scanners = [Scanner(system, kind, limits.quarter_period) for kind in kinds]
         self.seen: dict[str, tuple[float, float]] = {}
+        self.others: dict[str, Branch] = {}
         self.searched = (0, 0)
 
     def run(self, levels: Sequence[tuple[float, int]]) -> list[Found]:
@@ -274,10 +275,8 @@ class _Search:
         """One orbit of each family, and the family traced."""
         from branches.tracing import follow_family
 
-        low, high = self.range
-        if self.name.family is None:
-            # What a range of energies cuts apart can be one family.
-            low, high = min(low, self.limits.energy[0]), max(high, self.limits.energy[1])
+        # What a range of energies cuts apart can be one family.
+        low, high = min(self.range[0], self.limits.energy[0]), max(self.range[1], self.limits.energy[1])
         out: list[tuple[Found, Branch]] = []
         followed: list[Branch] = []
         for orbit in found:
@@ -285,7 +284,8 @@ class _Search:
                 continue
             branch = follow_family(orbit.problem, orbit.solution.y, energy=(low, high))
             followed.append(branch)
-            if self.name.family is not None and branch.id != self.name.family:
+            if self.name.family is not None and not branch.has_id(self.name.family):
+                self.others[branch.id] = branch
                 continue
             out.append((orbit, branch))
         return out
@@ -300,6 +300,11 @@ class _Search:
             f"with {counts if isinstance(counts, str) else counts[0]} inner impacts in the solved segment "
             f"({self.searched[0]} energies, {self.searched[1]} angles)"
         )
+        if self.name.family is not None and self.others:
+            known = [
+                f"{name} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for name, branch in self.others.items()
+            ]
+            return f"{text}; with these ends and this word there {'is' if len(known) == 1 else 'are'} {', '.join(known[:5])}"
         label = self.name.label
         if label is not None:
             for root, turns in roots(label):
@@ -319,7 +324,7 @@ class _Search:
 
 def from_other_end(orbit: Found) -> Found:
     """The same origin..origin orbit, started half a period later; itself where Newton does not confirm it there."""
-    from branches.switching import embed
+    from branches.stretch import embed
 
     stretch = embed(orbit.problem, orbit.solution.y, (1, 2))
     problem = MultipointProblem(orbit.problem.system, stretch.ends, stretch.word)

@@ -1,7 +1,7 @@
 """Files of a branch and of an orbit: JSON with schema 1, and CSV with the same names, flattened.
 
-A branch is ``{"schema", "system", "branch": {id, label, aliases, ends, word}, "points", "events", "ended"}``; points and events
-stand in the order of arclength, every number in full precision. What has no value is null: where the multipliers or tau grow
+A branch is ``{"schema", "system", "branch": {id, label, aliases, ends, word, energy, others}, "points", "events", "ended"}``; points
+and events stand in the order of arclength, every number in full precision. What has no value is null: where the multipliers or tau grow
 without bound (at grazing) a ``note`` says so. ``docs/howto.md`` lists the fields with their meaning.
 """
 
@@ -67,11 +67,17 @@ def to_record(branch: Branch) -> dict[str, Any]:
             "aliases": [{"label": alias["label"], "from": _finite(alias["from"]), "to": _finite(alias["to"])} for alias in branch.aliases],
             "ends": list(branch.ends),
             "word": branch.word,
+            "energy": [_finite(bound) for bound in branch.energy],
+            "others": [{"from": _place(piece.first), "to": _place(piece.last)} for piece in branch.others],
         },
         "points": [_point(branch.points, i) for i in range(len(branch.points["h"]))],
         "events": [_event(event) for event in branch.events],
         "ended": [{"reason": str(end.reason), "text": end.text} for end in branch.ended],
     }
+
+
+def _place(orbit: tuple[float, float]) -> dict[str, float | None]:
+    return {"h": _finite(orbit[0]), "alpha": _finite(orbit[1])}
 
 
 def _point(points: Mapping[str, Any], i: int) -> dict[str, Any]:

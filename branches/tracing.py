@@ -162,7 +162,7 @@ def follow_family(
         settings = Settings(**{**_fields(settings), "maximum_points": points})
     family = Family(problem, energy)
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
-    collector = _Collector(problem, on_event, on_point, sign)
+    collector = _Collector(problem, energy, on_event, on_point, sign)
     condition = None
     if stop_when is not None:
         asked = stop_when
@@ -189,7 +189,7 @@ def follow_family(
         raise
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
-    branch = _branch(problem, run)
+    branch = _branch(problem, run, energy)
     if on_end is not None:
         for ended in dict.fromkeys(branch.ended):
             on_end(ended)
@@ -223,11 +223,13 @@ class _Collector:
     def __init__(
         self,
         problem: MultipointProblem,
+        energy: tuple[float, float],
         on_event: Callable[[BranchEvent], object] | None,
         on_point: Callable[[int], object] | None,
         direction: int,
     ) -> None:
         self.problem = problem
+        self.energy = energy
         self.on_event = on_event
         self.on_point = on_point
         self.direction = direction
@@ -269,7 +271,7 @@ class _Collector:
         arclength = np.array([lead - p.arclength for p in first] + [lead + p.arclength for p in self.halves[1]])
         ended = Ended(reason, text)
         return Branch.from_solutions(
-            self.problem, [p.step.extra for p in points], arclength, lambda columns: (), (ended, ended), len(first) - 1
+            self.problem, [p.step.extra for p in points], arclength, lambda columns: (), (ended, ended), len(first) - 1, self.energy
         )
 
 
@@ -298,7 +300,7 @@ def _event(event: Event, name: str, point: int, number: int, columns: Mapping[st
     )
 
 
-def _branch(problem: MultipointProblem, run: Run) -> Branch:
+def _branch(problem: MultipointProblem, run: Run, energy: tuple[float, float]) -> Branch:
     solutions: list[Solution] = [point.step.extra for point in run.points]
     arclength = np.array([point.arclength for point in run.points])
 
@@ -333,4 +335,4 @@ def _branch(problem: MultipointProblem, run: Run) -> Branch:
             ended.append(Ended(end.reason.name, f"{event.code} at {orbit}: {event.details.get('note')}"))
         else:
             ended.append(Ended(end.reason.name, end.text))
-    return Branch.from_solutions(problem, solutions, arclength, events, (ended[0], ended[1]), run.start)
+    return Branch.from_solutions(problem, solutions, arclength, events, (ended[0], ended[1]), run.start, energy)

@@ -75,6 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
     branch, code = _follow(arguments, scene, files)
     if branch is None:
         return code
+    if branch.others:
+        print(f"cut    {branch.whole.words()}", file=files.words, flush=True)
     for line in _doubts(branch):
         print(line, file=files.words, flush=True)
     return max(code, _write(branch, files, arguments.frequency))

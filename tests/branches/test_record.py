@@ -30,6 +30,8 @@ def made_of(points, events=(), system=None):
         aliases=[{"label": "S13O00+", "from": 0.0, "to": 1.5}],
         ends=("origin", "stop+"),
         word="+-",
+        energy=(0.05, math.inf),
+        others=(),
         points=points,
         events=list(events),
         ended=(SimpleNamespace(reason="EVENT", text="it grazes"), SimpleNamespace(reason="POINTS", text="3 points")),
@@ -120,6 +122,20 @@ def test_what_is_unbounded_is_null_with_a_note():
     assert data["points"][1]["note"] is None and data["points"][1]["stable"] is False
     assert data["events"][0]["multiplier"] is None and data["events"][0]["p_q"] == [1, 3]
     assert not re.search(r"nan|inf", record.to_csv(made), re.IGNORECASE)
+
+
+def test_the_range_and_the_other_pieces_are_kept(tmp_path):
+    """Oracle: a fold inside a cut family: its two sides are two pieces; the range comes back, and one that is none is refused."""
+    branch = saltus.trace("S11O00-@h=0.075,alpha=0.975", energy=(0.072, 0.08))
+    branch.save(tmp_path / "b.json")
+    head = json.loads((tmp_path / "b.json").read_text())["branch"]
+    assert head["energy"] == [0.072, 0.08] and len(head["others"]) == 1
+    assert sorted(head["others"][0][side]["h"] for side in ("from", "to")) == pytest.approx([0.072, 0.08], rel=1e-12)
+    back = saltus.read_branch(tmp_path / "b.json")
+    assert back.energy == branch.energy and back.others == branch.others
+    text = (tmp_path / "b.json").read_text()
+    (tmp_path / "b.json").write_text(text.replace('"energy": [0.072, 0.08]', '"energy": [0.072, "x"]'))
+    assert "branch.energy[1] is 'x'" in refuse(tmp_path / "b.json")
 
 
 def test_a_record_of_what_was_read_is_the_same():

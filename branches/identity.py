@@ -1,0 +1,271 @@
+"""Which orbit is which: one presentation of each orbit, however it was reached.
+
+An orbit can be solved between other ends, started at another impact, at its other end, as its mirror image -u, backwards in time, or run
+through several times. `canonical_orbit` takes all of these to one presentation, found from the orbit's own symmetries: as a list of
+impacts over its period it is compared with its shifts (turns; the half-period symmetry u(t + T/2) = -u(t)) and with its reversals
+u(c + s) = e u(c - s), whose instants c are its ends - origin for e = -1, rest or stop for e = +1.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.stretch import SLACK, Stretch, closed_stretch, solved, stretch_between
+from branches.words import canonical, mirror, mirror_ends
+from bvp.cycle import Cycle, cycle_of
+from bvp.multipoint import MultipointProblem, Solution
+
+__all__ = ["Mark", "canonical_orbit", "digests", "mark_of", "presentations", "same_orbit", "symmetries", "turns"]
+
+SAME = 1e-7
+"""Difference of states and times, relative to the largest, below which two orbits are one."""
+
+DIGITS = 6
+"""Significant digits of the numbers in a family's hash."""
+
+BORDER = 1e-9
+"""Relative distance from a border of rounding within which both roundings name the family."""
+
+
+class Symmetries(NamedTuple):
+    """What maps an orbit to itself.
+
+    turns: how often its primitive orbit is run through. half: whether the primitive orbit has u(t + T/2) = -u(t). reversals: (instant,
+    e) in one primitive period, from the orbit's start on, in order of time.
+    """
+
+    turns: int
+    half: bool
+    reversals: tuple[tuple[float, int], ...]
+
+
+def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
+    """The symmetries of an orbit, from its impacts.
+
+    Parameters
+    ----------
+    cycle : Cycle
+    tolerance : float
+        Relative difference of states and flight times that counts as none.
+    """
+    count = len(cycle.duration)
+    half = cycle.after.shape[1] // 2
+    odd = cycle.system.has_odd_symmetry
+    sizes = np.repeat([np.max(np.abs(cycle.after[:, :half])), np.max(np.abs(cycle.after[:, half:]))], half)
+    longest = float(np.max(cycle.duration))
+
+    def close(a: np.ndarray, b: np.ndarray) -> bool:
+        return bool(np.all(np.abs(a - b) <= tolerance * sizes))
+
+    def as_long(other: np.ndarray) -> bool:
+        return bool(np.all(np.abs(cycle.duration - other) <= tolerance * longest))
+
+    def shifted(by: int, sign: int) -> bool:
+        return as_long(np.roll(cycle.duration, -by)) and close(np.roll(cycle.after, -by, axis=0), sign * cycle.after)
+
+    length = next(d for d in range(1, count + 1) if count % d == 0 and (d == count or shifted(d, 1)))
+    period = cycle.period * length / count
+    times = cycle.times[:length]
+    found = []
+    for j, e in itertools.product(range(length), (-1, 1) if odd else (1,)):
+        image = (j - np.arange(count)) % count
+        flip = np.repeat([float(e), -float(e)], half)
+        if as_long(cycle.duration[(image - 1) % count]) and close(cycle.after[image], flip * cycle.before):
+            middle = 0.5 * (times[0] + times[j])
+            found += [(float(c % period), e) for c in (middle, middle + 0.5 * period)]
+    # An instant at the very start may come out at the end of the period by rounding.
+    found = sorted((0.0 if period - c < SLACK * period else c, e) for c, e in found)
+    return Symmetries(count // length, odd and length % 2 == 0 and shifted(length // 2, -1), tuple(found))
+
+
+def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
+    """All presentations of an orbit, or of the primitive one that it repeats, that have its canonical ends and word.
+
+    Images under mirror and reversal in time count as the same orbit. There are several where the word is its own image.
+    """
+    cycle = cycle_of(problem, y)
+    found = symmetries(cycle)
+    cycle = _primitive(cycle, found.turns)
+    images = list(_between_reversals(cycle, found) if found.reversals else _closed(cycle))
+    if problem.system.has_odd_symmetry:
+        images += [image.mirrored(mirror(image.word), mirror_ends(image.ends)) for image in images]
+    word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=problem.system.has_odd_symmetry)
+    return [image for image in images if image.ends == ends and image.word == word]
+
+
+def _primitive(cycle: Cycle, turns: int) -> Cycle:
+    if turns == 1:
+        return cycle
+    length = len(cycle.duration) // turns
+    return Cycle(cycle.system, cycle.before[:length], cycle.after[:length], cycle.duration[:length], cycle.contact[:length], cycle.lead)
+
+
+def _between_reversals(cycle: Cycle, found: Symmetries) -> Iterator[Stretch]:
+    """From each instant of reversal to the next, and back."""
+    instants = list(found.reversals)
+    instants.append((instants[0][0] + cycle.period, instants[0][1]))
+    slack = SLACK * cycle.period
+    times = cycle.times
+
+    def kind(instant: float, e: int) -> str:
+        if e < 0:
+            return "origin"
+        distance = np.abs((times - instant + 0.5 * cycle.period) % cycle.period - 0.5 * cycle.period)
+        return "stop" if np.min(distance) <= slack else "rest"
+
+    for (first, e), (last, f) in itertools.pairwise(instants):
+        forward = stretch_between(cycle, first, last, (kind(first, e), kind(last, f)))
+        yield forward
+        yield _backwards(cycle, forward)
+
+
+def _backwards(cycle: Cycle, stretch: Stretch) -> Stretch:
+    """The stretch run from its last end to its first: what follows the last end, by the reversal there."""
+    problem = MultipointProblem(cycle.system, stretch.ends, stretch.word)
+    arrivals = problem.end_states(stretch.unknowns(problem))
+    flip = np.repeat([1.0, -1.0], cycle.after.shape[1] // 2)
+    nodes = (arrivals[:-1] * flip)[::-1]
+    return Stretch((stretch.ends[1], stretch.ends[0]), stretch.word[::-1], arrivals[-1] * flip, nodes, stretch.times[::-1])
+
+
+def _closed(cycle: Cycle) -> Iterator[Stretch]:
+    """From each impact, forwards and backwards in time."""
+    count = len(cycle.duration)
+    flip = np.repeat([1.0, -1.0], cycle.after.shape[1] // 2)
+    back = Cycle(
+        cycle.system, (cycle.after * flip)[::-1], (cycle.before * flip)[::-1],
+        np.roll(cycle.duration[::-1], -1), cycle.contact[::-1], cycle.lead,
+    )  # fmt: skip
+    for each, k in itertools.product((cycle, back), range(count)):
+        before, after, duration, contact = (
+            np.roll(part, -k, axis=0) for part in (each.before, each.after, each.duration, each.contact)
+        )
+        yield closed_stretch(Cycle(each.system, before, after, duration, contact, 0.0))
+
+
+def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
+    """The one presentation of an orbit, or of the primitive orbit that it repeats.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    y : (u,) float
+        A solution of it.
+
+    Returns
+    -------
+    problem, y
+        With the ends that the orbit's reversals have (a quarter where it has both kinds), periodic ends only where it has none; word and
+        ends in the form of `branches.words.canonical`; among equal words the one whose flight times, then start state, come first.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> problem = MultipointProblem(vibro_impact_nes(), ("stop-", "origin"), ())
+    >>> solution = problem.solve(problem.pack([0.1, -0.9, 0.5, 0.5], [], [1.7]), quarter_period=1.7)
+    >>> canonical_orbit(problem, solution.y)[0].ends
+    ('origin', 'stop+')
+    """
+    stretches = presentations(problem, y)
+    best = stretches[0]
+    for other in stretches[1:]:
+        if _comes_before(other, best):
+            best = other
+    found = MultipointProblem(problem.system, best.ends, best.word)
+    return found, solved(found, best.unknowns(found)).y
+
+
+def _comes_before(a: Stretch, b: Stretch) -> bool:
+    """Order by flight times, then start states; differences of rounding's size count as none."""
+    for x, y in ((a.times, b.times), (-a.start, -b.start)):
+        apart = np.flatnonzero(np.abs(x - y) > SAME * np.max(np.abs(x)))
+        if apart.size:
+            return bool(x[apart[0]] < y[apart[0]])
+    return False
+
+
+def same_orbit(
+    a: tuple[MultipointProblem, np.ndarray], b: tuple[MultipointProblem, np.ndarray], tolerance: float = SAME
+) -> bool:
+    """Whether two solutions are one orbit: exchanged ends, mirror image, reversal in time, another start, or several turns allowed.
+
+    Parameters
+    ----------
+    a, b : (problem, y)
+    tolerance : float
+        Of states and times, relative to the largest.
+    """
+    # The period is compared first: it is cheap, and tells most orbits apart.
+    mine, theirs = canonical_orbit(*a), presentations(*b)
+    if (mine[0].ends, mine[0].word) != (theirs[0].ends, theirs[0].word):
+        return False
+    start, nodes, times = mine[0].start(mine[1]), mine[0].nodes(mine[1]), mine[0].flight_times(mine[1])
+    size, longest = max(float(np.max(np.abs(part))) for part in (start, nodes) if part.size), float(np.max(times))
+    return any(
+        np.allclose(other.times, times, rtol=0.0, atol=tolerance * longest)
+        and np.allclose(other.start, start, rtol=0.0, atol=tolerance * size)
+        and np.allclose(other.nodes[: len(nodes)], nodes, rtol=0.0, atol=tolerance * size)
+        for other in theirs
+    )
+
+
+def turns(problem: MultipointProblem, solution: Solution) -> int:
+    """How often the solved orbit repeats itself: k for k turns of its primitive orbit, with k = 2 also where the solved half is half a
+    turn of an orbit with half-period symmetry (a quarter problem solves that one)."""
+    found = symmetries(cycle_of(problem, solution.y))
+    return 2 if found.turns == 1 and found.half and problem.quarters == 2 else found.turns
+
+
+class Mark(NamedTuple):
+    """An orbit of a family that identifies it: what kind of point it is, and numbers that no presentation changes.
+
+    kind: "GR", "SN" or "EP". h: energy. alpha: quarter period. pattern: of the impacts in the period, see `mark_of`.
+    """
+
+    kind: str
+    h: float
+    alpha: float
+    pattern: float
+
+
+def mark_of(kind: str, problem: MultipointProblem, y: np.ndarray) -> Mark:
+    """The mark of an orbit.
+
+    Notes
+    -----
+    At the grazing of a linear mode many families begin with one energy and one period, also with one word: their impacts come at
+    different instants. The pattern, a mean over all pairs of impacts of a function of their distance in time (and of whether the
+    same side is hit), does not change under a shift, reversal or mirror, and is continuous.
+    """
+    cycle = cycle_of(problem, y)
+    phase = 2.0 * np.pi * cycle.times / cycle.period
+    modes = problem.system.modes
+    stop, side = modes.contact_stop[cycle.contact], modes.contact_side[cycle.contact]
+    same_side = np.where(stop[:, None] == stop, 2.0 + side[:, None] * side, 1.0)
+    pattern = float(np.mean(same_side * np.exp(np.cos(phase[:, None] - phase))))
+    return Mark(kind, problem.energy(y), problem.quarter_period(y), pattern)
+
+
+def digests(marks: Iterable[Mark]) -> tuple[str, ...]:
+    """Hashes that name a family with these marks, the proper one first.
+
+    The numbers of the first mark are rounded to six digits and hashed. Rounding has borders, wherever one puts them: a number within
+    1e-9 of one has both roundings, and each of the hashes that come of that, and those of further marks, names the family too.
+    """
+    out: dict[str, None] = {}
+    for mark in marks:
+        numbers = mark[1:]
+        texts = [dict.fromkeys(_rounded(number * (1.0 + shift)) for shift in (0.0, -BORDER, BORDER)) for number in numbers]
+        for parts in itertools.product(*texts):
+            text = ":".join((mark.kind, *parts))
+            out[hashlib.sha256(text.encode()).hexdigest()[:8]] = None
+    return tuple(out)
+
+
+def _rounded(number: float) -> str:
+    return f"{number:.{DIGITS - 1}e}"

@@ -1,0 +1,103 @@
+"""A stretch of a periodic orbit, cut out of its period: another way to present the same motion.
+
+One orbit can be solved between different ends, started at different times, or run through more than once. Each presentation is a stretch
+of the orbit's period, with the unknowns of the multipoint problem that has its ends and its word.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.words import PERIODIC, Ends, Word
+from bvp.cycle import Cycle, cycle_of
+from bvp.multipoint import MultipointProblem, Solution
+
+__all__ = ["Stretch", "closed_stretch", "embed", "solved", "stretch_between"]
+
+SLACK = 1e-9
+"""Part of the period within which an impact is at an end."""
+
+
+class Stretch(NamedTuple):
+    """A stretch of an orbit: its ends, inner contacts, start state, the states after its inner impacts, flight times.
+
+    For periodic ends `word` is that of the whole stretch, whose first impact is the start; `nodes` are those after it.
+    """
+
+    ends: Ends
+    word: Word
+    start: np.ndarray
+    nodes: np.ndarray
+    times: np.ndarray
+
+    def unknowns(self, problem: MultipointProblem) -> np.ndarray:
+        """The stretch as unknowns of a problem with its ends and word."""
+        return problem.pack(self.start, self.nodes, self.times)
+
+    def mirrored(self, word: Word, ends: Ends) -> Stretch:
+        """The stretch of -u, whose word and ends are given."""
+        return Stretch(ends, word, -self.start, -self.nodes, self.times)
+
+
+def stretch_between(cycle: Cycle, first: float, last: float, kinds: tuple[str, str]) -> Stretch:
+    """The stretch of an orbit between two instants at which it reverses.
+
+    Parameters
+    ----------
+    cycle : Cycle
+        The orbit's period.
+    first, last : float
+        Times from the orbit's start, 0 <= first < last.
+    kinds : (str, str)
+        "origin", "rest" or "stop", with or without the contact's letter, which is read from the orbit.
+    """
+    count = len(cycle.duration)
+    turns = range(-1, 2 + math.ceil(last / cycle.period))  # the impact of a stop at the start ends the period
+    instants = np.concatenate([cycle.times + turn * cycle.period for turn in turns])
+    slack = SLACK * cycle.period
+    inner = [i for i in range(len(instants)) if first + slack < instants[i] < last - slack]
+    ends = []
+    for kind, time in zip(kinds, (first, last), strict=True):
+        if kind.startswith("stop"):
+            kind = "stop" + cycle.letters[int(np.argmin(np.abs(instants - time))) % count]
+        ends.append(kind)
+    if ends[0].startswith("stop"):
+        start = cycle.after[int(np.argmin(np.abs(instants - first))) % count]
+    else:
+        u, v = cycle.sample(np.array([first]))
+        start = cycle.system.modes.from_state @ np.concatenate([u[0], v[0]])
+    stamps = np.concatenate([[first], instants[inner], [last]])
+    word = tuple(cycle.letters[i % count] for i in inner)
+    return Stretch((ends[0], ends[1]), word, start, cycle.after[[i % count for i in inner]], np.diff(stamps))
+
+
+def closed_stretch(cycle: Cycle, turns: int = 1) -> Stretch:
+    """The whole orbit, run through so many times, as it closes on itself from its first impact."""
+    nodes = np.tile(cycle.after, (turns, 1))
+    return Stretch(PERIODIC, cycle.letters * turns, nodes[0], nodes[1:], np.tile(cycle.duration, turns))
+
+
+def embed(problem: MultipointProblem, y: np.ndarray, window: tuple[int, int] | int) -> Stretch:
+    """The orbit y over a window of its time: (first, last) in solved segments, or a number of periods that close on themselves."""
+    cycle = cycle_of(problem, y)
+    if isinstance(window, int):
+        return closed_stretch(cycle, window)
+    length = float(np.sum(problem.flight_times(y)))
+    kinds = (problem.ends[window[0] % 2], problem.ends[window[1] % 2])
+    return stretch_between(cycle, window[0] * length, window[1] * length, kinds)
+
+
+def solved(problem: MultipointProblem, y: np.ndarray) -> Solution:
+    """The solution at unknowns that another presentation gave: taken as it stands where its residual allows, since at a branch
+    point the equations are singular and Newton would move it; else corrected at its energy.
+
+    Raises
+    ------
+    NotConverged
+        Where it cannot be corrected.
+    """
+    as_it_stands = problem.step(y, np.zeros(2 * problem.unknowns), 0.0, maximum=0)
+    return problem.solve(y, energy=problem.energy(y)) if as_it_stands is None else as_it_stands
