@@ -83,9 +83,11 @@ class Family:
     problem : MultipointProblem
     energy : (float, float)
         The family ends at these energies.
+    quarter_period : float
+        The family ends at this quarter period.
     """
 
-    def __init__(self, problem: MultipointProblem, energy: tuple[float, float] = (0.0, math.inf)):
+    def __init__(self, problem: MultipointProblem, energy: tuple[float, float] = (0.0, math.inf), quarter_period: float = math.inf):
         self.problem = problem
         self.energy = energy
         tests = [
@@ -94,6 +96,7 @@ class Family:
             *_GRAZING,
             Test("EP", "guard", True, "lowest energy asked for"),
             Test("EP", "guard", True, "highest energy asked for"),
+            Test("EP", "guard", True, "longest quarter period asked for"),
             Test("IO", "crossing", False, "impulsive orbit at the start", False, ("LB",)),
             Test("IO", "crossing", False, "impulsive orbit at the half period", False, ("LB",)),
             Test("LB", "change", False, "the label changes"),
@@ -125,9 +128,10 @@ class Family:
         self._tests = tuple(tests)
         self._low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
         self._high = math.log(energy[1]) if energy[1] < math.inf else math.inf
+        self._longest = math.log(quarter_period) if quarter_period < math.inf else math.inf
         self._targets = [multiplication(p, q) for p, q in RESONANCES]
         self._kinds = np.array(kinds_of(self._tests))
-        self._bounds = np.array([self._low, self._high])
+        self._bounds = np.array([self._low, self._high, self._longest])
         self._aims = np.array(self._targets)
 
     @property
@@ -150,7 +154,7 @@ class Family:
         if not is_orbit(result):
             return _FAILED
         tests = [0.0] * len(self._tests)
-        common_tests(result, self._low, self._high, tests)
+        common_tests(result, self._low, self._high, self._longest, tests)
         if self._planar:
             planar_tests(result, self.problem.quarters, self._targets, tests)
         else:

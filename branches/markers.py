@@ -24,6 +24,7 @@ from bvp.kernels.result import (
     HALF_C,
     HALF_D,
     IN_PHASE,
+    QUARTER_PERIOD,
     RESIDUAL,
     SECOND_QUARTER,
     SLOPE,
@@ -35,7 +36,7 @@ from bvp.kernels.result import (
 
 __all__ = ["COMMON", "NOISE", "common_tests", "is_orbit", "planar_tests"]
 
-COMMON = 10
+COMMON = 11
 """Test functions that every family has, whatever its degrees of freedom."""
 
 _ACCURATE = 1e-12
@@ -52,9 +53,9 @@ def is_orbit(result: Any) -> bool:
     return result[CONVERGED] == 1.0 and result[RESIDUAL] < _ACCURATE and not result[GAVE_UP] == 1.0
 
 
-def common_tests(result: Any, low: Any, high: Any, out: Any) -> None:
-    """The first `COMMON` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's logarithm (low, high),
-    impulsive orbits, and the key that stands for the label."""
+def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> None:
+    """The first `COMMON` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's logarithm (low, high)
+    and of the quarter period's, impulsive orbits, and the key that stands for the label."""
     level = math.log(result[ENERGY])
     out[0] = result[SLOPE]
     out[1] = result[BRANCHING]
@@ -63,10 +64,11 @@ def common_tests(result: Any, low: Any, high: Any, out: Any) -> None:
     out[4] = result[FLIGHT]
     out[5] = level - low if low > -math.inf else 1.0
     out[6] = high - level if high < math.inf else 1.0
-    out[7] = result[ABSORBER_START]
-    out[8] = result[ABSORBER_END]
+    out[7] = longest - math.log(result[QUARTER_PERIOD]) if longest < math.inf else 1.0
+    out[8] = result[ABSORBER_START]
+    out[9] = result[ABSORBER_END]
     waves = result[WAVES_ABSORBER] * 4096.0 + result[WAVES_PRIMARY]
-    out[9] = (waves * 4096.0 + result[FIRST_QUARTER]) * 8192.0 + result[SECOND_QUARTER] * 4.0 + result[IN_PHASE]
+    out[10] = (waves * 4096.0 + result[FIRST_QUARTER]) * 8192.0 + result[SECOND_QUARTER] * 4.0 + result[IN_PHASE]
 
 
 def planar_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
@@ -90,17 +92,17 @@ def planar_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
         d = math.nan
     if quarters == 4:
         tau = result[TRACE]
-        out[10] = tau + 2.0
-        at = 11
+        out[11] = tau + 2.0
+        at = 12
     else:
         tau = 2.0 + 4.0 * product
-        out[10] = b
-        out[11] = a
-        out[12] = d
-        at = 13
+        out[11] = b
+        out[12] = a
+        out[13] = d
+        at = 14
         if quarters == 1:
-            out[13] = tau
+            out[14] = tau
             tau = tau * tau - 2.0
-            at = 14
+            at = 15
     for i in range(len(targets)):
         out[at + i] = tau - targets[i]

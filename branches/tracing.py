@@ -113,6 +113,7 @@ def follow_family(
     start: np.ndarray | Step,
     *,
     energy: tuple[float, float] = (0.0, math.inf),
+    quarter_period: float = math.inf,
     points: int | None = None,
     direction: str = "both",
     stop_at: str | None = None,
@@ -132,6 +133,8 @@ def follow_family(
         Unknowns near an orbit of the family, or an orbit with its tangent.
     energy : (float, float)
         The family ends at these energies.
+    quarter_period : float
+        The family ends where its quarter period grows beyond this one.
     points : int, optional
         Points in total; reaching it is a reason to end.
     direction : {"up", "down", "both", "along"}
@@ -160,7 +163,7 @@ def follow_family(
         if points < 1:
             raise TraceError(f"points = {points}: expected at least 1")
         settings = Settings(**{**_fields(settings), "maximum_points": points})
-    family = Family(problem, energy)
+    family = Family(problem, energy, quarter_period)
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
     collector = _Collector(problem, energy, on_event, on_point, sign)
     condition = None

@@ -111,6 +111,9 @@ class _Ends(Family):
         """See `continuation.Problem`."""
         return super().tests[: self.COUNT]
 
+    march = None
+    """Few families are followed for their ends alone, and a march would stop at every event of the others."""
+
     def _step(self, solution: Solution | None) -> Step:
         step = super()._step(solution)
         return step._replace(tests=step.tests[: self.COUNT])

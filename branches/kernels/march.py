@@ -40,10 +40,10 @@ class Block(NamedTuple):
 
 @kernel
 def march(
-    pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, most, control, kinds, energy, targets, first_y,
+    pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, most, control, kinds, limits, targets, first_y,
     first_tangent, first_position, first_tests, first_older, goal, before, ds, metric, places, block,
 ):  # fmt: skip
-    """Steps from (first_y, first_tangent) into `block`. energy (2,): bounds of its logarithm. metric (4, N + 2), places (tests,):
+    """Steps from (first_y, first_tangent) into `block`. limits (3,): bounds of the energy's logarithm, and of the quarter period's. metric (4, N + 2), places (tests,):
     scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length of the step to take next)."""
     y = first_y
     tangent = first_tangent
@@ -70,7 +70,7 @@ def march(
         if not _is_orbit(result):
             return count, 1, ds
         values = block.tests[count]
-        _common_tests(result, energy[0], energy[1], values)
+        _common_tests(result, limits[0], limits[1], limits[2], values)
         _planar_tests(result, shape[2], targets, values)
         turn = result[TURN]
         contraction = result[CONTRACTION]
