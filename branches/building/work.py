@@ -109,7 +109,15 @@ def work(description: str, seed: Seed) -> Answer:
 
 
 def _at_energy(system: ImpactSystem, energy: float, bounds: Bounds) -> Answer:
-    raise NotImplementedError
+    from branches.discovery import Scanner
+
+    seeds = []
+    for end, impacts in (("stop", bounds.impacts // 2), ("rest", bounds.impacts // 2), ("origin", bounds.impacts)):
+        scanner = Scanner(system, end, bounds.quarter_period)
+        for found in scanner.orbits(energy, 2000, range(impacts + 1)):
+            if bounds.holds(alpha=found.alpha, impacts=impacts_per_period(found.problem.word, found.problem.ends)):
+                seeds.append(Seed("orbit", event_orbit(*canonical_orbit(found.problem, found.solution.y)), bounds))
+    return Answer(None, tuple(seeds), counts={"orbits": len(seeds)})
 
 
 def _at_mode(system: ImpactSystem, index: int, turns: int, bounds: Bounds) -> Answer:
@@ -146,7 +154,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
     for event in branch.events:
         if event.type == "GR":
             some, over, dead = _across_grazing(branch, event, bounds)
-        elif event.type in ("BP", "SB", "PD", "RT"):
+        elif event.type in ("BP", "SB", "PD"):
             times = {"PD": 2, "RT": event.p_q[1] if event.p_q else 1}.get(event.type, 1)
             if not bounds.holds(alpha=times * event.alpha, impacts=times * impacts_per_period(branch.problem.word, branch.ends)):
                 beyond += 1

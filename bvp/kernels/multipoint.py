@@ -162,6 +162,9 @@ def set_scale(segment, y, factor):
     displacement = 0.0
     velocity = 0.0
     longest = 0.0
+    for r in range(size):  # 2h: near the grazing of a mode the velocities at all nodes are small
+        velocity += segment.weights[r] * z[r] * z[r]
+    velocity = math.sqrt(velocity)
     at = s
     for i in range(k + 1):
         if i > 0:
