@@ -46,6 +46,9 @@ CASES = [
     ("continue S13O00+ --mu -0.1", ["mu", "above 0", "-0.1"]),
     ("continue S13O00+ --mu inf", ["mu", "finite"]),
     ("continue S13O00+ --mu nan", ["mu", "'nan'", "a number"]),
+    ("continue S13O00+ --mu 1e-300", ["mu", "too small", "1e-300", "1e-25 to 1e+25"]),
+    ("continue S13O00+ --mu 1e-320", ["mu", "too small", "1e-25 to 1e+25"]),
+    ("continue S13O00+ --sigma 1e300", ["sigma", "too large", "1e+300", "a size from 0 to 1e+25"]),
     ("continue S13O00+ --mu abc", ["mu", "'abc'", "a number"]),
     ("continue S13O00+ --sigma -1", ["sigma", "-1"]),
     ("continue S13O00+ --sigma nan", ["sigma", "'nan'", "a number"]),
@@ -86,7 +89,9 @@ CASES = [
     ("continue S13O00+ --scene {asymmetric}", ["mass", "symmetric"]),
     ("continue S13O00+ --scene {one_sided} --mu 0.1", ["mu", "matrices"]),
     # origin ends without odd symmetry
-    ("continue S13O00+ --scene {uneven}", ["origin", "odd symmetry"]),
+    ("continue S13O00+ --scene {uneven}", ["origin", "odd symmetry", "-1 <= u1 - u2 <= 0.5;", "expected rest or stop ends"]),
+    ("continue S13O00+ --scene {extreme}", ["entry (1, 1) of mass", "too small", "1e-300"]),
+    ("continue S13O00+ --scene {twice}", ["coordinates", "'x'", "numbers 1 and 2"]),
     # words of the command line
     ("contnue S13O00+", ["'contnue'", "nearest: continue"]),
     ("continue", ["NAME"]),
@@ -112,6 +117,8 @@ def places(tmp_path):
         "one_sided": ONE_SIDED,
         "damped": DAMPED,
         "uneven": UNEVEN,
+        "extreme": UNEVEN.replace("[[1.0, 0.0]", "[[1e-300, 0.0]", 1),
+        "twice": UNEVEN + '[coordinates]\nnames = ["x", "x"]\n',
     }
     for name, text in texts.items():
         (tmp_path / f"{name}.toml").write_text(text)
