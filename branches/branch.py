@@ -247,6 +247,7 @@ class Branch:
     @classmethod
     def from_record(cls, record: dict[str, Any]) -> Branch:
         """A branch from the plain data that `branches.record.to_record` makes."""
+        from branches.check import check_points
         from branches.record import points_of
         from bvp.system import ImpactSystem
 
@@ -259,6 +260,8 @@ class Branch:
                 f"the word {head['word']!r} between the ends {', '.join(head['ends'])} makes {problem.inner + 1} flights; "
                 f"the points have {', '.join(map(str, sorted(flights)))} flight_times"
             )
+        points = points_of(record)
+        check_points(problem, points)
         names = set(BranchEvent._fields)
         events = []
         for item in record["events"]:
@@ -267,7 +270,7 @@ class Branch:
             events.append(BranchEvent(**fields))
         ended = [Ended(item["reason"], item["text"]) for item in record["ended"]]
         start = next((event.point - event.number for event in events), 0)
-        return cls(problem, points_of(record), tuple(events), (ended[0], ended[1]), start)
+        return cls(problem, points, tuple(events), (ended[0], ended[1]), start)
 
     @classmethod
     def from_solutions(
