@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import operator
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -135,7 +137,21 @@ class Branch:
         return join_family_id(ends, word, hashlib.sha256(text.encode()).hexdigest()[:8])
 
     def unknowns(self, i: int) -> np.ndarray:
-        """Unknowns of the multipoint problem near point i: exact start and flight times, nodes by exact flight."""
+        """Unknowns of the multipoint problem near point i: exact start and flight times, nodes by exact flight.
+
+        Raises
+        ------
+        IndexError
+            For a point that the branch does not have.
+        TypeError
+            For what is no whole number.
+        """
+        try:
+            i = operator.index(i)
+        except TypeError:
+            raise TypeError(f"a point is a whole number; received {i!r}, expected 0 to {len(self) - 1}") from None
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         problem = self.problem
         start = problem.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
         times = self.points["flight_times"][i]
@@ -149,8 +165,6 @@ class Branch:
         IndexError
             For a point that the branch does not have.
         """
-        if not -len(self) <= i < len(self):
-            raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         y = self.unknowns(i)
         # The saved orbit is taken as it stands where its residual allows: at a branch point the equations are singular, and Newton
         # would move it. Where the nodes of a long unstable segment have lost digits by propagation, they are corrected.
@@ -164,11 +178,16 @@ class Branch:
         -------
         list of Orbit
             Empty where the branch does not reach it.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Unless one of them is given, a finite number above 0.
         """
         if (energy is None) == (alpha is None):
             raise ValueError("give one of energy and alpha")
-        name, value = ("h", energy) if energy is not None else ("alpha", alpha)
-        assert value is not None
+        name = "h" if energy is not None else "alpha"
+        value = _positive(energy if energy is not None else alpha, name)
         difference = self.points[name] - value
         out: list[Orbit] = []
         for i in range(len(self) - 1):
@@ -237,6 +256,8 @@ class Branch:
         """
         from branches.switching import switch
 
+        if not isinstance(event, str | BranchEvent):
+            raise TypeError(f"an event is one of branch.events or its id; received {event!r}")
         if isinstance(event, str):
             known = {item.id: item for item in self.events}
             if event not in known:
@@ -285,6 +306,20 @@ class Branch:
         """A branch from its solutions; `events` makes the events from the columns of the points."""
         columns = describe(problem, solutions, arclength).columns
         return cls(problem, columns, events(columns), ended, start)
+
+
+def _positive(value: Any, name: str) -> float:
+    """A finite number above 0."""
+    words = "energy h" if name == "h" else "quarter period alpha"
+    if isinstance(value, bool | str):
+        raise TypeError(f"the {words} is a number; received {value!r}")
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"the {words} is a number; received {value!r}") from None
+    if not 0.0 < number < math.inf:
+        raise ValueError(f"the {words} is a finite number above 0; received {number:g}")
+    return number
 
 
 def propagate(problem: MultipointProblem, start: np.ndarray, times: np.ndarray) -> np.ndarray:
