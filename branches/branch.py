@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -148,7 +149,21 @@ class Branch:
         return text in self.whole.ids
 
     def unknowns(self, i: int) -> np.ndarray:
-        """Unknowns of the multipoint problem near point i: exact start and flight times, nodes by exact flight."""
+        """Unknowns of the multipoint problem near point i: exact start and flight times, nodes by exact flight.
+
+        Raises
+        ------
+        IndexError
+            For a point that the branch does not have.
+        TypeError
+            For what is no whole number.
+        """
+        try:
+            i = operator.index(i)
+        except TypeError:
+            raise TypeError(f"a point is a whole number; received {i!r}, expected 0 to {len(self) - 1}") from None
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         problem = self.problem
         start = problem.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
         times = self.points["flight_times"][i]
@@ -162,8 +177,6 @@ class Branch:
         IndexError
             For a point that the branch does not have.
         """
-        if not -len(self) <= i < len(self):
-            raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         y = self.unknowns(i)
         # The saved orbit is taken as it stands where its residual allows: at a branch point the equations are singular, and Newton
         # would move it. Where the nodes of a long unstable segment have lost digits by propagation, they are corrected.
@@ -177,11 +190,16 @@ class Branch:
         -------
         list of Orbit
             Empty where the branch does not reach it.
+
+        Raises
+        ------
+        ValueError, TypeError
+            Unless one of them is given, a finite number above 0.
         """
         if (energy is None) == (alpha is None):
             raise ValueError("give one of energy and alpha")
-        name, value = ("h", energy) if energy is not None else ("alpha", alpha)
-        assert value is not None
+        name = "h" if energy is not None else "alpha"
+        value = _positive(energy if energy is not None else alpha, name)
         difference = self.points[name] - value
         out: list[Orbit] = []
         for i in range(len(self) - 1):
@@ -250,6 +268,8 @@ class Branch:
         """
         from branches.switching import switch
 
+        if not isinstance(event, str | BranchEvent):
+            raise TypeError(f"an event is one of branch.events or its id; received {event!r}")
         return switch(self, self.event(event) if isinstance(event, str) else event, **options)
 
     def neighbours(self, event: BranchEvent | str, *, turns: int = 1, **options: Any) -> list[Neighbour]:
@@ -289,6 +309,7 @@ class Branch:
     @classmethod
     def from_record(cls, record: dict[str, Any]) -> Branch:
         """A branch from the plain data that `branches.record.to_record` makes."""
+        from branches.check import check_points
         from branches.record import points_of
         from bvp.system import ImpactSystem
 
@@ -301,6 +322,8 @@ class Branch:
                 f"the word {head['word']!r} between the ends {', '.join(head['ends'])} makes {problem.inner + 1} flights; "
                 f"the points have {', '.join(map(str, sorted(flights)))} flight_times"
             )
+        points = points_of(record)
+        check_points(problem, points)
         names = set(BranchEvent._fields)
         events = []
         for item in record["events"]:
@@ -309,9 +332,13 @@ class Branch:
             events.append(BranchEvent(**fields))
         ended = [Ended(item["reason"], item["text"]) for item in record["ended"]]
         start = next((event.point - event.number for event in events), 0)
+<<<<<<< HEAD
         low, high = head.get("energy") or (0.0, None)
         energy = (float(low), math.inf if high is None else float(high))
         return cls(problem, points_of(record), tuple(events), (ended[0], ended[1]), start, energy)
+=======
+        return cls(problem, points, tuple(events), (ended[0], ended[1]), start)
+>>>>>>> h2
 
     @classmethod
     def from_solutions(
@@ -327,6 +354,20 @@ class Branch:
         """A branch from its solutions; `events` makes the events from the columns of the points."""
         columns = describe(problem, solutions, arclength).columns
         return cls(problem, columns, events(columns), ended, start, energy)
+
+
+def _positive(value: Any, name: str) -> float:
+    """A finite number above 0."""
+    words = "energy h" if name == "h" else "quarter period alpha"
+    if isinstance(value, bool | str):
+        raise TypeError(f"the {words} is a number; received {value!r}")
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"the {words} is a number; received {value!r}") from None
+    if not 0.0 < number < math.inf:
+        raise ValueError(f"the {words} is a finite number above 0; received {number:g}")
+    return number
 
 
 def propagate(problem: MultipointProblem, start: np.ndarray, times: np.ndarray) -> np.ndarray:

@@ -5,9 +5,14 @@ from __future__ import annotations
 import difflib
 import sys
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["RecordError", "check_branch"]
+import numpy as np
+
+if TYPE_CHECKING:
+    from bvp.multipoint import MultipointProblem
+
+__all__ = ["RecordError", "check_branch", "check_points"]
 
 
 class RecordError(ValueError):
@@ -17,13 +22,17 @@ class RecordError(ValueError):
 Check = Callable[[Any, str], None]
 
 
+def _short(value: Any) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= 40 else shown[:37] + "..."
+
+
 def _kind(words: str, fits: Callable[[Any], bool]) -> Check:
     """Make a check that a value is of a kind."""
 
     def check(value: Any, where: str) -> None:
         if not fits(value):
-            shown = repr(value)
-            raise RecordError(f"{where} is {shown if len(shown) <= 40 else shown[:37] + '...'}, expected {words}")
+            raise RecordError(f"{where} is {_short(value)}, expected {words}")
 
     return check
 
@@ -178,7 +187,7 @@ def check_branch(record: Any, schema: int) -> None:
     if "schema" not in record:
         raise RecordError("it lacks 'schema'")
     if record["schema"] != schema or not _is_whole(record["schema"]):
-        raise RecordError(f"its schema is {record['schema']!r}, expected {schema}")
+        raise RecordError(f"its schema is {_short(record['schema'])}, expected {schema}")
     BRANCH(record, "the file")
     points = record["points"]
     if not points:
@@ -196,3 +205,37 @@ def check_branch(record: Any, schema: int) -> None:
     for i, event in enumerate(record["events"]):
         if not 0 <= event["point"] < len(points):
             raise RecordError(f"events[{i}].point is {event['point']}, expected 0 to {len(points) - 1}")
+
+
+AGREEMENT = 1e-9
+"""Part of its size by which a number of a point may differ from what the point's start and flight times give."""
+
+
+def check_points(problem: MultipointProblem, points: Mapping[str, np.ndarray]) -> None:
+    """Refuse points whose energy or quarter period is not that of their own start and flights.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    points : mapping of str to (N, ...) ndarray
+        As `branches.record.points_of` gives them.
+
+    Raises
+    ------
+    RecordError
+        With one line that names the first such point and both numbers.
+    """
+    system = problem.system
+    n = system.degrees_of_freedom
+    if points["start_u"].shape[1] != n:
+        raise RecordError(f"points[0].start.u has {points['start_u'].shape[1]} entries, but the system has {n} coordinates")
+    u, v = points["start_u"], points["start_v"]
+    # The sizes of the terms, not their sum, bound the rounding of the sum.
+    size = 0.5 * np.sum((np.abs(v) @ np.abs(system.mass)) * np.abs(v) + (np.abs(u) @ np.abs(system.stiffness)) * np.abs(u), axis=1)
+    alpha = np.sum(points["flight_times"], axis=1) / problem.quarters
+    own = {"h": (np.atleast_1d(system.energy(u, v)), size, "start has the energy"), "alpha": (alpha, alpha, "flight_times make")}
+    for name, (values, scale, words) in own.items():
+        off = np.flatnonzero(~(np.abs(points[name] - values) <= AGREEMENT * scale))
+        if off.size:
+            i = int(off[0])
+            raise RecordError(f"points[{i}].{name} is {points[name][i]:.12g}, but its {words} {values[i]:.12g}")

@@ -83,6 +83,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     ('1 2 3', 1)
     >>> directory.cleanup()
     """
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"a path is text; received {path!r}, expected the name of a file")
     target = Path(os.path.realpath(path))
     try:
         if target.exists() and not target.is_file() and not target.is_dir():

@@ -188,6 +188,8 @@ def parse_name(text: str) -> Name:
     ------
     LabelSyntaxError, ImpossibleLabelError
         As in `parse`.
+    TypeError
+        For what is no text.
 
     Examples
     --------
@@ -197,6 +199,8 @@ def parse_name(text: str) -> Name:
     >>> parse_name("origin-stop+:+-:03fa9c1e").family
     'origin-stop+:+-:03fa9c1e'
     """
+    if not isinstance(text, str):
+        raise TypeError(f"a name is text such as S13O00+ or U8353-@h=1.9; received {text!r}")
     reader = _Reader(text)
     head = text.partition("@")[0]
     family, fields = None, None

@@ -87,9 +87,10 @@ def resolve(
             "expected absorber and primary (in a scene NES and LO under [coordinates])"
         )
     families = search.families(search.run(LEVELS)) or _passing(system, name, limits, energy)
+    found_without = families
     families = _select(name, families)
     if not families:
-        raise NameNotFound(search.nothing())
+        raise NameNotFound(_elsewhere(name, found_without) if found_without else search.nothing())
     if len(families) > 1 and name.h is None and name.alpha is None:
         bare = str(name.label) if name.label is not None else name.family
         pin = pins.get(text) or pins.get(str(bare))
@@ -153,6 +154,20 @@ def _select(name: Name, families: list[tuple[Found, Branch]]) -> list[tuple[Foun
         best = min(miss for miss, _, _ in chosen)
         chosen = [item for item in chosen if item[0] <= best + 1e-9]
     return [(found, branch) for _, found, branch in chosen]
+
+
+def _elsewhere(name: Name, families: list[tuple[Found, Branch]]) -> str:
+    """The suffix of a name selects none of the families: what they have instead, the nearest in quarter period first."""
+    key, value = ("h", name.h) if name.h is not None else ("alpha", name.alpha)
+    assert value is not None
+    asked = ", ".join(f"{k} = {v:g}" for k, v in (("h", name.h), ("alpha", name.alpha)) if v is not None)
+    text = f"no orbit {name.label or name.family} found at {asked}"
+    near = [orbit for _, branch in families for orbit in (branch.orbits_at(energy=value) if key == "h" else [])]
+    if near:
+        near.sort(key=lambda orbit: abs(orbit.alpha - (name.alpha or 0.0)))
+        return f"{text}; at h = {value:g} there are " + ", ".join(f"{o.label or o.word}@h={o.h:.6g},alpha={o.alpha:.6g}" for o in near[:5])
+    ranges = [(float(branch.points[key].min()), float(branch.points[key].max())) for _, branch in families]
+    return f"{text}; followed over {key} = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in sorted(ranges)[:5])
 
 
 def _pinned(families: list[tuple[Found, Branch]], pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:

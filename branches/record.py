@@ -221,6 +221,8 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
         A `ValueError` with one line: the file cannot be read, is no JSON, is truncated, has another schema, lacks a key, or
         holds something of another type.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"a path is text; received {path!r}, expected the name of a JSON file")
     try:
         text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
@@ -235,8 +237,8 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
             end = text.count("\n") + 1
             raise RecordError(f"{path} is truncated: it ends in line {end} before its JSON is complete") from error
         raise RecordError(f"{path} is no JSON: {error.msg} in line {error.lineno}, column {error.colno}") from error
-    except (RecursionError, RecordError) as error:
-        raise RecordError(f"{path} is no file of a branch: {error}") from error
+    except (RecursionError, ValueError) as error:  # a number of thousands of digits is a ValueError
+        raise RecordError(f"{path} is no file of a branch: {' '.join(str(error).split())}") from error
     try:
         check_branch(record, SCHEMA)
         from branches.branch import Branch

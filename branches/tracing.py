@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,9 @@ EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 
 UNDECIDED_AT = ("SN", "BP", "SB", "PD")
 """Events at which a multiplier is at its bound: stability there is decided by the location error alone, so it is not given."""
+
+OPTIONS = ("points", "direction", "stop_at", "stop_when", "on_event", "on_end", "on_point", "settings")
+"""Options of `follow_family` that a named family may be traced with."""
 
 _ROUNDING = 1e-13
 """Part of an energy by which a start that was solved for a bound of the range may lie outside of it."""
@@ -92,6 +96,13 @@ def trace(
     """
     from branches.names import resolve, search_bounds
 
+    for option in options:
+        if option not in OPTIONS:
+            near = difflib.get_close_matches(option, OPTIONS, n=1) or OPTIONS
+            raise TypeError(f"unknown option {option!r}; expected {', '.join(near)}")
+    for what, value in (("pins", pins), ("bounds", bounds)):
+        if value is not None and not isinstance(value, Mapping):
+            raise TypeError(f"{what} = {value!r}: expected a mapping")
     limits = search_bounds(bounds)
     energy = check_energy(energy if energy is not None else limits.energy)
     found, rising = resolve(name, system, pins=pins or {}, limits=limits, energy=energy)
@@ -159,7 +170,11 @@ def follow_family(
         raise TraceError(f"direction {direction!r}: expected up, down or both")
     if stop_at is not None and stop_at not in EVENT_TYPES:
         raise TraceError(f"stop_at {stop_at!r}: expected one of {', '.join(EVENT_TYPES)}")
+    if stop_when is not None and not callable(stop_when):
+        raise TraceError(f"stop_when = {stop_when!r}: expected a function of an orbit")
     if points is not None:
+        if isinstance(points, bool) or not isinstance(points, int | np.integer):
+            raise TraceError(f"points = {points!r}: expected a whole number, at least 1")
         if points < 1:
             raise TraceError(f"points = {points}: expected at least 1")
         settings = Settings(**{**_fields(settings), "maximum_points": points})

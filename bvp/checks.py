@@ -11,7 +11,11 @@ import numpy as np
 
 from bvp.numerics import EPSILON
 
-__all__ = ["InvalidSystem", "check_positive_definite", "number", "refuse_unknown", "square", "symmetric"]
+__all__ = ["InvalidSystem", "check_positive_definite", "check_size", "number", "refuse_unknown", "square", "symmetric"]
+
+SMALLEST, LARGEST = 1e-25, 1e25
+"""Sizes that masses, gap rows and bounds may have, and the largest of a stiffness: the fourth powers of frequencies, and products with
+them, stay inside floats. A stiffness or damping may be as small as it likes."""
 
 
 class InvalidSystem(ValueError):
@@ -31,6 +35,21 @@ def number(value: Any, what: str) -> float:
     return result
 
 
+def check_size(value: float, what: str, *, least: float = SMALLEST) -> None:
+    """Refuse a finite number that is too small (`least` may be 0) or too large to compute with; 0 and infinity pass.
+
+    Examples
+    --------
+    >>> check_size(1e-300, "mu")
+    Traceback (most recent call last):
+    bvp.checks.InvalidSystem: mu is too small to compute with; received 1e-300, expected a size from 1e-25 to 1e+25
+    """
+    if value and math.isfinite(value) and not least <= abs(value) <= LARGEST:
+        kind = "small" if abs(value) < least else "large"
+        expected = f"a size from {least:g} to {LARGEST:g}"
+        raise InvalidSystem(f"{what} is too {kind} to compute with; received {value:g}, expected {expected}")
+
+
 def square(value: Any, name: str, size: int | None = None) -> np.ndarray:
     """A finite (size, size) float matrix, copied."""
     try:
@@ -44,6 +63,8 @@ def square(value: Any, name: str, size: int | None = None) -> np.ndarray:
     if not np.all(np.isfinite(matrix)):
         i, j = np.argwhere(~np.isfinite(matrix))[0]
         raise InvalidSystem(f"{name} holds finite numbers; entry ({i + 1}, {j + 1}) is {matrix[i, j]}")
+    for i, j in np.argwhere(matrix):
+        check_size(float(matrix[i, j]), f"entry ({i + 1}, {j + 1}) of {name}", least=SMALLEST if name == "mass" and i == j else 0.0)
     return matrix
 
 

@@ -70,9 +70,22 @@ class Cycle:
         Returns
         -------
         u, v : (m, n) float
+
+        Raises
+        ------
+        ValueError, TypeError
+            For times that are not finite numbers in one row.
         """
         modes = self.system.modes
-        times = np.atleast_1d(np.asarray(times, float))
+        try:
+            times = np.atleast_1d(np.asarray(times, float))
+        except (TypeError, ValueError):
+            raise TypeError(f"times are numbers; received {times!r}") from None
+        if times.ndim != 1:
+            raise ValueError(f"times are a list of numbers; received an array of shape {times.shape}")
+        if not np.isfinite(times).all():
+            k = int(np.flatnonzero(~np.isfinite(times))[0])
+            raise ValueError(f"times are finite; number {k + 1} of {times.size} is {times[k]}")
         n = self.system.degrees_of_freedom
         states = np.empty((times.size, 2 * n))
         instants = self.times

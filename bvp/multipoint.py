@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bvp.drift import free_translation, translation_text
 from bvp.kernels import multipoint as kernel
 from bvp.kernels.extrema import Observed
 from bvp.kernels.result import RESULT
 from bvp.kernels.step import end_states, orbit_observe, orbit_stability, orbit_step, pack
-from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem, Stop
 
 __all__ = ["EndsError", "MultipointProblem", "NotConverged", "RESULT_INDEX", "Solution"]
 
@@ -79,7 +80,8 @@ class MultipointProblem:
     Raises
     ------
     EndsError
-        For ends that the system does not have: `origin` without odd symmetry, an unknown stop, a system that loses energy.
+        For ends that the system does not have: `origin` without odd symmetry, an unknown stop, a system that loses energy; for
+        ends that do not hold the place of a system which can move as a whole.
 
     Notes
     -----
@@ -111,6 +113,8 @@ class MultipointProblem:
         self.inner = len(inner)
         self.periodic = periodic
         self.kinds = (kinds[0][0], kinds[1][0])
+        if kernel.ORIGIN not in self.kinds:
+            self._refuse_drift()
         if periodic:
             quarters = 4
         else:
@@ -172,15 +176,21 @@ class MultipointProblem:
         if match[1] == "origin" and not self.system.has_odd_symmetry:
             raise EndsError(
                 "an origin end needs odd symmetry (two-sided stops with equal gaps); this system has "
-                + "; ".join(
-                    f"{stop.lower:g} <= {'+'.join(f'{c:g}*{u}' for c, u in zip(stop.gap, self.system.coordinates, strict=True))} "
-                    f"<= {stop.upper:g}"
-                    for stop in self.system.stops
-                    if stop.lower != -stop.upper
-                )
-                + ": use rest or stop ends"
+                + " and ".join(_bounds_text(stop, self.system.coordinates) for stop in self.system.stops if not stop.is_symmetric)
+                + "; expected rest or stop ends"
             )
         return KINDS[match[1]], self._contact(match[2], letters) if match[2] else -1
+
+    def _refuse_drift(self) -> None:
+        """An orbit between ends other than an origin has no place of its own where the system can move as a whole."""
+        direction = free_translation(self.system)
+        if direction is None:
+            return
+        instead = "an origin end, or a spring to the ground" if self.system.has_odd_symmetry else "a spring to the ground"
+        raise EndsError(
+            f"the ends {self.ends[0]}, {self.ends[1]} leave the system free to drift: no spring or stop resists a motion of "
+            f"{translation_text(direction, self.system.coordinates)}; expected {instead}"
+        )
 
     def _transverse(self, contact: int) -> tuple[np.ndarray, np.ndarray]:
         """Unit normal (n,) of a contact in modal coordinates, and an orthonormal basis (n, n - 1) of its complement."""
@@ -373,6 +383,17 @@ class MultipointProblem:
 
 
 _ENTRIES = len(RESULT)
+
+
+def _bounds_text(stop: Stop, coordinates: tuple[str, ...]) -> str:
+    """The bounds of a stop as an inequality, such as -1 <= u1 - 2*u2 <= 3."""
+    terms = []
+    for c, name in zip(stop.gap, coordinates, strict=True):
+        if c:
+            size = name if abs(c) == 1.0 else f"{abs(c):g}*{name}"
+            terms.append(("-" if c < 0.0 else "") + size if not terms else f"{'-' if c < 0.0 else '+'} {size}")
+    low = f"{stop.lower:g} <= " if np.isfinite(stop.lower) else ""
+    return low + " ".join(terms) + (f" <= {stop.upper:g}" if np.isfinite(stop.upper) else "")
 
 
 def observed_of(system: ImpactSystem) -> Observed:

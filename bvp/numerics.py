@@ -8,6 +8,9 @@ import numpy as np
 __all__ = ["EPSILON", "jacobi", "undamped_modes"]
 
 EPSILON = float(np.finfo(float).eps)
+_SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
+"""A square below this has no digits left in products with it; a motion in a period of 1e145 is uniform."""
+
 SWEEPS = 60
 """Jacobi sweeps before it is said that they do not converge; ten are many."""
 
@@ -18,7 +21,7 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     Jacobi's method on the pencil scaled by the mass keeps small frequencies accurate beside large ones (Demmel & Veselic,
     SIAM J. Matrix Anal. Appl. 13 (1992) 1204); two steps of Ogita & Aishima's refinement (Japan J. Indust. Appl. Math. 35
     (2018) 1007) on the given matrices remove what the scaling left. A square below the rounding of its own Rayleigh quotient
-    is 0.
+    is 0, and so is one below 1e-292.
 
     Parameters
     ----------
@@ -49,7 +52,7 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     shapes = shapes / np.sqrt(norms)
     squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
     rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), np.abs(stiffness), np.abs(shapes))
-    squares[np.abs(squares) <= rounding] = 0.0
+    squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
     order = np.argsort(squares, kind="stable")
     squares, shapes = squares[order], shapes[:, order]
     weight = np.abs(shapes) * np.sqrt(np.diag(mass))[:, None]

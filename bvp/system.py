@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import InvalidSystem, check_positive_definite, number, refuse_unknown, square, symmetric
+from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, refuse_unknown, square, symmetric
 
 if TYPE_CHECKING:
     from bvp.modes import Modes
@@ -66,9 +66,14 @@ class Stop:
             raise InvalidSystem(f"the gap row of {label} is a list of finite numbers; received {list(gap)}")
         if not any(gap):
             raise InvalidSystem(f"the gap row of {label} is zero: no coordinate moves towards it")
+        for entry in gap:
+            check_size(entry, f"an entry of the gap row of {label}", least=0.0)
+        check_size(max(map(abs, gap)), f"the gap row of {label}")
         object.__setattr__(self, "gap", gap)
         for key in ("lower", "upper", "restitution"):
             object.__setattr__(self, key, number(getattr(self, key), f"{key} of {label}"))
+        for key in ("lower", "upper"):
+            check_size(getattr(self, key), f"{key} of {label}")
         if not self.lower < self.upper:
             raise InvalidSystem(f"lower must be below upper; {label} has lower {self.lower:g}, upper {self.upper:g}")
         if math.isinf(self.lower) and math.isinf(self.upper):
@@ -106,7 +111,8 @@ class ImpactSystem:
     Raises
     ------
     InvalidSystem
-        For matrices of unequal shape, not finite, asymmetric M or K, indefinite M; for a gap row of another length.
+        For matrices of unequal shape, not finite, asymmetric M or K, indefinite M; for a gap row of another length; for a number
+        beyond the sizes of `bvp.checks`.
 
     Examples
     --------
@@ -138,9 +144,7 @@ class ImpactSystem:
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "stops", _named_stops(self.stops, n))
-        coordinates = tuple(self.coordinates) or tuple(f"u{k + 1}" for k in range(n))
-        if len(coordinates) != n or len(set(coordinates)) != n or not all(isinstance(x, str) and x for x in coordinates):
-            raise InvalidSystem(f"coordinates are {n} different names; received {list(coordinates)}")
+        coordinates = _coordinate_names(self.coordinates, n)
         object.__setattr__(self, "coordinates", coordinates)
         for key in ("absorber", "primary"):
             index = getattr(self, key)
@@ -343,6 +347,9 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
         raise InvalidSystem(f"lam, the damping, must be 0 or above and finite; received {lam:g}")
     if not (0.0 <= rho <= 1.0):
         raise InvalidSystem(f"rho, the restitution, lies in [0, 1]; received {rho:g}")
+    check_size(mu, "mu, the mass ratio,")
+    check_size(sigma, "sigma, the coupling stiffness,", least=0.0)
+    check_size(lam, "lam, the damping,", least=0.0)
     return ImpactSystem(
         mass=np.array([[mu, 0.0], [0.0, 1.0]]),
         damping=np.array([[0.0, 0.0], [0.0, lam]]),
@@ -357,6 +364,22 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
 
 MODELS = {"vibro_impact_nes": (vibro_impact_nes, ("mu", "sigma", "lam", "rho"))}
 """Named models: the function that makes one and the names of its parameters."""
+
+
+def _coordinate_names(names: Any, n: int) -> tuple[str, ...]:
+    """The names given, or u1, u2, ... where none are."""
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise InvalidSystem(f"coordinates is a list of {n} names; received {names!r}")
+    names = tuple(names) or tuple(f"u{k + 1}" for k in range(n))
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise InvalidSystem(f"the name of a coordinate is a string that is not empty; received {name!r}")
+    if len(names) != n:
+        raise InvalidSystem(f"the system has {n} coordinates, each with a name; received {len(names)}: {', '.join(names)}")
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise InvalidSystem(f"coordinates have different names; numbers {names.index(name) + 1} and {k + 1} are both {name!r}")
+    return names
 
 
 def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:

@@ -108,6 +108,8 @@ def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) 
     0.37
     """
     shipped = _shipped()
+    if path is not None and (not isinstance(path, str | os.PathLike) or not os.fspath(path)):
+        raise BadInput(f"scene {path!r}: expected a TOML file or the name of a scene that ships: {', '.join(sorted(shipped))}")
     if path is None:
         where, text = DEFAULT, shipped[DEFAULT]
     elif Path(path).exists() or os.fspath(path) not in shipped:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import BadInput
@@ -64,6 +65,9 @@ def trace(
         system = scene.system
     elif not hasattr(system, "describe"):
         raise BadInput(f"the system is {system!r}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
+    for option in ("pins", "bounds"):
+        if not isinstance(options.get(option, {}), Mapping):
+            raise BadInput(f"{option} = {options[option]!r}: expected a mapping")
     energy = scene.energy if energy is None else energy
     pins = {**scene.pins_for(system), **options.pop("pins", {})}
     bounds = {**scene.bounds, **options.pop("bounds", {})}

@@ -40,6 +40,10 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.labels import parse_name
 
     name = parse_name(arguments.name)
+    for option, said, given in (("--energy", name.h, arguments.energy), ("--alpha", name.alpha, arguments.alpha)):
+        if said is not None and given is not None and said != given:
+            key = "h" if option == "--energy" else "alpha"
+            raise BadInput(f"{arguments.name} says {key} = {said:.10g} and {option} says {given:.10g}: expected one of them")
     energy = arguments.energy if arguments.energy is not None else name.h
     alpha = arguments.alpha if arguments.alpha is not None else name.alpha
     if energy is None and alpha is None:

@@ -302,3 +302,43 @@ def test_points_and_events_stand_in_order(traced):
         assert math.isclose(point["frequency"] * 4.0 * point["alpha"], 2.0 * math.pi, rel_tol=1e-15)
         moduli = [abs(complex(*pair)) for pair in point["multipliers"] if pair]
         assert all(first >= second * (1.0 - 1e-9) for first, second in zip(moduli, moduli[1:], strict=False))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("h", "its start has the energy {:.12g}"), ("alpha", "its flight_times make {:.12g}")], ids=["h", "alpha"]
+)
+def test_points_that_contradict_themselves_are_refused(traced, tmp_path, name, words):
+    """Oracle: energy of the start, and quarter of the flights' sum, as they were saved before the change."""
+    path = tmp_path / "branch.json"
+    data = record.to_record(traced)
+    right = data["points"][5][name]
+    data["points"][5][name] = right * (1.0 + 1e-7)
+    path.write_text(json.dumps(data))
+    assert refuse(path).endswith(f"points[5].{name} is {right * (1.0 + 1e-7):.12g}, but {words.format(right)}")
+    data["points"][5][name] = right * (1.0 + 1e-11)
+    path.write_text(json.dumps(data))
+    saltus.read_branch(path)
+
+
+def test_a_start_that_was_changed_is_refused(traced, tmp_path):
+    """Oracle: the change: another velocity has another energy; too many coordinates are no system's."""
+    path = tmp_path / "branch.json"
+    data = record.to_record(traced)
+    data["points"][2]["start"]["v"][0] *= 1.001
+    path.write_text(json.dumps(data))
+    assert "points[2].h is" in refuse(path)
+    for point in data["points"]:
+        point["start"] = {"u": [0.0] * 3, "v": [0.0] * 3}
+        point["velocities"] = None
+    path.write_text(json.dumps(data))
+    assert "3 entries, but the system has 2 coordinates" in refuse(path)
+
+
+def test_numbers_of_thousands_of_digits(traced, tmp_path):
+    """Oracle: the message names the file and is short."""
+    path = tmp_path / "branch.json"
+    for digits in (400, 4000, 5000):
+        path.write_text(record.to_json(traced).replace('"schema": 1', f'"schema": {"7" * digits}'))
+        assert len(refuse(path)) < len(str(path)) + 250
+    with pytest.raises(TypeError, match="received 5, expected the name of a JSON file"):
+        record.read_branch(5)

@@ -37,8 +37,13 @@ STOP = Stop((1.0, -1.0), -1.0, 1.0)
         ({"stops": (Stop((1.0,), 0.0, 1.0),)}, "gap row of stop a has 1 entries; the system has 2 coordinates"),
         ({"stops": ()}, "at least one Stop"),
         ({"stops": (Stop((1.0, 0.0), 0.0, 1.0, name="b"), Stop((0.0, 1.0), 0.0, 1.0, name="b"))}, "different names"),
-        ({"coordinates": ("x", "x")}, "coordinates are 2 different names"),
-        ({"coordinates": ("x",)}, "coordinates are 2 different names"),
+        ({"coordinates": ("x", "x")}, "coordinates have different names; numbers 1 and 2 are both 'x'"),
+        ({"coordinates": ("x",)}, "the system has 2 coordinates, each with a name; received 1: x"),
+        ({"coordinates": ("x", "")}, "a string that is not empty; received ''"),
+        ({"coordinates": 5}, "coordinates is a list of 2 names; received 5"),
+        ({"mass": [[1e-320, 0.0], [0.0, 1.0]]}, r"entry \(1, 1\) of mass is too small to compute with"),
+        ({"stiffness": [[1e300, 0.0], [0.0, 1.0]]}, r"entry \(1, 1\) of stiffness is too large .* received 1e\+300"),
+        ({"damping": [[0.0, 0.0], [0.0, 1e30]]}, r"entry \(2, 2\) of damping is too large"),
         ({"absorber": 2}, "absorber is the index of a coordinate, 0 to 1; received 2"),
         ({"absorber": 1, "primary": 1}, "two coordinates; both are u2"),
     ],
@@ -64,6 +69,8 @@ def test_matrices_that_cannot_be_are_refused_by_name(change, words):
         ({"gap": (1.0,), "upper": 1.0, "restitution": 1.1}, r"restitution lies in \[0, 1\]; a stop has 1.1"),
         ({"gap": (1.0,), "upper": 1.0, "restitution": -0.1}, r"restitution lies in \[0, 1\]"),
         ({"gap": (1.0,), "upper": 1.0, "restitution": math.nan}, "received NaN"),
+        ({"gap": (1e-320, 1e-300), "upper": 1.0}, "the gap row of a stop is too small to compute with"),
+        ({"gap": (1.0,), "upper": 1e300, "name": "c"}, "upper of stop c is too large to compute with"),
         ({"gap": (1.0,), "upper": 1.0, "name": "A"}, "one lower-case letter"),
         ({"gap": (1.0,), "upper": 1.0, "name": "ab"}, "one lower-case letter"),
     ],
@@ -181,6 +188,32 @@ def test_a_description_survives_json_and_gives_the_same_system(system):
 def test_a_description_that_cannot_be_is_refused(given, words):
     with pytest.raises(InvalidSystem, match=words):
         ImpactSystem.from_description(given)
+
+
+@pytest.mark.parametrize("mu", [1e-300, 1e-320, 1e-26, 1e26, 1e300])
+def test_parameters_too_small_or_large_to_compute_with(mu):
+    """Oracle: the message: what was received, and the range."""
+    with pytest.raises(InvalidSystem, match=r"mu, the mass ratio, is too (small|large).* expected a size from 1e-25 to 1e\+25"):
+        vibro_impact_nes(mu=mu)
+
+
+@pytest.mark.parametrize("size", [1e26, 1e300])
+def test_a_stiffness_too_large_to_compute_with(size):
+    """Oracle: as above; there is no stiffness that is too small."""
+    with pytest.raises(InvalidSystem, match=r"sigma, .* is too large .* expected a size from 0 to 1e\+25"):
+        vibro_impact_nes(sigma=size)
+
+
+@pytest.mark.parametrize("mu", [1e-25, 1.0, 1e25])
+@pytest.mark.parametrize("sigma", [0.0, 5e-324, 1e-320, 1e-300, 1e-25, 1.0, 1e25])
+def test_no_number_of_the_modes_overflows_in_the_range(mu, sigma):
+    """Oracle: floating-point errors raise; what the kernels watch (to the third derivative) and its squares are finite."""
+    from bvp.multipoint import observed_of
+
+    with np.errstate(all="raise", under="ignore"):
+        system = vibro_impact_nes(mu=mu, sigma=sigma)
+        rows = observed_of(system)
+        assert all(np.isfinite(np.square(row)).all() for row in rows[:4])
 
 
 def test_a_changed_matrix_is_not_described_as_the_model_it_came_from():

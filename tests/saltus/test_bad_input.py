@@ -1,5 +1,6 @@
 """Bad input: one line on standard error that says what was wrong and what was expected, exit code 2, nothing started."""
 
+import re
 import subprocess
 import sys
 
@@ -41,11 +42,19 @@ CASES = [
     ("orbit S13O00+ --energy 0.01", ["S13O00+", "0.01", "0.1185078"]),
     # a label that several families have
     ("continue S73O33- --mu 0.1000001", ["S73O33-", "@h="]),
+    # a suffix that selects none of the orbits that exist
+    ("continue S13O00+@h=0.5,alpha=5", ["h = 0.5, alpha = 5", "S13O00+@h=0.5,alpha=1.70698"]),
+    ("continue S13O00+@alpha=5", ["alpha = 5", "1.64016:1.83867"]),
+    ("orbit S13O00+@h=0.5 --energy 0.7", ["S13O00+@h=0.5", "h = 0.5", "--energy", "0.7", "one of them"]),
+    ("orbit S13O00+@h=0.5,alpha=1.7 --alpha 1.75", ["alpha = 1.7", "--alpha", "1.75", "one of them"]),
     # parameters
     ("continue S13O00+ --mu 0", ["mu", "above 0", "0"]),
     ("continue S13O00+ --mu -0.1", ["mu", "above 0", "-0.1"]),
     ("continue S13O00+ --mu inf", ["mu", "finite"]),
     ("continue S13O00+ --mu nan", ["mu", "'nan'", "a number"]),
+    ("continue S13O00+ --mu 1e-300", ["mu", "too small", "1e-300", "1e-25 to 1e+25"]),
+    ("continue S13O00+ --mu 1e-320", ["mu", "too small", "1e-25 to 1e+25"]),
+    ("continue S13O00+ --sigma 1e300", ["sigma", "too large", "1e+300", "a size from 0 to 1e+25"]),
     ("continue S13O00+ --mu abc", ["mu", "'abc'", "a number"]),
     ("continue S13O00+ --sigma -1", ["sigma", "-1"]),
     ("continue S13O00+ --sigma nan", ["sigma", "'nan'", "a number"]),
@@ -80,13 +89,16 @@ CASES = [
     ("continue S13O00+ --json {here}/a --csv {here}/a", ["--json", "--csv", "both"]),
     # scenes
     ("continue S13O00+ --scene {unknown}", ["unknown key 'stifness'", "nearest: stiffness"]),
+    ("continue S13O00+ --scene=", ["scene ''", "TOML file", "lee2009"]),
     ("continue S13O00+ --scene {text}", ["is no TOML", "line 1", "column"]),
     ("continue S13O00+ --scene {here}/gone.toml", ["gone.toml", "does not exist"]),
     ("continue S13O00+ --scene {indefinite}", ["mass", "positive definite"]),
     ("continue S13O00+ --scene {asymmetric}", ["mass", "symmetric"]),
     ("continue S13O00+ --scene {one_sided} --mu 0.1", ["mu", "matrices"]),
     # origin ends without odd symmetry
-    ("continue S13O00+ --scene {uneven}", ["origin", "odd symmetry"]),
+    ("continue S13O00+ --scene {uneven}", ["origin", "odd symmetry", "-1 <= u1 - u2 <= 0.5;", "expected rest or stop ends"]),
+    ("continue S13O00+ --scene {extreme}", ["entry (1, 1) of mass", "too small", "1e-300"]),
+    ("continue S13O00+ --scene {twice}", ["coordinates", "'x'", "numbers 1 and 2"]),
     # words of the command line
     ("contnue S13O00+", ["'contnue'", "nearest: continue"]),
     ("continue", ["NAME"]),
@@ -112,6 +124,8 @@ def places(tmp_path):
         "one_sided": ONE_SIDED,
         "damped": DAMPED,
         "uneven": UNEVEN,
+        "extreme": UNEVEN.replace("[[1.0, 0.0]", "[[1e-300, 0.0]", 1),
+        "twice": UNEVEN + '[coordinates]\nnames = ["x", "x"]\n',
     }
     for name, text in texts.items():
         (tmp_path / f"{name}.toml").write_text(text)
@@ -130,6 +144,29 @@ def test_one_line_and_exit_code_2(capsys, places, words, expected):
     for part in expected:
         assert part in err, err
     assert sorted(entry.name for entry in places["here"].iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "expected"),
+    [
+        ((5,), {}, "a name is text such as S13O00+ or U8353-@h=1.9; received 5"),
+        (("S13O00+", 5), {}, "the system is 5, expected an ImpactSystem"),
+        (("S13O00+",), {"scene": 5}, "scene 5: expected a TOML file or the name of a scene that ships: lee2009"),
+        (("S13O00+",), {"points": "a"}, "points = 'a': expected a whole number, at least 1"),
+        (("S13O00+",), {"points": 2.5}, "points = 2.5: expected a whole number, at least 1"),
+        (("S13O00+",), {"stop_when": 3}, "stop_when = 3: expected a function of an orbit"),
+        (("S13O00+",), {"stop_wen": len}, "unknown option 'stop_wen'; expected stop_when"),
+        (("S13O00+",), {"pins": 3}, "pins = 3: expected a mapping"),
+        (("S13O00+",), {"bounds": 3}, "bounds = 3: expected a mapping"),
+    ],
+)
+def test_calls_from_python(arguments, options, expected):
+    """Oracle: the argument; one line of text."""
+    import saltus
+
+    with pytest.raises((ValueError, TypeError), match=re.escape(expected)) as caught:
+        saltus.trace(*arguments, **{"energy": (0.2, 0.3), **options})
+    assert "\n" not in str(caught.value)
 
 
 def test_the_process_ends_with_the_code():

@@ -432,7 +432,7 @@ def test_multipliers_that_are_not_reliable_are_told(monkeypatch):
     assert code == 0 and "NOT RELIABLE" in err
 
 
-@pytest.mark.parametrize("words", ["--mu 1e300", "--sigma 1e300", "--mu 1e-12", "--sigma 1e-300"])
+@pytest.mark.parametrize("words", ["--mu 1e300", "--sigma 1e300", "--mu 1e-12", "--sigma 1e-300", "--sigma 1e-320"])
 def test_absurd_systems_give_one_line_or_an_answer(words):
     """Oracle: the exit code, and one line on standard error where there is no answer."""
     code = "import sys; from saltus.__main__ import main; sys.exit(main(sys.argv[1:]))"
