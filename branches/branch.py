@@ -332,13 +332,9 @@ class Branch:
             events.append(BranchEvent(**fields))
         ended = [Ended(item["reason"], item["text"]) for item in record["ended"]]
         start = next((event.point - event.number for event in events), 0)
-<<<<<<< HEAD
         low, high = head.get("energy") or (0.0, None)
         energy = (float(low), math.inf if high is None else float(high))
-        return cls(problem, points_of(record), tuple(events), (ended[0], ended[1]), start, energy)
-=======
-        return cls(problem, points, tuple(events), (ended[0], ended[1]), start)
->>>>>>> h2
+        return cls(problem, points, tuple(events), (ended[0], ended[1]), start, energy)
 
     @classmethod
     def from_solutions(
