@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.discovery import Found, Scanner, accept
+from branches.discovery.found import Found, accept, from_other_end
+from branches.discovery.uniform import Scanner
 from branches.labels import Label, Name, canonical, matches, nearest, parse_name, roots
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
 from branches.words import split_family_id
-from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -335,19 +335,6 @@ class _Search:
         search = _Search(self.system, Name(root, None, None, None), self.limits, self.range)
         step, angles = LEVELS[0]
         return any(search._at(h, angles) for h in search._energies(step))
-
-
-def from_other_end(orbit: Found) -> Found:
-    """The same origin..origin orbit, started half a period later; itself where Newton does not confirm it there."""
-    from branches.stretch import embed
-
-    stretch = embed(orbit.problem, orbit.solution.y, (1, 2))
-    problem = MultipointProblem(orbit.problem.system, stretch.ends, stretch.word)
-    try:
-        turned = accept(problem, problem.solve(stretch.unknowns(problem), energy=orbit.h))
-    except NotConverged:
-        return orbit
-    return orbit if turned is None else turned
 
 
 def passes(branch: Branch, orbit: Found) -> bool:

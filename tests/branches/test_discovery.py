@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.discovery import Scanner, accept, turns
+from branches.discovery.found import accept, turns
+from branches.discovery.uniform import Scanner
 from branches.labels import parse
 from branches.orbit import Orbit
 from bvp.multipoint import MultipointProblem

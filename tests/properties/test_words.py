@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import saltus
-from branches.discovery import Scanner
+from branches.discovery.uniform import Scanner
 from branches.labels import matches, parse, parse_name
 from branches.orbit import Orbit
 from branches.tracing import follow_family

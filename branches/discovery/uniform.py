@@ -8,45 +8,23 @@ does not converge, pierces a stop, or is another orbit run through several times
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.family import label_at
-from branches.identity import turns
-from branches.labels import ImpossibleLabelError, Label
+from branches.discovery.found import Found, accept
 from bvp.kernels.impact import work_array
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.scan import scan
-from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Found", "Scanner"]
+__all__ = ["Scanner"]
 
 CROSSINGS = 6
 """Crossings kept in one flight; a longer flight between impacts has more, and they are counted as not searched."""
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """An admissible, primitive orbit: the problem that it solves, its solution, its label (None outside the grammar)."""
-
-    problem: MultipointProblem
-    solution: Solution
-    label: Label | None
-
-    @property
-    def h(self) -> float:
-        """Energy."""
-        return self.solution["energy"]
-
-    @property
-    def alpha(self) -> float:
-        """Quarter period."""
-        return self.solution["quarter_period"]
 
 
 class Scanner:
@@ -191,18 +169,3 @@ class Scanner:
             found = self.polish(energy, bracket)
             if found is not None:
                 yield found
-
-
-def accept(problem: MultipointProblem, solution: Solution) -> Found | None:
-    """The orbit with its label, or None where it is no orbit (inadmissible, or without any impact) or not a primitive one."""
-    if problem.inner == 0 and STOP not in problem.kinds:
-        return None
-    if not (solution["residual"] < 1e-12 and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0):
-        return None
-    if turns(problem, solution) > 1:
-        return None
-    try:
-        label = label_at(problem, solution.result)
-    except ImpossibleLabelError:
-        label = None
-    return Found(problem, solution, label)

@@ -1,0 +1,234 @@
+"""From passages of a scan to orbits: each is solved as its multipoint problem and kept once, or listed with what is known of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from branches.discovery.found import Found, labelled, objection
+from branches.discovery.scan import Passage, follow_start
+from branches.discovery.starts import Curve
+from branches.words import canonical, format_word, impacts_per_period, mirror, mirror_ends
+from bvp.kernels.multipoint import ORIGIN, STOP
+from bvp.multipoint import MultipointProblem, NotConverged
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Collector", "Unpolished", "first_passages", "preference"]
+
+SAME_START = 1e-11
+"""Starts nearer to each other than this, relative to the curve, are one start: what it passes later, it repeats."""
+
+SAME_STATE = 1e-8
+"""States of two solutions nearer to each other than this, relative to their size, are one orbit's."""
+
+MOVED = 1e-6
+"""How far Newton's method may move the start of a passage, relative to its size, before it counts as another orbit's."""
+
+
+class Unpolished(NamedTuple):
+    """A passage that was found and is no solution yet: what is known of it, and why."""
+
+    ends: tuple[str, str]
+    word: str
+    parameter: float
+    alpha: float
+    miss: float
+    reason: str
+
+
+def first_passages(passages: list[Passage], instants: list[float], span: float) -> tuple[list[int], list[int]]:
+    """Which passages are the first of their start, and which repeat it: multiples of the first segment, with as many impacts.
+
+    Parameters
+    ----------
+    passages : list of Passage
+        Of one curve.
+    instants : list of float
+        Time from the start to each.
+    span : float
+        Length of the curve.
+
+    Returns
+    -------
+    first, repeated : list of int
+    """
+    first: list[int] = []
+    repeated: list[int] = []
+    order = sorted(range(len(passages)), key=lambda i: passages[i].parameter)
+    groups: list[list[int]] = []
+    for i in order:
+        near = groups and passages[i].parameter - passages[groups[-1][-1]].parameter <= SAME_START * span
+        if near and passages[i].converged and passages[groups[-1][-1]].converged:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    for group in groups:
+        group.sort(key=lambda i: instants[i])
+        kept: list[int] = []
+        for i in group:
+            if any(_repeats(passages[i], instants[i], passages[j], instants[j]) for j in kept):
+                repeated.append(i)
+            else:
+                kept.append(i)
+        first += kept
+    return sorted(first), repeated
+
+
+def _repeats(later: Passage, instant: float, first: Passage, period: float) -> bool:
+    """Whether a passage is the first one again, after several segments between the start and that far end."""
+    turns = round(instant / period)
+    if turns < 1 or abs(instant - turns * period) > 1e-6 * period:
+        return False
+    ends = turns // 2 if first.kind == "stop" else 0
+    return later.impacts == turns * first.impacts + ends
+
+
+class Collector:
+    """Collects the orbits of one system at one energy.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    energy : float
+    """
+
+    def __init__(self, system: ImpactSystem, energy: float):
+        self.system = system
+        self.energy = energy
+        self.counts: Counter[str] = Counter()
+        self.unpolished: list[Unpolished] = []
+        self.found: dict[tuple[Any, Any], list[list[Found]]] = {}
+        self.problems: dict[tuple[tuple[str, str], tuple[str, ...]], MultipointProblem] = {}
+
+    def problem(self, ends: tuple[str, str], word: tuple[str, ...]) -> MultipointProblem:
+        """The multipoint problem with these ends and word, made once."""
+        if (ends, word) not in self.problems:
+            self.problems[ends, word] = MultipointProblem(self.system, ends, word)
+        return self.problems[ends, word]
+
+    def add(self, curve: Curve, passage: Passage, longest: float) -> None:
+        """Solve a passage and sort it in."""
+        path = follow_start(curve, passage.parameter, passage.impacts, longest)
+        letters = self.system.modes.contact_letters
+        word = tuple(letters[c] for c in path.contacts[: passage.impacts])
+        far = passage.kind
+        if far == "stop":
+            if len(path.contacts) <= passage.impacts:
+                self._set_aside((curve.end, "stop+"), word, passage, path.instants, "its last impact was not found again")
+                return
+            far += letters[path.contacts[passage.impacts]]
+        ends = (curve.end, far)
+        sign = 1.0
+        if self.system.has_odd_symmetry and (mirror_ends(ends), mirror(word)) < (ends, word):
+            ends, word, sign = mirror_ends(ends), mirror(word), -1.0
+        if len(path.nodes) < passage.impacts:
+            self._set_aside(ends, word, passage, path.instants, "its impacts were not found again")
+            return
+        problem = self.problem(ends, word)
+        y = problem.pack(sign * path.start, sign * path.nodes, np.append(path.durations, passage.flight))
+        try:
+            solution = problem.solve(y, energy=self.energy)
+        except NotConverged as error:
+            self._set_aside(ends, word, passage, path.instants, str(error))
+            return
+        moved = float(np.max(np.abs(problem.start(solution.y) - sign * path.start)))
+        if moved > MOVED * float(np.max(np.abs(path.start))):
+            self._set_aside(ends, word, passage, path.instants, "Newton's method moved away from it")
+            return
+        why = objection(problem, solution)
+        if why == "inadmissible" and not solution["residual"] < 1e-12:
+            self._set_aside(ends, word, passage, path.instants, f"its residual stays at {solution['residual']:.1e}")
+            return
+        if why == "inadmissible" and min(solution["clearance"], solution["speed"]) > -1e-12:
+            self._set_aside(ends, word, passage, path.instants, "it grazes a stop within rounding")
+            return
+        if why is not None:
+            self.counts[why] += 1
+            return
+        self.counts["polished"] += 1
+        orbit = labelled(problem, solution)
+        key = canonical(word, ends, odd_symmetry=self.system.has_odd_symmetry)
+        same = self.found.setdefault(key, [])
+        for images in same:
+            if any(is_same(orbit, other) for other in images):
+                self.counts["duplicates"] += 1
+                images.append(orbit)
+                return
+        same.append([orbit])
+
+    def _set_aside(
+        self, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, instants: np.ndarray, reason: str
+    ) -> None:
+        time = (float(instants[-1]) if len(instants) else 0.0) + passage.flight
+        quarters = 1 if (ends[0] == "origin") != (ends[1] == "origin") else 2
+        self.counts["unpolished"] += 1
+        self.unpolished.append(Unpolished(ends, format_word(word), passage.parameter, time / quarters, passage.miss, reason))
+
+    def orbits(self, quarter_period: float, impacts: int | None) -> list[Found]:
+        """The orbits within bounds of quarter period and impacts in half a period, each once, by quarter period."""
+        out = [min(images, key=preference) for group in self.found.values() for images in group]
+        out = [
+            orbit
+            for orbit in out
+            if orbit.alpha <= quarter_period * (1.0 + 1e-12)
+            and (impacts is None or impacts_per_period(orbit.problem.word, orbit.problem.ends) <= 2 * impacts)
+        ]
+        return sorted(out, key=lambda orbit: (orbit.alpha, orbit.problem.ends, orbit.problem.word))
+
+    def seen_once(self) -> int:
+        """How many orbits with two ends of one kind were found from one of them alone; none where the scans miss nothing."""
+        count = 0
+        for group in self.found.values():
+            for images in group:
+                first, last = images[0].problem.ends
+                if first.rstrip("+-") == last.rstrip("+-") and len(images) != 2:
+                    count += 1
+        return count
+
+
+def preference(orbit: Found) -> tuple[Any, ...]:
+    """Which image of an orbit is listed: the label with p <= q, then the first word, then the first start."""
+    label = orbit.label
+    crossed = label is not None and label.p is not None and label.q is not None and label.p > label.q
+    start = orbit.problem.start(orbit.solution.y)
+    return crossed, orbit.problem.ends, orbit.problem.word, tuple(np.round(-start, 9))
+
+
+def end_states(orbit: Found) -> list[np.ndarray]:
+    """The states at both ends as a motion leaves them: an origin's velocity, a rest's displacement, a stop's state after the impact."""
+    problem = orbit.problem
+    first = problem.start(orbit.solution.y)
+    last = orbit.solution.ends[-1].copy()
+    half = problem.half
+    if problem.kinds[1] == STOP:
+        last[half:] *= -1.0
+    return [first, last]
+
+
+def is_same(orbit: Found, other: Found) -> bool:
+    """Whether two solutions are one orbit, up to mirror image, exchange of ends and reversal."""
+    length, length_other = orbit.alpha, other.alpha
+    if abs(length / length_other - 1.0) > SAME_STATE:
+        return False
+    signs = (1.0, -1.0) if orbit.problem.system.has_odd_symmetry else (1.0,)
+    images = [sign * state for state in end_states(other) for sign in signs]
+    kinds = orbit.problem.kinds
+    mine = end_states(orbit)
+    size = float(np.max(np.abs(mine)))
+    pairs = [(mine[0], mine[1])] + ([(mine[1], mine[0])] if kinds[0] == kinds[1] else [])
+    count = len(signs)
+    for first, last in pairs:
+        for i in range(count):
+            for j in range(count):
+                # An origin's two ends may carry opposite signs only together with their word's; the words agree already.
+                if i != j and ORIGIN not in kinds:
+                    continue
+                if np.allclose(first, images[i], rtol=0.0, atol=SAME_STATE * size) and np.allclose(
+                    last, images[count + j], rtol=0.0, atol=SAME_STATE * size
+                ):
+                    return True
+    return False

@@ -1,0 +1,142 @@
+"""The scan of a curve of starts (`bvp.kernels.intervals`): every passage by a far end, and what could not be decided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.discovery.starts import INSET, Curve
+from bvp.kernels.follow import COLUMNS, CONTACT, DURATION, TIME, follow
+from bvp.kernels.intervals import COUNTS, scan_interval
+from bvp.kernels.multipoint import ORIGIN, REST, STOP
+
+__all__ = ["Opening", "Passage", "Path", "follow_start", "scan"]
+
+PIECES = 32
+"""Intervals that each curve is cut into at first."""
+
+DEPTH = 100
+"""Halvings of one interval, most of them in the square root of the distance to a grazing."""
+
+MOST_IMPACTS = 200
+"""Impacts that one start is followed through where no bound is given."""
+
+KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP}
+
+
+class Passage(NamedTuple):
+    """A start of a curve whose motion passes by a far end.
+
+    kind: "origin", "rest" or "stop". impacts: inside the segment. parameter: of the start. flight: time in the last flight. miss: what is
+    left. converged: whether Newton's method settled on it; where not, it lies between `low` and `high` if it exists.
+    """
+
+    kind: str
+    impacts: int
+    parameter: float
+    flight: float
+    miss: float
+    converged: bool
+    low: float
+    high: float
+
+
+class Opening(NamedTuple):
+    """An interval of starts that could not be closed: where, its width, the flight (impacts before it)."""
+
+    parameter: float
+    width: float
+    flight: int
+
+
+class Path(NamedTuple):
+    """One start followed: its state (4,), contacts hit (k,), states after them (k, 4), durations of the flights before them (k,), instants (k,)."""
+
+    start: np.ndarray
+    contacts: np.ndarray
+    nodes: np.ndarray
+    durations: np.ndarray
+    instants: np.ndarray
+
+
+def scan(
+    curve: Curve, limits: Mapping[str, tuple[float, int | None]], budget: int
+) -> tuple[list[Passage], list[Opening], dict[str, int]]:
+    """Scan one curve.
+
+    Parameters
+    ----------
+    curve : Curve
+    limits : mapping of "origin", "rest", "stop" to (time, impacts)
+        The far ends looked for: the longest segment, and the most impacts inside it (None: as many as come).
+    budget : int
+        Starts followed at most; intervals left then stay open.
+
+    Returns
+    -------
+    passages, openings, counts
+        Counts by the names of `bvp.kernels.intervals.COUNTS`.
+    """
+    most = max((MOST_IMPACTS if impacts is None else impacts for _, impacts in limits.values()), default=0)
+    times = np.full(3, -1.0)
+    impacts = np.zeros(3, dtype=np.int64)
+    for end, (time, count) in limits.items():
+        times[KINDS[end]] = time
+        # Without a bound there is always one impact more to follow, so that a start with too many of them is left open, not dropped.
+        impacts[KINDS[end]] = MOST_IMPACTS + 1 if count is None else count
+    longest = float(times.max())
+    records = np.zeros((3 * DEPTH + 3, most + 2, COLUMNS))
+    levels = np.zeros(3 * DEPTH + 3, dtype=np.int64)
+    stack = np.zeros((2 * DEPTH, 10))
+    work = np.zeros((16, 16))
+    candidates = np.zeros((4096, 8))
+    openings = np.zeros((256, 4))
+    total = np.zeros(len(COUNTS), dtype=np.int64)
+    passages: list[Passage] = []
+    open_ones: list[Opening] = []
+    span = curve.high - curve.low
+    edges = np.linspace(curve.low, curve.high, PIECES + 1)
+    for i in range(PIECES):
+        low, high = float(edges[i]), float(edges[i + 1])
+        root_low = curve.singular[0] and i == 0
+        root_high = curve.singular[1] and i == PIECES - 1
+        kind = (1.0 if root_low else 0.0) + (2.0 if root_high else 0.0)
+        ends = np.array([low, high, kind])
+        low += INSET * span if root_low else 0.0
+        high -= INSET * span if root_high else 0.0
+        while True:
+            counts = np.zeros(len(COUNTS), dtype=np.int64)
+            left = max(1, budget - int(total[0]))
+            found, opened = scan_interval(
+                curve.flow, low, high, ends, times, impacts, longest, most, records, levels, stack, candidates, openings, left, counts, work
+            )
+            if found <= len(candidates):
+                break
+            candidates = np.zeros((2 * found, 8))
+        total += counts
+        for row in candidates[:found]:
+            name = next(end for end, number in KINDS.items() if number == row[0])
+            passages.append(
+                Passage(name, int(row[1]), float(row[2]), float(row[3]), float(row[4]), row[5] == 1.0, float(row[6]), float(row[7]))
+            )
+        open_ones += [Opening(float(row[0]), float(row[1]), int(row[2])) for row in openings[: min(opened, len(openings))]]
+    return passages, open_ones, dict(zip(COUNTS, total.tolist(), strict=True))
+
+
+def follow_start(curve: Curve, parameter: float, impacts: int, longest: float) -> Path:
+    """One start of a curve, followed through so many impacts, or fewer where the time ends before."""
+    record = np.zeros((impacts + 2, COLUMNS))
+    work = np.zeros((16, 16))
+    rows = follow(curve.flow, parameter, longest, impacts, record, work)
+    hit = int(np.argmax(np.append(record[:rows, CONTACT] < 0.0, True)))
+    hit = min(hit, impacts + 1)
+    inner = min(hit, impacts, rows - 1)
+    return Path(
+        record[0, :4].copy(),
+        record[:hit, CONTACT].astype(np.int64),
+        record[1 : inner + 1, :4].copy(),
+        record[:inner, DURATION].copy(),
+        record[1 : inner + 1, TIME].copy(),
+    )

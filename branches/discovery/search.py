@@ -1,0 +1,280 @@
+"""All primitive symmetric orbits of a system at one energy, within bounds."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.discovery.found import Found
+from branches.discovery.orbits import Collector, Unpolished, first_passages
+from branches.discovery.scan import Opening, Passage, follow_start, scan
+from branches.discovery.starts import curves
+from branches.labels import nearest
+from branches.orbit import Orbit
+from branches.words import format_word, impacts_per_period
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["CLASSES", "Discovery", "discover"]
+
+CLASSES = {
+    "origin-origin": ("origin-origin", "origin-rest", "origin-stop"),
+    "origin-rest": ("origin-rest",),
+    "origin-stop": ("origin-stop",),
+    "rest-rest": ("rest-rest", "origin-rest"),
+    "rest-stop": ("rest-stop",),
+    "stop-stop": ("stop-stop", "origin-stop"),
+}
+"""Pairs of ends that can be asked for, each with the classes of more symmetry inside it, which are listed as such."""
+
+BUDGET = 3_000_000
+"""Starts followed at most in one search; where they do not do, the rest stays open and the search is not settled."""
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """What was found at one energy.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    energy : float
+    quarter_period : float
+        Longest quarter period searched.
+    impacts : int or None
+        Most impacts in half a period; None: not bounded.
+    ends : tuple of str
+        Pairs of ends asked for.
+    orbits : list of Orbit
+        By quarter period.
+    unpolished : list of Unpolished
+        What was found but not solved.
+    open : list of Opening
+        Intervals of starts (by curve) in which it is not decided what they hold.
+    counts : dict of str to int
+        Of each stage: ``starts`` followed; intervals ``split``, ``closed``, ``open``, ``at_grazing`` (as wide as rounding) and
+        ``over_budget``; ``grazings`` located; ``crossings`` of far ends; ``repeated`` (several turns, known from the start), ``polished``,
+        ``unpolished``, ``inadmissible``, ``without_impacts``, ``multiple_turns``, ``duplicates``, ``one_sided`` (found from one of two
+        ends alone), ``beyond_bounds``, ``orbits``.
+    """
+
+    system: ImpactSystem
+    energy: float
+    quarter_period: float
+    impacts: int | None
+    ends: tuple[str, ...]
+    orbits: list[Orbit]
+    unpolished: list[Unpolished]
+    open: list[Opening]
+    counts: dict[str, int]
+
+    @property
+    def settled(self) -> bool:
+        """Whether the scan has decided all: no interval stayed open, nothing stayed unpolished, each orbit was found from both its ends.
+
+        That is the scan's own part. Whether families that were followed here from other energies add nothing is for a catalogue to say."""
+        return not (self.counts["open"] or self.counts["unpolished"] or self.counts["one_sided"])
+
+
+def discover(
+    system: ImpactSystem,
+    energy: float,
+    *,
+    quarter_period: float = 10.0,
+    impacts: int | None = None,
+    ends: Sequence[str] = ("origin-origin",),
+    budget: int = BUDGET,
+) -> Discovery:
+    """Find every primitive symmetric orbit at an energy, within bounds.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        Conservative, two degrees of freedom, one stop.
+    energy : float
+        h > 0.
+    quarter_period : float
+        Longest quarter period.
+    impacts : int, optional
+        Most impacts in half a period; None: not bounded.
+    ends : sequence of str
+        Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them.
+    budget : int
+        Starts followed at most.
+
+    Returns
+    -------
+    Discovery
+
+    Raises
+    ------
+    ValueError
+        For a system or bounds that cannot be searched.
+
+    Examples
+    --------
+    >>> from bvp import vibro_impact_nes
+    >>> found = discover(vibro_impact_nes(), 0.3, quarter_period=3.0, impacts=2)
+    >>> found.settled, [orbit.label for orbit in found.orbits][:3]
+    (True, [])
+    """
+    check(system, energy, quarter_period, impacts, ends)
+    wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
+    collector = Collector(system, energy)
+    counts: Counter[str] = Counter()
+    openings: list[Opening] = []
+    for start in ("origin", "rest", "stop"):
+        limits: dict[str, tuple[float, int | None]] = {}
+        for name in wanted:
+            first, far = name.split("-")
+            if first == start:
+                limits[far] = _limits(first, far, quarter_period, impacts)
+        if not limits:
+            continue
+        for curve in curves(system, start, energy):
+            passages, opened, of_scan = scan(curve, limits, max(1, budget - counts["starts"]))
+            counts.update(of_scan)
+            openings += opened
+            counts["crossings"] += len(passages)
+            longest = max(time for time, _ in limits.values())
+            instants = [instant(curve, passage, longest) for passage in passages]
+            first_ones, repeated = first_passages(passages, instants, curve.high - curve.low)
+            counts["repeated"] += len(repeated)
+            for i in first_ones:
+                collector.add(curve, passages[i], longest)
+    counts.update(collector.counts)
+    orbits = collector.orbits(quarter_period, impacts)
+    total = sum(len(group) for group in collector.found.values())
+    tally = {
+        "starts": counts["starts"],
+        "split": counts["split"],
+        "closed": counts["closed"],
+        "open": counts["open"],
+        "at_grazing": counts["at_grazing"],
+        "over_budget": counts["budget"],
+        "grazings": counts["grazings"],
+        "crossings": counts["crossings"],
+        "repeated": counts["repeated"],
+        "polished": counts["polished"],
+        "unpolished": counts["unpolished"],
+        "inadmissible": counts["inadmissible"],
+        "without_impacts": counts["without_impacts"],
+        "multiple_turns": counts["multiple_turns"],
+        "duplicates": counts["duplicates"],
+        "one_sided": collector.seen_once(),
+        "beyond_bounds": total - len(orbits),
+        "orbits": len(orbits),
+    }
+    return Discovery(
+        system,
+        energy,
+        quarter_period,
+        impacts,
+        tuple(ends),
+        [Orbit(orbit.problem, orbit.solution) for orbit in orbits],
+        collector.unpolished,
+        openings,
+        tally,
+    )
+
+
+def instant(curve: Any, passage: Passage, longest: float) -> float:
+    """Time from the start to a passage."""
+    path = follow_start(curve, passage.parameter, passage.impacts, longest)
+    return (float(path.instants[-1]) if len(path.instants) else 0.0) + passage.flight
+
+
+def _limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:
+    """Longest time and most inner impacts of a segment between two kinds of end."""
+    quarter = (first == "origin") != (far == "origin")
+    time = quarter_period * (1.0 if quarter else 2.0) * (1.0 + 1e-12)
+    if impacts is None:
+        return time, None
+    ends = ("stop+" if first == "stop" else first, "stop+" if far == "stop" else far)
+    inner = -1
+    while impacts_per_period(("+",) * (inner + 1), ends) <= 2 * impacts:
+        inner += 1
+    return (time, inner) if inner >= 0 else (-1.0, -1)
+
+
+def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str]) -> None:
+    """Refuse what cannot be searched, in one line."""
+    reason = system.why_not_conservative()
+    if reason is not None:
+        raise ValueError(f"families of periodic orbits need a conservative system: {reason}")
+    if system.degrees_of_freedom != 2:
+        raise ValueError(
+            f"orbits are discovered for two degrees of freedom; this system has {system.degrees_of_freedom}: "
+            "start its families from a given state"
+        )
+    if len(system.stops) != 1:
+        raise ValueError(f"orbits are discovered for a system with one stop; this one has {len(system.stops)}")
+    if not 0.0 < energy < math.inf:
+        raise ValueError(f"the energy is {energy!r}, expected a finite number above 0")
+    if not 0.0 < quarter_period < math.inf:
+        raise ValueError(f"the longest quarter period is {quarter_period!r}, expected a finite number above 0")
+    if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or impacts < 0):
+        raise ValueError(f"the most impacts of half a period is {impacts!r}, expected a whole number, 0 or more")
+    if not ends:
+        raise ValueError(f"no ends are given, expected some of {', '.join(CLASSES)}")
+    for name in ends:
+        if name not in CLASSES:
+            near = nearest(str(name), CLASSES, 1)
+            raise ValueError(f"unknown ends {name!r}, expected some of {', '.join(CLASSES)}; nearest: {near[0]}")
+        if name.startswith("origin") and not system.has_odd_symmetry:
+            raise ValueError(
+                f"the ends {name} need odd symmetry (a two-sided stop with equal gaps and no constant load), which this system lacks: "
+                "ask for rest-rest, rest-stop or stop-stop"
+            )
+
+
+def to_record(found: Discovery) -> dict[str, Any]:
+    """Plain data: lists, dicts, strings, finite numbers, booleans and None only."""
+
+    def finite(value: float) -> float | None:
+        return float(value) if math.isfinite(value) else None
+
+    orbits = []
+    for orbit in found.orbits:
+        half = impacts_per_period(orbit.problem.word, orbit.ends) / 2
+        orbits.append(
+            {
+                "label": orbit.label or None,
+                "family": None,
+                "ends": list(orbit.ends),
+                "word": orbit.word,
+                "impacts": int(half) if half == int(half) else half,
+                "alpha": orbit.alpha,
+                "h": orbit.h,
+                "velocities": None if orbit.velocities is None else orbit.velocities.tolist(),
+                "impact_speeds": [finite(speed) for speed in orbit._get("impact_speeds")],
+                "tau": finite(orbit.tau),
+                "stable": orbit.stable,
+                "residual": orbit.residual,
+            }
+        )
+    return {
+        "schema": 1,
+        "energy": found.energy,
+        "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
+        "settled": found.settled,
+        "counts": found.counts,
+        "orbits": orbits,
+        "unpolished": [
+            {
+                "ends": list(item.ends),
+                "word": item.word,
+                "angle": item.parameter,
+                "alpha": finite(item.alpha),
+                "miss": finite(item.miss),
+                "reason": item.reason,
+            }
+            for item in found.unpolished
+        ],
+    }

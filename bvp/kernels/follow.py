@@ -1,0 +1,260 @@
+"""One start followed through its impacts, with the derivative of everything by the start's parameter (two degrees of freedom, undamped).
+
+The states z_k after the impacts and their derivatives along the curve of starts, taken on the section of the impact: with the flight's
+variation y' = Phi(d) z', the duration changes by d' = -(g . y')/(g B . y), the arrival by y' + B y d', and restitution acts on both alike.
+Between z_k and the next impact the motion of neighbouring starts is compared at equal times since impact k, where it is linear.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import int64
+
+from bvp.kernels.compiled import kernel
+from bvp.kernels.extrema import refine, safe_step
+from bvp.kernels.flight import circular
+from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
+
+__all__ = [
+    "ACCELERATION", "CLEARANCE", "COLUMNS", "CONTACT", "DERIVATIVE", "DURATION", "FREE", "Flow", "MISS", "SECOND", "SPEED", "STUCK",
+    "THIRD", "TIME", "TURNS", "advance", "amplitude", "follow", "nearest_turns", "start_at",
+]  # fmt: skip
+
+STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, MISS, ACCELERATION, CLEARANCE, SECOND, TURNS, THIRD, COLUMNS = (
+    0, 4, 8, 10, 12, 13, 15, 17, 18, 20, 21, 22, 24,
+)  # fmt: skip
+"""Columns of a record, one row a flight: state and its derivative after impact k (4 each); time of impact k; duration of the flight;
+contact hit at its end; speed of approach there; velocity along the stop there; acceleration towards the stop there; least distance to a stop at a turning
+point inside the flight; the second least; number of turning points; time of the turning point. Where a column has two entries, the second
+one is the derivative."""
+
+FREE, STUCK = -1.0, -2.0
+"""In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up."""
+
+TURN_LIMIT = 20000
+
+
+class Flow(NamedTuple):
+    """A system of two degrees of freedom and one stop, and a curve of starts, as the kernels know them."""
+
+    pairs: np.ndarray
+    mean: np.ndarray
+    delta: np.ndarray
+    matrix: np.ndarray
+    gap: np.ndarray  # (m, 4) rows of the contacts; so are the next ones
+    gap_rate: np.ndarray
+    acceleration: np.ndarray
+    side: np.ndarray
+    bound: np.ndarray
+    push: np.ndarray
+    restitution: np.ndarray
+    squares: np.ndarray  # (2,) squares of the frequencies
+    across: np.ndarray  # (2,) unit vector along the stop, in modal coordinates
+    limits: np.ndarray  # (2,) bounds of the gap coordinate, infinite where there is none
+    start: np.ndarray  # (3, 4): z = start[0] + first(theta) start[1] + second(theta) start[2]
+    shape: np.ndarray  # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic; contact that the start leaves, -1 for none
+
+
+@kernel
+def start_at(flow, theta, z, dz):
+    """Start state and its derivative by the parameter."""
+    if flow.shape[0] == 0:
+        first = math.cos(theta)
+        second = math.sin(theta)
+        first_rate = -second
+        second_rate = first
+    elif flow.shape[0] == 1:
+        first = 0.0
+        second = theta
+        first_rate = 0.0
+        second_rate = 1.0
+    else:
+        first = math.cosh(theta)
+        second = math.sinh(theta)
+        first_rate = second
+        second_rate = first
+    for r in range(4):
+        z[r] = flow.start[0, r] + first * flow.start[1, r] + second * flow.start[2, r]
+        dz[r] = first_rate * flow.start[1, r] + second_rate * flow.start[2, r]
+
+
+@kernel
+def advance(squares, t, a, b, out_a, out_b):
+    """Free flight of two states over one time."""
+    for k in range(2):
+        c, s = circular(-squares[k], t)
+        fall = -squares[k] * s
+        q = a[k]
+        p = a[k + 2]
+        out_a[k] = c * q + s * p
+        out_a[k + 2] = fall * q + c * p
+        q = b[k]
+        p = b[k + 2]
+        out_b[k] = c * q + s * p
+        out_b[k + 2] = fall * q + c * p
+
+
+@kernel
+def amplitude(square, q, p, horizon, order):
+    """Bound of |q(t)| (order 0), |q'(t)| (1), |q''(t)| (2) of one mode over a flight of at most `horizon`."""
+    if square > 0.0:
+        w = math.sqrt(square)
+        size = math.sqrt(q * q + p * p / square)
+        if order == 0:
+            return min(size, abs(q) + abs(p) * horizon)
+        return w * size if order == 1 else square * size
+    c, s = circular(-square, horizon)
+    size = abs(q) * c + abs(p) * s
+    if order == 0:
+        return size
+    return abs(p) * c - square * abs(q) * s if order == 1 else -square * size
+
+
+@kernel
+def follow(flow, theta, longest, most, record, work):
+    """Follow one start up to `most` impacts and a little past the time `longest`, filling rows of `record`. Returns the rows filled."""
+    z = work[5, :4]
+    dz = work[6, :4]
+    y = work[7, :4]
+    dy = work[8, :4]
+    begin = work[9, :4]
+    slack = 0.05 * longest
+    start_at(flow, theta, z, dz)
+    time = 0.0
+    time_rate = 0.0
+    leaving = flow.shape[1]
+    for k in range(most + 1):
+        for r in range(4):
+            record[k, r] = z[r]
+            record[k, 4 + r] = dz[r]
+            begin[r] = z[r]
+        record[k, TIME] = time
+        record[k, TIME + 1] = time_rate
+        record[k, CLEARANCE] = math.nan
+        duration = 0.0
+        while True:
+            found, contact, passed = next_impact(
+                flow.pairs, flow.mean, flow.delta, flow.matrix, flow.gap, flow.gap_rate, flow.acceleration, flow.side, flow.bound,
+                leaving, z, longest - time - duration + 2.0 * slack, work,
+            )
+            duration += passed
+            if found != TOUCH:
+                break
+            advance(flow.squares, passed, z, z, y, dy)
+            for r in range(4):
+                z[r] = y[r]
+            leaving = contact
+        if found != HIT:
+            record[k, DURATION] = math.inf
+            record[k, CONTACT] = FREE if found == NONE else STUCK
+            return k + 1
+        advance(flow.squares, duration, begin, dz, y, dy)
+        rate = 0.0
+        change = 0.0
+        bend = 0.0
+        for r in range(4):
+            rate += flow.gap_rate[contact, r] * y[r]
+            change += flow.gap[contact, r] * dy[r]
+            bend += flow.acceleration[contact, r] * y[r]
+        later = -change / rate
+        for r in range(2):
+            dy[r] += y[r + 2] * later
+            dy[r + 2] -= flow.squares[r] * y[r] * later
+        rate_change = 0.0
+        for r in range(4):
+            rate_change += flow.gap_rate[contact, r] * dy[r]
+        record[k, DURATION] = duration
+        record[k, DURATION + 1] = later
+        record[k, CONTACT] = contact
+        record[k, SPEED] = flow.side[contact] * rate
+        record[k, SPEED + 1] = flow.side[contact] * rate_change
+        record[k, ACCELERATION] = flow.side[contact] * bend
+        record[k, MISS] = flow.across[0] * y[2] + flow.across[1] * y[3]
+        record[k, MISS + 1] = flow.across[0] * dy[2] + flow.across[1] * dy[3]
+        time += duration
+        time_rate += later
+        if time > longest + slack:
+            return k + 1
+        restitute(flow.gap_rate, flow.push, flow.restitution, contact, y, z)
+        restitute(flow.gap_rate, flow.push, flow.restitution, contact, dy, dz)
+        leaving = int64(contact)
+    return most + 1
+
+
+@kernel
+def nearest_turns(flow, row, horizon, work):
+    """Fill the columns of clearance of one row of a record: turning points of the gap coordinate w inside its flight (up to `horizon`)."""
+    z = row[:4]
+    dz = row[4:8]
+    y = work[7, :4]
+    dy = work[8, :4]
+    rows = work[9:13]
+    w_bound = 0.0
+    for r in range(2):
+        # w, w', w'', w''' as rows: each derivative turns (a, b) into (-w^2 b, a).
+        rows[0, r] = flow.gap[0, r]
+        rows[0, r + 2] = 0.0
+    for order in range(1, 4):
+        for r in range(2):
+            rows[order, r] = -flow.squares[r] * rows[order - 1, r + 2]
+            rows[order, r + 2] = rows[order - 1, r]
+    duration = min(row[DURATION], horizon)
+    for r in range(2):
+        w_bound += abs(flow.gap[0, r]) * abs(flow.squares[r]) * amplitude(flow.squares[r], z[r], z[r + 2], duration, int64(1))
+    w_bound *= 1.0 + 1e-12
+    best = math.inf
+    second = math.inf
+    best_time = 0.0
+    best_side = 0.0
+    count = 0
+    t = 0.0
+    floor = 1e-13 * duration
+    f = 0.0
+    slope = 0.0
+    for r in range(4):
+        f += rows[1, r] * z[r]
+        slope += rows[2, r] * z[r]
+    sign = 1 if f > 0.0 else -1 if f < 0.0 else 0
+    for _ in range(TURN_LIMIT):
+        if t >= duration:
+            break
+        after = min(duration, t + max(safe_step(f, slope, w_bound), floor))
+        advance(flow.squares, after, z, dz, y, dy)
+        f_after = 0.0
+        slope = 0.0
+        for r in range(4):
+            f_after += rows[1, r] * y[r]
+            slope += rows[2, r] * y[r]
+        now = 1 if f_after > 0.0 else -1 if f_after < 0.0 else sign
+        if sign * now < 0:
+            turn = refine(
+                flow.pairs, flow.mean, flow.delta, flow.matrix, rows[1], rows[2], z, t, after, sign > 0, 1e-10 * duration, work[13, :4]
+            )
+            advance(flow.squares, turn, z, dz, y, dy)
+            w = 0.0
+            for r in range(4):
+                w += rows[0, r] * y[r]
+            distance = flow.limits[1] - w if sign > 0 else w - flow.limits[0]
+            count += 1
+            if distance < best:
+                second = best
+                best = distance
+                best_time = turn
+                best_side = 1.0 if sign > 0 else -1.0
+            elif distance < second:
+                second = distance
+        t = after
+        f = f_after
+        sign = now
+    row[CLEARANCE] = best
+    row[CLEARANCE + 1] = 0.0
+    row[SECOND] = second
+    row[TURNS] = count
+    row[THIRD] = best_time
+    if count > 0:
+        advance(flow.squares, best_time, z, dz, y, dy)
+        change = 0.0
+        for r in range(4):
+            change += rows[0, r] * dy[r]
+        row[CLEARANCE + 1] = -best_side * change
