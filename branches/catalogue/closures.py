@@ -14,7 +14,8 @@ from bvp.kernels.flight import flow_state
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
-    from branches.branch import Branch, BranchEvent
+    from branches.branch import Branch
+    from branches.events import BranchEvent
 
 __all__ = ["distance", "event_orbit", "orbit_of_event", "seen_from", "switch_edge", "unknowns_of"]
 
