@@ -3,21 +3,42 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from branches.files import reason
+from saltus import scene_arguments
 from saltus.errors import BadInput
+from saltus.files import check_writable
 
 if TYPE_CHECKING:
+    from branches.branch import Branch
     from branches.catalogue import Catalogue
+    from saltus.scene import Scene
 
-__all__ = ["add_arguments", "add_json", "default_path", "from_arguments"]
+__all__ = [
+    "add_arguments",
+    "add_file",
+    "add_json",
+    "default_path",
+    "from_arguments",
+    "lookup",
+    "open_file",
+    "place_to_save",
+    "save",
+]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--catalogue`` and ``--scene``."""
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the scene that the catalogue belongs to (default: lee2009)")
+
+
+def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:
+    """Add ``--catalogue`` alone, for a command that does not need one."""
+    parser.add_argument("--catalogue", metavar="FILE", help=meaning)
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
@@ -59,8 +80,6 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
     CatalogueError
         For a file that is none, or that belongs to another system than the scene that is named.
     """
-    from branches.catalogue import Catalogue
-
     path = default_path(arguments.scene) if arguments.catalogue is None else Path(arguments.catalogue)
     scene: Any = None
     if arguments.scene is not None:
@@ -69,4 +88,53 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
         scene = load_scene(arguments.scene)
     if arguments.catalogue is None and not path.exists():
         raise BadInput(f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus continue NAME --save")
+    return open_file(path, scene)
+
+
+def open_file(path: str | Path, scene: Scene | None = None) -> Catalogue:
+    """Open a catalogue to read, which has to belong to the system of a scene where one is given."""
+    from branches.catalogue import Catalogue
+
     return Catalogue(path, scene=scene)
+
+
+def lookup(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
+    """The catalogue where a name is looked up: that which is given, unless it is given to save in."""
+    if arguments.catalogue is None or arguments.save:
+        return nullcontext()
+    return open_file(arguments.catalogue, scene)
+
+
+def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
+    """The catalogue to save in, after looking whether that can be done: before the work, not after it.
+
+    Raises
+    ------
+    BadInput, CatalogueError
+        For a place that cannot be written, a file that is no catalogue or belongs to another system, one that is in use.
+    """
+    if arguments.catalogue is not None:
+        place = Path(arguments.catalogue)
+    else:
+        place = default_path(arguments.scene, scene_arguments.parameters(arguments))
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"cannot make the directory {place.parent}: {reason(error)}") from error
+    check_writable(str(place))
+    if place.exists():
+        from branches.catalogue import Catalogue
+
+        Catalogue(place, "a", scene=scene).close()
+    return place
+
+
+def save(branch: Branch, place: Path, scene: Scene) -> bool:
+    """Keep a branch in a catalogue, which is made if there is none; whether it was known already."""
+    from branches.catalogue import Catalogue
+    from saltus import __version__
+
+    with Catalogue(place, "a", scene=scene, provenance={"saltus": __version__}) as catalogue:
+        known = branch.id in catalogue
+        catalogue.add(branch)
+    return known

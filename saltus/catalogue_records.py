@@ -85,8 +85,14 @@ def range_text(ends: tuple[float, float]) -> str:
 
 
 def impacts_text(impacts: float) -> str:
-    """Impacts in half a period: whole, or a half where a period has an odd number of them."""
-    return f"{impacts:g}"
+    """Impacts in half a period, which are half a number where a period has an odd one.
+
+    Examples
+    --------
+    >>> impacts_text(1.0), impacts_text(2.5)
+    ('1 impact in half a period', '2.5 impacts in half a period')
+    """
+    return f"{impacts:g} impact{'' if impacts == 1 else 's'} in half a period"
 
 
 def _finite(value: float) -> float | None:

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    from saltus.catalogue_records import SCHEMA, family_record, impacts_text, json_text, range_text
+    from saltus.catalogue_records import SCHEMA, family_record, json_text, range_text
     from saltus.listing import listing, width_of
 
     if arguments.json is not None:
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
             others = [label for label in row.label_names if label != row.label]
             rows.append(
                 (
-                    row.label or "-", row.id, impacts_text(row.impacts), range_text(row.h), range_text(row.alpha),
+                    row.label or "-", row.id, f"{row.impacts:g}", range_text(row.h), range_text(row.alpha),
                     f"{100.0 * row.stable_fraction:.0f}%", str(row.points), str(row.events), " ".join(others),
                 )
             )  # fmt: skip

@@ -76,7 +76,7 @@ def _lines(nodes: list[dict[str, Any]], edges: list[dict[str, Any]]) -> list[str
             here, there = edge["source_event"], edge["target_event"]
             if edge["source"] != node["id"]:
                 here, there = there, here
-            way = f"{here or edge['type']}" + (f" to {there}" if there else "")
+            way = " to ".join(event for event in (here, there) if event) or edge["type"]
             out.append(f"  {way}: {edge['kind']} at h = {edge['h']:.10g}, alpha = {edge['alpha']:.10g}")
     out.append(f"{len(edges)} events")
     return out

@@ -95,7 +95,7 @@ def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[s
     lines = [
         f"family   {row.id}",
         f"label    {row.label or '(outside the grammar of labels)'}",
-        f"ends     {row.ends}  word {row.word or '(none)'}  {impacts_text(row.impacts)} impacts in half a period",
+        f"ends     {row.ends}  word {row.word or '(none)'}  {impacts_text(row.impacts)}",
         f"energy   h = {row.h[0]:.12g} to {row.h[1]:.12g}",
         f"quarter  alpha = {row.alpha[0]:.12g} to {row.alpha[1]:.12g}",
         f"points   {row.points}, stable over {100.0 * row.stable_fraction:.1f}% of the arclength",
