@@ -8,10 +8,11 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.events import BranchEvent, Ended
 from branches.orbit import Orbit
 from branches.stability import describe
 from branches.words import format_word, parse_word
@@ -23,40 +24,6 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = ["Branch", "BranchEvent", "Ended"]
-
-
-class BranchEvent(NamedTuple):
-    """A special point of a branch, with its error bar.
-
-    id: type and count along the branch, e.g. "SB1". point: index into `Branch.points`. number: count of points from the start orbit,
-    negative below it. bracket: arclengths between which it certainly is. residual: of its test function. stop: contact touched or
-    left (GR). p_q: [p, q] of a q-tupling. breaks: what an SB breaks. multiplier: modulus of the largest multiplier.
-    """
-
-    id: str
-    type: str
-    point: int
-    number: int
-    h: float
-    alpha: float
-    arclength: float
-    status: str
-    bracket: tuple[float, float]
-    residual: float
-    label: str
-    stop: str | None
-    p_q: list[int] | None
-    breaks: str | None
-    note: str | None
-    stable: bool | None
-    multiplier: float | None
-
-
-class Ended(NamedTuple):
-    """Why a branch ends where it does: `reason`, the name of a member of `continuation.EndReason`, and `text` in words."""
-
-    reason: str
-    text: str
 
 
 @dataclass(frozen=True, eq=False)

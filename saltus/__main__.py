@@ -17,6 +17,11 @@ __all__ = ["main"]
 COMMANDS = {
     "continue": ("saltus.commands.continue_", "follow the family of periodic orbits that has a name"),
     "orbit": ("saltus.commands.orbit", "show one orbit of a named family: its impacts, multipliers and shape"),
+    "list": ("saltus.commands.list", "list the families of a catalogue"),
+    "show": ("saltus.commands.show", "show one family of a catalogue: its labels, events, neighbours and stability"),
+    "tree": ("saltus.commands.tree", "show the graph of a catalogue as text, from one family on"),
+    "path": ("saltus.commands.path", "find the shortest chain of bifurcations between two families of a catalogue"),
+    "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
 }
 
 

@@ -20,6 +20,8 @@ class ProgressBar:
     ----------
     total : int or None
         How many points there will be at most, if that is known.
+    things : str
+        What is counted.
 
     Examples
     --------
@@ -29,8 +31,9 @@ class ProgressBar:
     one line
     """
 
-    def __init__(self, total: int | None = None) -> None:
+    def __init__(self, total: int | None = None, things: str = "points") -> None:
         self._total = total
+        self._things = things
         self._bar: Any = None
         self._task: Any = None
         self._wanted = sys.stderr is not None and sys.stderr.isatty()
@@ -64,7 +67,7 @@ class ProgressBar:
 
         self._bar = Progress(
             BarColumn(),
-            TextColumn("{task.completed} points"),
+            TextColumn(f"{{task.completed}} {self._things}"),
             TimeElapsedColumn(),
             console=Console(stderr=True),
             transient=True,

@@ -10,7 +10,7 @@ from saltus.arguments import number
 if TYPE_CHECKING:
     from saltus.scene import Scene
 
-__all__ = ["add_arguments", "from_arguments"]
+__all__ = ["add_arguments", "from_arguments", "parameters"]
 
 _PARAMETERS = {
     "mu": "mass ratio, above 0",
@@ -32,5 +32,9 @@ def from_arguments(arguments: argparse.Namespace) -> Scene:
     """Return the scene asked for."""
     from saltus.scene import load_scene
 
-    given = {name: getattr(arguments, name) for name in _PARAMETERS if getattr(arguments, name) is not None}
-    return load_scene(arguments.scene, **given)
+    return load_scene(arguments.scene, **parameters(arguments))
+
+
+def parameters(arguments: argparse.Namespace) -> dict[str, float]:
+    """Return the parameters of the model that were given in place of the scene's."""
+    return {name: getattr(arguments, name) for name in _PARAMETERS if getattr(arguments, name) is not None}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import BadInput
@@ -11,6 +11,7 @@ from saltus.scene import Scene, load_scene
 
 if TYPE_CHECKING:
     from branches.branch import Branch
+    from branches.catalogue import Catalogue
     from bvp.system import ImpactSystem
 
 __all__ = ["trace"]
@@ -22,6 +23,7 @@ def trace(
     *,
     scene: Scene | str | os.PathLike[str] | None = None,
     energy: tuple[float, float] | None = None,
+    catalogue: Catalogue | None = None,
     **options: Any,
 ) -> Branch:
     """Follow the family of periodic orbits that has a name.
@@ -37,6 +39,8 @@ def trace(
         only for its own system.
     energy : tuple of float, optional
         Lowest and highest energy h; by default those of the scene.
+    catalogue : saltus.Catalogue, optional
+        Where the name is looked up, in place of a search; the family is followed anew from the orbit that is found there.
     **options
         ``points``, ``direction``, ``stop_at``, ``stop_when`` and the callbacks of `branches.tracing.trace`.
 
@@ -71,4 +75,34 @@ def trace(
     energy = scene.energy if energy is None else energy
     pins = {**scene.pins_for(system), **options.pop("pins", {})}
     bounds = {**scene.bounds, **options.pop("bounds", {})}
+    if catalogue is not None:
+        catalogue.require_system(system.describe())
+        return _follow_kept(name, catalogue, energy, pins, **options)
     return follow(name, system, energy=energy, pins=pins, bounds=bounds, **options)
+
+
+def _follow_kept(
+    name: str,
+    catalogue: Catalogue,
+    energy: tuple[float, float],
+    pins: dict[str, dict[str, float]],
+    on_start: Callable[[str], object] | None = None,
+    **options: Any,
+) -> Branch:
+    """Follow a family of a catalogue from the point that lies nearest to what the name selects, inside the range of energies."""
+    import numpy as np
+
+    match = catalogue.find(name, pins=pins)
+    if match.kind != "family":
+        raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
+    branch = catalogue.branch(match.id)
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    inside = np.flatnonzero((h >= energy[0]) & (h <= energy[1]))
+    if not len(inside):
+        raise BadInput(f"{name} has h = {h.min():.6g} to {h.max():.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}")
+    i = branch.start if branch.start in inside else int(inside[0])
+    if match.h is not None and match.alpha is not None:
+        i = int(inside[np.argmin(np.hypot(np.log(h[inside] / match.h), np.log(alpha[inside] / match.alpha)))])
+    if on_start is not None:
+        on_start(f"{branch.points['label'][i] or match.id}: point {i} of {match.id} in {catalogue.path}, from h = {h[i]:.10g}")
+    return branch.trace(i, energy=energy, rising=bool(h[0] <= h[-1]), **options)

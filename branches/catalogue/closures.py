@@ -11,10 +11,12 @@ from branches.switching import embed
 from branches.words import Ends, Word, mirror, mirror_ends
 from bvp.cycle import cycle_of
 from bvp.kernels.flight import flow_state
+from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
-    from branches.branch import Branch, BranchEvent
+    from branches.branch import Branch
+    from branches.events import BranchEvent
 
 __all__ = ["distance", "event_orbit", "orbit_of_event", "seen_from", "switch_edge", "unknowns_of"]
 
@@ -80,27 +82,32 @@ def distance(problem: MultipointProblem, y: np.ndarray, start: np.ndarray) -> fl
     """How far a state (2 n,), in physical coordinates, is from the orbit y, its mirror image and both run backwards, relative to the
     size of the state. One state of a free motion is the whole of it."""
     modes, half = problem.modes, problem.half
-    cycle = cycle_of(problem, y)
+    if problem.inner or problem.periodic or any(kind == STOP for kind in problem.kinds):
+        cycle = cycle_of(problem, y)
+        begins, durations = cycle.after, cycle.duration
+    else:
+        # A linear mode: one flight without end.
+        begins, durations = problem.start(y)[None], np.array([4.0 * problem.quarter_period(y)])
     signs = (1.0, -1.0) if problem.system.has_odd_symmetry else (1.0,)
     back = np.concatenate([np.ones(half), -np.ones(half)])
     images = [modes.from_state @ (sign * way * start) for sign in signs for way in (np.ones(2 * half), back)]
     size = float(np.linalg.norm(images[0]))
     state = np.empty(2 * half)
     times = np.linspace(0.0, 1.0, _SAMPLES)
-    track = np.empty((len(cycle.duration), _SAMPLES, 2 * half))
-    for i, duration in enumerate(cycle.duration):
+    track = np.empty((len(durations), _SAMPLES, 2 * half))
+    for i, duration in enumerate(durations):
         for j, part in enumerate(times):
-            flow_state(*modes.blocks, cycle.after[i], float(part * duration), track[i, j])
+            flow_state(*modes.blocks, begins[i], float(part * duration), track[i, j])
     best = np.inf
     for image in images:
         away = np.linalg.norm(track - image, axis=2)
         for flat in np.argsort(away, axis=None)[:4]:
             i, j = np.unravel_index(flat, away.shape)
-            t = times[j] * cycle.duration[i]
+            t = times[j] * durations[i]
             for _ in range(8):
-                flow_state(*modes.blocks, cycle.after[i], float(t), state)
+                flow_state(*modes.blocks, begins[i], float(t), state)
                 rate = modes.matrix @ state
-                t = min(max(t + rate @ (image - state) / (rate @ rate), 0.0), cycle.duration[i])
-            flow_state(*modes.blocks, cycle.after[i], float(t), state)
+                t = min(max(t + rate @ (image - state) / (rate @ rate), 0.0), durations[i])
+            flow_state(*modes.blocks, begins[i], float(t), state)
             best = min(best, float(np.linalg.norm(state - image)))
     return best / size

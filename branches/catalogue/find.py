@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from functools import cache
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from branches.catalogue.errors import CatalogueError, translated
@@ -69,12 +70,19 @@ def chosen(
             return False
         if impacts is not None and not impacts[0] <= row.impacts <= impacts[1]:
             return False
-        parts = [part.arclength for part in row.labels if fits is None or fits(part.label)]
-        if energy is not None:
-            parts = [p.arclength for p in row.labels if p.h[0] <= energy <= p.h[1] and (fits is None or fits(p.label))]
+        if energy is not None and not row.h[0] <= energy <= row.h[1]:
+            return False
+        if fits is not None and not any(map(fits, row.label_names)):
+            return False
+        if not stable and (energy is None or fits is None):
+            return True
+        if stable and row.stable_fraction == 0.0:
+            return False
+        at = (-inf, inf) if energy is None else (energy, energy)
+        parts = [p.arclength for p in row.labels if p.h[0] <= at[1] and p.h[1] >= at[0] and (fits is None or fits(p.label))]
         if not stable:
             return bool(parts)
-        steady = [p.arclength for p in row.stability if p.stable == 1 and (energy is None or p.h[0] <= energy <= p.h[1])]
+        steady = [p.arclength for p in row.stability if p.stable == 1 and p.h[0] <= at[1] and p.h[1] >= at[0]]
         return any(a[0] < b[1] and b[0] < a[1] for a in parts for b in steady) or (row.points == 1 and bool(parts) and bool(steady))
 
     return [row for row in families if keep(row)]
@@ -119,7 +127,7 @@ def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]
         return _linear_mode(catalogue, name.label)
     pattern = name.label
     fits = cache(lambda label: bool(label) and matches(pattern, parse(label)))
-    having = [row for row in families if any(fits(part.label) for part in row.labels)]
+    having = [row for row in families if any(map(fits, row.label_names))]
     found = _select(catalogue, name, having, fits)
     if not found:
         raise NameNotFound(_nothing(catalogue, name, families, having))
@@ -129,10 +137,18 @@ def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]
             asked = Name(name.label, None, pin.get("h"), pin.get("alpha"))
             found = _select(catalogue, asked, having, None) or found
     if len(found) > 1:
-        listed = " ".join(f"{head}@h={match.h:.6g},alpha={match.alpha:.6g}" for match in found[:12])
         more = f" and {len(found) - 12} more" if len(found) > 12 else ""
-        raise AmbiguousName(f"{text} is {len(found)} families; expected one of {listed}{more}")
+        raise AmbiguousName(f"{text} is {len(found)} families; expected one of {' '.join(_suffixed(head, found)[:12])}{more}")
     return found[0]
+
+
+def _suffixed(head: str, found: Sequence[Match]) -> list[str]:
+    """A name for each of several families: with as many digits as tell them apart, by id where none do."""
+    for digits in (6, 9, 12):
+        names = [f"{head}@h={match.h:.{digits}g},alpha={match.alpha:.{digits}g}" for match in found]
+        if len(set(names)) == len(names):
+            return names
+    return [match.id for match in found]
 
 
 def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fits: Callable[[str], bool] | None) -> list[Match]:

@@ -35,7 +35,7 @@ def graph_of(catalogue: Catalogue) -> networkx.MultiDiGraph:
     graph = networkx.MultiDiGraph()
     for family in sorted(catalogue.families(), key=lambda row: row.id):
         graph.add_node(
-            family.id, kind="family", label=family.label, labels=list(dict.fromkeys(part.label for part in family.labels if part.label)),
+            family.id, kind="family", label=family.label, labels=list(family.label_names),
             ends=family.ends, word=family.word, impacts=family.impacts, h_low=family.h[0], h_high=family.h[1],
             alpha_low=family.alpha[0], alpha_high=family.alpha[1], points=family.points, stable_fraction=family.stable_fraction,
         )  # fmt: skip

@@ -10,15 +10,19 @@ import numpy as np
 from branches.catalogue.rows import LabelInterval, StabilityInterval
 
 if TYPE_CHECKING:
-    from branches.branch import BranchEvent
+    from branches.events import BranchEvent
 
 __all__ = ["label_intervals", "stability_intervals"]
 
 
-def label_intervals(columns: dict[str, np.ndarray]) -> tuple[LabelInterval, ...]:
-    """The labels along a family. Each interval begins where the last one ends, so that no energy falls between them."""
+def label_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchEvent]) -> tuple[LabelInterval, ...]:
+    """The labels along a family. Each interval begins where the last one ends, at the event of the change where there is one, so that
+    no energy falls between them."""
     runs = _runs([str(label) for label in columns["label"]])
-    return tuple(LabelInterval(label, *_ranges(columns, max(first - 1, 0), last)) for label, first, last in runs)
+    changes = {event.point for event in events if event.type == "LB"}
+    borders = [first if first in changes else first - 1 for _, first, _ in runs[1:]]
+    spans = zip([0, *borders], [*borders, len(columns["label"]) - 1], strict=True)
+    return tuple(LabelInterval(label, *_ranges(columns, *span)) for (label, _, _), span in zip(runs, spans, strict=True))
 
 
 def stability_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchEvent]) -> tuple[StabilityInterval, ...]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import datetime
 import json
 import os
-import socket
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +57,9 @@ class WriterLock:
             if _same(self._file, self._path):
                 break
             os.close(self._file)
+        import datetime
+        import socket
+
         since = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
         note = json.dumps({"process": self._process, "host": socket.gethostname(), "since": since}).encode()
         try:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sqlite3
 from pathlib import Path
-from urllib.parse import quote
 
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
 from branches.files import WriteFailure, reason
@@ -82,9 +81,9 @@ def settle(connection: sqlite3.Connection) -> None:
 
 
 def _connect(path: Path, options: str) -> sqlite3.Connection:
-    return sqlite3.connect(
-        f"file:{quote(str(path))}?{options}", uri=True, timeout=_BUSY, isolation_level=None, check_same_thread=False
-    )
+    # What separates the parts of a URI, and the sign that escapes.
+    name = str(path).replace("%", "%25").replace("?", "%3f").replace("#", "%23")
+    return sqlite3.connect(f"file:{name}?{options}", uri=True, timeout=_BUSY, isolation_level=None, check_same_thread=False)
 
 
 def _probe(connection: sqlite3.Connection) -> sqlite3.Connection:

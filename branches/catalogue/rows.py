@@ -8,6 +8,7 @@ import math
 import struct
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 __all__ = [
@@ -60,12 +61,12 @@ class FamilyRow:
         How many.
     start : int
         Index of the point that it was started from.
-    labels : tuple of LabelInterval
-    stability : tuple of StabilityInterval
-    ended : tuple of (str, str)
-        Reason and words, at the first point and at the last.
-    layout : dict
-        How the blobs of its points are laid out (see `branches.catalogue.points`).
+    stable_fraction : float
+        Part of its arclength that is stable.
+    label_names : tuple of str
+        All labels along it, each once.
+    details : str
+        `labels`, `stability`, `ended` and `layout` as JSON: read where they are asked for.
     first_point, columns_crc : int
         Row of its first point; checksum of the columns of its points.
     number : int
@@ -82,52 +83,86 @@ class FamilyRow:
     points: int
     events: int
     start: int
-    labels: tuple[LabelInterval, ...]
-    stability: tuple[StabilityInterval, ...]
-    ended: tuple[tuple[str, str], ...]
-    layout: dict[str, Any]
+    stable_fraction: float
+    label_names: tuple[str, ...]
+    details: str
     first_point: int
     columns_crc: int
     number: int
 
-    @property
-    def stable_fraction(self) -> float:
-        """Part of its arclength that is stable."""
-        total = self.stability[-1].arclength[1] - self.stability[0].arclength[0]
-        stable = sum(part.arclength[1] - part.arclength[0] for part in self.stability if part.stable == 1)
-        return stable / total if total > 0.0 else float(self.stability[0].stable == 1)
+    @cached_property
+    def labels(self) -> tuple[LabelInterval, ...]:
+        """Where along the family each label holds."""
+        return tuple(LabelInterval(name, *map(tuple, rest)) for name, *rest in self._read["labels"])
+
+    @cached_property
+    def stability(self) -> tuple[StabilityInterval, ...]:
+        """Where along the family it is stable, unstable, undecided."""
+        return tuple(StabilityInterval(code, *map(tuple, rest)) for code, *rest in self._read["stability"])
+
+    @cached_property
+    def ended(self) -> tuple[tuple[str, str], ...]:
+        """Reason and words, at the first point and at the last."""
+        return tuple((reason, text) for reason, text in self._read["ended"])
+
+    @cached_property
+    def layout(self) -> dict[str, Any]:
+        """How the blobs of its points are laid out (see `branches.catalogue.points`)."""
+        return self._read["layout"]
+
+    @cached_property
+    def _read(self) -> dict[str, Any]:
+        return json.loads(self.details)
 
     def values(self) -> tuple[Any, ...]:
         """The row, without its number and checksum, as it is stored."""
         return (
             self.id, self.label, self.ends, self.word, self.impacts, *self.h, *self.alpha, self.points, self.events, self.start,
-            _json(self.labels), _json(self.stability), _json(self.ended), _json(self.layout), self.first_point, self.columns_crc,
+            self.stable_fraction, " ".join(self.label_names), self.details, self.first_point, self.columns_crc,
         )  # fmt: skip
+
+    @classmethod
+    def make(
+        cls,
+        *,
+        labels: tuple[LabelInterval, ...],
+        stability: tuple[StabilityInterval, ...],
+        ended: tuple[tuple[str, str], ...],
+        layout: dict[str, Any],
+        **fields: Any,
+    ) -> FamilyRow:
+        """A row from what its details say and its other fields."""
+        total = stability[-1].arclength[1] - stability[0].arclength[0]
+        stable = sum(part.arclength[1] - part.arclength[0] for part in stability if part.stable == 1)
+        details = {"labels": labels, "stability": stability, "ended": ended, "layout": layout}
+        return cls(
+            stable_fraction=stable / total if total > 0.0 else float(stability[0].stable == 1),
+            label_names=tuple(dict.fromkeys(part.label for part in labels if part.label)),
+            details=_json(details),
+            **fields,
+        )
 
     @classmethod
     def read(cls, number: int, values: tuple[Any, ...]) -> FamilyRow:
         """The inverse of `values`."""
         (
-            id, label, ends, word, impacts, h_low, h_high, alpha_low, alpha_high, points, events, start,
-            labels, stability, ended, layout, first_point, columns_crc,
+            id, label, ends, word, impacts, h_low, h_high, alpha_low, alpha_high, points, events, start, fraction, names, details,
+            first_point, columns_crc,
         ) = values  # fmt: skip
         return cls(
-            id, label, ends, word, impacts, (h_low, h_high), (alpha_low, alpha_high), points, events, start,
-            tuple(LabelInterval(name, *map(tuple, rest)) for name, *rest in json.loads(labels)),
-            tuple(StabilityInterval(code, *map(tuple, rest)) for code, *rest in json.loads(stability)),
-            tuple((reason, text) for reason, text in json.loads(ended)),
-            json.loads(layout), first_point, columns_crc, number,
+            id, label, ends, word, impacts, (h_low, h_high), (alpha_low, alpha_high), points, events, start, fraction,
+            tuple(names.split()), details, first_point, columns_crc, number,
         )  # fmt: skip
 
 
 FAMILY_COLUMNS = (
     "id", "label", "ends", "word", "impacts", "h_low", "h_high", "alpha_low", "alpha_high", "points", "events", "start",
-    "labels", "stability", "ended", "layout", "first_point", "columns_crc",
+    "stable_fraction", "label_names", "details", "first_point", "columns_crc",
 )  # fmt: skip
 
 EVENT_COLUMNS = (
     "id", "type", "point", "number", "h", "alpha", "arclength", "status", "bracket_low", "bracket_high", "residual", "label",
-    "stop", "p", "q", "breaks", "note", "stable", "multiplier",
+    "stop", "p", "q", "breaks", "note", "stable", "multiplier", "more",
 )  # fmt: skip
 
 

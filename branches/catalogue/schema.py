@@ -24,7 +24,7 @@ CREATE TABLE provenance (key TEXT PRIMARY KEY, value TEXT NOT NULL, crc INTEGER 
 CREATE TABLE families (
     number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, label TEXT NOT NULL, ends TEXT NOT NULL, word TEXT NOT NULL, impacts NOT NULL,
     h_low, h_high, alpha_low, alpha_high, points INTEGER NOT NULL, events INTEGER NOT NULL, start INTEGER NOT NULL,
-    labels TEXT NOT NULL, stability TEXT NOT NULL, ended TEXT NOT NULL, layout TEXT NOT NULL,
+    stable_fraction, label_names TEXT NOT NULL, details TEXT NOT NULL,
     first_point INTEGER NOT NULL, columns_crc INTEGER NOT NULL, crc INTEGER NOT NULL);
 CREATE TABLE points (
     number INTEGER PRIMARY KEY, family INTEGER NOT NULL, h, alpha, arclength, tau, tau_half, residual, trivial, pairing,
@@ -33,7 +33,7 @@ CREATE TABLE points (
 CREATE TABLE events (
     family INTEGER NOT NULL, position INTEGER NOT NULL, id TEXT NOT NULL, type TEXT NOT NULL, point INTEGER NOT NULL,
     number INTEGER NOT NULL, h, alpha, arclength, status TEXT NOT NULL, bracket_low, bracket_high, residual, label TEXT NOT NULL,
-    stop TEXT, p INTEGER, q INTEGER, breaks TEXT, note TEXT, stable INTEGER, multiplier, crc INTEGER NOT NULL,
+    stop TEXT, p INTEGER, q INTEGER, breaks TEXT, note TEXT, stable INTEGER, multiplier, more TEXT, crc INTEGER NOT NULL,
     PRIMARY KEY (family, position)) WITHOUT ROWID;
 CREATE TABLE nodes (
     id TEXT PRIMARY KEY, kind TEXT NOT NULL, label TEXT NOT NULL, h_low, h_high, alpha, note TEXT NOT NULL, crc INTEGER NOT NULL)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import json
 import os
 import sqlite3
@@ -34,8 +33,9 @@ if TYPE_CHECKING:
     import networkx
     import numpy as np
 
-    from branches.branch import Branch, BranchEvent
+    from branches.branch import Branch
     from branches.catalogue.find import Match
+    from branches.events import BranchEvent
     from bvp.system import ImpactSystem
 
 __all__ = ["Catalogue"]
@@ -83,6 +83,7 @@ class Catalogue:
         self.path = Path(path)
         self._lock: WriterLock | None = None
         self._depth = 0
+        self._accepted: Any = None
         self._process = os.getpid()
         record = None if scene is None else SceneRecord.of(scene)
         if mode == "a":
@@ -338,7 +339,9 @@ class Catalogue:
         from branches.words import format_ends, impacts_per_period
 
         self._writable()
-        self.require_system(branch.system.describe())
+        if branch.system is not self._accepted:
+            self.require_system(branch.system.describe())
+            self._accepted = branch.system
         id = branch.id
         if id in self:
             return id
@@ -351,11 +354,12 @@ class Catalogue:
                 self._connection.execute(f"SELECT coalesce(max(number), 0) + 1 FROM {table}").fetchone()[0]
                 for table in ("families", "points")
             )
-            row = FamilyRow(
-                id, branch.label, format_ends(branch.ends), branch.word, impacts,
-                _range(columns["h"]), _range(columns["alpha"]),
-                len(branch), len(branch.events), int(branch.start), label_intervals(columns), stability_intervals(columns, branch.events),
-                tuple((str(end.reason), end.text) for end in branch.ended), layout, first, columns_crc, number,
+            row = FamilyRow.make(
+                id=id, label=branch.label, ends=format_ends(branch.ends), word=branch.word, impacts=impacts, h=_range(columns["h"]),
+                alpha=_range(columns["alpha"]), points=len(branch), events=len(branch.events), start=int(branch.start),
+                labels=label_intervals(columns, branch.events), stability=stability_intervals(columns, branch.events),
+                ended=tuple((str(end.reason), end.text) for end in branch.ended), layout=layout, first_point=first,
+                columns_crc=columns_crc, number=number,
             )  # fmt: skip
             self._insert("families", ("number", *FAMILY_COLUMNS), (number, *row.values()), crc_of(row.values()))
             marks = ", ".join("?" * (len(POINT_COLUMNS) + 2))
@@ -363,9 +367,12 @@ class Catalogue:
                 f"INSERT INTO points (number, family, {', '.join(POINT_COLUMNS)}) VALUES ({marks})",
                 ((first + i, number, *values) for i, values in enumerate(points)),
             )
-            for position, event in enumerate(branch.events):
-                values = event_values(event)
-                self._insert("events", ("family", "position", *EVENT_COLUMNS), (number, position, *values), crc_of(values))
+            marks = ", ".join("?" * (len(EVENT_COLUMNS) + 3))
+            events = [event_values(event) for event in branch.events]
+            self._connection.executemany(
+                f"INSERT INTO events (family, position, {', '.join(EVENT_COLUMNS)}, crc) VALUES ({marks})",
+                ((number, position, *values, crc_of(values)) for position, values in enumerate(events)),
+            )
         return id
 
     def connect(self, edge: Edge) -> Edge:
@@ -438,6 +445,8 @@ class Catalogue:
     # -- inside ---------------------------------------------------------------------------------------------------------------
 
     def _make(self, scene: SceneRecord | None, provenance: dict[str, Any]) -> None:
+        import datetime
+
         from branches.catalogue.provenance import versions
 
         if scene is None:

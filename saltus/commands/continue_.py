@@ -7,12 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import events_table, outputs, scene_arguments
+from saltus import catalogue_arguments, events_table, outputs, scene_arguments
 from saltus.arguments import energy_range, one_of, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
 
 if TYPE_CHECKING:
     from branches.branch import Branch
+    from branches.catalogue import Catalogue
     from saltus.scene import Scene
 
 __all__ = ["add_arguments", "run"]
@@ -56,6 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="axis of the picture: index (default), m 2 pi/T with m the half-waves of the NES, or fundamental, 2 pi/T",
     )
     outputs.add_arguments(parser)
+    parser.add_argument("--save", action="store_true", help="keep the family in a catalogue")
+    catalogue_arguments.add_file(parser, "with --save, the catalogue to keep it in (default: the scene's, in the user's data folder)")
     scene_arguments.add_arguments(parser)
 
 
@@ -65,24 +68,41 @@ def run(arguments: argparse.Namespace) -> int:
 
     from branches.labels import parse_name
 
-    parse_name(arguments.name)
+    if arguments.save or arguments.catalogue is None:
+        parse_name(arguments.name)
     scene = scene_arguments.from_arguments(arguments)
     if arguments.model:
         from saltus.model import explain
 
         for line in explain(scene.system, arguments.name):
             print(f"model  {line}", file=files.words, flush=True)
-    branch, code = _follow(arguments, scene, files)
+    place = catalogue_arguments.place_to_save(arguments, scene) if arguments.save else None
+    with catalogue_arguments.lookup(arguments, scene) as catalogue:
+        branch, code = _follow(arguments, scene, files, catalogue)
     if branch is None:
         return code
     if branch.others:
         print(f"cut    {branch.whole.words()}", file=files.words, flush=True)
     for line in _doubts(branch):
         print(line, file=files.words, flush=True)
-    return max(code, _write(branch, files, arguments.frequency))
+    code = max(code, _write(branch, files, arguments.frequency))
+    return code if place is None else max(code, _save(branch, place, scene, files))
 
 
-def _follow(arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs) -> tuple[Branch | None, int]:
+def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> int:
+    """Keep the branch in a catalogue; return the exit code."""
+    try:
+        known = catalogue_arguments.save(branch, place, scene)
+    except (ValueError, RuntimeError) as error:
+        say(f"{one_line(error)}; the family {branch.id} was not kept")
+        return FAILED
+    print(f"{'known' if known else 'saved'}  {branch.id} in {place}", file=files.words, flush=True)
+    return DONE
+
+
+def _follow(
+    arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs, catalogue: Catalogue | None
+) -> tuple[Branch | None, int]:
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
     from saltus.first_run import prepare
     from saltus.progress import ProgressBar
@@ -100,6 +120,7 @@ def _follow(arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs)
             branch = trace(
                 arguments.name,
                 scene=scene,
+                catalogue=catalogue,
                 energy=arguments.energy,
                 points=arguments.points,
                 direction=arguments.direction,

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import outputs, scene_arguments
+from saltus import catalogue_arguments, outputs, scene_arguments
 from saltus.arguments import positive
 from saltus.errors import BadInput
 from saltus.events_table import stability_word
@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--energy", metavar="H", type=positive, help="the orbit at this energy h")
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
     outputs.add_arguments(parser)
+    catalogue_arguments.add_file(parser, "take the family from this catalogue, as it was followed, in place of a search")
     scene_arguments.add_arguments(parser)
 
 
@@ -69,7 +70,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _family(arguments: argparse.Namespace, scene: Scene, energy: float | None) -> Branch:
-    """Trace the family over the scene's energies, and past them as far as the energy asked for."""
+    """The family as a catalogue has it; else traced over the scene's energies, and past them as far as the energy asked for."""
+    if arguments.catalogue is not None:
+        with catalogue_arguments.open_file(arguments.catalogue, scene) as catalogue:
+            match = catalogue.find(arguments.name)
+            if match.kind != "family":
+                raise BadInput(f"{arguments.name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
+            return catalogue.branch(match.id)
     from saltus.first_run import prepare
     from saltus.progress import ProgressBar
     from saltus.tracing import trace

@@ -24,21 +24,28 @@ def commands(page):
     return [line for language, text in blocks(page) if language == "sh" for line in text.splitlines()]
 
 
-SHORT = [(page.name, line) for page in PAGES for line in commands(page) if line.startswith("saltus ")]
+def programs():
+    """Return the blocks of commands that run as they stand: page and lines, which build on each other."""
+    found = [(page.name, text.splitlines()) for page in PAGES for language, text in blocks(page) if language == "sh"]
+    return [(page, lines) for page, lines in found if all(line.startswith("saltus ") for line in lines)]
+
+
 SETUP = [line for line in commands(ROOT / "README.md") if not line.startswith("saltus ")]
 
 
-@pytest.mark.parametrize(("page", "line"), SHORT, ids=[f"{page}: {line}" for page, line in SHORT])
-def test_a_command_runs(page, line, tmp_path, monkeypatch, capsys):
-    """Oracle: exit code 0, and the files that the command names."""
+@pytest.mark.parametrize(("page", "lines"), programs(), ids=[f"{page}: {lines[0]}" for page, lines in programs()])
+def test_the_commands_of_a_block_run(page, lines, tmp_path, monkeypatch, capsys):
+    """Oracle: exit code 0, and the files that the commands name."""
     monkeypatch.chdir(tmp_path)
-    words = shlex.split(line)[1:]
-    assert main(words) == 0
-    out, err = capsys.readouterr()
-    assert out and ("-" in words or not err)
-    for option, value in zip(words, words[1:], strict=False):
-        if option in ("--json", "--csv", "--plot") and value != "-":
-            assert (tmp_path / value).stat().st_size > 0
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    for line in lines:
+        words = shlex.split(line)[1:]
+        assert main(words) == 0
+        out, err = capsys.readouterr()
+        assert out and ("-" in words or not err)
+        for option, value in zip(words, words[1:], strict=False):
+            if option in ("--json", "--csv", "--plot", "--orbit", "--catalogue", "--out") and value != "-":
+                assert (tmp_path / value).stat().st_size > 0
 
 
 def test_the_two_commands_do_all_the_set_up_in_one_line(tmp_path, monkeypatch):

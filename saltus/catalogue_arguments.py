@@ -1,0 +1,140 @@
+"""The options that choose a catalogue, shared by the commands that read one."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from branches.files import reason
+from saltus import scene_arguments
+from saltus.errors import BadInput
+from saltus.files import check_writable
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.catalogue import Catalogue
+    from saltus.scene import Scene
+
+__all__ = [
+    "add_arguments",
+    "add_file",
+    "add_json",
+    "default_path",
+    "from_arguments",
+    "lookup",
+    "open_file",
+    "place_to_save",
+    "save",
+]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--catalogue`` and ``--scene``."""
+    parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
+    parser.add_argument("--scene", metavar="FILE", help="TOML file of the scene that the catalogue belongs to (default: lee2009)")
+
+
+def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:
+    """Add ``--catalogue`` alone, for a command that does not need one."""
+    parser.add_argument("--catalogue", metavar="FILE", help=meaning)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json``."""
+    parser.add_argument("--json", metavar="FILE", help="write all data as JSON; - is standard output, which then carries nothing else")
+
+
+def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:
+    """Where the catalogue of a scene is kept when no file is named: in the user's data folder.
+
+    Parameters
+    ----------
+    scene : str, optional
+        Path or bare name of the scene.
+    parameters : dict, optional
+        Values given in place of the scene's: their system has a catalogue of its own.
+
+    Examples
+    --------
+    >>> default_path("scenes/two-masses.toml", {"mu": 0.2}).name
+    'two-masses-mu0.2.sqlite'
+    """
+    from platformdirs import user_data_path
+
+    from saltus.scene import DEFAULT
+
+    stem = DEFAULT if scene is None else Path(scene).name.removesuffix(".toml")
+    changed = "".join(f"-{name}{value!r}" for name, value in sorted((parameters or {}).items()))
+    return user_data_path("saltus", appauthor=False) / f"{stem}{changed}.sqlite"
+
+
+def from_arguments(arguments: argparse.Namespace) -> Catalogue:
+    """Open the catalogue asked for, to read.
+
+    Raises
+    ------
+    BadInput
+        Where there is none.
+    CatalogueError
+        For a file that is none, or that belongs to another system than the scene that is named.
+    """
+    path = default_path(arguments.scene) if arguments.catalogue is None else Path(arguments.catalogue)
+    scene: Any = None
+    if arguments.scene is not None:
+        from saltus.scene import load_scene
+
+        scene = load_scene(arguments.scene)
+    if arguments.catalogue is None and not path.exists():
+        raise BadInput(f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus continue NAME --save")
+    return open_file(path, scene)
+
+
+def open_file(path: str | Path, scene: Scene | None = None) -> Catalogue:
+    """Open a catalogue to read, which has to belong to the system of a scene where one is given."""
+    from branches.catalogue import Catalogue
+
+    return Catalogue(path, scene=scene)
+
+
+def lookup(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
+    """The catalogue where a name is looked up: that which is given, unless it is given to save in."""
+    if arguments.catalogue is None or arguments.save:
+        return nullcontext()
+    return open_file(arguments.catalogue, scene)
+
+
+def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
+    """The catalogue to save in, after looking whether that can be done: before the work, not after it.
+
+    Raises
+    ------
+    BadInput, CatalogueError
+        For a place that cannot be written, a file that is no catalogue or belongs to another system, one that is in use.
+    """
+    if arguments.catalogue is not None:
+        place = Path(arguments.catalogue)
+    else:
+        place = default_path(arguments.scene, scene_arguments.parameters(arguments))
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"cannot make the directory {place.parent}: {reason(error)}") from error
+    check_writable(str(place))
+    if place.exists():
+        from branches.catalogue import Catalogue
+
+        Catalogue(place, "a", scene=scene).close()
+    return place
+
+
+def save(branch: Branch, place: Path, scene: Scene) -> bool:
+    """Keep a branch in a catalogue, which is made if there is none; whether it was known already."""
+    from branches.catalogue import Catalogue
+    from saltus import __version__
+
+    with Catalogue(place, "a", scene=scene, provenance={"saltus": __version__}) as catalogue:
+        known = branch.id in catalogue
+        catalogue.add(branch)
+    return known

@@ -1,0 +1,99 @@
+"""Families, events and edges of a catalogue as plain data for JSON, and as short words."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from branches.catalogue import Catalogue, Edge, FamilyRow, Node
+    from branches.events import BranchEvent
+
+__all__ = ["SCHEMA", "edge_record", "event_record", "family_record", "impacts_text", "json_text", "node_record", "range_text"]
+
+SCHEMA = 1
+
+
+def family_record(row: FamilyRow) -> dict[str, Any]:
+    """A family without its points."""
+    return {
+        "id": row.id,
+        "label": row.label,
+        "ends": row.ends,
+        "word": row.word,
+        "impacts": row.impacts,
+        "h": list(row.h),
+        "alpha": list(row.alpha),
+        "points": row.points,
+        "events": row.events,
+        "stable_fraction": row.stable_fraction,
+        "labels": [_interval("label", part.label, part) for part in row.labels],
+        "stability": [_interval("stable", None if part.stable < 0 else bool(part.stable), part) for part in row.stability],
+        "ended": [{"reason": reason, "text": text} for reason, text in row.ended],
+    }
+
+
+def _interval(name: str, value: Any, part: Any) -> dict[str, Any]:
+    return {name: value, "arclength": list(part.arclength), "h": list(part.h), "alpha": list(part.alpha)}
+
+
+def event_record(event: BranchEvent) -> dict[str, Any]:
+    """An event with the fields that a branch's file has."""
+    record = event._asdict()
+    return {**record, "bracket": [_finite(value) for value in event.bracket], "residual": _finite(event.residual)}
+
+
+def edge_record(edge: Edge) -> dict[str, Any]:
+    """An edge without its orbits."""
+    names = ("source", "source_event", "type", "kind", "target", "target_event", "h", "alpha", "stop", "note")
+    return {name: getattr(edge, name) for name in names}
+
+
+def node_record(catalogue: Catalogue, id: str) -> dict[str, Any]:
+    """A node of the graph in a few words: a family by its label and energies, another node by what it is."""
+    if id in catalogue:
+        row = catalogue.family(id)
+        return {"id": id, "kind": "family", "label": row.label, "h": list(row.h)}
+    node: Node | None = next((node for node in catalogue.nodes if node.id == id), None)
+    if node is None:
+        return {"id": id, "kind": "missing", "label": "", "h": None}
+    record = {"id": id, "kind": node.kind, "label": node.label, "h": None if node.h is None else list(node.h)}
+    return {**record, "note": node.note} if node.note else record
+
+
+def json_text(record: dict[str, Any]) -> str:
+    """JSON with one line for each entry of a list, so that files can be compared by line."""
+    lines = []
+    for key, value in record.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            entries = ",\n    ".join(json.dumps(entry, allow_nan=False, ensure_ascii=False) for entry in value)
+            lines.append(f"  {json.dumps(key)}: [\n    {entries}\n  ]")
+        else:
+            lines.append(f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def range_text(ends: tuple[float, float]) -> str:
+    """A range of numbers as ``0.1185:14.55``.
+
+    Examples
+    --------
+    >>> range_text((0.118507810594, 14.5537010891)), range_text((1.0, 1.0))
+    ('0.11851:14.554', '1:1')
+    """
+    return f"{ends[0]:.5g}:{ends[1]:.5g}"
+
+
+def impacts_text(impacts: float) -> str:
+    """Impacts in half a period, which are half a number where a period has an odd one.
+
+    Examples
+    --------
+    >>> impacts_text(1.0), impacts_text(2.5)
+    ('1 impact in half a period', '2.5 impacts in half a period')
+    """
+    return f"{impacts:g} impact{'' if impacts == 1 else 's'} in half a period"
+
+
+def _finite(value: float) -> float | None:
+    return value if value == value and abs(value) != float("inf") else None

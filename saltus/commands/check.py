@@ -1,0 +1,45 @@
+"""`saltus check FILE`: whether a catalogue is what it says; nothing is repaired."""
+
+from __future__ import annotations
+
+import argparse
+
+from saltus import catalogue_arguments
+from saltus.errors import DONE, FAILED
+from saltus.files import STANDARD_OUTPUT, check_writable, write_data
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("file", metavar="FILE", help="the catalogue")
+    catalogue_arguments.add_json(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code: 1 where something fails."""
+    if arguments.json is not None:
+        check_writable(arguments.json)
+
+    from branches.catalogue import Catalogue
+    from saltus.catalogue_records import SCHEMA, json_text
+    from saltus.first_run import prepare
+    from saltus.progress import ProgressBar
+
+    with Catalogue(arguments.file) as catalogue:
+        prepare()
+
+        from branches.catalogue.check import check
+
+        with ProgressBar(len(catalogue), "families") as bar:
+            counts, failures = check(catalogue, bar.update)
+    if arguments.json != STANDARD_OUTPUT:
+        for failure in failures:
+            print(f"FAILS  {failure.where}: {failure.text}")
+        looked = ", ".join(f"{count} {name}" for name, count in counts.items())
+        print(f"{looked} looked at: " + (f"{len(failures)} failures" if failures else "all hold"))
+    if arguments.json is not None:
+        record = {"schema": SCHEMA, "counts": counts, "failures": [failure._asdict() for failure in failures]}
+        write_data(arguments.json, json_text(record))
+    return FAILED if failures else DONE

@@ -1,0 +1,82 @@
+"""`saltus path A B`: the shortest chain of bifurcations between two families of a catalogue."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from saltus import catalogue_arguments
+from saltus.errors import DONE, FAILED, say
+from saltus.files import STANDARD_OUTPUT, check_writable, write_data
+
+if TYPE_CHECKING:
+    from branches.catalogue import Catalogue
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    for name, place in (("first", "A"), ("last", "B")):
+        parser.add_argument(name, metavar=place, help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
+    catalogue_arguments.add_json(parser)
+    catalogue_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code: 1 where no chain exists."""
+    from saltus.catalogue_records import SCHEMA, json_text
+
+    if arguments.json is not None:
+        check_writable(arguments.json)
+    with catalogue_arguments.from_arguments(arguments) as catalogue:
+        first, last = catalogue.find(arguments.first).id, catalogue.find(arguments.last).id
+        chain = _chain(catalogue, first, last)
+    if arguments.json != STANDARD_OUTPUT and chain is not None:
+        for line in _lines(*chain):
+            print(line)
+    if arguments.json is not None:
+        nodes, edges = chain or (None, None)
+        write_data(arguments.json, json_text({"schema": SCHEMA, "from": first, "to": last, "nodes": nodes, "edges": edges}))
+        if arguments.json != STANDARD_OUTPUT:
+            print(f"wrote  {arguments.json}")
+    if chain is None:
+        say(f"no chain of events joins {arguments.first} and {arguments.last} in this catalogue")
+        return FAILED
+    return DONE
+
+
+def _chain(catalogue: Catalogue, first: str, last: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]] | None:
+    """The nodes and edges of the shortest chain; of several equally short ones the first in the order of ids and energies."""
+    import networkx
+
+    from saltus.catalogue_records import edge_record, node_record
+
+    between: dict[frozenset[str], Any] = {}
+    graph = networkx.Graph()
+    graph.add_nodes_from((first, last))
+    for edge in catalogue.edges():
+        graph.add_edge(edge.source, edge.target)
+        between.setdefault(frozenset((edge.source, edge.target or "")), edge)
+    try:
+        found = networkx.shortest_path(graph, first, last)
+    except networkx.NetworkXNoPath:
+        return None
+    edges = [edge_record(between[frozenset(pair)]) for pair in zip(found, found[1:], strict=False)]
+    return [node_record(catalogue, id) for id in found], edges
+
+
+def _lines(nodes: list[dict[str, Any]], edges: list[dict[str, Any]]) -> list[str]:
+    out = []
+    for k, node in enumerate(nodes):
+        extent = "" if node["h"] is None else f"  h {node['h'][0]:.6g}:{node['h'][1]:.6g}"
+        out.append(f"{node['label'] or node['kind']}{extent}  {node['id']}")
+        if k < len(edges):
+            edge = edges[k]
+            here, there = edge["source_event"], edge["target_event"]
+            if edge["source"] != node["id"]:
+                here, there = there, here
+            way = " to ".join(event for event in (here, there) if event) or edge["type"]
+            out.append(f"  {way}: {edge['kind']} at h = {edge['h']:.10g}, alpha = {edge['alpha']:.10g}")
+    out.append(f"{len(edges)} events")
+    return out

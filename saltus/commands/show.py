@@ -1,0 +1,143 @@
+"""`saltus show NAME`: one family of a catalogue, with its labels, events, neighbours and stability."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Any
+
+from saltus import catalogue_arguments
+from saltus.errors import DONE, BadInput
+from saltus.files import STANDARD_OUTPUT, check_picture, check_writable, replacing, write_data
+
+if TYPE_CHECKING:
+    from branches.catalogue import Catalogue, Edge, FamilyRow
+    from branches.catalogue.find import Match
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
+    parser.add_argument("--orbit", metavar="FILE", help="draw the orbit that the name's suffix selects: FILE.png, FILE.pdf or FILE.svg")
+    catalogue_arguments.add_json(parser)
+    catalogue_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code."""
+    if arguments.json is not None:
+        check_writable(arguments.json)
+    if arguments.orbit is not None:
+        check_picture(arguments.orbit)
+    words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
+    with catalogue_arguments.from_arguments(arguments) as catalogue:
+        match = catalogue.find(arguments.name)
+        record = _record(catalogue, match)
+        if arguments.json != STANDARD_OUTPUT:
+            for line in _lines(catalogue, match, record):
+                print(line)
+        if arguments.json is not None:
+            from saltus.catalogue_records import json_text
+
+            write_data(arguments.json, json_text(record))
+            if arguments.json != STANDARD_OUTPUT:
+                print(f"wrote  {arguments.json}")
+        if arguments.orbit is not None:
+            _draw(catalogue, match, arguments.orbit)
+            print(f"wrote  {arguments.orbit}", file=words)
+    return DONE
+
+
+def _record(catalogue: Catalogue, match: Match) -> dict[str, Any]:
+    """All that there is to say, as plain data."""
+    from saltus.catalogue_records import SCHEMA, event_record, family_record, node_record
+
+    neighbours = [_neighbour(catalogue, edge, match.id) for edge in catalogue.edges(match.id)]
+    if match.kind != "family":
+        return {"schema": SCHEMA, "node": node_record(catalogue, match.id), "neighbours": neighbours}
+    row = catalogue.family(match.id)
+    events = [event_record(event) for event in catalogue.events(row.id)]
+    return {"schema": SCHEMA, "family": family_record(row), "model": _model(catalogue, row), "events": events, "neighbours": neighbours}
+
+
+def _model(catalogue: Catalogue, row: FamilyRow) -> list[str]:
+    from saltus.model import explain
+
+    return explain(catalogue.system, row.id)
+
+
+def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
+    """An edge as it is seen from one of its ends."""
+    from saltus.catalogue_records import edge_record, node_record
+
+    out = edge.source == id
+    other = (edge.target if out else edge.source) or ""
+    event = edge.source_event if out else edge.target_event
+    return {"event": event, "direction": "out" if out else "in", "to": node_record(catalogue, other), "edge": edge_record(edge)}
+
+
+def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[str]:
+    """The same in words."""
+    from saltus.catalogue_records import impacts_text, range_text
+    from saltus.events_table import HEADER, event_line, stability_word
+    from saltus.listing import listing, width_of
+
+    width = width_of(sys.stdout)
+    if match.kind != "family":
+        node = record["node"]
+        lines = [f"{node['kind']}  {node['id']}"]
+        if node["h"] is not None:
+            lines.append(f"energy   h = {node['h'][0]:.10g} to {node['h'][1]:.10g}, where it grazes a stop")
+        return lines + _neighbours(record["neighbours"], width)
+    row = catalogue.family(match.id)
+    lines = [
+        f"family   {row.id}",
+        f"label    {row.label or '(outside the grammar of labels)'}",
+        f"ends     {row.ends}  word {row.word or '(none)'}  {impacts_text(row.impacts)}",
+        f"energy   h = {row.h[0]:.12g} to {row.h[1]:.12g}",
+        f"quarter  alpha = {row.alpha[0]:.12g} to {row.alpha[1]:.12g}",
+        f"points   {row.points}, stable over {100.0 * row.stable_fraction:.1f}% of the arclength",
+        *(f"ended    at the {place} point: {text}" for place, (_, text) in zip(("first", "last"), row.ended, strict=True)),
+        *(f"model    {text}" for text in record["model"]),
+        "",
+    ]
+    cells = [("label", p.label or "-", *map(range_text, p[1:])) for p in row.labels]
+    cells += [("stable", stability_word(p.stable), *map(range_text, p[1:])) for p in row.stability]
+    lines += listing(("along it", "", "arclength", "energy h", "quarter alpha"), cells, width=width)
+    if row.events:
+        lines += ["", *(line[:width] for line in [HEADER, *map(event_line, catalogue.events(row.id))])]
+    return lines + _neighbours(record["neighbours"], width)
+
+
+def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str]:
+    from saltus.listing import listing
+
+    if not neighbours:
+        return ["", "neighbours  none known"]
+    rows = []
+    for item in neighbours:
+        edge, node = item["edge"], item["to"]
+        text = node.get("note") or edge["note"] or ""
+        rows.append(
+            (item["event"] or "-", edge["kind"], f"{edge['h']:.8g}", item["direction"], node["label"] or node["kind"],
+             "" if node["kind"] == "dead end" else node["id"], text)
+        )  # fmt: skip
+    return ["", *listing(("event", "meeting", "energy h", "edge", "neighbour", "id", "remark"), rows, width=width)]
+
+
+def _draw(catalogue: Catalogue, match: Match, path: str) -> None:
+    """Draw the orbit that a name selects; that which the family was started from where it selects none."""
+    if match.kind != "family":
+        raise BadInput(f"{match.id} is a {match.kind}, which has no orbit with impacts to draw")
+    from branches.diagram import draw_orbit
+
+    branch = catalogue.branch(match.id)
+    orbit = branch.orbit(branch.start)
+    if match.h is not None:
+        alpha = match.alpha or orbit.alpha
+        found = branch.orbits_at(energy=match.h)
+        orbit = min(found, key=lambda item: abs(item.alpha - alpha)) if found else orbit
+    with replacing(path) as beside:
+        draw_orbit(orbit, beside)

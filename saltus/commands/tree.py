@@ -1,0 +1,138 @@
+"""`saltus tree NAME`: the graph of a catalogue as text, from one family on."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import deque
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from saltus import catalogue_arguments
+from saltus.arguments import whole_above_zero
+from saltus.errors import DONE
+from saltus.files import STANDARD_OUTPUT, check_writable, write_data
+
+if TYPE_CHECKING:
+    from branches.catalogue import Catalogue, Edge
+
+__all__ = ["add_arguments", "run"]
+
+DEPTH = 3
+
+
+class Way(NamedTuple):
+    """An edge as it is met from one of its ends: the event there, the node at the other end, and the edge."""
+
+    event: str
+    to: str
+    edge: Edge
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
+    parser.add_argument("--depth", metavar="N", type=whole_above_zero, default=DEPTH, help=f"events away from NAME (default: {DEPTH})")
+    catalogue_arguments.add_json(parser)
+    catalogue_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code."""
+    from saltus.catalogue_records import SCHEMA, json_text
+    from saltus.listing import width_of
+
+    if arguments.json is not None:
+        check_writable(arguments.json)
+    with catalogue_arguments.from_arguments(arguments) as catalogue:
+        root = catalogue.find(arguments.name).id
+        tree = _Tree(catalogue, root, arguments.depth)
+    if arguments.json != STANDARD_OUTPUT:
+        width = width_of(sys.stdout)
+        for line in tree.lines():
+            print(line if width is None or len(line) <= width else line[: width - 1] + "…")
+    if arguments.json is not None:
+        write_data(arguments.json, json_text({"schema": SCHEMA, "depth": arguments.depth, "tree": tree.record(root)}))
+        if arguments.json != STANDARD_OUTPUT:
+            print(f"wrote  {arguments.json}")
+    return DONE
+
+
+class _Tree:
+    """Every node hangs where it is reached with the fewest events; there it is opened, elsewhere it is only named."""
+
+    def __init__(self, catalogue: Catalogue, root: str, depth: int) -> None:
+        self.root = root
+        self.words: dict[str, str] = {}
+        for row in catalogue.families():
+            self.words[row.id] = f"{row.label or row.id}  h {row.h[0]:.5g}:{row.h[1]:.5g}" + (f"  {row.id}" if row.label else "")
+        for other in catalogue.nodes:
+            h = "" if other.h is None else f"  h {other.h[0]:.5g}:{other.h[1]:.5g}"
+            self.words[other.id] = f"dead end: {other.note}" if other.kind == "dead end" else f"{other.id} ({other.kind}){h}"
+        self.ways: dict[str, list[Way]] = {}
+        for edge in catalogue.edges():
+            target = edge.target or ""
+            self.ways.setdefault(edge.source, []).append(Way(edge.source_event or edge.type, target, edge))
+            if target != edge.source:
+                self.ways.setdefault(target, []).append(Way(edge.target_event or edge.type, edge.source, edge))
+        for ways in self.ways.values():
+            ways.sort(key=lambda way: (way.edge.h, way.event, way.to))
+        self.parent: dict[str, Way | None] = {root: None}
+        self.depth = {root: 0}
+        queue = deque([root])
+        while queue:
+            node = queue.popleft()
+            for way in self.ways.get(node, []) if self.depth[node] < depth else ():
+                if way.to not in self.depth:
+                    self.depth[way.to] = self.depth[node] + 1
+                    self.parent[way.to] = way
+                    queue.append(way.to)
+        self.limit = depth
+
+    def _shown(self, node: str) -> list[tuple[Way, bool]]:
+        """The ways that leave a node, but for the one that led to it, and whether the other node opens there."""
+        came = self.parent[node]
+        shown = []
+        for way in self.ways.get(node, []):
+            if came is not None and (way.edge is came.edge or _tells_the_same(way.edge, came.edge)):
+                continue
+            shown.append((way, self.parent.get(way.to) is way))
+        return shown
+
+    def lines(self) -> list[str]:
+        """The tree with its branches drawn."""
+        out = [self.words.get(self.root, self.root)]
+
+        def hang(node: str, lead: str) -> None:
+            ways = self._shown(node)
+            if self.depth[node] >= self.limit:
+                if ways:
+                    out.append(f"{lead}└─ {len(ways)} more events")
+                return
+            for k, (way, opens) in enumerate(ways):
+                last = k == len(ways) - 1
+                words = self.words.get(way.to, f"{way.to} (missing)")
+                again = "" if opens or words.startswith("dead end") else "  (elsewhere in this tree)"
+                out.append(f"{lead}{'└─' if last else '├─'} {way.event} {way.edge.kind} at h {way.edge.h:.6g}: {words}{again}")
+                if opens:
+                    hang(way.to, lead + ("   " if last else "│  "))
+
+        hang(self.root, "")
+        return out
+
+    def record(self, node: str) -> dict[str, Any]:
+        """The same as nested data."""
+        from saltus.catalogue_records import edge_record
+
+        ways = self._shown(node) if self.depth[node] < self.limit else []
+        return {
+            "id": node,
+            "events": [
+                {"event": way.event, "edge": edge_record(way.edge), **({"opens": self.record(way.to)} if opens else {"to": way.to})}
+                for way, opens in ways
+            ],
+        }
+
+
+def _tells_the_same(one: Edge, other: Edge) -> bool:
+    """Whether two edges are one meeting of two families, told by each of them."""
+    return (one.source, one.target, one.kind) == (other.target, other.source, other.kind) and abs(one.h / other.h - 1.0) < 1e-6

@@ -1,0 +1,144 @@
+"""Names in a catalogue: the grammar of names, ids and their beginnings, suffixes, pins, and what is said where nothing fits."""
+
+import pytest
+
+import saltus
+from branches.catalogue import Node
+from branches.labels import LabelSyntaxError
+from branches.name_errors import AmbiguousName, NameNotFound
+from tests.branches.catalogue.families import real, renamed, scene
+
+
+@pytest.fixture(scope="module")
+def catalogue(tmp_path_factory):
+    path = tmp_path_factory.mktemp("find") / "real.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as filled:
+        for branch in real():
+            filled.add(branch)
+        filled.add_node(Node("L11+", "linear mode", "L11+", (0.0, 0.1185), 1.84))
+    with saltus.Catalogue(path) as opened:
+        yield opened
+
+
+BACKBONE, OUT_OF_PHASE, TWISTED, BORN = range(4)
+
+NAMES = {
+    "S13O00+": BACKBONE,
+    "S13+": BACKBONE,
+    "S13O": BACKBONE,
+    "S13O00+@h=1": BACKBONE,
+    "S11-": OUT_OF_PHASE,
+    "S73O33-": TWISTED,
+    "S77O33-": TWISTED,
+    "S73O33-@h=7.3348,alpha=1.6459": TWISTED,
+    "S53O33+@h=15": TWISTED,
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_is_its_family(catalogue, name):
+    """Oracle: the family that was traced under the name; a suffix gives an orbit with its energy and, nearly, its quarter period."""
+    match = catalogue.find(name)
+    branch = real()[NAMES[name]]
+    assert (match.id, match.kind) == (branch.id, "family")
+    if "@h=" in name:
+        h = float(name.partition("@h=")[2].split(",")[0])
+        assert match.h == pytest.approx(h, rel=1e-12)
+        exact = min((orbit.alpha for orbit in branch.orbits_at(energy=h)), key=lambda alpha: abs(alpha - match.alpha))
+        assert match.alpha == pytest.approx(exact, rel=1e-4)
+
+
+def test_either_start_of_an_unsymmetric_orbit_is_its_name(catalogue):
+    """Oracle: Umnpq and Umnqp are one orbit."""
+    labels = {label for label in real()[BORN].points["label"] if label}
+    swapped = {label.replace("01", "x").replace("10", "01").replace("x", "10") for label in labels}
+    for label in labels | swapped:
+        assert catalogue.find(label).id == real()[BORN].id
+
+
+def test_an_id_and_its_beginning(catalogue):
+    """Oracle: the ids; one letter more or less of the hash."""
+    for branch in real():
+        digest = branch.id.rpartition(":")[2]
+        for name in (branch.id, branch.id[:-2], digest, digest[:5]):
+            assert catalogue.find(name).id == branch.id
+    with pytest.raises(AmbiguousName, match="2 families have an id that begins with 'origin-stop\\+::'"):
+        catalogue.find("origin-stop+::")
+    with pytest.raises(NameNotFound, match="nearest: origin-stop"):
+        catalogue.find("origin-stop+:-+-:ffffffff")
+    with pytest.raises(NameNotFound, match="no orbit at h = 500"):
+        catalogue.find(real()[BACKBONE].id + "@h=500")
+    assert catalogue.find(real()[BACKBONE].id + "@h=1").h == 1.0
+
+
+def test_a_linear_mode(catalogue):
+    """Oracle: the node; L33+ is the same motion."""
+    assert catalogue.find("L11+") == catalogue.find("L33+") == ("L11+", "linear mode", 0.1185, 1.84)
+    with pytest.raises(NameNotFound, match=r"no linear mode L11-; it has L11\+"):
+        catalogue.find("L11-")
+
+
+MISSING = {
+    "S39O11+": "S39O11\\+ is 3 turns of S13O00\\+",
+    "U8353": "no family U8353; nearest that exist: ",
+    "S79O33-": "nearest that exist: .*S77O33-",
+    "S13+@h=20": r"no orbit S13O00\+ at h = 20 .* h = 0\.118508 to 14\.5537",
+    "S77O33-@h=15": "no orbit S77O33- at h = 15",
+    "S73O33-@h=7.3348,alpha=4.8": "no orbit S73O33- at h = 7.3348, alpha = 4.8",
+}
+
+
+@pytest.mark.parametrize("name", MISSING)
+def test_what_does_not_exist_is_said(catalogue, name):
+    """Oracle: the words, in one line, with what exists instead."""
+    with pytest.raises(NameNotFound, match=MISSING[name]) as caught:
+        catalogue.find(name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_that_is_none(catalogue):
+    """Oracle: the place in the text."""
+    with pytest.raises(LabelSyntaxError, match="character 3"):
+        catalogue.find("S1x")
+    with pytest.raises(LabelSyntaxError, match="character 2"):
+        catalogue.families(label="Ux")
+
+
+@pytest.fixture(scope="module")
+def twins(tmp_path_factory):
+    """Two families with one label: S73O33- twice, one with every quarter period doubled."""
+    import dataclasses
+
+    twisted = real()[TWISTED]
+    points = {name: values.copy() for name, values in twisted.points.items()}
+    points["alpha"] *= 2.0
+    other = dataclasses.replace(renamed(twisted, 1), points=points)
+    with saltus.Catalogue(tmp_path_factory.mktemp("twins") / "twins.sqlite", "a", scene=scene()) as filled:
+        filled.add(twisted)
+        filled.add(other)
+        yield filled, twisted, other
+
+
+def test_a_suffix_chooses_among_several(twins):
+    """Oracle: the family with the quarter period; the names that the message lists all select what they stand for."""
+    catalogue, twisted, other = twins
+    with pytest.raises(AmbiguousName) as caught:
+        catalogue.find("S77O33-")
+    listed = str(caught.value).partition("expected one of ")[2].split()
+    assert {catalogue.find(name).id for name in listed} == {twisted.id, other.id}
+    assert catalogue.find("S73O33-@h=5,alpha=1.646").id == twisted.id
+    assert catalogue.find("S73O33-@h=5,alpha=3.292").id == other.id
+    assert catalogue.find("S73O33-@alpha=3.2919").id == other.id
+    with pytest.raises(AmbiguousName, match="2 families"):
+        catalogue.find("S73O33-@h=5")
+
+
+def test_a_pin_chooses_for_a_bare_name_only(twins):
+    """Oracle: the scene pins S73O33- to alpha = 1.6459; other pins choose the other family; other names are not helped."""
+    catalogue, twisted, other = twins
+    assert catalogue.find("S73O33-").id == twisted.id
+    assert catalogue.find("S73O33-", pins={"S73O33-": {"h": 7.3348, "alpha": 3.2918}}).id == other.id
+    with pytest.raises(AmbiguousName):
+        catalogue.find("S73O33-", pins={})
+    with pytest.raises(AmbiguousName):
+        catalogue.find("S73O33-", pins={"S73O33-": {"h": 7.3348, "alpha": 9.0}})

@@ -1,0 +1,309 @@
+"""The commands that read and write a catalogue: list, show, tree, path, check, continue --save, orbit --catalogue."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import saltus
+from branches.catalogue import Catalogue, Edge, EventOrbit, Node
+from branches.catalogue.closures import event_orbit, orbit_of_event, switch_edge
+from bvp.multipoint import MultipointProblem
+from saltus.__main__ import main
+from saltus.catalogue_arguments import default_path
+from saltus.listing import listing
+from tests.branches.catalogue.families import real, scene
+
+ROOT = Path(__file__).parents[2]
+
+
+def linear_mode(h):
+    """The quarter period of L11+ at an energy, as an orbit from origin to rest without impacts; by the mode's own frequency."""
+    system = scene().system
+    problem = MultipointProblem(system, ("origin", "rest"), ())
+    frequency = system.modes.frequencies[0]
+    start = np.zeros(4)
+    start[2] = np.sqrt(2.0 * h)
+    y = problem.pack(start, np.empty((0, 4)), [0.5 * np.pi / frequency])
+    return event_orbit(problem, problem.solve(y, energy=h).y)
+
+
+@pytest.fixture(scope="module")
+def catalogue(tmp_path_factory):
+    """Four families, the symmetry breaking, a linear mode with its grazing, and a dead end."""
+    path = tmp_path_factory.mktemp("catalogue") / "real.sqlite"
+    backbone, _, _, born = real()
+    at = {event.id: event for event in backbone.events}
+    with Catalogue(path, "a", scene=scene()) as filled:
+        for branch in real():
+            filled.add(branch)
+        filled.connect(switch_edge(backbone, at["SB1"], born))
+        graze = at["GR1"]
+        filled.add_node(Node("L11+", "linear mode", "L11+", (0.0, graze.h), graze.alpha))
+        filled.connect(
+            Edge("L11+", "", "GR", "linear mode", backbone.id, graze.h, graze.alpha, "GR1", graze.stop, None,
+                 linear_mode(graze.h), orbit_of_event(backbone, graze))
+        )  # fmt: skip
+        end = at["GR2"]
+        filled.connect(
+            Edge(backbone.id, "GR2", "GR", "dead end", None, end.h, end.alpha, "", end.stop, "no admissible neighbour",
+                 orbit_of_event(backbone, end))
+        )  # fmt: skip
+    return path
+
+
+def run(capsys, *words):
+    """Exit code, standard output, standard error."""
+    code = main([str(word) for word in words])
+    return (code, *capsys.readouterr())
+
+
+def test_list_tells_the_families(catalogue, capsys):
+    """Oracle: the branches."""
+    code, out, err = run(capsys, "list", "--catalogue", catalogue)
+    assert code == 0 and not err and out.splitlines()[-1] == "4 of 4 families"
+    for branch in real():
+        (line,) = [line for line in out.splitlines() if branch.id in line]
+        assert line.split()[0] == branch.label and f" {len(branch)} " in line
+
+
+@pytest.mark.parametrize(
+    ("words", "kept"),
+    [
+        (["--label", "U*"], [3]),
+        (["--label", "S13+"], [0]),
+        (["--energy", "0.5"], [0, 1, 3]),
+        (["--energy", "1", "--stable", "--label", "S*"], [0, 1, 2]),
+        (["--energy", "0.3", "--stable", "--label", "S13*"], []),
+        (["--ends", "origin-stop"], [0, 1, 2]),
+        (["--impacts", "2:7"], [2]),
+    ],
+)
+def test_list_filters(catalogue, capsys, words, kept):
+    """Oracle: the families by hand; S13O00+ is stable only above its symmetry breaking at h = 0.4556."""
+    code, out, _ = run(capsys, "list", "--catalogue", catalogue, "--json", "-", *words)
+    record = json.loads(out)
+    assert code == 0 and record["schema"] == 1
+    assert {family["id"] for family in record["families"]} == {real()[k].id for k in kept}
+
+
+def test_list_as_json_holds_the_intervals(catalogue, capsys):
+    """Oracle: the branch; the file's words go to standard output, and nothing else with a hyphen."""
+    record = json.loads(run(capsys, "list", "--catalogue", catalogue, "--json", "-", "--label", "S77O33-")[1])
+    (family,) = record["families"]
+    assert [part["label"] for part in family["labels"]] == [alias["label"] for alias in real()[2].aliases]
+    assert record["filters"] == {"label": "S77O33-"}
+
+
+def test_show_tells_all_of_a_family(catalogue, capsys, tmp_path):
+    """Oracle: the branch's events and ends, the neighbours that were connected."""
+    branch = real()[0]
+    picture, file = tmp_path / "orbit.png", tmp_path / "show.json"
+    code, out, err = run(capsys, "show", "S13+@h=1", "--catalogue", catalogue, "--orbit", picture, "--json", file)
+    assert code == 0 and not err
+    for words in (branch.id, "S13O00+", "origin-stop+", "quarter-period problem", "0.45558546", "no admissible neighbour", "L11+"):
+        assert words in out
+    assert out.count("GR") >= 4 and branch.ended[0].text in out
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    record = json.loads(file.read_text())
+    assert [event["id"] for event in record["events"]] == [event.id for event in branch.events]
+    assert {(item["event"], item["to"]["kind"]) for item in record["neighbours"]} == {
+        ("SB1", "family"), ("GR1", "linear mode"), ("GR2", "dead end")
+    }  # fmt: skip
+    assert record["family"]["h"] == [branch.points["h"].min(), branch.points["h"].max()]
+
+
+def test_show_a_linear_mode(catalogue, capsys):
+    """Oracle: the node."""
+    code, out, _ = run(capsys, "show", "L11+", "--catalogue", catalogue)
+    assert code == 0 and "linear mode  L11+" in out and "0.1185078106" in out and real()[0].id in out
+    code, _, err = run(capsys, "show", "L11+", "--catalogue", catalogue, "--orbit", "mode.png")
+    assert code == 2 and "linear mode" in err and not Path("mode.png").exists()
+
+
+def test_tree_ends(catalogue, capsys):
+    """Oracle: each node is opened once; from the born family the way leads over the backbone to the mode and the dead end."""
+    code, out, _ = run(capsys, "tree", "U1101+", "--catalogue", catalogue)
+    assert code == 0
+    lines = out.splitlines()
+    assert real()[3].id in lines[0] and real()[0].id in lines[1] and len(lines) == 4
+    assert "dead end: no admissible neighbour" in out and "L11+ (linear mode)" in out
+    code, out, _ = run(capsys, "tree", "U1101+", "--catalogue", catalogue, "--depth", "1")
+    assert "2 more events" in out and len(out.splitlines()) == 3
+    record = json.loads(run(capsys, "tree", "L11+", "--catalogue", catalogue, "--json", "-")[1])
+    (way,) = record["tree"]["events"]
+    assert way["opens"]["id"] == real()[0].id and len(way["opens"]["events"]) == 2
+
+
+def test_a_tree_with_a_ring_ends(tmp_path, capsys):
+    """Oracle: three families in a ring, each told by both sides: every node is opened once, and named where it is met again."""
+    from tests.branches.catalogue.families import renamed
+
+    ring = [renamed(real()[0], k) for k in range(3)]
+    with Catalogue(tmp_path / "ring.sqlite", "a", scene=scene()) as filled:
+        ids = [filled.add(branch) for branch in ring]
+        for k in range(3):
+            one, other = ids[k], ids[(k + 1) % 3]
+            filled.connect(Edge(one, "GR1", "GR", "fold", other, 1.0 + k, 1.7, "GR2"))
+            filled.connect(Edge(other, "GR2", "GR", "fold", one, 1.0 + k, 1.7, "GR1"))
+    code, out, _ = run(capsys, "tree", ids[0], "--catalogue", tmp_path / "ring.sqlite", "--depth", "9")
+    assert code == 0 and len(out.splitlines()) < 12
+    for id in ids[1:]:
+        assert sum(id in line and "elsewhere" not in line for line in out.splitlines()) == 1
+
+
+def test_path_is_the_shortest(catalogue, capsys):
+    """Oracle: born family, backbone, mode; the events on the way."""
+    code, out, _ = run(capsys, "path", "U1101+", "L11+", "--catalogue", catalogue)
+    assert code == 0 and out.splitlines()[-1] == "2 events"
+    assert "SB1: switch at h = 0.455585465" in out and "GR1" in out
+    record = json.loads(run(capsys, "path", "L11+", "U1101+", "--catalogue", catalogue, "--json", "-")[1])
+    assert [node["id"] for node in record["nodes"]] == ["L11+", real()[0].id, real()[3].id] and len(record["edges"]) == 2
+    code, out, err = run(capsys, "path", "S11-", "S13+", "--catalogue", catalogue)
+    assert code == 1 and "no chain of events joins S11- and S13+" in err
+    assert run(capsys, "path", "S13+", "S13+", "--catalogue", catalogue)[1].splitlines()[-1] == "0 events"
+
+
+def test_check_says_that_all_holds(catalogue, capsys):
+    """Oracle: the counts; the grazing of the linear mode closes, too."""
+    code, out, err = run(capsys, "check", catalogue)
+    assert code == 0 and not err, out
+    points = sum(map(len, real()))
+    assert out.startswith(f"4 families, {points} points, ") and "3 edges looked at: all hold" in out
+
+
+def test_check_tells_what_fails(catalogue, capsys, tmp_path):
+    """Oracle: an edge whose target is no family of the catalogue, and an orbit of a mode at another energy."""
+    path = tmp_path / "wrong.sqlite"
+    path.write_bytes(catalogue.read_bytes())
+    before = real()[0]
+    with Catalogue(path, "a") as filled:
+        orbit = EventOrbit(("origin", "rest"), "", linear_mode(0.2).start, linear_mode(0.2).flight_times)
+        filled.connect(Edge("L11+", "", "GR", "fold", before.id, 0.1, 1.84, "GR1", source_orbit=orbit, target_orbit=None))
+    code, out, _ = run(capsys, "check", path, "--json", tmp_path / "check.json")
+    assert code == 1 and "h = 0.2" in out and out.splitlines()[-1].endswith("failures")
+    assert len(json.loads((tmp_path / "check.json").read_text())["failures"]) == out.count("FAILS")
+
+
+BAD = [
+    (["show", "S99O00+"], "nearest that exist"),
+    (["show", "Q"], "character 1"),
+    (["tree", "U8353-"], "nearest that exist"),
+    (["path", "S13+", "U8353-"], "nearest that exist"),
+    (["list", "--ends", "rest-rest"], "expected one of origin-origin"),
+    (["list", "--label", "Ux"], "character 2"),
+    (["list", "--impacts", "5:1"], "0 <= LO <= HI"),
+    (["list", "--energy", "-1"], "above 0"),
+    (["list", "--json", "no/such/place.json"], "does not exist"),
+    (["tree", "S13+", "--depth", "0"], "above 0"),
+    (["show", "S13+", "--orbit", "orbit.pgn"], "nearest: png"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), BAD, ids=[" ".join(words) for words, _ in BAD])
+def test_bad_input_is_one_line(catalogue, capsys, words, said):
+    """Oracle: exit code 2, the words."""
+    code, out, err = run(capsys, *words, "--catalogue", catalogue)
+    assert code == 2 and not out and len(err.splitlines()) == 1 and said in err
+
+
+def test_another_scene_is_refused(catalogue, capsys, tmp_path):
+    """Oracle: the difference."""
+    other = tmp_path / "other.toml"
+    text = (ROOT / "catalogues" / "lee2009.toml").read_text().replace("sigma = 0.1 ", "sigma = 0.3 ")
+    other.write_text(text)
+    code, _, err = run(capsys, "list", "--catalogue", catalogue, "--scene", other)
+    assert code == 2 and "sigma is 0.1, not 0.3" in err
+
+
+def test_no_catalogue_yet(monkeypatch, tmp_path, capsys):
+    """Oracle: the place where it would be, and how to make one."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    code, _, err = run(capsys, "list")
+    assert code == 2 and str(default_path()) in err and "--save" in err
+    code, _, err = run(capsys, "check", tmp_path / "none.sqlite")
+    assert code == 2 and "there is no catalogue" in err
+
+
+def test_browsing_loads_no_kernels(catalogue):
+    """Oracle: the modules that a process has loaded."""
+    script = "import sys; from saltus.__main__ import main; code = main(sys.argv[1:]); assert 'numba' not in sys.modules; sys.exit(code)"
+    for words in (["list"], ["show", "S13+"], ["tree", "S13+"], ["path", "S13+", "L11+"]):
+        command = [sys.executable, "-c", script, *words, "--catalogue", str(catalogue)]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+        assert done.returncode == 0, done.stderr
+    command[2] = command[2].replace("numba", "numpy")
+    done = subprocess.run([*command[:3], "list", "--catalogue", str(catalogue)], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+
+
+def test_continue_saves_and_finds_again(tmp_path, capsys, monkeypatch):
+    """Oracle: the file of the same run; the family followed from the catalogue is the same family."""
+    path = tmp_path / "mine.sqlite"
+    words = ["continue", "S13+", "--energy", "0.2:1", "--save", "--catalogue", path]
+    code, out, err = run(capsys, *words, "--json", tmp_path / "S13.json")
+    assert code == 0 and not err
+    branch = saltus.read_branch(tmp_path / "S13.json")
+    assert f"saved  {branch.id} in {path}" in out
+    assert f"known  {branch.id} in {path}" in run(capsys, *words)[1]
+    with Catalogue(path) as kept:
+        assert [row.id for row in kept.families()] == [branch.id] and kept.provenance["saltus"] == saltus.__version__
+    code, out, _ = run(capsys, "continue", "S13+", "--energy", "0.2:1", "--catalogue", path, "--json", tmp_path / "again.json")
+    assert code == 0 and "of origin-stop+::" in out
+    assert saltus.read_branch(tmp_path / "again.json").id == branch.id
+    # With the catalogue, no search is made.
+    monkeypatch.setattr("branches.names._Search.run", lambda *_: pytest.fail("a search was made"))
+    code, out, _ = run(capsys, "orbit", "S13+", "--energy", "0.58874812856618", "--catalogue", path)
+    assert code == 0 and "alpha = T/4 = 1.7" in out
+    with pytest.raises(pytest.fail.Exception):
+        main(["orbit", "S13+", "--energy", "0.5"])
+
+
+def test_the_default_place(tmp_path, capsys, monkeypatch):
+    """Oracle: the user's data folder; another system has a file of its own, so that neither is in the other's way."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    for more in ([], ["--mu", "0.2"]):
+        code, out, err = run(capsys, "continue", "S11-", "--energy", "0.2:0.4", "--save", *more)
+        assert code == 0 and not err
+    assert {entry.name for entry in (tmp_path / "data" / "saltus").iterdir()} == {"lee2009.sqlite", "lee2009-mu0.2.sqlite"}
+    assert "1 of 1 families" in run(capsys, "list")[1]
+    code, _, err = run(capsys, "continue", "S11-", "--mu", "0.2", "--save", "--catalogue", default_path())
+    assert code == 2 and "mu is 0.1, not 0.2" in err
+    (tmp_path / "text.sqlite").write_text("text")
+    code, out, err = run(capsys, "continue", "S11-", "--save", "--catalogue", tmp_path / "text.sqlite")
+    assert code == 2 and "no SQLite file" in err and not out
+    code, out, err = run(capsys, "continue", "S11-", "--save", "--catalogue", tmp_path / "no" / "such.sqlite")
+    assert code == 2 and "does not exist" in err and not out
+
+
+def test_a_catalogue_in_use_is_refused_before_the_work(tmp_path, capsys):
+    """Oracle: exit code 2 and the process that writes it."""
+    path = tmp_path / "used.sqlite"
+    script = f"""
+import saltus, sys
+with saltus.Catalogue({str(path)!r}, "a", scene=saltus.load_scene()):
+    print("open", flush=True)
+    sys.stdin.read()
+"""
+    process = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT)
+    try:
+        process.stdout.readline()
+        code, out, err = run(capsys, "continue", "S13+", "--save", "--catalogue", path)
+        assert code == 2 and f"process {process.pid} on" in err and not out
+    finally:
+        process.communicate()
+    assert os.listdir(tmp_path) == ["used.sqlite"]
+
+
+def test_columns_fit_the_terminal():
+    """Oracle: the width; what is short stays whole."""
+    rows = [("S13O00+", "origin-origin:" + "+-" * 30 + ":01234567", "1.5"), ("U8353-", "origin-stop+::01234567", "0.25")]
+    for width in (200, 80, 60, 45, 30):
+        lines = listing(("label", "id", "h"), rows, width=width)
+        assert all(len(line) <= width for line in lines)
+        assert lines[1].startswith("S13O00+") and "1.5" in lines[1]
+    assert "+-" * 30 + ":01234567" in listing(("label", "id", "h"), rows)[1]
