@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Closure", "Neighbour", "follow", "neighbours"]
 
-PROBES = (1e-5, 1e-4, 1e-3)
+PROBES = (1e-5, 1e-4, 1e-3, 1e-2)
 """Arclengths from the grazing orbit at which a candidate has to be an orbit. The nearest decides; the family is followed from the last."""
 
 _SINGULAR = 1e-10

@@ -19,6 +19,7 @@ from branches.words import canonical
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.branches.scans import refined
 from tests.branches.traced import traced
 
 SYSTEM = vibro_impact_nes()
@@ -146,18 +147,6 @@ def test_all_impacts_vanish_at_a_linear_mode(name, h, label):
     assert abs(only.h / (0.5 * (modes.frequencies[k] / modes.contact_gap[0, k]) ** 2) - 1.0) < 1e-10
 
 
-def refined(scanner, h, angle, most):
-    """Angles beside one, fine where the word changes."""
-    grid = angle + np.linspace(-1e-3, 1e-3, 801)
-    for _ in range(14):
-        word = scanner.follow(scanner.starts(h, grid), [most])[0]
-        change = np.any(word[1:] != word[:-1], axis=1) & (np.diff(grid) > 1e-14)
-        if not change.any():
-            break
-        grid = np.unique(np.concatenate([grid, *(np.linspace(grid[i], grid[i + 1], 7)[1:-1] for i in np.flatnonzero(change))]))
-    return grid
-
-
 def beside(branch, event, side, most):
     """Families of the orbits that start at the origin next to a grazing orbit, at an energy a little above or below."""
     old = branch.orbit(event.point)
@@ -172,7 +161,7 @@ def beside(branch, event, side, most):
         z = SYSTEM.modes.from_state @ np.concatenate([u[0], v[0]])
         for end in ("stop", "rest", "origin"):
             scanner = Scanner(SYSTEM, end, 1.4 * event.alpha)
-            grid = refined(scanner, h, np.arctan2(z[3], z[2]), most)
+            grid = refined(scanner, h, np.arctan2(z[3], z[2]), most, 1e-3)
             for bracket in scanner.brackets(h, grid, range(most + 1)):
                 found = scanner.polish(h, bracket)
                 if found is None or abs(found.alpha / event.alpha - 1.0) > 1e-3:
