@@ -1,15 +1,15 @@
 """Linear modes as ends of families: each exists up to the energy at which it touches a stop, where very many families begin at once.
 
-At its grazing energy a mode of frequency w touches the stops at M instants, half a period apart, over so many turns. Let an impulse of
-size P_i >= 0 act at instant i, away from the stop, and let the mode's own amplitude at the stop grow by e. The impulses act where the mode stands
-still, so to first order they change its phase but not its amplitude, and the other modes answer by x = -C P at the stops, where
+At its grazing energy a mode touches the stops at M instants, half a period apart, over so many turns. Let an impulse of size P_i >= 0
+act at instant i, away from the stop, and let the mode's own displacement at the stop grow by e. The impulses act where the mode is at rest,
+so to first order they change its phase but not its amplitude, and the other modes answer by x = -C P at the stops, where
 
     C_ij = s_i s_j sum_l b_il b_jl g_l(t_i - t_j),     g_l(t) = cos(w_l (t - T/2)) / (2 w_l sin(w_l T/2)),   0 <= t <= T
 
-is their periodic response (s_i = +-1 the side of the stop, b_il its mode's participation, T all turns together). At each instant there is
-either an impact, with x_i + e = 0 and P_i > 0, or none, with x_i + e < 0 and P_i = 0: a linear complementarity problem, whose solutions with e = 1
-begin upward in energy and those with e = -1 downward. Impact speeds grow in proportion to e. Where C restricted to the impacts is regular, the
-implicit function theorem gives exactly one family for each solution, and no others begin there.
+is their periodic response (s_i = +-1 the side of the stop, b_il the participation of mode l there, T all turns together). At each instant
+there is either an impact, with x_i + e = 0 and P_i > 0, or none, with x_i + e < 0 and P_i = 0: a linear complementarity problem. Its
+solutions with e > 0 begin upward in energy, those with e < 0 downward, and impact speeds grow in proportion to |e|. Where C restricted to
+the impacts is regular, the implicit function theorem gives exactly one family for each solution, and no others begin there.
 """
 
 from __future__ import annotations
@@ -212,15 +212,15 @@ def families_at(mode: LinearMode, turns: int, impacts: int, *, periodic: bool = 
     Returns
     -------
     list of Neighbour
-        In the order of their impacts; of kind "passage" where the family begins upward in energy, above the mode, and "fold" where it begins
-        downward, beside the mode.
+        In the order of their impacts; of kind "passage" where the family begins upward in energy, above the mode, and "fold" where it
+        begins downward, beside the mode.
 
     Examples
     --------
     >>> import saltus
     >>> mode = linear_modes(saltus.vibro_impact_nes(mu=0.1, sigma=0.1))[0]
     >>> [(family.label, family.kind) for family in families_at(mode, 2, 5, points=30) if family.ends == ("origin", "origin")]
-    [('U2201+', 'fold')]
+    [('U2210+', 'fold')]
     """
     if turns < 1 or impacts < 1:
         raise ValueError(f"turns is {turns} and impacts {impacts}, expected 1 or more of each")

@@ -16,6 +16,7 @@ from branches.branch import Branch, BranchEvent
 from branches.building.bounds import Bounds
 from branches.catalogue.closures import event_orbit, orbit_of_event, seen_from, unknowns_of
 from branches.catalogue.rows import EventOrbit
+from branches.discovery.search import discover
 from branches.grazing import neighbours
 from branches.identity import canonical_orbit
 from branches.linear_modes import families_at, linear_modes
@@ -104,20 +105,21 @@ def work(description: str, seed: Seed) -> Answer:
     if seed.kind == "energy":
         return _at_energy(system, float(seed.value), seed.bounds)
     if seed.kind == "mode":
-        return _at_mode(system, *seed.value, seed.bounds)
+        index, turns = seed.value
+        return _at_mode(system, index, turns, seed.bounds)
     return _follow(system, seed)
 
 
 def _at_energy(system: ImpactSystem, energy: float, bounds: Bounds) -> Answer:
-    from branches.discovery import Scanner
+    found = discover(system, energy, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
+    seeds = [Seed("orbit", event_orbit(*canonical_orbit(orbit.problem, orbit.solution.y)), bounds) for orbit in found.orbits]
+    return Answer(None, tuple(seeds), counts={"energy": energy, "settled": found.settled, **found.counts})
 
-    seeds = []
-    for end, impacts in (("stop", bounds.impacts // 2), ("rest", bounds.impacts // 2), ("origin", bounds.impacts)):
-        scanner = Scanner(system, end, bounds.quarter_period)
-        for found in scanner.orbits(energy, 2000, range(impacts + 1)):
-            if bounds.holds(alpha=found.alpha, impacts=impacts_per_period(found.problem.word, found.problem.ends)):
-                seeds.append(Seed("orbit", event_orbit(*canonical_orbit(found.problem, found.solution.y)), bounds))
-    return Answer(None, tuple(seeds), counts={"orbits": len(seeds)})
+
+def ends_of(system: ImpactSystem) -> tuple[str, ...]:
+    """All pairs of ends between which a system's symmetric orbits are searched."""
+    reversed_ = ("rest-rest", "rest-stop", "stop-stop")
+    return ("origin-origin", *reversed_) if system.has_odd_symmetry else reversed_
 
 
 def _at_mode(system: ImpactSystem, index: int, turns: int, bounds: Bounds) -> Answer:

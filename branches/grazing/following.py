@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Closure", "Neighbour", "follow", "neighbours"]
 
-PROBES = (1e-5, 1e-4, 1e-3)
+PROBES = (1e-5, 1e-4, 1e-3, 1e-2)
 """Arclengths from the grazing orbit at which a candidate has to be an orbit. The nearest decides; the family is followed from the last."""
 
 _SINGULAR = 1e-10
@@ -122,8 +122,8 @@ def neighbours(branch: Branch, event: BranchEvent | str, *, turns: int = 1, **op
     --------
     >>> import saltus
     >>> branch = saltus.trace("S13O00+", saltus.vibro_impact_nes(mu=0.1, sigma=0.1), energy=(0.05, 20.0))
-    >>> [(item.kind, item.ends, item.word) for item in neighbours(branch, "GR2", points=60) if item.branch is not None]
-    [('fold', ('origin', 'stop+'), '-')]
+    >>> [(item.kind, item.label) for item in neighbours(branch, "GR2", points=60) if item.label]
+    [('fold', 'U1302+'), ('fold', 'S13O11+')]
     """
     if isinstance(event, str):
         event = branch.event(event)
@@ -202,11 +202,12 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
 
     By dense linear algebra in scales of the whole orbit: where it grazes, the velocities at all nodes may be zero.
     """
-    speed = np.sqrt(2.0 * problem.energy(y))
-    times = problem.flight_times(y)
-    size = np.concatenate([np.full(problem.half, max(1e-300, *np.abs(problem.end_states(y))[:, : problem.half].max(axis=0))), np.full(problem.half, speed)])
-    scale = problem.pack(size + problem.segment.start_offset, np.tile(size, (problem.inner, 1)), np.full(len(times), np.sum(times)))
-    scale = np.where(scale == 0.0, 1.0, np.abs(scale))
+    speed, times = np.sqrt(2.0 * problem.energy(y)), problem.flight_times(y)
+    displacement = np.max(np.abs(problem.end_states(y)[:, : problem.half]), initial=np.max(np.abs(problem.start(y)[: problem.half])))
+    size = np.repeat([displacement, speed], problem.half)
+    nodes = np.tile(size, (problem.inner, 1))
+    scale = np.abs(problem.pack(size + problem.segment.start_offset, nodes, np.full(len(times), np.sum(times))))
+    scale[scale == 0.0] = 1.0
     start = y
     for _ in range(3):
         jacobian = problem.jacobian(y) * scale

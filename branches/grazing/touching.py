@@ -6,7 +6,7 @@ keeps of the symmetries depends on which of them do.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,7 +21,7 @@ from bvp.multipoint import MultipointProblem
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Symmetry", "Touching", "touching"]
+__all__ = ["Symmetry", "Touching", "stabiliser", "touching"]
 
 CONTACT = 1e-8
 """A turning point nearer to a stop than this part of the largest gap is a touch, an impact slower than this part of sqrt(2h) one of zero
@@ -152,8 +152,8 @@ class Touching:
             turned = (c - numbers) % count
             if not np.allclose(gaps[(turned - 1) % count], gaps, rtol=0.0, atol=_SAME * self.period):
                 continue
-            for kind in ("origin", "rest") if len(signs) == 2 else ("rest",):
-                if (self.grazing[turned] == self.grazing).all() and same(self.after[turned], (flip if kind == "origin" else -flip) * self.before):
+            for kind, turn in (("origin", flip), ("rest", -flip))[2 - len(signs) :]:
+                if (self.grazing[turned] == self.grazing).all() and same(self.after[turned], turn * self.before):
                     axis = 0.5 * float(self.times[0] + self.times[c]) % (0.5 * self.period)
                     out.append(Symmetry(tuple(turned.tolist()), kind, axis, kind == "origin"))
         out.sort(key=lambda item: (item.image != tuple(range(count)), item.axis is not None))
@@ -245,6 +245,6 @@ def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: fl
                 yield contact, time, state.copy()
 
 
-def stabiliser(orbit: Touching, mask: int) -> Collection[Symmetry]:
+def stabiliser(orbit: Touching, mask: int) -> tuple[Symmetry, ...]:
     """The symmetries that a set of instants keeps."""
     return tuple(symmetry for symmetry in orbit.symmetries if symmetry.move(mask) == mask)
