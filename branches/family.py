@@ -256,13 +256,13 @@ class Family:
             p, q = RESONANCES[index - (len(self._tests) - len(RESONANCES))]
             data["p_q"] = [p, q]
         elif code == "LB":
-            old, new = (label_text(self.problem, step.extra.result) for step in (location.low, location.high))
-            if old == new:
+            data["sides"] = self._side(location.low.extra), self._side(location.high.extra)
+            if data["sides"][0] == data["sides"][1]:
                 return None
-            data["note"] = f"{old} becomes {new}"
+        elif code == "IO":
+            data["sides"] = self._side(self._just_before(before, location)), self._side(self._just_after(before, after, location))
         counted: Solution = self._just_before(before, location) if code in ("GR", "IO") else location.low.extra
-        data["label"] = label_text(self.problem, counted.result)
-        data["half_waves"] = int(counted["waves_absorber"])
+        data["label"], data["half_waves"] = self._side(counted)
         return EventDetails(code, test.terminal, data)
 
     def _meets_branch_point(self, before: Point, at: Step, after: Point) -> bool:
@@ -283,6 +283,21 @@ class Family:
                 return found
         solution: Solution = before.step.extra
         return solution
+
+    def _just_after(self, before: Point, after: Point, location: Location) -> Solution:
+        """The orbit a little behind an event; see `_just_before`."""
+        offset = max(1e-7, _SHORT * location.s)
+        if 0.0 < location.s < after.step_size - 2.0 * offset:
+            near = self.step(before.y, before.tangent, location.s + offset)
+            if near.converged:
+                found: Solution = near.extra
+                return found
+        solution: Solution = after.step.extra
+        return solution
+
+    def _side(self, solution: Solution) -> tuple[str, int]:
+        """Label and half-waves on one side of an event."""
+        return label_text(self.problem, solution.result), int(solution["waves_absorber"])
 
     def _grazing(self, index: int, solution: Solution, data: dict[str, Any]) -> None:
         problem = self.problem

@@ -278,7 +278,7 @@ class _Collector:
         self.types[event.code] = self.types.get(event.code, 0) + 1
         number = self.sign * event.index
         columns = orbit.described.columns
-        self.on_event(_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0))
+        self.on_event(_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
 
     def partial(self, reason: str, text: str) -> Branch | None:
         if self.begin is None:
@@ -293,8 +293,40 @@ class _Collector:
         )
 
 
-def _event(event: Event, name: str, point: int, number: int, columns: Mapping[str, np.ndarray], index: int) -> BranchEvent:
+def _along(event: Event, backward: bool) -> tuple[str, int, str | None]:
+    """Label and half-waves just below an event in arclength, and its note, read in the order of arclength.
+
+    Events found `backward`, against the arclength of the finished branch, have their sides in the other order.
+    """
     details = event.details
+    label, half_waves, note = details["label"], details["half_waves"], details.get("note")
+    if "sides" in details:
+        (label, half_waves), (above, _) = details["sides"][::-1] if backward else details["sides"]
+        becomes = f"{label or 'no label'} becomes {above or 'no label'}"
+        if event.code == "LB":
+            note = becomes
+        elif label != above:
+            note = f"{note}: {becomes}"
+    if event.status == "bracketed":
+        low, high = event.bracket
+        note = f"{note}; only bracketed, in {high - low:.1e} of arclength: {_why_bracketed(details)}"
+    return label, half_waves, note
+
+
+def _why_bracketed(details: Mapping[str, Any]) -> str:
+    """Why an event could not be brought nearer than its bracket."""
+    if details.get("kind") == "pole":
+        return "its test function grows without bound there"
+    if details.get("kind") == "jump":
+        return "its test function changes sign without passing zero, as far as steps can be told apart"
+    return f"nearer steps fail, as where two families nearly touch ({details.get('reason') or 'no reason given'})"
+
+
+def _event(
+    event: Event, name: str, point: int, number: int, columns: Mapping[str, np.ndarray], index: int, *, backward: bool
+) -> BranchEvent:
+    details = event.details
+    label, _, note = _along(event, backward)
     stable = -1 if event.code in UNDECIDED_AT else int(columns["stable"][index])
     largest = float(np.max(np.abs(columns["multipliers"][index]))) if columns["multipliers"].shape[1] else math.nan
     return BranchEvent(
@@ -308,11 +340,11 @@ def _event(event: Event, name: str, point: int, number: int, columns: Mapping[st
         event.status,
         (float(event.bracket[0]), float(event.bracket[1])),
         event.residual,
-        details["label"],
+        label,
         details.get("stop"),
         details.get("p_q"),
         details.get("breaks"),
-        details.get("note"),
+        note,
         None if stable < 0 else bool(stable),
         largest if math.isfinite(largest) else None,
     )
@@ -322,14 +354,19 @@ def _branch(problem: MultipointProblem, run: Run, energy: tuple[float, float]) -
     solutions: list[Solution] = [point.step.extra for point in run.points]
     arclength = np.array([point.arclength for point in run.points])
 
+    def backward(event: Event) -> bool:
+        """Whether it was found against the arclength; what lies on the seam of a closed family is read along it."""
+        return event.index < run.start and not (run.closed and event.index == 0)
+
     def labelled(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """At an event a velocity can be zero to rounding, so its counts are those of the branch just before it."""
         labels = columns["label"].astype(object)
         for event in run.events:
             if event.code in UNDECIDED_AT:
                 columns["stable"][event.index] = -1
-            labels[event.index] = event.details["label"]
-            columns["half_waves"][event.index] = max(1, event.details["half_waves"])
+            label, half_waves, _ = _along(event, backward(event))
+            labels[event.index] = label
+            columns["half_waves"][event.index] = max(1, half_waves)
         columns["label"] = labels.astype(str)
         columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
         return columns
@@ -341,7 +378,8 @@ def _branch(problem: MultipointProblem, run: Run, energy: tuple[float, float]) -
         for event in run.events:
             counts[event.code] = counts.get(event.code, 0) + 1
             name = f"{event.code}{counts[event.code]}"
-            out.append(_event(event, name, event.index, event.index - run.start, columns, event.index))
+            number = event.index - run.start
+            out.append(_event(event, name, event.index, number, columns, event.index, backward=backward(event)))
         return tuple(out)
 
     ended = []
