@@ -44,6 +44,8 @@ class Branch:
         Index of the point that it was started from.
     energy : (float, float)
         The range of energies in which it was followed.
+    turns : int
+        After a switch at a crossing with several turns of an orbit: how many turns of this branch's orbits were met there; else 0.
 
     Examples
     --------
@@ -59,6 +61,7 @@ class Branch:
     ended: tuple[Ended, Ended]
     start: int = 0
     energy: tuple[float, float] = (0.0, math.inf)
+    turns: int = 0
 
     def __len__(self) -> int:
         return len(self.points["h"])
@@ -219,7 +222,7 @@ class Branch:
         return follow_family(self.problem, self.unknowns(i), **options)
 
     def switch(self, event: BranchEvent | str, **options: Any) -> list[Branch]:
-        """The families that are born or crossed at a branch point, symmetry breaking or period doubling of this branch.
+        """The families that are born or crossed at a branch point, symmetry breaking, period doubling or q-tupling of this branch.
 
         Parameters
         ----------

@@ -249,7 +249,7 @@ class Family:
         if code in ("SN", "SB") and self._meets_branch_point(before, at, after):
             return None
         if code == "GR":
-            self._grazing(index, solution, data)
+            self._grazing(test.label, solution, data)
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
         elif code == "RT":
@@ -299,9 +299,17 @@ class Family:
         """Label and half-waves on one side of an event."""
         return label_text(self.problem, solution.result), int(solution["waves_absorber"])
 
-    def _grazing(self, index: int, solution: Solution, data: dict[str, Any]) -> None:
+    def grazing(self, note: str, solution: Solution) -> dict[str, Any]:
+        """What `classify` says of the grazing of an orbit, where the same was noted of an image of it."""
+        words = ("touches", "vanishes", "merge")
+        data: dict[str, Any] = {"stop": None, "note": note}
+        for word, test in zip(words, _GRAZING, strict=True):
+            if word in note:
+                self._grazing(test.label, solution, data)
+        return data
+
+    def _grazing(self, which: str, solution: Solution, data: dict[str, Any]) -> None:
         problem = self.problem
-        which = self._tests[index].label
         letters = problem.modes.contact_letters
         inner = problem.inner
         if which == _GRAZING[0].label:

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from branches.stretch import SLACK, Stretch, closed_stretch, solved, stretch_between
-from branches.words import canonical, mirror, mirror_ends
+from branches.stretch import SLACK, Stretch, closed_stretch, run_backwards, solved, stretch_between
+from branches.words import canonical
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -93,7 +93,7 @@ def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
     cycle = _primitive(cycle, found.turns)
     images = list(_between_reversals(cycle, found) if found.reversals else _closed(cycle))
     if problem.system.has_odd_symmetry:
-        images += [image.mirrored(mirror(image.word), mirror_ends(image.ends)) for image in images]
+        images += [image.mirrored() for image in images]
     word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=problem.system.has_odd_symmetry)
     return [image for image in images if image.ends == ends and image.word == word]
 
@@ -121,31 +121,13 @@ def _between_reversals(cycle: Cycle, found: Symmetries) -> Iterator[Stretch]:
     for (first, e), (last, f) in itertools.pairwise(instants):
         forward = stretch_between(cycle, first, last, (kind(first, e), kind(last, f)))
         yield forward
-        yield _backwards(cycle, forward)
-
-
-def _backwards(cycle: Cycle, stretch: Stretch) -> Stretch:
-    """The stretch run from its last end to its first: what follows the last end, by the reversal there."""
-    problem = MultipointProblem(cycle.system, stretch.ends, stretch.word)
-    arrivals = problem.end_states(stretch.unknowns(problem))
-    flip = np.repeat([1.0, -1.0], cycle.after.shape[1] // 2)
-    nodes = (arrivals[:-1] * flip)[::-1]
-    return Stretch((stretch.ends[1], stretch.ends[0]), stretch.word[::-1], arrivals[-1] * flip, nodes, stretch.times[::-1])
+        yield run_backwards(cycle.system, forward)
 
 
 def _closed(cycle: Cycle) -> Iterator[Stretch]:
     """From each impact, forwards and backwards in time."""
-    count = len(cycle.duration)
-    flip = np.repeat([1.0, -1.0], cycle.after.shape[1] // 2)
-    back = Cycle(
-        cycle.system, (cycle.after * flip)[::-1], (cycle.before * flip)[::-1],
-        np.roll(cycle.duration[::-1], -1), cycle.contact[::-1], cycle.lead,
-    )  # fmt: skip
-    for each, k in itertools.product((cycle, back), range(count)):
-        before, after, duration, contact = (
-            np.roll(part, -k, axis=0) for part in (each.before, each.after, each.duration, each.contact)
-        )
-        yield closed_stretch(Cycle(each.system, before, after, duration, contact, 0.0))
+    for backwards, first in itertools.product((False, True), range(len(cycle.duration))):
+        yield closed_stretch(cycle, first=first, backwards=backwards)
 
 
 def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:

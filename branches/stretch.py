@@ -7,15 +7,18 @@ of the orbit's period, with the unknowns of the multipoint problem that has its 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.words import PERIODIC, Ends, Word
+from branches.words import PERIODIC, Ends, Word, mirror, mirror_ends
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["Stretch", "closed_stretch", "embed", "solved", "stretch_between"]
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Stretch", "closed_stretch", "embed", "run_backwards", "solved", "stretch_between", "stretch_of"]
 
 SLACK = 1e-9
 """Part of the period within which an impact is at an end."""
@@ -37,9 +40,9 @@ class Stretch(NamedTuple):
         """The stretch as unknowns of a problem with its ends and word."""
         return problem.pack(self.start, self.nodes, self.times)
 
-    def mirrored(self, word: Word, ends: Ends) -> Stretch:
-        """The stretch of -u, whose word and ends are given."""
-        return Stretch(ends, word, -self.start, -self.nodes, self.times)
+    def mirrored(self) -> Stretch:
+        """The stretch of -u."""
+        return Stretch(mirror_ends(self.ends), mirror(self.word), -self.start, -self.nodes, self.times)
 
 
 def stretch_between(cycle: Cycle, first: float, last: float, kinds: tuple[str, str]) -> Stretch:
@@ -74,10 +77,24 @@ def stretch_between(cycle: Cycle, first: float, last: float, kinds: tuple[str, s
     return Stretch((ends[0], ends[1]), word, start, cycle.after[[i % count for i in inner]], np.diff(stamps))
 
 
-def closed_stretch(cycle: Cycle, turns: int = 1) -> Stretch:
-    """The whole orbit, run through so many times, as it closes on itself from its first impact."""
-    nodes = np.tile(cycle.after, (turns, 1))
-    return Stretch(PERIODIC, cycle.letters * turns, nodes[0], nodes[1:], np.tile(cycle.duration, turns))
+def closed_stretch(cycle: Cycle, turns: int = 1, first: int = 0, backwards: bool = False) -> Stretch:
+    """The whole orbit as it closes on itself from one of its impacts, run through so many times, or backwards in time."""
+    after, duration, letters = cycle.after, cycle.duration, cycle.letters
+    if backwards:
+        flip = np.repeat([1.0, -1.0], after.shape[1] // 2)
+        after, duration, letters = (cycle.before * flip)[::-1], np.roll(duration[::-1], -1), letters[::-1]
+    nodes = np.tile(np.roll(after, -first, axis=0), (turns, 1))
+    word = (letters[first:] + letters[:first]) * turns
+    return Stretch(PERIODIC, word, nodes[0], nodes[1:], np.tile(np.roll(duration, -first), turns))
+
+
+def run_backwards(system: ImpactSystem, stretch: Stretch) -> Stretch:
+    """A stretch between two reversals run from its last end to its first: what follows the last end, up to the reversal there."""
+    problem = MultipointProblem(system, stretch.ends, stretch.word)
+    flip = np.repeat([1.0, -1.0], problem.half)
+    arrivals = problem.end_states(stretch.unknowns(problem)) * flip
+    ends = (stretch.ends[1], stretch.ends[0])
+    return Stretch(ends, stretch.word[::-1], arrivals[-1], arrivals[-2::-1], stretch.times[::-1])
 
 
 def embed(problem: MultipointProblem, y: np.ndarray, window: tuple[int, int] | int) -> Stretch:
@@ -88,6 +105,11 @@ def embed(problem: MultipointProblem, y: np.ndarray, window: tuple[int, int] | i
     length = float(np.sum(problem.flight_times(y)))
     kinds = (problem.ends[window[0] % 2], problem.ends[window[1] % 2])
     return stretch_between(cycle, window[0] * length, window[1] * length, kinds)
+
+
+def stretch_of(problem: MultipointProblem, y: np.ndarray) -> Stretch:
+    """The stretch that the unknowns of a problem are."""
+    return Stretch(problem.ends, problem.word, problem.start(y), problem.nodes(y), problem.flight_times(y))
 
 
 def solved(problem: MultipointProblem, y: np.ndarray) -> Solution:

@@ -1,34 +1,68 @@
 """From a bifurcation of a branch onto the families that are born there or cross there.
 
-At a branch point both families solve the same multipoint problem. Where a symmetry breaks or the period doubles, the new family solves
-another one - a longer segment between other ends, or the periodic closure - of which the old family is a solution too, and the event a
-branch point of it.
+At a branch point both families solve the same multipoint problem. Where a symmetry breaks, the period doubles or is multiplied by q, the
+new family solves another one - a longer segment between other ends, or the periodic closure - of which the old family is a solution
+too, and the event a branch point of it. Seen from the new family that branch point is a crossing with several turns of the old one.
 """
 
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from branches.branch import Branch, BranchEvent
-from branches.family import Family
+from branches.family import Family, label_at
+from branches.identity import canonical_orbit, symmetries
+from branches.image import Image, image_of, images_between
+from branches.labels import ImpossibleLabelError
+from branches.stretch import embed
 from branches.tracing import follow_family
-from branches.words import PERIODIC
 from bvp.cycle import cycle_of
 from bvp.kernels import multipoint as kernel
-from bvp.multipoint import MultipointProblem
+from bvp.multipoint import MultipointProblem, Solution
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions
 
-__all__ = ["embed", "switch"]
+__all__ = ["Birth", "births", "switch"]
 
 DISTANCE = 0.01
 """Arclength from the event to the first orbit looked for on a new family; halved where there is none."""
 
+TYPES = ("BP", "SB", "PD", "RT")
+"""Events that switching starts from."""
+
 _GAP = 1e-6
 """Singular values below this fraction of the largest count as zero at a located bifurcation."""
+
+
+_BEND = 0.3
+"""How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord: on a parabola a quarter."""
+
+
+class Birth(NamedTuple):
+    """One side of a family that is born or crossed at an event.
+
+    problem : MultipointProblem
+        What its orbits solve.
+    step : continuation.Step
+        Its first orbit, with the tangent that leads away from the event.
+    image : Image or None
+        What takes this side to the other one, where that is its image: the other side is then not a birth of its own.
+    turns : int
+        0 for a family of orbits that are solved as they are. Else the family is that of a primitive orbit, which was met run through
+        so often, or (1) as an orbit of more symmetry than the old family's; it goes on to both sides of `step`.
+    """
+
+    problem: MultipointProblem
+    step: Step
+    image: Image | None = None
+    turns: int = 0
 
 
 def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
@@ -38,59 +72,126 @@ def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
     ----------
     branch : Branch
     event : BranchEvent
-        Of type BP, SB or PD.
+        Of type BP, SB, PD or RT.
     **options
         As for `branches.tracing.follow_family`.
 
     Returns
     -------
     list of Branch
-        One for each side; at an SB or PD the two are images of each other under the broken symmetry.
+        One for each side of each family. Where the two sides are images of each other, the second is the exact image of the first: the
+        same points and events, and one id. Where they are the same orbits started at different times (at a PD, and at an RT with
+        even q), there is one. A branch point at which the other family is that of several turns of a primitive orbit, or of orbits
+        with more symmetry, is answered with the family of that orbit alone, followed both ways; `Branch.turns` tells how many turns.
 
     Raises
     ------
     ValueError
-        For an event of another type.
+        For an event of another type, and for an RT of orbits without a reversal.
     RuntimeError
         Where no orbit of a new family is found next to the event.
+
+    Warns
+    -----
+    RuntimeWarning
+        Where two families are born, and one of them is not found.
     """
-    if event.type not in ("BP", "SB", "PD"):
-        raise ValueError(f"{event.id} is of type {event.type}; switching starts from BP, SB or PD")
-    problem = branch.problem
     out = []
+    for birth in births(branch, event):
+        if birth.turns:
+            met = follow_family(birth.problem, birth.step, **{"direction": "both", **options})
+            out.append(replace(met, turns=birth.turns))
+            continue
+        born = follow_family(birth.problem, birth.step, direction="along", **options)
+        out.append(born)
+        if birth.image is not None:
+            out.append(image_of(born, birth.image))
+    return out
+
+
+def births(branch: Branch, event: BranchEvent) -> list[Birth]:
+    """The families born or crossed at an event, as starts from which to follow them; raises what `switch` raises."""
+    if event.type not in TYPES:
+        raise ValueError(f"{event.id} is of type {event.type}; switching starts from BP, SB, PD or RT")
+    problem = branch.problem
+    here = branch.orbit(event.point).solution
     if event.type == "BP":
-        at = branch.unknowns(event.point)
-        known = branch.unknowns(min(event.point + 1, len(branch) - 1)) - branch.unknowns(max(event.point - 1, 0))
-        try:
-            directions = list(branch_directions(Family(problem), at, known)[:2])
-        except SwitchError as error:
-            raise RuntimeError(f"no second family at {event.id}: {error}") from error
-        out += _follow(problem, at, directions, options)
+        last = len(branch) - 1
+        known = branch.unknowns(min(event.point + 1, last)) - branch.unknowns(max(event.point - 1, 0))
+        out = _crossing(problem, here.y, known, event)
     else:
-        here = problem.step(branch.unknowns(event.point), np.zeros(2 * problem.unknowns), 0.0)
-        if here is None:
-            raise RuntimeError(f"the orbit at {event.id} could not be corrected")
-        for window in _windows(problem, event):
+        out = []
+        for window in _windows(problem, event, here):
             stretch = embed(problem, here.y, window)
             wide = MultipointProblem(problem.system, stretch.ends, stretch.word)
             nudge = 1e-6 * here.tangent[: problem.unknowns]
             ahead, behind = (embed(problem, here.y + sign * nudge, window).unknowns(wide) for sign in (1.0, -1.0))
             y = stretch.unknowns(wide)
-            out += _follow(wide, y, _across(wide, y, ahead - behind, event), options)
+            found = _sides(wide, y, _across(wide, y, ahead - behind, event))
+            if not found:
+                missing = f"{event.id}: no orbit found of a family between the ends {wide.ends[0]}, {wide.ends[1]}"
+                warnings.warn(missing, RuntimeWarning, stacklevel=3)
+            out += found
     if not out:
         raise RuntimeError(f"no orbit of a new family was found next to {event.id}")
     return out
 
 
-def _follow(problem: MultipointProblem, y: np.ndarray, directions: list[np.ndarray], options: dict[str, Any]) -> list[Branch]:
+def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> list[Birth]:
+    """The other family at a branch point of one problem."""
     family = Family(problem)
-    steps = [_first(family, y, direction) for direction in directions]
-    return [follow_family(problem, step, direction="along", **options) for step in steps if step is not None]
+    try:
+        direction = branch_directions(family, y, known)[0]
+    except SwitchError as error:
+        raise RuntimeError(f"no second family at {event.id}: {error}") from error
+    for step in _firsts(family, y, direction):
+        found = symmetries(cycle_of(problem, step.y))
+        quarter = len({e for _, e in found.reversals}) == 2 and problem.quarters == 2
+        if found.turns > 1 or quarter or (found.reversals and problem.periodic):
+            primitive, orbit = canonical_orbit(problem, step.y)
+            begin = Family(primitive).begin(orbit)
+            if begin.converged:
+                return [Birth(*_printed(primitive, orbit, begin), turns=found.turns)]
+    return _sides(problem, y, direction)
 
 
-def _windows(problem: MultipointProblem, event: BranchEvent) -> list[tuple[int, int] | int]:
+def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray) -> list[Birth]:
+    """Both sides of a family that leaves an orbit in a direction, as one birth where they are images of each other."""
+    steps = list(_firsts(Family(problem), middle, direction))
+    for step in steps[:1]:
+        images = images_between(problem, middle, step.y)
+        if images:
+            # An orbit started at its other end is the same orbit, so that between two ends what remains is the mirror.
+            image = None if images[0].is_the_same_orbit(problem) else images[0] if problem.periodic else Image(True, False)
+            return [Birth(*_printed(problem, middle, step), image)]
+    return [Birth(*_printed(problem, middle, step)) for step in steps]
+
+
+def _printed(problem: MultipointProblem, middle: np.ndarray, step: Step) -> tuple[MultipointProblem, Step]:
+    """An orbit and its tangent as they are printed: with two origin ends started at the one that gives the label p <= q."""
+    try:
+        label = label_at(problem, step.extra.result)
+    except ImpossibleLabelError:
+        label = None
+    if label is None or label.kind != "U" or label.p is None or label.q is None or label.p <= label.q:
+        return problem, step
+    stretch = embed(problem, step.y, (1, 2))
+    turned = MultipointProblem(problem.system, stretch.ends, stretch.word)
+    family = Family(turned)
+    begin = family.begin(stretch.unknowns(turned))
+    if not begin.converged:
+        return problem, step
+    away = (begin.y - embed(problem, middle, (1, 2)).unknowns(turned)) / _scales(turned, begin.y) ** 2
+    if float(away @ begin.tangent[: turned.unknowns]) < 0.0:
+        begin = family.step(begin.y, -begin.tangent, 0.0)
+    return turned, begin
+
+
+def _windows(problem: MultipointProblem, event: BranchEvent, here: Solution) -> list[tuple[int, int] | int]:
     """The stretches of the old orbit that the new families are solved on: (first, last) in segments, or a number of periods that
     close on themselves."""
+    if event.type == "RT":
+        return _resonant_windows(problem, event, here)
     if problem.periodic:
         return [2]
     if event.breaks == "reversal":
@@ -100,63 +201,47 @@ def _windows(problem: MultipointProblem, event: BranchEvent) -> list[tuple[int, 
     return [(0, 2)] if "about the start" in (event.note or "") else [(1, 3)]
 
 
-class Stretch(NamedTuple):
-    """A stretch of an orbit: its ends, inner contacts, start state, the states after its inner impacts, flight times."""
+def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solution) -> list[tuple[int, int] | int]:
+    """Half the new orbits' periods, from each kind of instant about which they can reverse.
 
-    ends: tuple[str, str]
-    word: tuple[str, ...]
-    start: np.ndarray
-    nodes: np.ndarray
-    times: np.ndarray
-
-    def unknowns(self, problem: MultipointProblem) -> np.ndarray:
-        """The stretch as unknowns of a problem with its ends and word."""
-        return problem.pack(self.start, self.nodes, self.times)
-
-
-def embed(problem: MultipointProblem, y: np.ndarray, window: tuple[int, int] | int) -> Stretch:
-    """The orbit y over a window of its time (see `_windows`)."""
-    cycle = cycle_of(problem, y)
-    count = len(cycle.duration)
-    if isinstance(window, int):
-        word = cycle.letters * window
-        nodes = np.tile(cycle.after, (window, 1))
-        return Stretch(PERIODIC, word, nodes[0], nodes[1:], np.tile(cycle.duration, window))
-    length = float(np.sum(problem.flight_times(y)))
-    first, last = window[0] * length, window[1] * length
-    turns = range(2 + math.ceil(last / cycle.period))
-    instants = np.concatenate([cycle.times + turn * cycle.period for turn in turns])
-    slack = 1e-9 * cycle.period
-    inner = [i for i in range(len(instants)) if first + slack < instants[i] < last - slack]
-    ends = []
-    for segment, time in zip(window, (first, last), strict=True):
-        kind = problem.ends[segment % 2]
-        if kind.startswith("stop"):
-            kind = "stop" + cycle.letters[int(np.argmin(np.abs(instants - time))) % count]
-        ends.append(kind)
-    if ends[0].startswith("stop"):
-        start = cycle.after[int(np.argmin(np.abs(instants - first))) % count]
+    The map over a half period (with u to -u where orbits have that symmetry; over the period where not) turns its plane by 2 pi r/s. Its
+    orbits that return after s are born in two families, one on each kind of line that a reversal keeps: for odd s every line holds
+    one of them on either side of the old orbit; for even s a line holds the same one on both sides.
+    """
+    if event.p_q is None or problem.periodic:
+        raise ValueError(f"{event.id}: switching at a q-tupling needs orbits with a reversal; these have none")
+    p, q = event.p_q
+    if problem.quarters == 1:
+        half = 2.0 + 4.0 * here["b"] * here["c"]
+        turn = Fraction(p, 2 * q)
+        if math.cos(2.0 * math.pi * turn) * half < 0.0:
+            turn = Fraction(1, 2) - turn
+        s = turn.denominator
     else:
-        u, v = cycle.sample(np.array([first]))
-        start = problem.modes.from_state @ np.concatenate([u[0], v[0]])
-    stamps = np.concatenate([[first], instants[inner], [last]])
-    word = tuple(cycle.letters[i % count] for i in inner)
-    return Stretch((ends[0], ends[1]), word, start, cycle.after[[i % count for i in inner]], np.diff(stamps))
+        s = q
+    # s of those maps last s solved segments and their reversals.
+    return [(0, s)] if s % 2 else [(0, s), (1, 1 + s)]
 
 
-def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> list[np.ndarray]:
-    """Both directions of the null space of the Jacobian that are not those of the known family."""
+def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> np.ndarray:
+    """The direction of the new family in the null space of the Jacobian."""
     scale = _scales(wide, y)
     _, singular, rows = np.linalg.svd(wide.jacobian(y) * scale)
     if singular[-1] > _GAP * singular[0]:
         raise RuntimeError(
             f"{event.id} is no bifurcation of the wider problem: its smallest singular value is {singular[-1] / singular[0]:.1e}"
         )
+    if event.type == "RT" and event.p_q is not None and event.p_q[1] == 3:
+        # At a tripling the two families cross at an angle; else the new one leaves at right angles.
+        try:
+            return branch_directions(Family(wide), y, known)[0]
+        except SwitchError as error:
+            raise RuntimeError(f"no family of tripled orbits at {event.id}: {error}") from error
     null = rows[-2:]
     along = null @ (known / scale)
     across = np.array([-along[1], along[0]]) / np.hypot(along[0], along[1])
-    direction = (across @ null) * scale
-    return [direction, -direction]
+    direction: np.ndarray = (across @ null) * scale
+    return direction
 
 
 def _scales(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
@@ -165,6 +250,14 @@ def _scales(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
     problem._factor.before[:] = problem.end_states(y)
     kernel.set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
     return problem._factor.scale.copy()
+
+
+def _firsts(family: Family, y: np.ndarray, direction: np.ndarray) -> Iterator[Step]:
+    """The first orbits on both sides, where there are any."""
+    for side in (direction, -direction):
+        step = _first(family, y, side)
+        if step is not None:
+            yield step
 
 
 def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
@@ -176,13 +269,22 @@ def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
     if length == 0.0:
         return None
     tangent = np.concatenate([direction / length, np.zeros(problem.unknowns)])
-    ds = DISTANCE
-    for _ in range(20):
+    scale = _scales(problem, y)
+
+    def at(ds: float) -> Step | None:
         step = family.step(y, tangent, ds)
         near = step.converged and np.linalg.norm(np.asarray(step.position) - position) < 2.0 * ds
-        if near and step.turn > 0.8:
+        return step if near and step.turn > 0.8 else None
+
+    ds = DISTANCE
+    for _ in range(20):
+        step, half = at(ds), at(0.5 * ds)
+        if step is not None and half is not None:
+            # On a smooth family from here the orbit at half the distance is about half way; another family nearby has none there.
+            way, part = (step.y - y) / scale, (half.y - y) / scale
+            straight = float(np.max(np.abs(part - 0.5 * way))) < _BEND * float(np.max(np.abs(way)))
             solution = step.extra
-            if solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0:
+            if straight and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0:
                 return step
         ds *= 0.5
     return None

@@ -173,12 +173,14 @@ def _primitive(branch: Branch, points: list[int]) -> tuple[MultipointProblem, np
     """The problem and an orbit of the branch; those of its primitive orbits where the branch solves more than these, or with fewer
     symmetries than they have. Two orbits are asked: at a bifurcation a single one has more symmetry than its family."""
     problem = branch.problem
-    for i in (points[len(points) // 3], points[2 * len(points) // 3]):
+    length = branch.points["arclength"]
+    middle = min(points, key=lambda i: abs(float(length[i]) - 0.5 * float(length[points[0]] + length[points[-1]])))
+    for i in (points[len(points) // 3], middle):
         y = branch.orbit(i).solution.y
         found = symmetries(cycle_of(problem, y))
         quarter = len({e for _, e in found.reversals}) == 2
         if found.turns == 1 and not (quarter and problem.quarters == 2) and not (found.reversals and problem.periodic):
-            return problem, y
+            return problem, branch.orbit(middle).solution.y
     return canonical_orbit(problem, y)
 
 
@@ -200,7 +202,15 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
 
     One that cannot be followed is known by the orbit alone.
     """
-    run = trace(_Ends(problem, window), y, SETTINGS)
+    family = _Ends(problem, window)
+    run = trace(family, y, SETTINGS)
+    if run.points and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends):
+        # Beside a branch point the corrector can fail; steps that come from afar pass over it.
+        length = run.points[-1].arclength
+        middle = min(run.points, key=lambda point: abs(point.arclength - 0.5 * length))
+        again = trace(family, middle.y, SETTINGS)
+        if again.points and again.points[-1].arclength > length:
+            run = again
     if not run.points:
         return _Curve(np.array([problem.energy(y)]), np.array([problem.quarter_period(y)]), [], [], [y], False, 0)
     grazing: list[np.ndarray] = []

@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 
 import saltus
+from branches.identity import same_orbit, symmetries
+from branches.labels import parse
+from branches.stretch import embed
+from branches.tracing import follow_family
+from bvp.cycle import cycle_of
 from tests.branches.closed_form import Backbone
 from tests.branches.traced import EPS, monodromy, traced
 
@@ -114,18 +119,67 @@ def test_orbits_without_the_reversal_have_none():
     assert min(reversed_distance(first, second), distance(first, second)) < reversed_distance(first, first)
 
 
-def test_both_sides_are_images_of_each_other():
-    """Oracle: the two families at one energy have one quarter period and one trace, and swapped labels."""
-    for name, event in (("S13O00+", "SB1"), ("S73O33-", "PD1"), (REST, "SB2")):
-        _, at, born = switched(name, event, points=15)
-        first, second = born[:2]
-        low = max(min(f.points["h"].min() for f in (first,)), second.points["h"].min())
-        high = min(first.points["h"].max(), second.points["h"].max())
-        energy = 0.5 * (low + high)
-        a, b = first.orbit_at(energy=energy), second.orbit_at(energy=energy)
-        assert math.isclose(a.alpha, b.alpha, rel_tol=1e-10)
-        assert math.isclose(a.tau, b.tau, rel_tol=1e-7, abs_tol=1e-7)
-        assert distance(a, b) > 1e-3
+SYMMETRY_BREAKING = [("S13O00+", "SB1"), ("S73O33-", "SB1"), (REST, "SB2"), (REST, "SB1"), ("U3201-", "SB1"), (STEEP, "SB1")]
+
+
+@pytest.mark.parametrize(("name", "event"), SYMMETRY_BREAKING)
+def test_both_sides_are_exact_images_of_each_other(name, event):
+    """Oracle: the images by hand: the mirror where a reversal is left, time reversed where none is; all that no image changes is equal
+    bit for bit, and the image is a branch like any other: its orbits solve its problem, and following it gives the same energies."""
+    _, at, (first, second) = switched(name, event, points=15)
+    assert first.id == second.id
+    for key in ("h", "alpha", "tau", "stable", "arclength", "multipliers"):
+        np.testing.assert_array_equal(first.points[key], second.points[key])
+    assert [(e.id, e.h, e.label) for e in first.events] == [(e.id, e.h, e.label) for e in second.events]
+    assert [(p, q) for p, q in zip(first.points["label"], second.points["label"], strict=True) if p != q] == []
+    if first.problem.periodic:
+        a, b = (orbit.impacts for orbit in (first.orbit(7), second.orbit(7)))
+        assert sorted(i.speed for i in a) == pytest.approx(sorted(i.speed for i in b), rel=1e-9)
+        assert distance(first.orbit(min(9, len(first) - 2)), second.orbit(min(9, len(first) - 2))) > 5e-3
+    else:
+        np.testing.assert_array_equal(first.points["start_v"], -second.points["start_v"])
+        np.testing.assert_array_equal(first.points["flight_times"], second.points["flight_times"])
+        assert second.word == first.word.translate(str.maketrans("+-", "-+"))
+    again = second.trace(0, points=9, energy=(0.5 * at.h, 2.0 * at.h))
+    orbit = again.orbit(4)
+    assert any(abs(other.alpha / orbit.alpha - 1.0) < 1e-10 for other in first.trace(0, points=60).orbits_at(energy=orbit.h))
+
+
+def test_words_of_the_image_are_those_of_its_own_orbit():
+    """Oracle: the mirror: the stop that the one side touches is the other stop for the other side."""
+    branch = traced("S13O00+")
+    first, second = branch.switch("SB1")
+    ours, theirs = (next(e for e in family.events if e.type == "GR") for family in (first, second))
+    assert {ours.stop, theirs.stop} == {"+", "-"} and ours.note.replace("stop " + ours.stop, "stop " + theirs.stop) == theirs.note
+    assert theirs.note in second.ended[1].text
+
+
+@pytest.mark.parametrize(("name", "event"), [("S11O00-", "PD1"), ("S73O33-", "PD1"), (REST, "PD1"), ("S11O00-", "RT2")])
+def test_the_other_side_of_a_doubling_is_the_same_orbit_started_later(name, event):
+    """Oracle: theory: a doubled orbit started one old period later lies on the other side; so one side is followed."""
+    branch, at, born = switched(name, event)
+    assert len({family.ends for family in born}) == len(born) == 2
+    for family in born:
+        problem, y = family.problem, family.orbit(0).solution.y
+        late = embed(problem, y, (1, 2))
+        assert (late.ends, late.word) == (problem.ends, problem.word)
+        there = late.unknowns(problem)
+        assert same_orbit((problem, y), (problem, there)) and np.max(np.abs(there - y)) > 1e-3
+        old = 0.5 * (there + y)
+        assert symmetries(cycle_of(problem, old), 1e-2).turns >= 2
+
+
+@pytest.mark.parametrize(("name", "event"), [case[:2] for case in CASES] + [("S11O00-", "RT1"), ("S11O00-", "RT2")])
+def test_labels_have_p_up_to_q(name, event):
+    """Oracle: the naming rule: an origin..origin orbit is printed with p <= q, and its velocities are those of that start."""
+    _, _, born = switched(name, event)
+    for family in born:
+        label = parse(family.label) if family.label else None
+        assert label is None or label.p <= label.q
+        orbit = family.orbit(0)
+        if orbit.velocities is not None:
+            u, v = orbit.sample(np.zeros(1))
+            assert np.allclose(v[0], orbit.velocities, rtol=1e-12) and np.max(np.abs(u)) < 1e-12
 
 
 def test_period_doubled_orbits_are_not_the_old_ones_twice():
@@ -157,22 +211,103 @@ def test_stability_at_the_symmetry_breaking_of_the_backbone():
     assert len(beside) == len(new) == 1 and beside != new and old
 
 
-def test_the_branch_point_leads_onto_the_backbone_run_seven_times():
-    """Oracle: closed form: the family that S73O33- crosses is seven turns of S11O00-."""
+def test_a_crossing_with_seven_turns_leads_onto_the_backbone_itself():
+    """Oracle: closed form: the family that S73O33- crosses is seven turns of S11O00-; the answer is S11O00-, through the crossing."""
     _, at, born = switched("S73O33-", "BP1", points=25)
     backbone = Backbone()
-    assert len(born) == 2
+    (family,) = born
+    assert family.turns == 7 and family.id == traced("S11O00-").id and family.label == "S11O00-"
+    for h, alpha in zip(family.points["h"], family.points["alpha"], strict=True):
+        assert abs(h / backbone.energy(alpha) - 1) < 1e-11
+    assert family.points["h"].min() < at.h < family.points["h"].max()
+    assert math.isclose(family.orbit_at(energy=at.h).alpha, at.alpha / 7.0, rel_tol=1e-5)
+
+
+WAYS_BACK = [("S13O00+", "SB1", 1), ("S11O00-", "PD1", 2), (REST, "SB1", 1), (REST, "PD1", 2), ("U3201-", "SB1", 1), ("S11O00-", "RT4", 5),
+             ("S11O00-", "RT2", 4), ("U3201-", "RT2", 3), ("U3201-", "RT3", 4)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "event", "turns"), WAYS_BACK)
+def test_every_birth_leads_back_to_the_old_family(name, event, turns):
+    """Oracle: the old family: seen from the new one, it is crossed where it gave birth to it."""
+    branch, at, born = switched(name, event, points=3)
     for family in born:
-        for h, alpha in zip(family.points["h"], family.points["alpha"], strict=True):
-            assert abs(h / backbone.energy(alpha / 7.0) - 1) < 1e-11
-        assert math.isclose(family.points["h"][0], at.h, rel_tol=0.02)
-    assert (born[0].points["h"][5] - at.h) * (born[1].points["h"][5] - at.h) < 0.0
+        through = family.trace(1, energy=(0.5 * at.h, 2.0 * at.h))
+        crossings = [e for e in through.events if e.type == "BP" and abs(e.h / at.h - 1.0) < 1e-5]
+        assert len(crossings) == 1 and through.id == family.id
+        (back,) = through.switch(crossings[0], points=5)
+        assert back.id == branch.id and back.turns == turns
+
+
+RESONANT = [("S11O00-", f"RT{k}") for k in range(1, 9)] + [("U3201-", f"RT{k}") for k in range(1, 6)] + [(REST, "RT1"), (REST, "RT3")]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("name", "event"), RESONANT)
+def test_families_born_at_a_q_tupling(name, event):
+    """Oracle: theory: q times the period and tau to 2 at the birth, orbits that do not repeat themselves, and the event-driven run; for
+    q >= 5 one of the two families (or sides of a family) is stable beside the birth and the other is not."""
+    branch, at, born = switched(name, event)
+    q = at.p_q[1]
+    kinds = {}
+    for family in born:
+        gap = abs(family.points["alpha"][0] / at.alpha / q - 1.0)
+        assert gap < 5e-3 and abs(family.points["h"][0] / at.h - 1.0) < 5e-3
+        orbit = family.orbit(0)
+        assert symmetries(orbit.cycle).turns == 1
+        assert abs(orbit.tau - 2.0) < (1.1 if q < 5 else 0.05)
+        u, v = orbit.sample(np.zeros(1))
+        run = saltus.run(family.system, u[0], v[0], orbit.period)
+        start = np.concatenate([u[0], v[0]])
+        assert np.linalg.norm(run.final - start) < 1e4 * EPS * max(np.linalg.norm(monodromy(orbit), 2), 1.0) * np.linalg.norm(start)
+        kinds.setdefault(family.id, []).append(family)
+    # One family with two different sides, or two families.
+    sides = born if len(kinds) == 1 else [families[0] for families in kinds.values()]
+    stable = [{int(x) for x in family.points["stable"][:4]} - {-1} for family in sides]
+    if q >= 5 and all(len(each) == 1 for each in stable):
+        assert sorted(each.pop() for each in stable) == [0, 1]
+
+
+def test_a_sixtupling_that_is_located_by_hand():
+    """Oracle: tau = 2 cos(2 pi/6) = 1 on S11O00-, found by bisection in the energy; six times the period there."""
+    branch = traced("S11O00-")
+    low, high = 0.44, 2.0  # tau rises here from its value at 1/5 towards 2
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if branch.orbit_at(energy=middle).tau < 1.0 else (low, middle)
+    orbit = branch.orbit_at(energy=high)
+    start = follow_family(orbit.problem, orbit.solution.y, points=3)
+    event = branch.events[-1]._replace(id="RT", type="RT", p_q=[1, 6], point=start.start, h=high, alpha=orbit.alpha)
+    born = start.switch(event, points=6)
+    assert [family.ends[0][:4] for family in born] == ["orig", "stop"]
+    for family in born:
+        assert math.isclose(family.points["alpha"][0] / orbit.alpha, 6.0, rel_tol=1e-4)
+        assert abs(family.points["tau"][0] - 2.0) < 1e-3 and symmetries(family.orbit(0).cycle).turns == 1
+
+
+def test_switching_goes_on_from_every_kind_of_ends():
+    """Oracle: the period: kept where a symmetry breaks, doubled where it doubles; ends that the new orbits' reversals have."""
+    rest = next(f for f in traced(REST).switch("PD1") if f.ends == ("rest", "rest"))
+    stop = next(f for f in traced("S11O00-").switch("PD1") if f.ends[0].startswith("stop"))
+    both = next(f for f in traced("S13O00+").switch("SB1"))
+    periodic = traced("U3201-").switch("SB1")[0]
+    done = set()
+    for family in (rest, stop, both, periodic):
+        for event in family.events:
+            if event.type not in ("SB", "PD"):
+                continue
+            for new in family.switch(event, points=5):
+                assert math.isclose(new.points["alpha"][0] / event.alpha, 2.0 if event.type == "PD" else 1.0, rel_tol=1e-3)
+                assert new.ends == ("periodic", "periodic") if event.type == "SB" or family.problem.periodic else True
+                assert symmetries(new.orbit(1).cycle).turns == 1
+                done.add((family.ends[0][:4], event.type))
+    assert ("orig", "SB") in done
 
 
 def test_events_that_are_no_bifurcation_are_refused():
     """Oracle: the message names the types that switching starts from, or the events that there are."""
     branch = traced("S13O00+")
-    with pytest.raises(ValueError, match="switching starts from BP, SB or PD"):
+    with pytest.raises(ValueError, match="switching starts from BP, SB, PD or RT"):
         branch.switch("GR1")
     with pytest.raises(ValueError, match="no event 'SB7' on this branch; it has GR1"):
         branch.switch("SB7")
