@@ -44,11 +44,12 @@ class Passage(NamedTuple):
 
 
 class Opening(NamedTuple):
-    """An interval of starts that could not be closed: where, its width, the flight (impacts before it)."""
+    """An interval of starts that could not be closed: where, its width, the flight (impacts before it), the kernel's reason."""
 
     parameter: float
     width: float
     flight: int
+    reason: int
 
 
 class Path(NamedTuple):
@@ -121,7 +122,7 @@ def scan(
             passages.append(
                 Passage(name, int(row[1]), float(row[2]), float(row[3]), float(row[4]), row[5] == 1.0, float(row[6]), float(row[7]))
             )
-        open_ones += [Opening(float(row[0]), float(row[1]), int(row[2])) for row in openings[: min(opened, len(openings))]]
+        open_ones += [Opening(float(row[0]), float(row[1]), int(row[2]), int(row[3])) for row in openings[: min(opened, len(openings))]]
     return passages, open_ones, dict(zip(COUNTS, total.tolist(), strict=True))
 
 

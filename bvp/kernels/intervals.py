@@ -283,6 +283,10 @@ def flight_verdict(flow, k, a, b, m, levels_a, levels_b, levels_m, jac_a, jac_b,
             return 12 if (ra[CONTACT] == FREE or rb[CONTACT] == FREE) and r * jac_m > 1e-5 else JUMP
         if ra[CONTACT] != rm[CONTACT] or ra[CONTACT] == FREE:
             return 13
+        # The same stop, but one flight goes on past the impact that ends the other.
+        most = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
+        if r * jac_m < 1e-4 and abs(rb[DURATION] - ra[DURATION]) > 20.0 * r * most + 1e-9:
+            return JUMP
     if onward and not last and k == most:
         return ENDLESS
     # -- the tube about the flight of the middle
@@ -349,7 +353,7 @@ def flight_verdict(flow, k, a, b, m, levels_a, levels_b, levels_m, jac_a, jac_b,
         mean = (ra[DURATION + 1] * jac_a + 4.0 * rm[DURATION + 1] * jac_m + rb[DURATION + 1] * jac_b) * r / 3.0
         most = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
         if abs(rb[DURATION] - ra[DURATION] - mean) > 0.1 * r * most + 1e-13 * (1.0 + longest) + 8.0 * grain / jac_m * most:
-            return JUMP if abs(rb[DURATION] - ra[DURATION]) > 20.0 * r * most and r * jac_m < 1e-4 else 40
+            return 25
         if onward and (k + 1 < levels_a and k + 1 < levels_b and k + 1 < levels_m):
             off = 0.0
             size = 0.0
@@ -396,9 +400,9 @@ def flight_verdict(flow, k, a, b, m, levels_a, levels_b, levels_m, jac_a, jac_b,
 
 
 @kernel
-def refine_zero(flow, kind, k, theta, time, low, high, longest, most, record, levels_word, work, out):
-    """Newton's method for one orbit in (start, time) from the middle of an interval; `levels_word`: the middle's record, whose impacts
-    the iterates keep. out: theta, time within flight k, miss. Returns whether it converged."""
+def refine_zero(flow, kind, k, theta, time, low, high, longest, most, record, pattern, work, out):
+    """Newton's method for one orbit in (start, time) from the middle of an interval, kept inside it, where all starts have the impacts of
+    `pattern`, the middle's record. out: theta, time within flight k, miss. Returns (whether it converged, starts followed)."""
     y = work[7, :4]
     dy = work[8, :4]
     at = 0 if kind == ORIGIN else 2
@@ -409,10 +413,10 @@ def refine_zero(flow, kind, k, theta, time, low, high, longest, most, record, le
         if levels <= k:
             return False, count
         for i in range(k):
-            if record[i, CONTACT] != levels_word[i, CONTACT]:
+            if record[i, CONTACT] != pattern[i, CONTACT]:
                 return False, count
         if kind == STOP:
-            if record[k, CONTACT] != levels_word[k, CONTACT]:
+            if record[k, CONTACT] != pattern[k, CONTACT]:
                 return False, count
             step = -record[k, MISS] / record[k, MISS + 1]
             time = record[k, DURATION]
@@ -433,10 +437,11 @@ def refine_zero(flow, kind, k, theta, time, low, high, longest, most, record, le
             return False, count
         if abs(step) <= 4e-16 * (1.0 + abs(theta)) or (count > 2 and abs(step) >= 0.5 * last and last < 1e-8 * span + 1e-13):
             return True, count + 1
-        theta += step
-        if theta < low - 0.5 * span or theta > high + 0.5 * span:
-            out[0] = theta
+        if (theta == low and step < 0.0) or (theta == high and step > 0.0):
+            # It lies outside; how far outside the step says.
+            out[0] = theta + step
             return True, count + 1
+        theta = min(max(theta + step, low), high)
         last = abs(step)
     return False, 12
 
@@ -526,6 +531,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             )
             if verdict != CLOSED:
                 break
+            first = candidate
             for end in range(3):
                 for c in range(count[end]):
                     converged, steps = refine_zero(
@@ -533,8 +539,14 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                         work, out,
                     )
                     counts[STARTS] += steps
-                    slip = 0.02 * (theta_b - theta_a) + 4.0 * grain
+                    used += steps
+                    if not converged and theta_b - theta_a > 1e6 * grain:
+                        verdict = SPLIT
+                        continue
+                    slip = 1e-12 + 16.0 * grain
                     if converged and (out[0] < theta_a - slip or out[0] > theta_b + slip):
+                        continue
+                    if converged and (out[1] < -1e-9 or out[1] > records[i_p, k, DURATION] + 1e-9):
                         continue
                     if candidate < candidates.shape[0]:
                         candidates[candidate, 0] = end
@@ -546,6 +558,9 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                         candidates[candidate, 6] = theta_a
                         candidates[candidate, 7] = theta_b
                     candidate += 1
+            if verdict == SPLIT:
+                candidate = first
+                break
             k += 1
         if verdict == DONE:
             counts[CLOSURES] += 1
