@@ -21,6 +21,7 @@ COMMANDS = {
     "show": ("saltus.commands.show", "show one family of a catalogue: its labels, events, neighbours and stability"),
     "tree": ("saltus.commands.tree", "show the graph of a catalogue as text, from one family on"),
     "path": ("saltus.commands.path", "find the shortest chain of bifurcations between two families of a catalogue"),
+    "export": ("saltus.commands.export", "write the graph, points or orbits of a catalogue as data"),
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
 }
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 
-from saltus import catalogue_arguments
-from saltus.arguments import positive
+from saltus import catalogue_arguments, family_filters
 from saltus.errors import DONE
 from saltus.files import STANDARD_OUTPUT, check_writable, write_data
 
@@ -16,11 +14,7 @@ __all__ = ["add_arguments", "run"]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("--label", metavar="LABEL", help="those with such a label: S13O00+, U83, or with wildcards 'U8*'")
-    parser.add_argument("--energy", metavar="H", type=positive, help="those that cross this energy")
-    parser.add_argument("--stable", action="store_true", help="those that are stable somewhere (with --label and --energy: there)")
-    parser.add_argument("--ends", metavar="ENDS", help="those between such ends: origin-origin, origin-stop, rest-stop+, periodic")
-    parser.add_argument("--impacts", metavar="N|LO:HI", type=_impacts, help="those with so many impacts in half a period")
+    family_filters.add_arguments(parser)
     catalogue_arguments.add_json(parser)
     catalogue_arguments.add_arguments(parser)
 
@@ -32,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.json is not None:
         check_writable(arguments.json)
-    filters = {name: getattr(arguments, name) for name in ("label", "energy", "stable", "ends", "impacts")}
+    filters = family_filters.from_arguments(arguments)
     with catalogue_arguments.from_arguments(arguments) as catalogue:
         families = catalogue.families(**filters)
         total = len(catalogue)
@@ -57,21 +51,3 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.json != STANDARD_OUTPUT:
             print(f"wrote  {arguments.json}")
     return DONE
-
-
-def _impacts(text: str) -> tuple[float, float]:
-    """Read a number or a range of impacts.
-
-    Examples
-    --------
-    >>> _impacts("3"), _impacts("0:2.5")
-    ((3.0, 3.0), (0.0, 2.5))
-    >>> _impacts("5:1")
-    Traceback (most recent call last):
-    argparse.ArgumentTypeError: received '5:1', expected a number of impacts N, or LO:HI with 0 <= LO <= HI
-    """
-    found = re.fullmatch(r"(\d+(?:\.5|\.0)?)(?::(\d+(?:\.5|\.0)?))?", text)
-    low, high = (float(found[1]), float(found[2] or found[1])) if found else (1.0, 0.0)
-    if low > high:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected a number of impacts N, or LO:HI with 0 <= LO <= HI")
-    return low, high

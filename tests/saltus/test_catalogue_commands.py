@@ -6,60 +6,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import saltus
-from branches.catalogue import Catalogue, Edge, EventOrbit, Node
-from branches.catalogue.closures import event_orbit, orbit_of_event, switch_edge
-from bvp.multipoint import MultipointProblem
+from branches.catalogue import Catalogue, Edge, EventOrbit
 from saltus.__main__ import main
 from saltus.catalogue_arguments import default_path
 from saltus.listing import listing
-from tests.branches.catalogue.families import real, scene
+from tests.branches.catalogue.families import linear_mode, real, scene
+from tests.saltus.running import run
 
 ROOT = Path(__file__).parents[2]
-
-
-def linear_mode(h):
-    """The quarter period of L11+ at an energy, as an orbit from origin to rest without impacts; by the mode's own frequency."""
-    system = scene().system
-    problem = MultipointProblem(system, ("origin", "rest"), ())
-    frequency = system.modes.frequencies[0]
-    start = np.zeros(4)
-    start[2] = np.sqrt(2.0 * h)
-    y = problem.pack(start, np.empty((0, 4)), [0.5 * np.pi / frequency])
-    return event_orbit(problem, problem.solve(y, energy=h).y)
-
-
-@pytest.fixture(scope="module")
-def catalogue(tmp_path_factory):
-    """Four families, the symmetry breaking, a linear mode with its grazing, and a dead end."""
-    path = tmp_path_factory.mktemp("catalogue") / "real.sqlite"
-    backbone, _, _, born = real()
-    at = {event.id: event for event in backbone.events}
-    with Catalogue(path, "a", scene=scene()) as filled:
-        for branch in real():
-            filled.add(branch)
-        filled.connect(switch_edge(backbone, at["SB1"], born))
-        graze = at["GR1"]
-        filled.add_node(Node("L11+", "linear mode", "L11+", (0.0, graze.h), graze.alpha))
-        filled.connect(
-            Edge("L11+", "", "GR", "linear mode", backbone.id, graze.h, graze.alpha, "GR1", graze.stop, None,
-                 linear_mode(graze.h), orbit_of_event(backbone, graze))
-        )  # fmt: skip
-        end = at["GR2"]
-        filled.connect(
-            Edge(backbone.id, "GR2", "GR", "dead end", None, end.h, end.alpha, "", end.stop, "no admissible neighbour",
-                 orbit_of_event(backbone, end))
-        )  # fmt: skip
-    return path
-
-
-def run(capsys, *words):
-    """Exit code, standard output, standard error."""
-    code = main([str(word) for word in words])
-    return (code, *capsys.readouterr())
 
 
 def test_list_tells_the_families(catalogue, capsys):

@@ -7,6 +7,8 @@ import numpy as np
 
 import saltus
 from branches.branch import Ended
+from branches.catalogue.closures import event_orbit
+from bvp.multipoint import MultipointProblem
 
 HIGH = 20.0
 
@@ -41,3 +43,14 @@ def same_columns(one, other):
             assert bits == given_bits or np.array_equal(np.isnan(values), np.isnan(given)), name
         assert np.array_equal(values, other[name], equal_nan=values.dtype.kind in "fc"), name
     return True
+
+
+def linear_mode(h):
+    """The quarter period of L11+ at an energy, as an orbit from origin to rest without impacts; by the mode's own frequency."""
+    system = scene().system
+    problem = MultipointProblem(system, ("origin", "rest"), ())
+    frequency = system.modes.frequencies[0]
+    start = np.zeros(4)
+    start[2] = np.sqrt(2.0 * h)
+    y = problem.pack(start, np.empty((0, 4)), [0.5 * np.pi / frequency])
+    return event_orbit(problem, problem.solve(y, energy=h).y)

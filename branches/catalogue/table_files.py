@@ -1,0 +1,121 @@
+"""Tables of many families as files: CSV, JSON, NPZ, MAT.
+
+A table is a dict of columns of equal length: arrays (N,), arrays (N, k), or lists of N arrays of any lengths. What has no finite value is
+an empty cell, null, or NaN. ``stable`` is 1, 0 or -1 (undecided) in NPZ and MAT; true, false or empty in CSV and JSON.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from typing import IO, Any
+
+import numpy as np
+
+__all__ = ["BINARY", "TABLE_FORMATS", "Table", "table_text", "write_binary"]
+
+TABLE_FORMATS = ("csv", "json", "npz", "mat")
+
+BINARY = ("npz", "mat")
+
+Table = dict[str, "np.ndarray | list[np.ndarray]"]
+
+
+def table_text(table: Table, format: str, name: str) -> str:
+    """CSV or JSON text of a table.
+
+    Parameters
+    ----------
+    table : Table
+    format : {"csv", "json"}
+        CSV: an array (N, k) takes k columns ``name.1``, ``name.2``, a complex number two, ``.re`` and ``.im``; numbers of a list of
+        arrays stand in one cell, with spaces between. JSON: ``{"schema", name: [row, ...]}``, complex numbers as [re, im].
+    name : str
+        Of the list of rows in JSON.
+    """
+    columns = {key: [_plain(value, key) for value in values] for key, values in table.items()}
+    count = len(next(iter(columns.values()))) if columns else 0
+    if format == "json":
+        rows = [json.dumps({key: values[i] for key, values in columns.items()}, allow_nan=False) for i in range(count)]
+        listed = "[\n    " + ",\n    ".join(rows) + "\n  ]" if rows else "[]"
+        return f'{{\n  "schema": 1,\n  {json.dumps(name)}: {listed}\n}}\n'
+    titled: dict[str, list[str]] = {}
+    for key, values in columns.items():
+        titled |= _cells(key, values, table[key])
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(titled)
+    writer.writerows(zip(*titled.values(), strict=True))
+    return text.getvalue()
+
+
+def _cells(name: str, values: list[Any], column: np.ndarray | list[np.ndarray]) -> dict[str, list[str]]:
+    """The CSV columns of one column."""
+    if isinstance(column, list) or (column.ndim == 1 and not np.iscomplexobj(column)):
+        return {name: [_cell(value) for value in values]}
+    if column.ndim == 2:
+        out: dict[str, list[str]] = {}
+        for k in range(column.shape[1]):
+            out |= _cells(f"{name}.{k + 1}", [value[k] for value in values], column[:, k])
+        return out
+    pairs = [value or (None, None) for value in values]
+    return {f"{name}.{part}": [_cell(pair[k]) for pair in pairs] for k, part in enumerate(("re", "im"))}
+
+
+def write_binary(table: Table, format: str, file: IO[bytes]) -> None:
+    """Write NPZ or MAT.
+
+    In NPZ a list of arrays is one flat array and `name_offsets` (N + 1,), where each begins; in MAT, where texts and lists of arrays are
+    cells, the variables are named as the columns, dots become underscores.
+    """
+    arrays: dict[str, Any] = {}
+    if format == "npz":
+        for name, values in table.items():
+            if isinstance(values, list):
+                arrays[name] = np.concatenate(values) if values else np.empty(0)
+                arrays[f"{name}_offsets"] = np.concatenate([[0], np.cumsum([len(value) for value in values])]).astype(int)
+            else:
+                arrays[name] = values
+        np.savez_compressed(file, **arrays)
+        return
+    from scipy.io import savemat
+
+    for name, values in table.items():
+        if isinstance(values, list) or values.dtype.kind == "U":
+            cell = np.empty((len(values), 1), dtype=object)
+            for i, value in enumerate(values):
+                cell[i, 0] = str(value) if isinstance(value, str) else value
+            values = cell
+        elif values.ndim == 1:
+            values = values[:, None]
+        arrays[name.replace(".", "_")] = values
+    savemat(file, arrays, do_compression=True, long_field_names=True)
+
+
+def _plain(value: Any, name: str) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, np.ndarray):
+        return [_plain(entry, name) for entry in value]
+    if isinstance(value, np.str_ | str):
+        return str(value)
+    if name == "stable":
+        return None if value < 0 else bool(value)
+    if isinstance(value, np.bool_ | bool):
+        return bool(value)
+    if isinstance(value, np.integer | int):
+        return int(value)
+    if isinstance(value, np.complexfloating | complex):
+        return [float(value.real), float(value.imag)] if np.isfinite(value) else None
+    return float(value) if math.isfinite(value) else None
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return " ".join(_cell(entry) for entry in value)
+    return repr(value) if isinstance(value, float) else str(value)

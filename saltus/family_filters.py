@@ -1,0 +1,43 @@
+"""The options that choose families of a catalogue, shared by the commands that list and export them."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from typing import Any
+
+from saltus.arguments import positive
+
+__all__ = ["add_arguments", "from_arguments"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add ``--label``, ``--energy``, ``--stable``, ``--ends`` and ``--impacts``."""
+    parser.add_argument("--label", metavar="LABEL", help="those with such a label: S13O00+, U83, or with wildcards 'U8*'")
+    parser.add_argument("--energy", metavar="H", type=positive, help="those that cross this energy")
+    parser.add_argument("--stable", action="store_true", help="those that are stable somewhere (with --label and --energy: there)")
+    parser.add_argument("--ends", metavar="ENDS", help="those between such ends: origin-origin, origin-stop, rest-stop+, periodic")
+    parser.add_argument("--impacts", metavar="N|LO:HI", type=_impacts, help="those with so many impacts in half a period")
+
+
+def from_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the filters asked for, as `Catalogue.families` takes them."""
+    return {name: getattr(arguments, name) for name in ("label", "energy", "stable", "ends", "impacts")}
+
+
+def _impacts(text: str) -> tuple[float, float]:
+    """Read a number or a range of impacts.
+
+    Examples
+    --------
+    >>> _impacts("3"), _impacts("0:2.5")
+    ((3.0, 3.0), (0.0, 2.5))
+    >>> _impacts("5:1")
+    Traceback (most recent call last):
+    argparse.ArgumentTypeError: received '5:1', expected a number of impacts N, or LO:HI with 0 <= LO <= HI
+    """
+    found = re.fullmatch(r"(\d+(?:\.5|\.0)?)(?::(\d+(?:\.5|\.0)?))?", text)
+    low, high = (float(found[1]), float(found[2] or found[1])) if found else (1.0, 0.0)
+    if low > high:
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected a number of impacts N, or LO:HI with 0 <= LO <= HI")
+    return low, high
