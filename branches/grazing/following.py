@@ -187,11 +187,11 @@ def _meet(
     family = Family(problem)
     sides: list[str] = []
     for direction in directions:
-        step = _first(family, y, direction, sides)
-        if step is None:
+        steps = _first(family, y, direction, sides)
+        if not steps:
             continue
-        kind = "fold" if (step.parameter > problem.energy(y)) == rising else "passage"
-        branch = follow_family(problem, step.y, direction="both", **options)
+        kind = "fold" if (steps[0].parameter > problem.energy(y)) == rising else "passage"
+        branch = follow_family(problem, steps[-1].y, direction="both", **options)
         event = _same_event(branch, problem, y)
         return neighbour(kind, label=branch.label, branch=branch, event=event, there=there)
     return neighbour("dead end", reason="; ".join(dict.fromkeys(sides)), there=there)
@@ -226,17 +226,17 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
         return y, residual, []
 
 
-def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str]) -> Step | None:
-    """An orbit next to the grazing one in a direction, as far from it as the probes go on being orbits; else the reason into `sides`."""
+def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str]) -> list[Step]:
+    """Orbits next to the grazing one in a direction, as far from it as the probes go on being orbits; if none, the reason into `sides`."""
     problem = family.problem
     position, change = np.empty((2, problem.size + 2))
     energy, alpha = kernel.locate(problem.segment, y, position)
     _, length = kernel.metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
     if not length > 0.0:
         sides.append("the orbit does not change with the first impulses")
-        return None
+        return []
     tangent = np.concatenate([direction / length, np.zeros(problem.unknowns)])
-    last, reason = None, "no orbit next to the grazing one could be corrected"
+    steps, reason = [], "no orbit next to the grazing one could be corrected"
     for ds in PROBES:
         step = family.step(y, tangent, ds)
         if not step.converged or not step.turn > _STRAIGHT:
@@ -244,10 +244,10 @@ def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str
         reason = _why(problem, step.extra)
         if reason:
             break
-        last = step
-    if last is None:
+        steps.append(step)
+    if not steps:
         sides.append(reason)
-    return last
+    return steps
 
 
 def _why(problem: MultipointProblem, solution: Solution) -> str:
@@ -275,10 +275,15 @@ def _same_event(branch: Branch, problem: MultipointProblem, y: np.ndarray) -> Br
 
 
 def _leaves_upward(branch: Branch, point: int) -> bool:
-    """Whether a branch that ends at a point leaves it upward in energy."""
-    h = branch.points["h"]
-    inside = point + 1 if point + 1 < len(h) else point - 1
-    return bool(h[max(inside, 0)] > h[point])
+    """Whether a branch that ends at a point leaves it upward in energy: by its tangent there, as a fold may be next to it."""
+    inside = point + 1 if point + 1 < len(branch) else point - 1
+    problem = branch.problem
+    y = branch.orbit(point).solution.y
+    at = problem.step(y, np.zeros(2 * problem.unknowns), 0.0, maximum=0, full=False)
+    if at is None or inside < 0:
+        return bool(branch.points["h"][max(inside, 0)] > branch.points["h"][point])
+    tangent = at.tangent[: problem.unknowns]
+    return bool(at["slope"] * float(tangent @ (branch.unknowns(inside) - y)) > 0.0)
 
 
 def _linear(orbit: Touching) -> Neighbour:
