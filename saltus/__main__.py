@@ -17,6 +17,7 @@ __all__ = ["main"]
 COMMANDS = {
     "continue": ("saltus.commands.continue_", "follow the family of periodic orbits that has a name"),
     "orbit": ("saltus.commands.orbit", "show one orbit of a named family: its impacts, multipliers and shape"),
+    "build": ("saltus.commands.build", "find and follow every family of a scene, and keep them in a catalogue"),
     "list": ("saltus.commands.list", "list the families of a catalogue"),
     "show": ("saltus.commands.show", "show one family of a catalogue: its labels, events, neighbours and stability"),
     "tree": ("saltus.commands.tree", "show the graph of a catalogue as text, from one family on"),

@@ -46,10 +46,10 @@ class ProgressBar:
         if self._bar is not None:
             self._bar.stop()
 
-    def update(self, count: int) -> None:
-        """Tell how many points are done."""
+    def update(self, count: int, more: str = "") -> None:
+        """Tell how many points are done, and more in words."""
         if self._bar is not None:
-            self._bar.update(self._task, completed=count)
+            self._bar.update(self._task, completed=count, description=more)
         elif self._wanted and time.monotonic() - self._start > PATIENCE:
             self._show(count)
 
@@ -68,6 +68,7 @@ class ProgressBar:
         self._bar = Progress(
             BarColumn(),
             TextColumn(f"{{task.completed}} {self._things}"),
+            TextColumn("{task.description}"),
             TimeElapsedColumn(),
             console=Console(stderr=True),
             transient=True,

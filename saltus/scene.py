@@ -2,8 +2,8 @@
 
 A scene is a TOML file. ``[system]`` is ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``, or the matrices
 ``mass``, ``damping``, ``stiffness`` with ``[[stops]]`` (``c``, ``lower``, ``upper``, ``restitution``, ``name``) and
-``[coordinates]`` (``names``, ``LO``, ``NES``). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``; ``[names]``
-pins a bare name to a cited point. What is not known is refused.
+``[coordinates]`` (``names``, ``LO``, ``NES``). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``: where names are
+searched; ``[complete]`` the same three: where every family is found by a build. ``[names]`` pins a bare name to a cited point. What is not known is refused.
 """
 
 from __future__ import annotations
@@ -46,6 +46,9 @@ class Scene:
         Most impacts inside the solved part of an orbit that are searched.
     pins : mapping of str to mapping of str to float
         Bare names with the point, ``h`` and ``alpha``, that the literature shows; used only to choose among matches.
+    complete : mapping
+        ``energy``, ``quarter_period`` and ``impacts`` (in half a period) up to which a build finds every family; by default those of
+        the search.
     title, source : str
         What the scene is, and where it is published.
     """
@@ -55,6 +58,7 @@ class Scene:
     quarter_period: float
     impacts: int
     pins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    complete: Mapping[str, Any] = field(default_factory=dict)
     title: str = ""
     source: str = ""
 
@@ -149,10 +153,23 @@ def _read(path: Path, shipped: Mapping[str, str]) -> str:
 
 
 def _build(scene: Table, overrides: Mapping[str, float]) -> Scene:
-    scene.only("system", "stops", "coordinates", "bounds", "names", "title", "source")
+    scene.only("system", "stops", "coordinates", "bounds", "complete", "names", "title", "source")
     own, system = _system(scene, overrides)
     pins = _pins(scene.table("names", {}))
-    bounds = scene.table("bounds")
+    bounds = _bounds(scene.table("bounds"))
+    # A cited point says nothing about another system.
+    holds = system.describe() == own.describe()
+    return Scene(
+        system=system,
+        **bounds,
+        pins=pins if holds else MappingProxyType({}),
+        complete=MappingProxyType(_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds),
+        title=scene.text("title", ""),
+        source=scene.text("source", ""),
+    )
+
+
+def _bounds(bounds: Table) -> dict[str, Any]:
     bounds.only("energy", "quarter_period", "impacts")
     energy = bounds.numbers("energy", 2)
     if not 0.0 < energy[0] < energy[1] < math.inf:
@@ -163,17 +180,7 @@ def _build(scene: Table, overrides: Mapping[str, float]) -> Scene:
     impacts = bounds.integer("impacts")
     if impacts < 0:
         raise bounds.wrong("impacts", impacts, "a whole number, 0 or more")
-    # A cited point says nothing about another system.
-    holds = system.describe() == own.describe()
-    return Scene(
-        system=system,
-        energy=(energy[0], energy[1]),
-        quarter_period=quarter_period,
-        impacts=impacts,
-        pins=pins if holds else MappingProxyType({}),
-        title=scene.text("title", ""),
-        source=scene.text("source", ""),
-    )
+    return {"energy": (energy[0], energy[1]), "quarter_period": quarter_period, "impacts": impacts}
 
 
 def _pins(names: Table) -> Mapping[str, Mapping[str, float]]:

@@ -1,0 +1,93 @@
+"""`saltus build`: find and follow every family of a scene, and keep them in a catalogue."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+from saltus import catalogue_arguments, scene_arguments
+from saltus.arguments import energy_range, positive, whole_above_zero
+from saltus.errors import DONE, FAILED, BadInput
+from saltus.files import STANDARD_OUTPUT, check_writable, write_data
+
+if TYPE_CHECKING:
+    from branches.building.build import Progress
+    from saltus.progress import ProgressBar
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="energies (default: the scene's)")
+    parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period (default: the scene's)")
+    parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: the scene's)")
+    parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="processes that work (default: one a core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="work on a Dask cluster in place of processes")
+    catalogue_arguments.add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
+    catalogue_arguments.add_json(parser)
+    scene_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code: 1 where something could not be done."""
+    if arguments.json is not None:
+        check_writable(arguments.json)
+    scene = scene_arguments.from_arguments(arguments)
+    if scene.system.degrees_of_freedom != 2:
+        raise BadInput(f"families are found on two degrees of freedom; this system has {scene.system.degrees_of_freedom}")
+    place = catalogue_arguments.place_to_save(arguments, scene)
+
+    from branches.building.bounds import Bounds
+    from branches.building.build import build
+    from branches.catalogue import Catalogue
+    from saltus import __version__
+    from saltus.executors import open_executor
+    from saltus.first_run import prepare
+    from saltus.progress import ProgressBar
+
+    complete = scene.complete
+    bounds = Bounds(
+        arguments.energy or complete["energy"],
+        arguments.max_quarter_period or complete["quarter_period"],
+        arguments.max_impacts or complete["impacts"],
+    )
+    workers = arguments.workers or os.cpu_count() or 1
+    words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
+    print(
+        f"build  {place}: h {bounds.energy[0]:g} to {bounds.energy[1]:g}, quarter period up to {bounds.quarter_period:g}, "
+        f"up to {bounds.impacts} impacts in half a period",
+        file=words, flush=True,
+    )  # fmt: skip
+    prepare()
+    provenance = {"saltus": __version__, "built": bounds.plain()}
+    with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue, ProgressBar(None, "families") as bar:
+        with open_executor(workers, arguments.dask) as (executor, count):
+            report = build(catalogue, bounds, executor, count, lambda progress: _show(bar, progress))
+    for text in report["failed"]:
+        print(f"FAILS  {text}", file=words)
+    searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
+    settled = "settled: the last energies gave no new family" if report["settled"] else "not settled"
+    print(
+        f"done   {report['families']} families, {report['points']} points, {report['events']} events, {report['edges']} edges; "
+        f"{report['beyond']} neighbours lie beyond the bounds",
+        file=words,
+    )
+    print(f"       energies searched: {searched}; {settled}", file=words)
+    if arguments.json is not None:
+        _write(arguments.json, {"bounds": bounds.plain(), **report})
+    return FAILED if report["failed"] else DONE
+
+
+def _show(bar: ProgressBar, progress: Progress) -> None:
+    bar.update(
+        progress.families, f"{progress.queued} queued, {progress.points} points, {progress.events} events"
+    )
+
+
+def _write(path: str, report: dict[str, Any]) -> None:
+    from saltus.catalogue_records import SCHEMA, json_text
+
+    write_data(path, json_text({"schema": SCHEMA, **report}))
