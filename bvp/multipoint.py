@@ -380,7 +380,7 @@ _ENTRIES = len(RESULT)
 
 def _bounds_text(stop: Stop, coordinates: tuple[str, ...]) -> str:
     """The bounds of a stop as an inequality, such as -1 <= u1 - 2*u2 <= 3."""
-    terms = []
+    terms: list[str] = []
     for c, name in zip(stop.gap, coordinates, strict=True):
         if c:
             size = name if abs(c) == 1.0 else f"{abs(c):g}*{name}"
