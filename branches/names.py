@@ -6,52 +6,20 @@ A pin never starts a search: it only chooses among the families that were found.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from branches.discovery.found import Found, accept, from_other_end
-from branches.discovery.uniform import Scanner
-from branches.labels import Label, Name, canonical, matches, nearest, parse_name, roots
+from branches.labels import Label, Name, parse_name
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
-from branches.words import split_family_id
+from branches.name_search import LEVELS, Limits, Search, passes, search_bounds
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["AmbiguousName", "Limits", "NameNotFound", "resolve", "search_bounds"]
-
-LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
-"""Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
-inner impact up to four (at least one). Each level is finer; the search ends at the first that finds the name."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Where names are searched: energies, longest quarter period, most impacts in a half period."""
-
-    energy: tuple[float, float] = (0.05, 1e4)
-    quarter_period: float = 10.0
-    impacts: int = 16
-
-
-def search_bounds(bounds: Mapping[str, Any] | None) -> Limits:
-    """Limits from a scene's bounds (missing ones by default)."""
-    bounds = dict(bounds or {})
-    default = Limits()
-    for key in bounds:
-        if key not in default.__dataclass_fields__:
-            near = nearest(key, default.__dataclass_fields__, 1) or tuple(default.__dataclass_fields__)
-            raise ValueError(f"unknown bound {key!r}; expected {', '.join(near)}")
-    energy = bounds.get("energy", default.energy)
-    return Limits(
-        (float(energy[0]), float(energy[1])),
-        float(bounds.get("quarter_period", default.quarter_period)),
-        int(bounds.get("impacts", default.impacts)),
-    )
+__all__ = ["AmbiguousName", "Limits", "NameNotFound", "from_other_end", "passes", "resolve", "search_bounds"]
 
 
 def resolve(
@@ -80,7 +48,7 @@ def resolve(
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(_linear_mode(system, name.label))
-    search = _Search(system, name, limits, energy)
+    search = Search(system, name, limits, energy)
     if name.label is not None and system.has_odd_symmetry and (system.absorber is None or system.primary is None):
         raise NameNotFound(
             f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
@@ -121,17 +89,17 @@ def _passing(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[flo
     low, high = energy
     if name.h is not None:
         beyond = (min(limits.energy[0], 0.9 * name.h), max(limits.energy[1], 1.1 * name.h))
-        anywhere = _Search(system, replace(name, h=None), limits, beyond)
+        anywhere = Search(system, replace(name, h=None), limits, beyond)
         return anywhere.families(anywhere.run(LEVELS[:1]))
     if not 0.0 < low < high < math.inf or (low <= limits.energy[0] and high >= limits.energy[1]):
         return []
-    wide = _Search(system, name, limits, limits.energy)
+    wide = Search(system, name, limits, limits.energy)
     out = []
     for _, branch in wide.families(wide.run(LEVELS[:1])):
         least, most = max(low, float(branch.points["h"].min())), min(high, float(branch.points["h"].max()))
         for part in (0.5, 0.1, 0.9) if least < most else ():
             candidates = branch.orbits_at(energy=least ** (1.0 - part) * most**part)
-            orbits = [orbit for orbit in (accept(c.problem, c.solution) for c in candidates) if orbit is not None and wide._matches(orbit)]
+            orbits = [orbit for orbit in (accept(c.problem, c.solution) for c in candidates) if orbit is not None and wide.fits(orbit)]
             if orbits:
                 out.append((orbits[0], branch))
                 break
@@ -185,179 +153,3 @@ def _pinned(families: list[tuple[Found, Branch]], pin: Mapping[str, float]) -> l
             if miss < best:
                 best, chosen = miss, [(found, branch)]
     return chosen
-
-
-class _Search:
-    """One search for a name over energies, coarse first."""
-
-    def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float]):
-        self.name = name
-        self.limits = limits
-        self.energy = (max(limits.energy[0], energy[0]), min(limits.energy[1], energy[1]))
-        if name.h is not None:
-            self.energy = (name.h, name.h)
-        elif not self.energy[0] < self.energy[1]:
-            self.energy = energy
-        self.range = energy
-        self.system = system
-        self.word: tuple[str, ...] | None = None
-        self.ends: tuple[str, str] | None = None
-        most = limits.impacts
-        if name.label is not None:
-            label = name.label
-            end = "origin" if label.kind == "U" else {"O": "stop", "E": "rest", None: "stop"}[label.parity]
-            if label.p is not None and label.q is not None:
-                self.impacts = [label.p + label.q if label.kind == "U" else label.p]
-            elif label.kind == "U":
-                self.impacts = list(range(1, most + 1))
-            else:
-                self.impacts = list(range(most // 2 + 1))
-            kinds = [end] if label.kind == "U" or label.parity is not None else ["stop", "rest"]
-        else:
-            assert name.family is not None
-            self.ends, self.word, _ = split_family_id(name.family)
-            if self.ends[0] != "origin":
-                raise NameNotFound(
-                    f"{name.family} has the ends {self.ends[0]}, {self.ends[1]}; families are found by id from an origin start only: "
-                    "reach this one by switching at its symmetry breaking, or read it from its file"
-                )
-            kinds = ["stop" if self.ends[1].startswith("stop") else self.ends[1]]
-            self.impacts = [len(self.word)]
-        self.scanners = [Scanner(system, kind, limits.quarter_period) for kind in kinds]
-        self.seen: dict[str, tuple[float, float]] = {}
-        self.others: dict[str, Branch] = {}
-        self.searched = (0, 0)
-
-    def run(self, levels: Sequence[tuple[float, int]]) -> list[Found]:
-        """All matches of the first of the levels that has any."""
-        for step, density in levels:
-            energies = self._energies(step if max(self.impacts) else 2.0 * step)
-            angles = density * max(1, min(4, max(self.impacts)))
-            self.searched = (len(energies), angles)
-            found = [orbit for h in energies for orbit in self._at(h, angles)]
-            if found:
-                return found
-        return []
-
-    def _energies(self, step: float) -> np.ndarray:
-        low, high = self.energy
-        if low == high:
-            return np.array([low])
-        low = max(low, 1e-3 * self._least())
-        count = max(2, math.ceil(math.log(high / low) / step))
-        grid = np.linspace(math.log(low), math.log(high), 2 * count + 1)[1::2]
-        return np.exp(grid)
-
-    def _least(self) -> float:
-        """Energy below which no stop can be reached: min of the potential energy with |w| at a bound."""
-        gap = self.system.modes.contact_gap[0, : self.system.degrees_of_freedom]
-        squares = self.system.modes.squares
-        reach = min(abs(self.system.stops[0].lower), abs(self.system.stops[0].upper))
-        compliance = sum(math.inf if w <= 0.0 and g != 0.0 else (g * g / w if g else 0.0) for g, w in zip(gap, squares, strict=True))
-        return 0.5 * reach**2 / compliance if math.isfinite(compliance) else 1e-3
-
-    def _at(self, h: float, angles: int) -> list[Found]:
-        out = []
-        for scanner in self.scanners:
-            for orbit in scanner.orbits(h, angles, self.impacts):
-                if not self._matches(orbit) and self._matches_turned(orbit):
-                    orbit = from_other_end(orbit)
-                if self._matches(orbit):
-                    out.append(orbit)
-                elif orbit.label is not None:
-                    self.seen.setdefault(str(orbit.label), (orbit.h, orbit.alpha))
-        return out
-
-    def _matches(self, orbit: Found) -> bool:
-        if self.word is not None and self.ends is not None:
-            from branches.words import canonical as canonical_word
-
-            same = canonical_word(orbit.problem.word, orbit.problem.ends, odd_symmetry=self.system.has_odd_symmetry)
-            return same == canonical_word(self.word, self.ends, odd_symmetry=self.system.has_odd_symmetry)
-        label, pattern = orbit.label, self.name.label
-        if label is None or pattern is None or not matches(pattern, label):
-            return False
-        if pattern.p is not None and pattern.p != pattern.q:
-            return pattern.p == label.p
-        return label.p is None or label.q is None or label.p <= label.q
-
-    def _matches_turned(self, orbit: Found) -> bool:
-        """Whether the orbit has the label when it is started at its other end: Umnpq is Umnqp."""
-        label, pattern = orbit.label, self.name.label
-        return label is not None and pattern is not None and label.kind == "U" and label.p != label.q and matches(pattern, label)
-
-    def families(self, found: list[Found]) -> list[tuple[Found, Branch]]:
-        """One orbit of each family, and the family traced."""
-        from branches.tracing import follow_family
-
-        # What a range of energies cuts apart can be one family.
-        low, high = min(self.range[0], self.limits.energy[0]), max(self.range[1], self.limits.energy[1])
-        out: list[tuple[Found, Branch]] = []
-        followed: list[Branch] = []
-        for orbit in found:
-            if any(passes(branch, orbit) for branch in followed):
-                continue
-            branch = follow_family(orbit.problem, orbit.solution.y, energy=(low, high))
-            followed.append(branch)
-            if self.name.family is not None and not branch.has_id(self.name.family):
-                self.others[branch.id] = branch
-                continue
-            out.append((orbit, branch))
-        return out
-
-    def nothing(self) -> str:
-        """What was searched, and what exists."""
-        low, high = self.energy
-        where = f"at h = {low:g}" if low == high else f"for h in {low:g}:{high:g}"
-        counts = self.impacts if len(self.impacts) == 1 else f"{self.impacts[0]} to {self.impacts[-1]}"
-        text = (
-            f"no orbit {self.name.label or self.name.family} found {where}, quarter period up to {self.limits.quarter_period:g}, "
-            f"with {counts if isinstance(counts, str) else counts[0]} inner impacts in the solved segment "
-            f"({self.searched[0]} energies, {self.searched[1]} angles)"
-        )
-        if self.name.family is not None and self.others:
-            known = [
-                f"{name} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for name, branch in self.others.items()
-            ]
-            return f"{text}; with these ends and this word there {'is' if len(known) == 1 else 'are'} {', '.join(known[:5])}"
-        label = self.name.label
-        if label is not None:
-            for root, turns in roots(label):
-                if turns > 1 and self._exists(root):
-                    return f"{label} is {turns} turns of {root}; expected the name of a primitive orbit"
-        if self.seen and label is not None:
-            near = nearest(str(canonical(label)), list(self.seen))
-            near = near or tuple(list(self.seen)[:3])
-            text += "; nearest that exist: " + ", ".join(f"{k}@h={self.seen[k][0]:.5g},alpha={self.seen[k][1]:.5g}" for k in near)
-        return text
-
-    def _exists(self, root: Label) -> bool:
-        search = _Search(self.system, Name(root, None, None, None), self.limits, self.range)
-        step, angles = LEVELS[0]
-        return any(search._at(h, angles) for h in search._energies(step))
-
-
-def passes(branch: Branch, orbit: Found) -> bool:
-    """Whether a branch passes through an orbit, started at either of its ends."""
-    if branch.ends != orbit.problem.ends:
-        return False
-    word, other = tuple(branch.problem.word), tuple(orbit.problem.word)
-    swap = {"+": "-", "-": "+"}
-    turned = tuple(letter[:-1] + swap[letter[-1]] for letter in reversed(other))
-    mirrored = tuple(letter[:-1] + swap[letter[-1]] for letter in other)
-    turned_back = tuple(reversed(other))
-    if word not in (other, turned, mirrored, turned_back):
-        return False
-    start = orbit.problem.start(orbit.solution.y)
-    states = [start]
-    if orbit.problem.ends == ("origin", "origin"):
-        states.append(orbit.solution.ends[-1])
-    size = float(np.max(np.abs(start)))
-    for candidate in branch.orbits_at(energy=orbit.h):
-        begin = branch.problem.start(candidate.solution.y)
-        times = float(np.sum(branch.problem.flight_times(candidate.solution.y)))
-        if abs(times / float(np.sum(orbit.problem.flight_times(orbit.solution.y))) - 1.0) > 1e-7:
-            continue
-        if any(np.allclose(begin, sign * state, rtol=0.0, atol=1e-7 * size) for state in states for sign in (1.0, -1.0)):
-            return True
-    return False

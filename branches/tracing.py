@@ -178,6 +178,7 @@ def follow_family(
         if points < 1:
             raise TraceError(f"points = {points}: expected at least 1")
         settings = Settings(**{**_fields(settings), "maximum_points": points})
+    problem.refuse_drift()
     family = Family(problem, energy, quarter_period)
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
     collector = _Collector(problem, energy, on_event, on_point, sign)

@@ -80,8 +80,7 @@ class MultipointProblem:
     Raises
     ------
     EndsError
-        For ends that the system does not have: `origin` without odd symmetry, an unknown stop, a system that loses energy; for
-        ends that do not hold the place of a system which can move as a whole.
+        For ends that the system does not have: `origin` without odd symmetry, an unknown stop, a system that loses energy.
 
     Notes
     -----
@@ -113,8 +112,6 @@ class MultipointProblem:
         self.inner = len(inner)
         self.periodic = periodic
         self.kinds = (kinds[0][0], kinds[1][0])
-        if kernel.ORIGIN not in self.kinds:
-            self._refuse_drift()
         if periodic:
             quarters = 4
         else:
@@ -181,9 +178,15 @@ class MultipointProblem:
             )
         return KINDS[match[1]], self._contact(match[2], letters) if match[2] else -1
 
-    def _refuse_drift(self) -> None:
-        """An orbit between ends other than an origin has no place of its own where the system can move as a whole."""
-        direction = free_translation(self.system)
+    def refuse_drift(self) -> None:
+        """Refuse ends that do not hold the place of a system which can move as a whole: an orbit between them is not determined.
+
+        Raises
+        ------
+        EndsError
+            With the motion that nothing resists, and what holds it.
+        """
+        direction = None if kernel.ORIGIN in self.kinds else free_translation(self.system)
         if direction is None:
             return
         instead = "an origin end, or a spring to the ground" if self.system.has_odd_symmetry else "a spring to the ground"
@@ -319,7 +322,10 @@ class MultipointProblem:
         ------
         NotConverged
             When the update does not shrink to rounding level.
+        EndsError
+            See `refuse_drift`.
         """
+        self.refuse_drift()
         y = np.array(y, float)
         residual = np.empty(self.unknowns - 1)
         if energy is not None or quarter_period is not None:
@@ -387,7 +393,7 @@ _ENTRIES = len(RESULT)
 
 def _bounds_text(stop: Stop, coordinates: tuple[str, ...]) -> str:
     """The bounds of a stop as an inequality, such as -1 <= u1 - 2*u2 <= 3."""
-    terms = []
+    terms: list[str] = []
     for c, name in zip(stop.gap, coordinates, strict=True):
         if c:
             size = name if abs(c) == 1.0 else f"{abs(c):g}*{name}"

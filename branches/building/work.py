@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from branches.branch import Branch, BranchEvent
 from branches.building.bounds import Bounds
 from branches.catalogue.closures import event_orbit, orbit_of_event, seen_from, unknowns_of

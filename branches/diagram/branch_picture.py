@@ -9,8 +9,9 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram import files
-from branches.diagram.marks import curve_runs, draw_curve, draw_events, label_events, legend_entries
+from branches.diagram.marks import STABILITY, curve_runs, draw_curve, draw_events, label_events, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
+from branches.diagram.smooth import Curve, smooth
 from branches.diagram.style import new_figure, picture_settings, settle_layout
 from branches.diagram.titles import family_text, symbol_of, system_text, velocity_symbol
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FREQUENCIES = ("index", "fundamental")
+_WIDE, _NARROW = (470.0, 170.0), (210.0, 130.0)  # panels in points (1/72 inch), nearly
+_NOTHING = np.empty((0, 2))
 _MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis too: the low ones would be one line
 
 
@@ -98,7 +101,8 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
         axes = figure.subplot_mosaic(layout, height_ratios=[1.25, 1.0])
         event_energies = np.array([event.h for event in branch.events], dtype=float)
         kinds = [event.type for event in branch.events]
-        runs = {panel.name: curve_runs(branch.points["stable"], energies, panel.values, panel.breaks) for panel in panels}
+        curves = {panel.name: _curve(branch, panel, wide=k == 0 or len(panels) == 2) for k, panel in enumerate(panels)}
+        runs = {name: curve_runs(curve.stable, curve.x, curve.y, curve.breaks) for name, curve in curves.items()}
         for panel in panels:
             wide = panel.name == "frequency" or len(panels) == 2
             logarithmic_axis(axes[panel.name], "x", logarithmic_limits(energies), 14 if wide else 7, "energy", "h")
@@ -112,7 +116,8 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
                 linear_axis(axes[panel.name], "y", limits, 5, panel.words, panel.symbol)
             if panel.note:
                 axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
-        entries = legend_entries(runs["frequency"], kinds)
+        told = set(STABILITY) - {-1} | {-1 for panel in panels if seen(axes[panel.name], runs[panel.name].get(-1, _NOTHING))}
+        entries = legend_entries({code: run for code, run in runs["frequency"].items() if code in told}, kinds)
         columns = -(-len(entries) // -(-len(entries) // 6))
         figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)
         settle_layout(figure)
@@ -120,9 +125,24 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
             draw_curve(axes[panel.name], runs[panel.name], panel.name)
             draw_events(axes[panel.name], kinds, event_energies, panel.event_values, panel.name)
             names = [event.id for event in branch.events]
-            curve = (energies, panel.values, panel.breaks)
-            label_events(axes[panel.name], names, kinds, event_energies, panel.event_values, curve)
+            drawn = curves[panel.name]
+            label_events(axes[panel.name], names, kinds, event_energies, panel.event_values, (drawn.x, drawn.y, drawn.breaks))
     return figure
+
+
+def _curve(branch: Any, panel: _Panel, *, wide: bool) -> Curve:
+    """The curve of a panel as it is drawn: smooth, and after a break from where the piece before it ended."""
+    points = branch.points
+    x, arclength = np.asarray(points["h"], dtype=float), np.asarray(points["arclength"], dtype=float)
+    stable, y, at = np.asarray(points["stable"]).astype(int), panel.values, np.flatnonzero(panel.breaks)
+    breaks = panel.breaks
+    if at.size:
+        # The index jumps at the point before the break, whose frequency the next piece has with its own m.
+        turned = y[at] * points["half_waves"][at + 1] / points["half_waves"][at]
+        x, stable, arclength = (np.insert(column, at + 1, column[at]) for column in (x, stable, arclength))
+        y = np.insert(y, at + 1, turned)
+        breaks = np.insert(breaks, at + 1, False)
+    return smooth(Curve(x, y, stable, breaks), arclength, _WIDE if wide else _NARROW)
 
 
 def _along(branch: Any, values: np.ndarray) -> np.ndarray:

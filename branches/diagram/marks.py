@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram.placement import even_points, place_texts, thinned
+from branches.diagram.smooth import segment_kinds
 from branches.diagram.style import BLACK, BLUE, GREY, SMALL, VERMILION, EventStyle, event_style
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ _LINE: dict[int, dict[str, Any]] = {
 _DOT = {1: ("o", 2.5), 0: ("x", 3.2), -1: (".", 2.5)}
 _CROSS: dict[str, Any] = {"markersize": 3.2, "markeredgewidth": 0.7}
 _CROSS_SPACING = 9.0  # points
+_BELOW = {"EP": 3.9, "LB": 3.92, "RT": 3.94}  # what is common or plain to see leaves the point that it covers in sight
+_SEEN = 5.0  # an undecided piece shorter than this (points) is hidden by the marker of its event
 _CROWD, _CROWD_STEP = 5, 2.5  # this many points, each this near to the one before (points), share one text
 _TICK_ROOM = 4.0  # texts keep off the ticks inside the frame
 
@@ -44,14 +47,7 @@ def curve_runs(stable: np.ndarray, x: np.ndarray, y: np.ndarray, breaks: np.ndar
     """
     stable = np.asarray(stable).astype(int)
     points = np.stack([np.asarray(x, dtype=float), np.asarray(y, dtype=float)], axis=1)
-    lone = stable == -1
-    if len(stable) > 1:
-        padded = np.concatenate([[0], stable, [0]])
-        lone &= (padded[:-2] != -1) & (padded[2:] != -1)
-    else:
-        lone[:] = False
-    a, b = stable[:-1], stable[1:]
-    kind = np.where(a == b, a, np.where(lone[:-1], b, np.where(lone[1:], a, np.where((a == -1) | (b == -1), -1, 0))))
+    kind = segment_kinds(stable)
     finite = np.isfinite(points).all(axis=1)
     joined = ~np.asarray(breaks, dtype=bool) & finite[:-1] & finite[1:]
     alone = finite & ~np.append(joined, False) & ~np.insert(joined, 0, False)
@@ -116,7 +112,7 @@ def draw_events(axes: Axes, kinds: Sequence[str], x: np.ndarray, y: np.ndarray, 
     """Draw one marker for each special point, one line object for each type."""
     for kind in dict.fromkeys(kinds):
         of_kind = np.array([k == kind for k in kinds])
-        above = 3.9 if kind == "EP" else 4.0  # an end leaves the point that it ends at in sight
+        above = _BELOW.get(kind, 4.0)
         (marks,) = axes.plot(x[of_kind], y[of_kind], zorder=above, clip_on=False, **_marker_look(event_style(kind)))
         marks.set_gid(f"{panel}-events-{kind}")
 
@@ -195,6 +191,16 @@ def _drawn(axes: Axes, curve: tuple[np.ndarray, np.ndarray, np.ndarray], to_poin
     x, y, breaks = curve
     path = axes.transData.transform(np.stack([x, y], axis=1)) * to_points
     return np.split(path, np.flatnonzero(breaks) + 1)
+
+
+def seen(axes: Axes, run: np.ndarray) -> bool:
+    """Whether a run from `curve_runs` has a piece long enough to be told apart in a panel with its limits."""
+    to_points = 72 / axes.figure.dpi
+    for piece in _pieces(run):
+        inside = piece[np.isfinite(piece).all(axis=1)]
+        if len(inside) and np.max(np.ptp(axes.transData.transform(inside), axis=0)) * to_points > _SEEN:
+            return True
+    return False
 
 
 def legend_entries(runs: Mapping[int, np.ndarray], kinds: Sequence[str]) -> list[Line2D]:

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.discovery.found import Found
 from branches.discovery.orbits import Collector, Unpolished, first_passages
 from branches.discovery.scan import Opening, Passage, follow_start, scan
 from branches.discovery.starts import curves
 from branches.labels import nearest
 from branches.orbit import Orbit
-from branches.words import format_word, impacts_per_period
+from branches.words import impacts_per_period
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

@@ -3,9 +3,12 @@
 Oracles: the definition (no spring, no stop resists); the rank of the Jacobian by numpy's singular values.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
 
+from branches.tracing import follow_family
 from bvp.drift import free_translation
 from bvp.multipoint import EndsError, MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -41,15 +44,18 @@ def test_ends_that_do_not_hold_the_place_are_refused(ends):
     """Oracle: the text names the motion and what holds it; a grounded chain has these ends."""
     word = ("+", "-")
     with pytest.raises(EndsError, match="u1, u2 and u3 by the same amount; expected an origin end, or a spring to the ground") as caught:
-        MultipointProblem(chain(MASSES, SPRINGS), ends, word)
+        MultipointProblem(chain(MASSES, SPRINGS), ends, word).refuse_drift()
     assert "\n" not in str(caught.value)
-    MultipointProblem(chain(MASSES, SPRINGS, ground=0.2), ends, word)
+    MultipointProblem(chain(MASSES, SPRINGS, ground=0.2), ends, word).refuse_drift()
+    problem = MultipointProblem(chain(MASSES, SPRINGS), ends, word)
+    for use in (problem.solve, partial(follow_family, problem)):
+        with pytest.raises(EndsError, match="free to drift"):
+            use(np.ones(problem.unknowns))
 
 
 @pytest.mark.parametrize("ends", [*ENDS[:-1], ("origin", "rest"), ("origin", "origin"), ("origin", "stop+")])
-def test_the_rank_is_missing_where_they_are_refused(ends, monkeypatch):
+def test_the_rank_is_missing_where_they_are_refused(ends):
     """Oracle: singular values of the dense Jacobian at random unknowns: the last one vanishes just where the ends are refused."""
-    monkeypatch.setattr(MultipointProblem, "_refuse_drift", lambda self: None)
     random = np.random.default_rng(1)
     problem = MultipointProblem(chain(MASSES, SPRINGS), ends, ("+", "-"))
     singular = np.linalg.svd(problem.jacobian(random.uniform(0.2, 1.5, problem.unknowns)), compute_uv=False)
@@ -59,4 +65,4 @@ def test_the_rank_is_missing_where_they_are_refused(ends, monkeypatch):
 def test_one_sided_systems_are_told_to_use_the_ground():
     """Oracle: an origin end is not offered where there is none."""
     with pytest.raises(EndsError, match="expected a spring to the ground$"):
-        MultipointProblem(chain(MASSES, SPRINGS, stops=(Stop((1.0, -1.0, 0.0), upper=1.0),)), ("rest", "rest"), ("+",))
+        MultipointProblem(chain(MASSES, SPRINGS, stops=(Stop((1.0, -1.0, 0.0), upper=1.0),)), ("rest", "rest"), ("+",)).refuse_drift()
