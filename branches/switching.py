@@ -31,8 +31,8 @@ from continuation.switching import SwitchError, branch_directions
 
 __all__ = ["Birth", "births", "switch"]
 
-DISTANCE = 0.01
-"""Arclength from the event to the first orbit looked for on a new family; halved where there is none."""
+DISTANCE = 0.02
+"""Distance from the event to the first orbit looked for on a new family, in units of the orbit's size; halved where there is none."""
 
 TYPES = ("BP", "SB", "PD", "RT")
 """Events that switching starts from."""
@@ -41,8 +41,12 @@ _GAP = 1e-6
 """Singular values below this fraction of the largest count as zero at a located bifurcation."""
 
 
-_BEND = 0.3
-"""How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord: on a parabola a quarter."""
+_SETTLED = 1e-5
+"""Newton's last change, as a part of the distance, of a first orbit; what is left of rounding beside a singular point is more than elsewhere,
+and the orbit is corrected along its family afterwards."""
+
+_BEND = 0.1
+"""How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""
 
 
 class Birth(NamedTuple):
@@ -263,28 +267,42 @@ def _firsts(family: Family, y: np.ndarray, direction: np.ndarray) -> Iterator[St
 def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
     """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
     problem = family.problem
-    position, change = np.empty((2, problem.size + 2))
-    energy, alpha = kernel.locate(problem.segment, y, position)
-    _, length = kernel.metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
-    if length == 0.0:
-        return None
-    tangent = np.concatenate([direction / length, np.zeros(problem.unknowns)])
     scale = _scales(problem, y)
-
-    def at(ds: float) -> Step | None:
-        step = family.step(y, tangent, ds)
-        near = step.converged and np.linalg.norm(np.asarray(step.position) - position) < 2.0 * ds
-        return step if near and step.turn > 0.8 else None
-
+    way = direction / scale / np.linalg.norm(direction / scale)
     ds = DISTANCE
-    for _ in range(20):
-        step, half = at(ds), at(0.5 * ds)
-        if step is not None and half is not None:
-            # On a smooth family from here the orbit at half the distance is about half way; another family nearby has none there.
-            way, part = (step.y - y) / scale, (half.y - y) / scale
-            straight = float(np.max(np.abs(part - 0.5 * way))) < _BEND * float(np.max(np.abs(way)))
-            solution = step.extra
-            if straight and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0:
-                return step
+    for _ in range(12):
+        there, half = (_beside(problem, y, way, scale, distance) for distance in (ds, 0.5 * ds))
+        # On a smooth family from here the orbit at half the distance is about half way; another family nearby has none there.
+        if there is not None and half is not None and np.max(np.abs(half - 0.5 * there)) < _BEND * np.max(np.abs(there)):
+            begin = family.begin(y + there * scale)
+            if begin.converged and float(begin.tangent[: problem.unknowns] @ (there / scale)) < 0.0:
+                begin = family.step(begin.y, -begin.tangent, 0.0)
+            if begin.converged:
+                solution = begin.extra
+                if solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0:
+                    return begin
         ds *= 0.5
+    return None
+
+
+def _beside(problem: MultipointProblem, y: np.ndarray, way: np.ndarray, scale: np.ndarray, distance: float) -> np.ndarray | None:
+    """The way from an orbit, in units of the scales, to the one at a distance along a unit direction; None where Newton fails.
+
+    The distance is that of all unknowns: a new family can leave nearly along the old one in the start state, in which a branch's
+    arclength is measured.
+    """
+    apart = distance * way
+    for _ in range(12):
+        there = y + apart * scale
+        matrix = np.vstack([problem.jacobian(there) * scale, way])
+        miss = np.concatenate([problem.residual(there), [float(way @ apart) - distance]])
+        try:
+            change = np.linalg.solve(matrix, -miss)
+        except np.linalg.LinAlgError:
+            return None
+        apart = apart + change
+        if not np.max(np.abs(apart)) < 4.0 * distance:
+            return None
+        if np.max(np.abs(change)) < _SETTLED * distance:
+            return apart
     return None

@@ -285,23 +285,27 @@ def test_a_sixtupling_that_is_located_by_hand():
         assert abs(family.points["tau"][0] - 2.0) < 1e-3 and symmetries(family.orbit(0).cycle).turns == 1
 
 
-def test_switching_goes_on_from_every_kind_of_ends():
-    """Oracle: the period: kept where a symmetry breaks, doubled where it doubles; ends that the new orbits' reversals have."""
-    rest = next(f for f in traced(REST).switch("PD1") if f.ends == ("rest", "rest"))
-    stop = next(f for f in traced("S11O00-").switch("PD1") if f.ends[0].startswith("stop"))
-    both = next(f for f in traced("S13O00+").switch("SB1"))
-    periodic = traced("U3201-").switch("SB1")[0]
-    done = set()
-    for family in (rest, stop, both, periodic):
-        for event in family.events:
-            if event.type not in ("SB", "PD"):
-                continue
-            for new in family.switch(event, points=5):
-                assert math.isclose(new.points["alpha"][0] / event.alpha, 2.0 if event.type == "PD" else 1.0, rel_tol=1e-3)
-                assert new.ends == ("periodic", "periodic") if event.type == "SB" or family.problem.periodic else True
-                assert symmetries(new.orbit(1).cycle).turns == 1
-                done.add((family.ends[0][:4], event.type))
-    assert ("orig", "SB") in done
+CHAINS = [
+    ("S73O33-", "PD1", ("stop+", "stop+"), "PD1", ("stop+", "stop+")),
+    ("S13O00+", "SB1", ("origin", "origin"), "SB1", ("periodic", "periodic")),
+    ("S11O00-", "PD1", ("origin", "origin"), "PD1", ("origin", "origin")),
+    (REST, "PD1", ("origin", "origin"), "PD1", ("origin", "origin")),
+    ("S11O00-", "RT1", ("origin", "origin"), "PD1", ("origin", "origin")),
+]
+
+
+@pytest.mark.parametrize(("name", "event", "ends", "following", "last"), CHAINS, ids=[f"{c[0][:7]}-{c[1]}-{c[3]}" for c in CHAINS])
+def test_switching_goes_on_from_what_was_switched_to(name, event, ends, following, last):
+    """Oracle: the period: kept where a symmetry breaks, doubled where it doubles; orbits that do not repeat themselves, whose
+    reversals are those of their ends."""
+    family = next(f for f in traced(name).switch(event) if f.ends == ends)
+    found = next(e for e in family.events if e.id == following)
+    born = family.switch(found, points=5)
+    assert last in {new.ends for new in born}
+    for new in born:
+        assert math.isclose(new.points["alpha"][0] / found.alpha, 2.0 if found.type == "PD" else 1.0, rel_tol=1e-3)
+        symmetric = symmetries(new.orbit(1).cycle)
+        assert symmetric.turns == 1 and bool(symmetric.reversals) is not new.problem.periodic
 
 
 def test_events_that_are_no_bifurcation_are_refused():
