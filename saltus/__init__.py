@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from branches.branch import Branch
+    from branches.discovery.search import Discovery, discover
     from branches.orbit import Orbit
     from branches.record import read_branch
     from bvp.run import run
@@ -23,10 +24,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Branch",
+    "Discovery",
     "ImpactSystem",
     "Orbit",
     "Scene",
     "Stop",
+    "discover",
     "load_scene",
     "read_branch",
     "run",
@@ -38,10 +41,12 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Branch": "branches.branch",
+    "Discovery": "branches.discovery.search",
     "ImpactSystem": "bvp.system",
     "Orbit": "branches.orbit",
     "Scene": "saltus.scene",
     "Stop": "bvp.system",
+    "discover": "branches.discovery.search",
     "load_scene": "saltus.scene",
     "read_branch": "branches.record",
     "run": "bvp.run",

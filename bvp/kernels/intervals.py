@@ -502,7 +502,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
         theta_a, jac_a = place(map_low, map_high, kind, x_a)
         theta_b, jac_b = place(map_low, map_high, kind, x_b)
         theta_m, _ = place(map_low, map_high, kind, x_m)
-        grain = 4.5e-16 * max(abs(theta_a), abs(theta_b), 1e-3)
+        grain = 4.5e-16 * max(abs(theta_a), abs(theta_b), 1.0)
         if theta_b - theta_a <= 8.0 * grain or depth >= depth_limit or used >= budget:
             jumped = stack[top, 9] == JUMP
             if k < levels[i_a] and k < levels[i_b]:
