@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.discovery.found import Found
-from branches.discovery.orbits import Collector, Unpolished, first_passages
+from branches.discovery.orbits import Collector, Unpolished, first_passages, is_one_sided, preference
 from branches.discovery.scan import Opening, Passage, follow_start, scan
 from branches.discovery.starts import curves
 from branches.labels import nearest
@@ -149,7 +149,8 @@ def discover(
             for i in first_ones:
                 collector.add(curve, passages[i], longest)
     counts.update(collector.counts)
-    orbits = collector.orbits(quarter_period, impacts)
+    within = collector.within(quarter_period, impacts)
+    orbits = sorted((min(images, key=preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.word))
     total = sum(len(group) for group in collector.found.values())
     tally = {
         "starts": counts["starts"],
@@ -167,7 +168,7 @@ def discover(
         "without_impacts": counts["without_impacts"],
         "multiple_turns": counts["multiple_turns"],
         "duplicates": counts["duplicates"],
-        "one_sided": collector.seen_once(),
+        "one_sided": sum(is_one_sided(images) for images in within),
         "beyond_bounds": total - len(orbits),
         "orbits": len(orbits),
     }
