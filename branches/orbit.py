@@ -104,6 +104,11 @@ class Orbit:
         return None if np.isnan(values).any() else values
 
     @property
+    def impact_speeds(self) -> np.ndarray:
+        """Speeds of approach at the impacts of the solved segment, those at its ends included."""
+        return self._get("impact_speeds")
+
+    @property
     def multipliers(self) -> np.ndarray:
         """Nontrivial Floquet multipliers of the full period, (2n-2,) complex."""
         return self._get("multipliers")

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue.store import Catalogue
+    from branches.discovery.search import Discovery, discover
     from branches.orbit import Orbit
     from branches.record import read_branch
     from bvp.run import run
@@ -25,10 +26,12 @@ if TYPE_CHECKING:
 __all__ = [
     "Branch",
     "Catalogue",
+    "Discovery",
     "ImpactSystem",
     "Orbit",
     "Scene",
     "Stop",
+    "discover",
     "load_scene",
     "read_branch",
     "run",
@@ -41,10 +44,12 @@ __version__ = "0.1.0"
 _HOME = {
     "Branch": "branches.branch",
     "Catalogue": "branches.catalogue.store",
+    "Discovery": "branches.discovery.search",
     "ImpactSystem": "bvp.system",
     "Orbit": "branches.orbit",
     "Scene": "saltus.scene",
     "Stop": "bvp.system",
+    "discover": "branches.discovery.search",
     "load_scene": "saltus.scene",
     "read_branch": "branches.record",
     "run": "bvp.run",

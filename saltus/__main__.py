@@ -16,6 +16,7 @@ __all__ = ["main"]
 # Modules are imported when their command is asked for: the help of the program loads none of them.
 COMMANDS = {
     "continue": ("saltus.commands.continue_", "follow the family of periodic orbits that has a name"),
+    "discover": ("saltus.commands.discover", "find every symmetric periodic orbit at an energy, within bounds"),
     "orbit": ("saltus.commands.orbit", "show one orbit of a named family: its impacts, multipliers and shape"),
     "build": ("saltus.commands.build", "find and follow every family of a scene, and keep them in a catalogue"),
     "list": ("saltus.commands.list", "list the families of a catalogue"),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["explain"]
+__all__ = ["explain", "explain_search"]
 
 _PARTS = {1: "whole", 2: "half", 4: "quarter"}
 
@@ -49,10 +49,7 @@ def explain(system: ImpactSystem, name: str) -> list[str]:
     why = system.why_not_conservative()
     if why is not None:
         return [f"{why} -> no family of periodic orbits without forcing"]
-    lines = ["undamped -> real modes: free flight is a sum of sines and cosines, exact to rounding"]
-    if (system.modes.frequencies == 0.0).any():
-        lines.append("a rigid-body mode has frequency 0 -> it moves uniformly, without any division by the frequency")
-    lines.append("elastic stops -> momentum and energy are kept, nothing sticks: sticking is not modelled")
+    lines = _of_system(system)
     label = parsed.label
     if label is None:
         return lines + _of_ends(parsed.family or "")
@@ -67,6 +64,42 @@ def explain(system: ImpactSystem, name: str) -> list[str]:
     else:
         problem = "symmetric -> quarter-period problem between an end origin and an end rest (E) or stop (O)"
     return [*lines, problem, *_REVERSIBLE]
+
+
+def explain_search(system: ImpactSystem) -> list[str]:
+    """Say which model is chosen for a search for orbits of all kinds, and why.
+
+    Parameters
+    ----------
+    system : bvp.system.ImpactSystem
+
+    Returns
+    -------
+    list of str
+        Lines ``reason -> choice``.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> explain_search(vibro_impact_nes(sigma=0.0))[1]
+    'a rigid-body mode has frequency 0 -> it moves uniformly, without any division by the frequency'
+    """
+    why = system.why_not_conservative()
+    if why is not None:
+        return [f"{why} -> no family of periodic orbits without forcing"]
+    if system.has_odd_symmetry:
+        choice = "mirror images are one orbit, and orbits with half-period symmetry are solved over a quarter period"
+    else:
+        choice = "no ends at the origin, and every orbit is solved over half a period"
+    return [*_of_system(system), f"{'equal' if system.has_odd_symmetry else 'unequal'} gaps on both sides -> {choice}", *_REVERSIBLE]
+
+
+def _of_system(system: ImpactSystem) -> list[str]:
+    """Explain what a conservative system makes unnecessary."""
+    lines = ["undamped -> real modes: free flight is a sum of sines and cosines, exact to rounding"]
+    if (system.modes.frequencies == 0.0).any():
+        lines.append("a rigid-body mode has frequency 0 -> it moves uniformly, without any division by the frequency")
+    return [*lines, "elastic stops -> momentum and energy are kept, nothing sticks: sticking is not modelled"]
 
 
 _REVERSIBLE = [

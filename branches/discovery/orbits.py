@@ -17,7 +17,7 @@ from bvp.multipoint import MultipointProblem, NotConverged
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Collector", "Unpolished", "first_passages", "preference"]
+__all__ = ["Collector", "Unpolished", "first_passages", "is_one_sided", "preference"]
 
 SAME_START = 1e-11
 """Starts nearer to each other than this, relative to the curve, are one start: what it passes later, it repeats."""
@@ -168,26 +168,21 @@ class Collector:
         self.counts["unpolished"] += 1
         self.unpolished.append(Unpolished(ends, format_word(word), passage.parameter, time / quarters, passage.miss, reason))
 
-    def orbits(self, quarter_period: float, impacts: int | None) -> list[Found]:
-        """The orbits within bounds of quarter period and impacts in half a period, each once, by quarter period."""
-        out = [min(images, key=preference) for group in self.found.values() for images in group]
-        out = [
-            orbit
-            for orbit in out
-            if orbit.alpha <= quarter_period * (1.0 + 1e-12)
-            and (impacts is None or impacts_per_period(orbit.problem.word, orbit.problem.ends) <= 2 * impacts)
+    def within(self, quarter_period: float, impacts: int | None) -> list[list[Found]]:
+        """The orbits within bounds of quarter period and impacts in half a period: each with all the solutions that are images of it."""
+        return [
+            images
+            for group in self.found.values()
+            for images in group
+            if images[0].alpha <= quarter_period * (1.0 + 1e-12)
+            and (impacts is None or impacts_per_period(images[0].problem.word, images[0].problem.ends) <= 2 * impacts)
         ]
-        return sorted(out, key=lambda orbit: (orbit.alpha, orbit.problem.ends, orbit.problem.word))
 
-    def seen_once(self) -> int:
-        """How many orbits with two ends of one kind were found from one of them alone; none where the scans miss nothing."""
-        count = 0
-        for group in self.found.values():
-            for images in group:
-                first, last = images[0].problem.ends
-                if first.rstrip("+-") == last.rstrip("+-") and len(images) != 2:
-                    count += 1
-        return count
+
+def is_one_sided(images: list[Found]) -> bool:
+    """Whether an orbit with two ends of one kind was found from one of them alone; no scan that misses nothing finds it so."""
+    first, last = (end.rstrip("+-") for end in images[0].problem.ends)
+    return first == last and len(images) != 2
 
 
 def preference(orbit: Found) -> tuple[Any, ...]:

@@ -97,7 +97,6 @@ def scan(
     total = np.zeros(len(COUNTS), dtype=np.int64)
     passages: list[Passage] = []
     open_ones: list[Opening] = []
-    span = curve.high - curve.low
     edges = np.linspace(curve.low, curve.high, PIECES + 1)
     for i in range(PIECES):
         low, high = float(edges[i]), float(edges[i + 1])
@@ -105,8 +104,8 @@ def scan(
         root_high = curve.singular[1] and i == PIECES - 1
         kind = (1.0 if root_low else 0.0) + (2.0 if root_high else 0.0)
         ends = np.array([low, high, kind])
-        low += INSET * span if root_low else 0.0
-        high -= INSET * span if root_high else 0.0
+        low += INSET if root_low else 0.0
+        high -= INSET if root_high else 0.0
         while True:
             counts = np.zeros(len(COUNTS), dtype=np.int64)
             left = max(1, budget - int(total[0]))

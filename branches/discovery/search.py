@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.discovery.orbits import Collector, Unpolished, first_passages
+from branches.discovery.found import Found
+from branches.discovery.orbits import Collector, Unpolished, first_passages, is_one_sided, preference
 from branches.discovery.scan import Opening, Passage, follow_start, scan
 from branches.discovery.starts import curves
 from branches.labels import nearest
@@ -32,7 +33,7 @@ CLASSES = {
 }
 """Pairs of ends that can be asked for, each with the classes of more symmetry inside it, which are listed as such."""
 
-BUDGET = 3_000_000
+BUDGET = 1_000_000
 """Starts followed at most in one search; where they do not do, the rest stays open and the search is not settled."""
 
 
@@ -120,8 +121,8 @@ def discover(
     --------
     >>> from bvp import vibro_impact_nes
     >>> found = discover(vibro_impact_nes(), 0.3, quarter_period=3.0, impacts=2)
-    >>> found.settled, [orbit.label for orbit in found.orbits][:3]
-    (True, [])
+    >>> found.settled, [orbit.label for orbit in found.orbits]
+    (True, ['S11O00-', 'S13O00+'])
     """
     check(system, energy, quarter_period, impacts, ends)
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
@@ -148,7 +149,8 @@ def discover(
             for i in first_ones:
                 collector.add(curve, passages[i], longest)
     counts.update(collector.counts)
-    orbits = collector.orbits(quarter_period, impacts)
+    within = collector.within(quarter_period, impacts)
+    orbits = sorted((min(images, key=preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.word))
     total = sum(len(group) for group in collector.found.values())
     tally = {
         "starts": counts["starts"],
@@ -166,7 +168,7 @@ def discover(
         "without_impacts": counts["without_impacts"],
         "multiple_turns": counts["multiple_turns"],
         "duplicates": counts["duplicates"],
-        "one_sided": collector.seen_once(),
+        "one_sided": sum(is_one_sided(images) for images in within),
         "beyond_bounds": total - len(orbits),
         "orbits": len(orbits),
     }
@@ -231,49 +233,3 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
                 f"the ends {name} need odd symmetry (a two-sided stop with equal gaps and no constant load), which this system lacks: "
                 "ask for rest-rest, rest-stop or stop-stop"
             )
-
-
-def to_record(found: Discovery) -> dict[str, Any]:
-    """Plain data: lists, dicts, strings, finite numbers, booleans and None only."""
-
-    def finite(value: float) -> float | None:
-        return float(value) if math.isfinite(value) else None
-
-    orbits = []
-    for orbit in found.orbits:
-        half = impacts_per_period(orbit.problem.word, orbit.ends) / 2
-        orbits.append(
-            {
-                "label": orbit.label or None,
-                "family": None,
-                "ends": list(orbit.ends),
-                "word": orbit.word,
-                "impacts": int(half) if half == int(half) else half,
-                "alpha": orbit.alpha,
-                "h": orbit.h,
-                "velocities": None if orbit.velocities is None else orbit.velocities.tolist(),
-                "impact_speeds": [finite(speed) for speed in orbit._get("impact_speeds")],
-                "tau": finite(orbit.tau),
-                "stable": orbit.stable,
-                "residual": orbit.residual,
-            }
-        )
-    return {
-        "schema": 1,
-        "energy": found.energy,
-        "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
-        "settled": found.settled,
-        "counts": found.counts,
-        "orbits": orbits,
-        "unpolished": [
-            {
-                "ends": list(item.ends),
-                "word": item.word,
-                "angle": item.parameter,
-                "alpha": finite(item.alpha),
-                "miss": finite(item.miss),
-                "reason": item.reason,
-            }
-            for item in found.unpolished
-        ],
-    }

@@ -22,8 +22,8 @@ __all__ = ["Curve", "curves"]
 
 TRIGONOMETRIC, LINEAR, HYPERBOLIC = 0, 1, 2
 
-INSET = 1e-12
-"""How far from a curve's end at a stop the scan begins, a fraction of the curve: nearer, the first impact is slower than rounding lets be told."""
+INSET = 1e-11
+"""How far from a curve's end at a stop the scan begins: nearer, the first impact is slower than rounding lets be told."""
 
 OFFSET = 0.3
 """Where the full circle is cut: at no parameter that a symmetry singles out."""

@@ -376,13 +376,14 @@ def flight_verdict(flow, k, a, b, m, levels_a, levels_b, levels_m, jac_a, jac_b,
                 return 21
     # -- orbits
     reach = min(window + MARGIN * r * abs(rm[DURATION + 1] * jac_m), horizon) if not last else horizon
-    if k <= impacts[ORIGIN] and times[ORIGIN] > earliest:
+    struck = k > 0 or flow.shape[1] >= 0  # motions without any impact are modes, known in closed form
+    if struck and k <= impacts[ORIGIN] and times[ORIGIN] > earliest:
         count[ORIGIN] = approaches(
             flow, int64(ORIGIN), rm, along, r, tube_q, min(reach, times[ORIGIN] - earliest), found[ORIGIN], work
         )
         if count[ORIGIN] < 0:
             return 22
-    if k <= impacts[REST] and times[REST] > earliest:
+    if struck and k <= impacts[REST] and times[REST] > earliest:
         count[REST] = approaches(flow, int64(REST), rm, along, r, tube_p, min(reach, times[REST] - earliest), found[REST], work)
         if count[REST] < 0:
             return 23
@@ -502,7 +503,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
         theta_a, jac_a = place(map_low, map_high, kind, x_a)
         theta_b, jac_b = place(map_low, map_high, kind, x_b)
         theta_m, _ = place(map_low, map_high, kind, x_m)
-        grain = 4.5e-16 * max(abs(theta_a), abs(theta_b), 1e-3)
+        grain = 4.5e-16 * max(abs(theta_a), abs(theta_b), 1.0)
         if theta_b - theta_a <= 8.0 * grain or depth >= depth_limit or used >= budget:
             jumped = stack[top, 9] == JUMP
             if k < levels[i_a] and k < levels[i_b]:

@@ -1,0 +1,151 @@
+"""`saltus discover --energy H`: every primitive symmetric orbit at an energy, within bounds."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from saltus import scene_arguments
+from saltus.arguments import positive, whole, whole_above_zero
+from saltus.errors import DONE
+from saltus.events_table import stability_word
+from saltus.outputs import Outputs
+
+if TYPE_CHECKING:
+    from branches.discovery.search import Discovery
+
+__all__ = ["add_arguments", "run", "summary"]
+
+ENDS = ("origin-origin", "origin-rest", "origin-stop", "rest-rest", "rest-stop", "stop-stop")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("--energy", metavar="H", type=positive, required=True, help="the energy h")
+    parser.add_argument(
+        "--max-quarter-period", metavar="A", type=positive, help="longest quarter period alpha (default: the scene's)"
+    )
+    parser.add_argument("--max-impacts", metavar="K", type=whole, help="most impacts in half a period (default: not bounded)")
+    parser.add_argument(
+        "--ends",
+        metavar="PAIRS",
+        default="origin-origin",
+        help="kinds of orbits, as pairs of ends with commas between: origin-origin (default; includes the symmetric orbits, "
+        "origin-rest and origin-stop), rest-rest, rest-stop, stop-stop",
+    )
+    parser.add_argument("--max-starts", metavar="N", type=whole_above_zero, help="most starts followed (default: a million)")
+    parser.add_argument("--json", metavar="FILE", help="write all data as JSON; - is standard output, which then carries nothing else")
+    scene_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code."""
+    files = Outputs(json=arguments.json)
+    files.check()
+    scene = scene_arguments.from_arguments(arguments)
+    if arguments.model:
+        from saltus.model import explain_search
+
+        for line in explain_search(scene.system):
+            print(f"model  {line}", file=files.words, flush=True)
+
+    from branches.discovery.search import check, discover
+
+    longest = scene.quarter_period if arguments.max_quarter_period is None else arguments.max_quarter_period
+    options: dict[str, Any] = {"quarter_period": longest, "impacts": arguments.max_impacts, "ends": tuple(arguments.ends.split(","))}
+    check(scene.system, arguments.energy, **options)
+    if arguments.max_starts is not None:
+        options["budget"] = arguments.max_starts
+
+    from saltus.first_run import prepare
+
+    prepare()
+    found = discover(scene.system, arguments.energy, **options)
+    _print_table(found, files.words)
+    for line in summary(found):
+        print(line, file=files.words, flush=True)
+    if arguments.json is None:
+        return DONE
+
+    from branches.discovery.record import to_json
+
+    return files.write(json=lambda: to_json(found), csv=str, draw=lambda path: None)
+
+
+def _print_table(found: Discovery, stream: Any) -> None:
+    """Print the orbits as a table that fits the terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from branches.discovery.record import half_period_impacts
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title, justify, fold in (
+        ("label", "left", "fold"),
+        ("ends", "left", "fold"),
+        ("word", "left", "fold"),
+        ("impacts", "right", "ellipsis"),
+        ("alpha", "right", "ellipsis"),
+        ("velocities", "right", "fold"),
+        ("slowest impact", "right", "ellipsis"),
+        ("tau", "right", "ellipsis"),
+        ("stable", "left", "ellipsis"),
+    ):
+        table.add_column(title, justify=justify, overflow=fold)  # type: ignore[arg-type]
+    for orbit in found.orbits:
+        velocities = orbit.velocities
+        table.add_row(
+            orbit.label,
+            " ".join(orbit.ends),
+            orbit.word,
+            f"{half_period_impacts(orbit):g}",
+            f"{orbit.alpha:.8g}",
+            "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities),
+            f"{min(orbit.impact_speeds):.4g}",
+            f"{orbit.tau:.6g}",
+            stability_word(orbit.stable),
+        )
+    Console(file=stream, highlight=False, markup=False, width=None if stream.isatty() else 140).print(table)
+
+
+def summary(found: Discovery) -> list[str]:
+    """Return the lines that tell how complete a discovery is.
+
+    Parameters
+    ----------
+    found : branches.discovery.search.Discovery
+
+    Returns
+    -------
+    list of str
+    """
+    counts = found.counts
+    bound = "any number of impacts" if found.impacts is None else f"up to {found.impacts} impacts in half a period"
+    lines = [
+        f"{len(found.orbits)} orbits at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
+        f"between the ends {', '.join(found.ends)}",
+        f"scan     {counts['starts']} starts, intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
+        f"{counts['at_grazing']} as narrow as rounding at a grazing; {counts['grazings']} grazings",
+        f"orbits   {counts['crossings']} crossings, {counts['repeated'] + counts['multiple_turns']} of them several turns, "
+        f"{counts['polished']} polished, {counts['duplicates']} duplicates, {counts['inadmissible']} inadmissible, "
+        f"{counts['unpolished']} not polished",
+    ]
+    lines += [
+        f"unpolished  ends {' '.join(item.ends)}  word {item.word or '(none)'}  alpha = {item.alpha:.8g}  "
+        f"angle = {item.parameter:.15g}: {item.reason}"
+        for item in found.unpolished
+    ]
+    if found.settled:
+        lines.append("settled  within these bounds the scan leaves nothing undecided")
+        return lines
+    why = []
+    if counts["over_budget"]:
+        why.append(f"the starts were used up with {counts['over_budget']} intervals left (--max-starts)")
+    if counts["open"] > counts["over_budget"]:
+        widest = max(found.open, key=lambda opening: opening.width)
+        why.append(f"{counts['open'] - counts['over_budget']} intervals stay open, the widest {widest.width:.1e} at {widest.parameter:.12g}")
+    if counts["unpolished"]:
+        why.append(f"{counts['unpolished']} crossings are not polished")
+    if counts["one_sided"]:
+        why.append(f"{counts['one_sided']} orbits were found from one of their two ends alone")
+    return [*lines, "not settled: " + "; ".join(why)]
