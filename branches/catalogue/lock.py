@@ -44,7 +44,7 @@ class WriterLock:
         while True:
             try:
                 # Not truncated: it may say who writes.
-                self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
             except OSError as error:
                 raise WriteFailure(f"cannot write {path}: {reason(error)}") from error
             try:
@@ -64,7 +64,8 @@ class WriterLock:
         note = json.dumps({"process": self._process, "host": socket.gethostname(), "since": since}).encode()
         try:
             os.ftruncate(self._file, 0)
-            os.pwrite(self._file, note, 0)
+            os.lseek(self._file, 0, os.SEEK_SET)
+            os.write(self._file, note)
         except OSError:
             # A full disk cannot take the note; the lock holds without it.
             pass

@@ -28,6 +28,7 @@ from branches.catalogue.rows import (
     no_nan,
 )
 from branches.catalogue.scene import SceneRecord, difference
+from branches.files import WriteFailure
 
 if TYPE_CHECKING:
     import networkx
@@ -304,10 +305,14 @@ class Catalogue:
         with translated(self.path):
             if self._depth == 0:
                 self._connection.execute("BEGIN IMMEDIATE")
+            elif not self._connection.in_transaction:
+                raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
             self._depth += 1
             try:
                 yield
                 if self._depth == 1:
+                    if not self._connection.in_transaction:
+                        raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
                     self._connection.execute("COMMIT")
             except BaseException:
                 if self._depth == 1 and self._connection.in_transaction:
