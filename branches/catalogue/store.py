@@ -154,6 +154,13 @@ class Catalogue:
         if told is not None:
             raise CatalogueError(f"{self.path} belongs to another system: there {told}")
 
+    def counts(self) -> dict[str, int]:
+        """How many families, points, events and edges it holds, and how many pieces of work are pending and done."""
+        tables = {"families": "families", "points": "points", "events": "events", "edges": "edges"}
+        tables |= {state: f"work WHERE state = '{state}'" for state in ("pending", "done")}
+        with translated(self.path):
+            return {name: self._connection.execute(f"SELECT count(*) FROM {rows}").fetchone()[0] for name, rows in tables.items()}
+
     # -- families -------------------------------------------------------------------------------------------------------------
 
     def families(

@@ -135,6 +135,43 @@ def test_a_forked_worker_leaves_the_writer_alone(tmp_path):
         assert len(catalogue) == 1
 
 
+def test_a_forked_worker_is_told_of_the_writer(tmp_path):
+    """Oracle: the parent's process number, in a child that has a copy of all that the parent has."""
+    path = tmp_path / "forked.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()):
+        child = os.fork()
+        if child == 0:
+            try:
+                saltus.Catalogue(path, "a", scene=scene())
+            except CatalogueInUse as error:
+                os._exit(0 if f"process {os.getppid()} on" in str(error) else 2)
+            os._exit(1)
+        assert os.waitpid(child, 0)[1] == 0
+
+
+def test_a_reader_is_not_in_the_way_of_a_writer(tmp_path):
+    """Oracle: the families before and after, seen by a reader that stays open while the writer adds and closes."""
+    path = tmp_path / "read.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        catalogue.add(real()[0])
+    with saltus.Catalogue(path) as reader:
+        assert len(reader) == 1
+        with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+            rows = reader._connection.execute("SELECT number FROM points")
+            assert rows.fetchone() == (1,)
+            catalogue.add(real()[1])
+            assert len(rows.fetchall()) == len(real()[0]) - 1
+            assert len(reader) == 2
+            rows = reader._connection.execute("SELECT number FROM points")
+            assert rows.fetchone() == (1,)
+            catalogue._connection.execute("PRAGMA busy_timeout = 100")
+        assert same_columns(reader.points(real()[1].id), real()[1].points)
+        rows.close()
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        assert len(catalogue) == 2
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
 def full(path, families):
     """Add families until the disk is full; how many were kept."""
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
