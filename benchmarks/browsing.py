@@ -54,7 +54,7 @@ def fill(path: Path, families: int) -> tuple[int, float]:
     return points, time.perf_counter() - begin
 
 
-def main(families: int = 2000, directory: str | None = None) -> None:
+def main(families: int = 2000, directory: str | None = None, repeats: int = 5) -> None:
     """Print the table."""
     with tempfile.TemporaryDirectory(dir=directory) as folder:
         path = Path(folder, "synthetic.sqlite")
@@ -81,7 +81,7 @@ def main(families: int = 2000, directory: str | None = None) -> None:
             if words[0] != sys.executable:
                 words = [sys.executable, "-m", "saltus", *words, "--catalogue", str(path)]
             times = []
-            for _ in range(5):
+            for _ in range(repeats):
                 begin, used = time.perf_counter(), sum(os.times()[2:4])
                 subprocess.run(words, capture_output=True, check=False)
                 times.append((time.perf_counter() - begin, sum(os.times()[2:4]) - used))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue.rows import Edge, EventOrbit
     from branches.catalogue.store import Catalogue
+    from branches.events import BranchEvent
 
 __all__ = ["Failure", "check"]
 
@@ -57,7 +58,7 @@ def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None
     """
     counts = {"families": 0, "points": 0, "events": 0, "edges": 0}
     failures = list(_file(catalogue))
-    branches: dict[str, Branch] = {}
+    kept: dict[str, _Kept] = {}
     try:
         families = catalogue.families()
     except CatalogueDamaged as damage:
@@ -68,7 +69,7 @@ def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None
         except (CatalogueDamaged, EndsError) as damage:
             failures.append(Failure(row.id, str(damage)))
             continue
-        branches[row.id] = branch
+        kept[row.id] = _Kept(branch.ends, branch.word, branch.events)
         failures += (Failure(row.id, text) for text in _family(branch))
         if branch.id != row.id:
             failures.append(Failure(row.id, f"its points and ends give the id {branch.id}"))
@@ -85,7 +86,7 @@ def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None
     for edge in edges:
         counts["edges"] += 1
         where = f"{edge.source} {edge.source_event or edge.type} > {edge.target}"
-        failures += (Failure(where, text) for text in _edge(catalogue, edge, branches, nodes))
+        failures += (Failure(where, text) for text in _edge(catalogue, edge, kept, nodes))
     return counts, failures
 
 
@@ -185,22 +186,30 @@ def _evaluate(problem: MultipointProblem, y: np.ndarray, residual: float = RESID
 # -- edges --------------------------------------------------------------------------------------------------------------------
 
 
-def _edge(catalogue: Catalogue, edge: Edge, branches: dict[str, Branch], nodes: set[str]) -> Iterator[str]:
+class _Kept(NamedTuple):
+    """What the edges of a family are compared with."""
+
+    ends: tuple[str, str]
+    word: str
+    events: tuple[BranchEvent, ...]
+
+
+def _edge(catalogue: Catalogue, edge: Edge, kept: dict[str, _Kept], nodes: set[str]) -> Iterator[str]:
     """What fails at an edge."""
     solved: list[tuple[MultipointProblem, np.ndarray]] = []
     sides = (("source", edge.source, edge.source_event, edge.source_orbit), ("target", edge.target, edge.target_event, edge.target_orbit))
     for side, id, event, orbit in sides:
-        branch = branches.get(id or "")
-        if branch is None and id not in nodes:
+        family = kept.get(id or "")
+        if family is None and id not in nodes:
             yield f"its {side} {id} is not in the catalogue, or is damaged"
             continue
-        if branch is not None and (event or side == "source"):
-            yield from _event(branch, side, event, edge)
+        if family is not None and (event or side == "source"):
+            yield from _event(family, side, event, edge)
         if orbit is None:
-            if branch is not None:
+            if family is not None:
                 yield f"it has no orbit of its {side}, so it cannot be seen to close"
             continue
-        if branch is not None and (orbit.ends, orbit.word) != (branch.ends, branch.word):
+        if family is not None and (orbit.ends, orbit.word) != (family.ends, family.word):
             yield f"the orbit of its {side} is one of {'-'.join(orbit.ends)}:{orbit.word}, not of that family"
         try:
             problem = MultipointProblem(catalogue.system, orbit.ends, parse_word(orbit.word))
@@ -225,9 +234,9 @@ def _solves(problem: MultipointProblem, y: np.ndarray, side: str, orbit: EventOr
         yield f"the orbit of its {side} has h = {problem.energy(y):.17g}, the edge h = {edge.h:.17g}"
 
 
-def _event(branch: Branch, side: str, id: str, edge: Edge) -> Iterator[str]:
+def _event(family: _Kept, side: str, id: str, edge: Edge) -> Iterator[str]:
     """Whether the edge is at its event on a family."""
-    event = next((event for event in branch.events if event.id == id), None)
+    event = next((event for event in family.events if event.id == id), None)
     if event is None:
         yield f"its {side} has no event {id!r}"
     elif not (abs(event.h / edge.h - 1.0) <= SAME and (side == "target" or abs(event.alpha / edge.alpha - 1.0) <= SAME)):

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["distance", "event_orbit", "orbit_of_event", "seen_from", "switch_edge", "unknowns_of"]
 
+_LONGEST = 20
+"""Segments of an orbit that a segment of a family born from it may span: half a period of a quintupled quarter-period orbit has ten."""
+
 _SAMPLES = 48
 """States looked at on each flight before the nearest is refined."""
 
@@ -45,7 +48,7 @@ def seen_from(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word)
     several turns, or mirrored; None where it is none."""
     windows: list[tuple[int, int] | int] = [1, 2, 3, 4, 5]
     if not problem.periodic:
-        windows += [(first, first + length) for length in (1, 2, 4) for first in range(4)]
+        windows += [(first, first + length) for length in range(1, _LONGEST + 1) for first in range(4)]
     signs = (1, -1) if problem.system.has_odd_symmetry else (1,)
     for window in windows:
         if isinstance(window, int) != (ends[0] == "periodic"):

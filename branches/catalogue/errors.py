@@ -49,7 +49,7 @@ def translated(path: Path) -> Iterator[None]:
         if code.startswith("SQLITE_READONLY"):
             raise WriteFailure(f"cannot write {path}: it, or its directory, is read-only") from error
         if code.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
-            raise CatalogueInUse(f"{path} is in use by another process") from error
+            raise CatalogueInUse(f"{path} is being read or written by another program; try again when it has finished") from error
         if code in ("SQLITE_IOERR_WRITE", "SQLITE_IOERR_FSYNC", "SQLITE_IOERR_TRUNCATE", "SQLITE_IOERR_SHMSIZE"):
             raise WriteFailure(f"cannot write {path}: the device refused; what it held is whole") from error
         if code == "SQLITE_NOTADB":

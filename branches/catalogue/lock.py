@@ -12,8 +12,9 @@ from branches.files import WriteFailure, reason
 
 __all__ = ["WriterLock"]
 
-_held: set[str] = set()
-"""Locks of this process: the system's own belong to the process, and would let it in twice."""
+_held: dict[str, int] = {}
+"""Locks of this process, with its number: the system's own belong to the process, and would let it in twice. A forked process has a
+copy of this, but none of the locks."""
 
 
 class WriterLock:
@@ -39,12 +40,12 @@ class WriterLock:
         self._path = path.with_name(path.name + ".lock")
         self._process = os.getpid()
         key = str(self._path)
-        if key in _held:
+        if _held.get(key) == self._process:
             raise CatalogueInUse(f"{path} is being written by this very process ({self._process})")
         while True:
             try:
                 # Not truncated: it may say who writes.
-                self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
             except OSError as error:
                 raise WriteFailure(f"cannot write {path}: {reason(error)}") from error
             try:
@@ -64,11 +65,12 @@ class WriterLock:
         note = json.dumps({"process": self._process, "host": socket.gethostname(), "since": since}).encode()
         try:
             os.ftruncate(self._file, 0)
-            os.pwrite(self._file, note, 0)
+            os.lseek(self._file, 0, os.SEEK_SET)
+            os.write(self._file, note)
         except OSError:
             # A full disk cannot take the note; the lock holds without it.
             pass
-        _held.add(key)
+        _held[key] = self._process
 
     def release(self) -> None:
         """Let go. A process that was forked from the holder's does nothing."""
@@ -77,7 +79,7 @@ class WriterLock:
         self._path.unlink(missing_ok=True)
         os.close(self._file)
         self._file = -1
-        _held.discard(str(self._path))
+        _held.pop(str(self._path), None)
 
 
 def _lock(file: int) -> None:

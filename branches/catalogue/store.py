@@ -28,6 +28,7 @@ from branches.catalogue.rows import (
     no_nan,
 )
 from branches.catalogue.scene import SceneRecord, difference
+from branches.files import WriteFailure
 
 if TYPE_CHECKING:
     import networkx
@@ -152,6 +153,13 @@ class Catalogue:
         told = difference(self.scene.system, system)
         if told is not None:
             raise CatalogueError(f"{self.path} belongs to another system: there {told}")
+
+    def counts(self) -> dict[str, int]:
+        """How many families, points, events and edges it holds, and how many pieces of work are pending and done."""
+        tables = {"families": "families", "points": "points", "events": "events", "edges": "edges"}
+        tables |= {state: f"work WHERE state = '{state}'" for state in ("pending", "done")}
+        with translated(self.path):
+            return {name: self._connection.execute(f"SELECT count(*) FROM {rows}").fetchone()[0] for name, rows in tables.items()}
 
     # -- families -------------------------------------------------------------------------------------------------------------
 
@@ -304,10 +312,14 @@ class Catalogue:
         with translated(self.path):
             if self._depth == 0:
                 self._connection.execute("BEGIN IMMEDIATE")
+            elif not self._connection.in_transaction:
+                raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
             self._depth += 1
             try:
                 yield
                 if self._depth == 1:
+                    if not self._connection.in_transaction:
+                        raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
                     self._connection.execute("COMMIT")
             except BaseException:
                 if self._depth == 1 and self._connection.in_transaction:

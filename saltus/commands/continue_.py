@@ -86,7 +86,11 @@ def run(arguments: argparse.Namespace) -> int:
     for line in _doubts(branch):
         print(line, file=files.words, flush=True)
     code = max(code, _write(branch, files, arguments.frequency))
-    return code if place is None else max(code, _save(branch, place, scene, files))
+    if place is not None and code == INTERRUPTED:
+        say("a family that was not followed to its ends is not kept in a catalogue")
+    elif place is not None:
+        code = max(code, _save(branch, place, scene, files))
+    return code
 
 
 def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> int:

@@ -9,6 +9,7 @@ import saltus
 from branches.catalogue import Edge, EventOrbit
 from branches.catalogue.check import check
 from branches.catalogue.closures import distance, event_orbit, seen_from, switch_edge
+from branches.tracing import follow_family
 from tests.branches.catalogue.families import real, scene
 
 
@@ -140,3 +141,40 @@ def test_an_orbit_is_seen_from_the_problems_that_it_solves():
         problem = MultipointProblem(branch.system, ends, word)
         assert np.max(np.abs(problem.residual(unknowns_of(problem, seen)))) < 1e-13
     assert seen_from(branch.problem, y, ("origin", "rest"), ()) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "event"),
+    [("S13O00+", "SB1"), ("S11O00-", "PD1"), ("S73O33-", "SB1"), ("S73O33-", "PD1"), ("S11E11+@h=3.0", "SB1"), ("S11E11+@h=3.0", "PD1")],
+)
+def test_every_switch_is_an_edge_that_closes(tmp_path, name, event):
+    """Oracle: `check`: half periods, doubled periods, rest ends, and periods that close on themselves without a reversal."""
+    from tests.branches.traced import traced
+
+    branch = traced(name)
+    at = next(item for item in branch.events if item.id == event)
+    born = branch.switch(at, points=12)
+    edges = [switch_edge(branch, at, family) for family in born]
+    assert all(edge.target_orbit is not None for edge in edges)
+    counts, failures = checked(tmp_path, branch, *born, edges=edges)
+    assert failures == [] and counts["edges"] == len({(edge.target) for edge in edges})
+
+
+def test_other_systems_are_kept_and_checked(tmp_path):
+    """Oracle: the branches, bit for bit: chains of 2 to 6 masses with one stop and several, rigid-body modes, rest and stop ends."""
+    from tests.branches.catalogue.families import same_columns
+    from tests.properties.test_chains import families
+
+    sizes = set()
+    for k, (problem, solution) in enumerate(families()[::6]):
+        branch = follow_family(problem, solution.y, points=8)
+        with saltus.Catalogue(tmp_path / f"{k}.sqlite", "a", scene=branch.system) as catalogue:
+            catalogue.add(branch)
+        with saltus.Catalogue(tmp_path / f"{k}.sqlite", scene=branch.system) as catalogue:
+            back = catalogue.branch(branch.id)
+            assert same_columns(branch.points, back.points) and back.events == branch.events
+            assert catalogue.system.describe() == branch.system.describe()
+            assert check(catalogue)[1] == []
+            assert catalogue.find(branch.id[:-3]).id == branch.id
+        sizes.add(branch.system.degrees_of_freedom)
+    assert len(sizes) > 2

@@ -135,6 +135,43 @@ def test_a_forked_worker_leaves_the_writer_alone(tmp_path):
         assert len(catalogue) == 1
 
 
+def test_a_forked_worker_is_told_of_the_writer(tmp_path):
+    """Oracle: the parent's process number, in a child that has a copy of all that the parent has."""
+    path = tmp_path / "forked.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()):
+        child = os.fork()
+        if child == 0:
+            try:
+                saltus.Catalogue(path, "a", scene=scene())
+            except CatalogueInUse as error:
+                os._exit(0 if f"process {os.getppid()} on" in str(error) else 2)
+            os._exit(1)
+        assert os.waitpid(child, 0)[1] == 0
+
+
+def test_a_reader_is_not_in_the_way_of_a_writer(tmp_path):
+    """Oracle: the families before and after, seen by a reader that stays open while the writer adds and closes."""
+    path = tmp_path / "read.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        catalogue.add(real()[0])
+    with saltus.Catalogue(path) as reader:
+        assert len(reader) == 1
+        with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+            rows = reader._connection.execute("SELECT number FROM points")
+            assert rows.fetchone() == (1,)
+            catalogue.add(real()[1])
+            assert len(rows.fetchall()) == len(real()[0]) - 1
+            assert len(reader) == 2
+            rows = reader._connection.execute("SELECT number FROM points")
+            assert rows.fetchone() == (1,)
+            catalogue._connection.execute("PRAGMA busy_timeout = 100")
+        assert same_columns(reader.points(real()[1].id), real()[1].points)
+        rows.close()
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        assert len(catalogue) == 2
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
 def full(path, families):
     """Add families until the disk is full; how many were kept."""
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
@@ -239,8 +276,42 @@ def locked(directory):
         directory.chmod(0o755)
 
 
-def test_a_file_that_was_never_settled_reads_from_a_read_only_medium(branch_file, tmp_path):
-    """Oracle: the words where a log is left beside it, and the families once it has been opened where it can be written."""
+def test_a_failure_that_is_passed_over_does_not_keep_half(tmp_path):
+    """Oracle: SQLite takes the whole transaction back when the disk is full; what follows in the same block is not kept alone."""
+    path = tmp_path / "half.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        catalogue.add(real()[0])
+        catalogue._connection.execute("PRAGMA max_page_count = 60")
+        with pytest.raises(WriteFailure, match="taken the transaction back|no space"), catalogue.transaction():
+            with pytest.raises(WriteFailure, match="no space"):
+                for k in range(100):
+                    catalogue.add(renamed(real()[0], k))
+            catalogue.note("next", 1)
+    assert whole(path, 1)
+
+
+@pytest.mark.skipif(not PRIVILEGED, reason="mounting needs privileges")
+def test_a_log_that_was_left_is_not_passed_over(branch_file, tmp_path):
+    """Oracle: on a read-only medium the families in the log cannot be had: the words, and no catalogue without them."""
+    path = tmp_path / "left.sqlite"
+    process = writer(branch_file, path)
+    process.stdout.readline()
+    process.kill()
+    process.wait()
+    with mounted(tmp_path / "medium", "size=64m"):
+        there = tmp_path / "medium" / path.name
+        for ending in ("", "-wal"):
+            there.with_name(there.name + ending).write_bytes(path.with_name(path.name + ending).read_bytes())
+        subprocess.run(["mount", "-o", "remount,ro", str(there.parent)], check=True)
+        with pytest.raises(CatalogueError, match="left.sqlite-wal beside it holds families that a killed writer left"):
+            saltus.Catalogue(there)
+        subprocess.run(["mount", "-o", "remount,rw", str(there.parent)], check=True)
+        with saltus.Catalogue(there) as catalogue:
+            assert len(catalogue) > 0
+
+
+def test_a_file_that_was_never_settled_is_settled_by_the_next_writer(branch_file, tmp_path):
+    """Oracle: the family that was told before the writer was killed; nothing is left beside the file."""
     path = tmp_path / "left.sqlite"
     process = writer(branch_file, path)
     first = process.stdout.readline().strip()
