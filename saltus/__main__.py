@@ -17,6 +17,8 @@ __all__ = ["main"]
 COMMANDS = {
     "continue": ("saltus.commands.continue_", "follow the family of periodic orbits that has a name"),
     "orbit": ("saltus.commands.orbit", "show one orbit of a named family: its impacts, multipliers and shape"),
+    "impulsive": ("saltus.commands.impulsive", "find the orbits that start with the velocity of the oscillator alone"),
+    "export": ("saltus.commands.export", "draw many families in one picture, or write the data of the picture"),
 }
 
 
