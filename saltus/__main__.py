@@ -23,8 +23,9 @@ COMMANDS = {
     "show": ("saltus.commands.show", "show one family of a catalogue: its labels, events, neighbours and stability"),
     "tree": ("saltus.commands.tree", "show the graph of a catalogue as text, from one family on"),
     "path": ("saltus.commands.path", "find the shortest chain of bifurcations between two families of a catalogue"),
-    "export": ("saltus.commands.export", "write the graph, points or orbits of a catalogue as data"),
+    "export": ("saltus.commands.export", "write what a catalogue holds: plots of many families, the graph, points, orbits"),
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
+    "impulsive": ("saltus.commands.impulsive", "find the orbits that start with the velocity of the oscillator alone"),
 }
 
 
@@ -79,7 +80,7 @@ def _command(words: list[str]) -> int:
         parser.print_help()
         return DONE
     if unknown:
-        asked_parser.refuse(unknown[0])
+        getattr(arguments, "parser", asked_parser).refuse(unknown[0])
     return importlib.import_module(COMMANDS[asked][0]).run(arguments)
 
 

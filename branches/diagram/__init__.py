@@ -6,14 +6,45 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from branches.diagram.atlas import atlas_figure, draw_atlas
+    from branches.diagram.atlas_data import Atlas, atlas_of, regime_bounds, rescaled
     from branches.diagram.branch_picture import branch_figure, draw_branch
     from branches.diagram.files import PICTURE_FORMATS, picture_format
+    from branches.diagram.insets import Inset, parse_inset
     from branches.diagram.orbit_picture import draw_orbit, orbit_figure
+    from branches.diagram.velocity_picture import draw_velocities, velocities_figure
 
-__all__ = ["PICTURE_FORMATS", "branch_figure", "draw_branch", "draw_orbit", "orbit_figure", "picture_format"]
+__all__ = [
+    "PICTURE_FORMATS",
+    "Atlas",
+    "Inset",
+    "atlas_figure",
+    "atlas_of",
+    "branch_figure",
+    "draw_atlas",
+    "draw_branch",
+    "draw_orbit",
+    "draw_velocities",
+    "orbit_figure",
+    "parse_inset",
+    "picture_format",
+    "regime_bounds",
+    "rescaled",
+    "velocities_figure",
+]
 
 _HOMES = {
     "PICTURE_FORMATS": "files",
+    "Atlas": "atlas_data",
+    "Inset": "insets",
+    "atlas_figure": "atlas",
+    "atlas_of": "atlas_data",
+    "draw_atlas": "atlas",
+    "draw_velocities": "velocity_picture",
+    "parse_inset": "insets",
+    "regime_bounds": "atlas_data",
+    "rescaled": "atlas_data",
+    "velocities_figure": "velocity_picture",
     "branch_figure": "branch_picture",
     "draw_branch": "branch_picture",
     "draw_orbit": "orbit_picture",

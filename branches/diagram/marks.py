@@ -70,18 +70,20 @@ def _pieces(run: np.ndarray) -> list[np.ndarray]:
     return np.split(run, np.flatnonzero(np.isnan(run[:, 0])))
 
 
-def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str) -> None:
-    """Draw runs from `curve_runs`: stable solid; unstable thin with crosses apart from each other; undecided dotted grey."""
+def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str, fine: float = 1.0) -> None:
+    """Draw runs from `curve_runs`: stable solid; unstable thin with crosses apart from each other; undecided dotted grey. `fine` below 1
+    draws thinner, for many curves in one picture."""
     to_points = 72 / axes.figure.dpi
     for code, run in runs.items():
         marker, size = _DOT[code]
         pieces = [piece[np.isfinite(piece[:, 0])] for piece in _pieces(run)]
         single = [piece for piece in pieces if len(piece) == 1]
-        (line,) = axes.plot(run[:, 0], run[:, 1], zorder=2 + (code == 1) * 0.1, **_LINE[code])
+        look = {**_LINE[code], "linewidth": fine * _LINE[code]["linewidth"]}
+        (line,) = axes.plot(run[:, 0], run[:, 1], zorder=2 + (code == 1) * 0.1, **look)
         line.set_gid(f"{panel}-{STABILITY[code]}")
         if single:
             dots = np.concatenate(single)
-            (spots,) = axes.plot(dots[:, 0], dots[:, 1], marker, markersize=size, color=_LINE[code]["color"], zorder=2.5)
+            (spots,) = axes.plot(dots[:, 0], dots[:, 1], marker, markersize=fine * size, color=_LINE[code]["color"], zorder=2.5)
             spots.set_gid(f"{panel}-{STABILITY[code]}-single")
         if code == 0:
             spots_at = []
@@ -93,7 +95,8 @@ def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str) -> None:
                 apart = np.concatenate(spots_at)
                 apart = apart[thinned(apart, 0.6 * _CROSS_SPACING)]
                 crosses = axes.transData.inverted().transform(apart / to_points)
-                (marks,) = axes.plot(crosses[:, 0], crosses[:, 1], "x", color=VERMILION, zorder=2.4, **_CROSS)
+                cross = {name: fine * value for name, value in _CROSS.items()}
+                (marks,) = axes.plot(crosses[:, 0], crosses[:, 1], "x", color=VERMILION, zorder=2.4, **cross)
                 marks.set_gid(f"{panel}-unstable-crosses")
 
 

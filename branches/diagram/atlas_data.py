@@ -1,0 +1,286 @@
+"""What the pictures of many families show, as plain columns: made from branches, or read from a file that was exported.
+
+A picture is drawn from these columns alone, so it can be drawn again from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.impulsive import ImpulsiveOrbits, Manifold
+    from bvp.system import ImpactSystem
+
+__all__ = ["Atlas", "Bound", "Curve", "Threshold", "atlas_of", "linear_modes", "regime_bounds", "rescaled"]
+
+COLUMNS = ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable")
+"""Columns of numbers of a family, besides `velocities` and `label`; named as in the files of a branch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A family: id, label, whether its name is pinned, and columns of length N.
+
+    h, alpha, frequency, frequency_index : (N,) float. half_waves : (N,) int. stable : (N,) int, 1, 0, or -1 where it is undecided.
+    velocities : (N, n), NaN where the start is not at the origin. labels : (N,) str.
+    """
+
+    family: str
+    label: str
+    pinned: bool
+    h: np.ndarray
+    alpha: np.ndarray
+    frequency: np.ndarray
+    frequency_index: np.ndarray
+    half_waves: np.ndarray
+    stable: np.ndarray
+    velocities: np.ndarray
+    labels: np.ndarray
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A linear mode: label, angular frequency, and the energy at which it grazes the stops."""
+
+    label: str
+    frequency: float
+    h: float
+
+
+@dataclass(frozen=True)
+class Bound:
+    """An energy between two regimes, and what is there: ("I", "II", h, "L11- grazes")."""
+
+    below: str
+    above: str
+    h: float
+    what: str
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """All that is drawn, in the units of the scale.
+
+    manifold : (h, frequency, joined) of the impulsive motions, joined (N,) bool tells whether a point is joined to the next.
+    impulsive : columns h, alpha, frequency, frequency_index, velocities of the periodic impulsive orbits, and their labels.
+    clearance, natural_frequency : lengths and angular frequencies are these times the dimensionless ones.
+    """
+
+    system: ImpactSystem
+    curves: tuple[Curve, ...] = ()
+    manifold_h: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    manifold_frequency: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    manifold_joined: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    manifold_window: str = ""
+    manifold_periods: int = 0
+    impulsive: Curve | None = None
+    bounds: tuple[Bound, ...] = ()
+    clearance: float = 1.0
+    natural_frequency: float = 1.0
+
+    @property
+    def energy_unit(self) -> float:
+        """What a dimensionless energy 1 is in the units of the scale."""
+        return (self.clearance * self.natural_frequency) ** 2
+
+    @property
+    def thresholds(self) -> list[Threshold]:
+        """The linear modes, in the units of the scale."""
+        return [
+            Threshold(mode.label, mode.frequency * self.natural_frequency, mode.h * self.energy_unit) for mode in linear_modes(self.system)
+        ]
+
+
+def linear_modes(system: ImpactSystem) -> list[Threshold]:
+    """The modes of free flight with the energy w^2 d^2/(2 b^2) at which each first touches a stop, d being the smaller gap and b its part
+    in the gap coordinate. Two modes of a system with absorber and primary are L11+ (these in phase) and L11-; others L1, L2, ...
+
+    Examples
+    --------
+    >>> from bvp import vibro_impact_nes
+    >>> [(mode.label, round(mode.frequency, 6), round(mode.h, 6)) for mode in linear_modes(vibro_impact_nes())]
+    [('L11+', 0.854309, 0.118508), ('L11-', 1.170537, 0.086492)]
+    """
+    modes = system.modes
+    out = []
+    for k, w in enumerate(modes.frequencies):
+        energy = math.inf
+        for stop in system.stops:
+            part = float(np.asarray(stop.gap) @ modes.shapes[:, k])
+            if part != 0.0:
+                energy = min(energy, 0.5 * (float(w) * min(abs(stop.lower), abs(stop.upper)) / part) ** 2)
+        label = f"L{k + 1}"
+        if len(modes.frequencies) == 2 and system.absorber is not None and system.primary is not None:
+            label = "L11+" if modes.shapes[system.absorber, k] * modes.shapes[system.primary, k] > 0.0 else "L11-"
+        if w > 0.0 and math.isfinite(energy):
+            out.append(Threshold(label, float(w), energy))
+    return out
+
+
+def atlas_of(
+    system: ImpactSystem,
+    branches: Iterable[Branch],
+    *,
+    pinned: Collection[str] = (),
+    manifold: Manifold | None = None,
+    impulsive: ImpulsiveOrbits | None = None,
+    bounds: Sequence[Bound] = (),
+    energy: tuple[float, float] | None = None,
+) -> Atlas:
+    """Collect what is to be drawn.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    branches : iterable of Branch
+        Of this system.
+    pinned : collection of str
+        Labels that a family goes by wherever it carries them, and that are written first where there is no room for all.
+    manifold, impulsive : as `branches.impulsive` makes them, optional
+    bounds : sequence of Bound
+        Bounds of regimes, as from `regime_bounds`.
+    energy : (float, float), optional
+        Points outside are left out.
+
+    Raises
+    ------
+    ValueError
+        For a branch of another system.
+    """
+    low, high = energy if energy is not None else (0.0, math.inf)
+    curves = []
+    for branch in branches:
+        if branch.system.describe() != system.describe():
+            raise ValueError(f"the family {branch.label or branch.id} belongs to another system than the picture")
+        points = branch.points
+        kept = (points["h"] >= low) & (points["h"] <= high)
+        for part in np.split(np.flatnonzero(kept), np.flatnonzero(np.diff(np.flatnonzero(kept)) > 1) + 1):
+            if not len(part):
+                continue
+            labels = points["label"][part]
+            label = branch.label if branch.label in labels else str(labels[len(labels) // 2])
+            label = next((name for name in pinned if name in labels), label)
+            columns = {name: np.asarray(points[name][part]) for name in COLUMNS}
+            curves.append(
+                Curve(branch.id, label, label in pinned, velocities=points["velocities"][part], labels=labels.astype(str), **columns)
+            )
+    atlas = Atlas(system, tuple(curves), bounds=tuple(bounds))
+    if manifold is not None:
+        kept = np.isfinite(manifold.frequency)
+        index = np.flatnonzero(kept)
+        joined = np.zeros(len(index), dtype=bool)
+        joined[:-1] = (np.diff(index) == 1) & ~manifold.breaks[index[:-1]]
+        atlas = replace(
+            atlas,
+            manifold_h=manifold.h[kept],
+            manifold_frequency=manifold.frequency[kept],
+            manifold_joined=joined,
+            manifold_window=manifold.window,
+            manifold_periods=manifold.periods,
+        )
+    if impulsive is not None and impulsive.orbits:
+        atlas = replace(atlas, impulsive=_impulsive_curve(impulsive))
+    return atlas
+
+
+def _impulsive_curve(found: ImpulsiveOrbits) -> Curve:
+    from branches.labels import parse
+
+    labels = [orbit.label for orbit in found.orbits]
+    waves = np.array([parse(label).m if label else 1 for label in labels])
+    frequency = np.array([0.5 * math.pi / orbit.alpha for orbit in found.orbits])
+    return Curve(
+        "",
+        "",
+        False,
+        h=np.array([orbit.h for orbit in found.orbits]),
+        alpha=np.array([orbit.alpha for orbit in found.orbits]),
+        frequency=frequency,
+        frequency_index=waves * frequency,
+        half_waves=waves,
+        stable=np.array([-1 if orbit.orbit.stable is None else int(orbit.orbit.stable) for orbit in found.orbits], dtype=np.int8),
+        velocities=np.array([orbit.orbit.velocities for orbit in found.orbits]),
+        labels=np.array(labels),
+    )
+
+
+def regime_bounds(system: ImpactSystem, branches: Iterable[Branch]) -> tuple[tuple[Bound, ...], list[str]]:
+    """The energies that part the regimes I to IV, as far as the families given tell them.
+
+    The paper (Lee et al., Physica D 238 (2009) 1868, Fig. 6) gives no numbers; these are ours: I/II where L11- grazes; II/III at the
+    symmetry breaking of S13+ of lowest energy; III/IV at the impulsive orbit on the family of S31O11.
+
+    Returns
+    -------
+    bounds : tuple of Bound
+    missing : list of str
+        What could not be told, in words.
+    """
+    bounds, missing = [], []
+    mode = next((mode for mode in linear_modes(system) if mode.label == "L11-"), None)
+    if mode is not None:
+        bounds.append(Bound("I", "II", mode.h, "L11- grazes"))
+    else:
+        missing.append("I/II: the system has no mode L11-")
+    branches = list(branches)
+    for below, above, pattern, kind, what in (
+        ("II", "III", "S13O00+", "SB", "SB of S13+"),
+        ("III", "IV", "S31O11", "IO", "IO of S31O11"),
+    ):
+        found = [
+            event.h
+            for branch in branches
+            if any(alias["label"].startswith(pattern) for alias in branch.aliases)
+            for event in branch.events
+            if event.type == kind
+        ]
+        if found:
+            bounds.append(Bound(below, above, min(found), what))
+        else:
+            missing.append(f"{below}/{above}: no family given has {pattern} with an event {kind}")
+    return tuple(bounds), missing
+
+
+def rescaled(atlas: Atlas, clearance: float = 1.0, natural_frequency: float = 1.0) -> Atlas:
+    """The same in units: lengths times the clearance, angular frequencies times the oscillator's natural one (radians a second).
+
+    Energies are then those of an oscillator of unit mass, (clearance x natural frequency)^2 h.
+
+    Raises
+    ------
+    ValueError
+        For a factor that is not above 0, and for an atlas that is scaled already.
+    """
+    for name, value in (("clearance", clearance), ("natural_frequency", natural_frequency)):
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name} = {value!r}: expected a number above 0")
+    if (atlas.clearance, atlas.natural_frequency) != (1.0, 1.0):
+        raise ValueError(f"the data have a clearance of {atlas.clearance:g} already; scale dimensionless data")
+    speed = clearance * natural_frequency
+
+    def scale(curve: Curve) -> Curve:
+        changed: dict[str, Any] = {
+            "h": curve.h * speed**2,
+            "alpha": curve.alpha / natural_frequency,
+            "frequency": curve.frequency * natural_frequency,
+            "frequency_index": curve.frequency_index * natural_frequency,
+            "velocities": curve.velocities * speed,
+        }
+        return replace(curve, **changed)
+
+    return replace(
+        atlas,
+        curves=tuple(scale(curve) for curve in atlas.curves),
+        manifold_h=atlas.manifold_h * speed**2,
+        manifold_frequency=atlas.manifold_frequency * natural_frequency,
+        impulsive=None if atlas.impulsive is None else scale(atlas.impulsive),
+        bounds=tuple(replace(bound, h=bound.h * speed**2) for bound in atlas.bounds),
+        clearance=clearance,
+        natural_frequency=natural_frequency,
+    )

@@ -1,0 +1,151 @@
+"""What the pictures of many families are put together from: lines by stability, linear modes, impulsive motions, regimes, legend."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.diagram.marks import curve_runs
+from branches.diagram.scales import logarithmic_axis
+from branches.diagram.style import BLACK, GREEN, NORMAL, ORANGE, YELLOW
+from branches.diagram.titles import system_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from branches.diagram.atlas_data import Atlas
+    from branches.diagram.atlas_labels import Named
+
+Box = tuple[float, float, float, float]
+
+FINE = 0.6
+"""Lines and crosses of many families, beside those of one."""
+_MANIFOLD: dict[str, Any] = {"color": GREEN, "marker": ".", "markersize": 1.8, "markeredgewidth": 0.0, "linewidth": 0.35}
+_MODE: dict[str, Any] = {"color": BLACK, "linewidth": 0.9, "linestyle": "-"}
+_BULLET: dict[str, Any] = {"color": BLACK, "marker": "o", "markersize": 4.5, "linestyle": "none"}
+STAR: dict[str, Any] = {
+    "marker": "*", "markersize": 5.5, "markerfacecolor": YELLOW, "markeredgecolor": BLACK, "markeredgewidth": 0.4, "linestyle": "none",
+}  # fmt: skip
+_BOUND: dict[str, Any] = {"color": ORANGE, "linewidth": 0.8, "linestyle": (0, (5, 2.5))}
+
+
+def runs_of(curves: Sequence[Named]) -> dict[int, np.ndarray]:
+    """The polylines of all curves by stability, as `branches.diagram.marks.curve_runs` gives them for one."""
+    pieces: dict[int, list[np.ndarray]] = {}
+    gap = np.full((1, 2), np.nan)
+    for curve in curves:
+        if curve.curve is None:
+            continue
+        for code, run in curve_runs(curve.curve.stable, curve.x, curve.y, curve.breaks).items():
+            pieces.setdefault(code, []).extend([run, gap])
+    return {code: np.concatenate(parts[:-1]) for code, parts in sorted(pieces.items(), reverse=True)}
+
+
+def refuse_empty(energies: Sequence[np.ndarray]) -> None:
+    found = np.concatenate(energies) if energies else np.zeros(0)
+    if not len(found):
+        raise ValueError("there is nothing to draw: no family, no impulsive orbit has a point in the range asked for")
+    if not found.min() > 0.0:
+        raise ValueError(f"the logarithmic energy axis needs positive energies: the lowest is {found.min():.6g}")
+
+
+def title(atlas: Atlas, what: str) -> str:
+    text = f"{what}   ({system_text(atlas.system)}"
+    if atlas.clearance != 1.0:
+        text += f", clearance {atlas.clearance:.6g}"
+    if atlas.natural_frequency != 1.0:
+        text += f", natural frequency {atlas.natural_frequency:.6g} rad/s"
+    return text + ")"
+
+
+def energy_axis(axes: Axes, atlas: Atlas, limits: tuple[float, float]) -> None:
+    logarithmic_axis(axes, "x", limits, 14, "energy", "h" if atlas.energy_unit == 1.0 else r"\hat{H}")
+
+
+def draw_modes(axes: Axes, modes: Sequence[Any], name: str) -> None:
+    left = axes.get_xlim()[0]
+    for mode in modes:
+        if mode.h > left:
+            (line,) = axes.plot([left, mode.h], [mode.frequency] * 2, zorder=2.2, **_MODE)
+            line.set_gid(f"{name}-{mode.label}")
+            (bullet,) = axes.plot([mode.h], [mode.frequency], zorder=4.2, **_BULLET)
+            bullet.set_gid(f"{name}-{mode.label}-grazing")
+
+
+def draw_manifold(axes: Axes, atlas: Atlas, name: str) -> None:
+    if not len(atlas.manifold_h):
+        return
+    cut = np.flatnonzero(~atlas.manifold_joined) + 1
+    x, y = np.insert(atlas.manifold_h, cut, np.nan), np.insert(atlas.manifold_frequency, cut, np.nan)
+    (dots,) = axes.plot(x, y, zorder=3.5, **_MANIFOLD)
+    dots.set_gid(f"{name}-manifold")
+
+
+def draw_bounds(axes: Axes, atlas: Atlas) -> list[Box]:
+    """The vertical lines, and the regimes' numerals under the upper edge of the frame; returns the numerals' boxes in points."""
+    if not atlas.bounds:
+        return []
+    to_points = 72 / axes.figure.dpi
+    low, high = axes.get_xlim()
+    edges = [low, *(bound.h for bound in atlas.bounds), high]
+    names = [atlas.bounds[0].below, *(bound.above for bound in atlas.bounds)]
+    boxes = []
+    for bound in atlas.bounds:
+        line = axes.axvline(bound.h, zorder=1.5, **_BOUND)
+        line.set_gid(f"bound-{bound.below}-{bound.above}")
+    for name, left, right in zip(names, edges, edges[1:], strict=False):
+        if low <= left < right <= high:
+            middle = math.exp(0.5 * (math.log(left) + math.log(right)))
+            style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "top", "fontsize": NORMAL + 1.0, "zorder": 6}
+            axes.annotate(name, (middle, 1.0), (0, -4), xycoords=("data", "axes fraction"), **style)
+            x = axes.transData.transform((middle, 1.0))[0] * to_points
+            top = axes.bbox.y1 * to_points
+            boxes.append((x - 9.0, top - 16.0, x + 9.0, top))
+    return boxes
+
+
+def other_entries(atlas: Atlas, modes: Sequence[Any], stars: bool) -> list[Any]:
+    from matplotlib.lines import Line2D
+
+    entries = []
+    if modes:
+        entries.append(Line2D([], [], label="linear modes, to where they graze", **{**_MODE, "marker": "o", "markersize": 5.0}))
+    if len(atlas.manifold_h):
+        text = f"impulsive motions ({atlas.manifold_window} window, {atlas.manifold_periods} periods)"
+        entries.append(Line2D([], [], label=text, **{**_MANIFOLD, "markersize": 3.5}))
+    if stars:
+        entries += star_entry()
+    if atlas.bounds:
+        text = "regimes; their bounds are ours, not the paper's:\n" + "\n".join(f"{b.below}/{b.above}: {b.what}" for b in atlas.bounds)
+        entries.append(Line2D([], [], label=text, **_BOUND))
+    return entries
+
+
+def star_entry() -> list[Any]:
+    from matplotlib.lines import Line2D
+
+    return [Line2D([], [], label="periodic impulsive orbits", **STAR)]
+
+
+def tell_named(axes: Axes, written: set[str], curves: Sequence[Named], note: str = "") -> None:
+    """Say on the energy axis how many of the families have their name in the picture."""
+    keys = {curve.key for curve in curves}
+    what = "families" if curves and curves[0].curve is not None else "orbits"
+    if keys:
+        axes.set_xlabel(f"{axes.get_xlabel()}   ({len(written & keys)} of {len(keys)} {what} named{note})")
+
+
+def mark_boxes(axes: Axes, modes: Sequence[Any], stars: tuple[np.ndarray, np.ndarray] | None) -> list[Box]:
+    """Boxes in points of the bullets and stars."""
+    to_points = 72 / axes.figure.dpi
+    spots = [(mode.h, mode.frequency, 3.0) for mode in modes]
+    if stars is not None:
+        spots += [(float(x), float(y), 3.0) for x, y in zip(*stars, strict=True)]
+    boxes = []
+    for x, y, radius in spots:
+        left, bottom = axes.transData.transform((x, y)) * to_points
+        boxes.append((left - radius, bottom - radius, left + radius, bottom + radius))
+    return boxes

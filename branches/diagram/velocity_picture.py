@@ -1,0 +1,96 @@
+"""The picture of many families' start velocities against energy."""
+
+from __future__ import annotations
+
+import os
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.diagram import files
+from branches.diagram.atlas_labels import Named, label_curves, names_of
+from branches.diagram.atlas_parts import FINE, STAR, Box, energy_axis, mark_boxes, refuse_empty, runs_of, star_entry, tell_named, title
+from branches.diagram.marks import draw_curve, legend_entries
+from branches.diagram.scales import linear_axis, linear_limits, logarithmic_limits
+from branches.diagram.style import new_figure, picture_settings, settle_layout
+from branches.diagram.titles import velocity_symbol
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from branches.diagram.atlas_data import Atlas
+
+__all__ = ["draw_velocities", "velocities_figure"]
+
+MOST_NAMES = 30
+"""Families named in one panel, at most."""
+
+
+def draw_velocities(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
+    """Write the start velocities of many families against energy to a png, pdf or svg file: as for `draw_atlas`."""
+    kind = files.picture_format(path_or_file, format)
+    with picture_settings():
+        files.save(velocities_figure(atlas, **options), path_or_file, kind)
+
+
+def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
+    """The start velocities, at zero displacement, of absorber and primary against energy.
+
+    Parameters
+    ----------
+    atlas : Atlas
+    names : int
+        Most families named in each panel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ValueError
+        Where no family starts at zero displacement.
+    """
+    system = atlas.system
+    chosen = [k for k in (system.absorber, system.primary) if k is not None] or list(range(min(2, len(system.coordinates))))
+    curves = [curve for curve in atlas.curves if np.isfinite(curve.velocities).any()]
+    stars = atlas.impulsive
+    energies = [curve.h for curve in curves] + ([] if stars is None else [stars.h])
+    refuse_empty(energies)
+    x_limits = logarithmic_limits(np.concatenate(energies), 0.04)
+    left_out = len({curve.family for curve in atlas.curves}) - len({curve.family for curve in curves})
+    with picture_settings():
+        figure = new_figure(7.2)
+        figure.suptitle(title(atlas, "Families of periodic orbits"))
+        panels = figure.subplots(len(chosen), 1, sharex=True, squeeze=False)[:, 0]
+        drawn = []
+        for axes, k in zip(panels, chosen, strict=True):
+            of_panel = [Named(curve, curve.h, curve.velocities[:, k], np.zeros(len(curve.h) - 1, dtype=bool)) for curve in curves]
+            values = [curve.y for curve in of_panel] + ([] if stars is None else [stars.velocities[:, k]])
+            axes.set_label(f"velocity{k}")
+            energy_axis(axes, atlas, x_limits)
+            symbol = f"{velocity_symbol(system.coordinates[k])}(0)"
+            linear_axis(axes, "y", linear_limits(np.concatenate(values), 0.05), 6, "start velocity", symbol)
+            drawn.append((axes, k, of_panel, runs_of(of_panel)))
+        for axes in panels[:-1]:
+            axes.set_xlabel("")
+        entries = legend_entries(drawn[0][3], [])
+        if stars is not None:
+            entries += star_entry()
+        figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False)
+        settle_layout(figure)
+        written: set[str] = set()
+        for axes, k, of_panel, runs in drawn:
+            name = f"velocity{k}"
+            draw_curve(axes, runs, name, FINE)
+            spots: list[Box] = []
+            if stars is not None:
+                place = (stars.h, stars.velocities[:, k])
+                (marks,) = axes.plot(*place, zorder=4, **STAR)
+                marks.set_gid(f"{name}-impulsive")
+                spots = mark_boxes(axes, [], place)
+            everything = [curve.path() for curve in of_panel]
+            written |= label_curves(axes, names_of(of_panel, names), everything, spots)
+        note = f"; {left_out} that do not start at the origin left out" if left_out else ""
+        tell_named(panels[-1], written, drawn[0][2], note)
+    return figure

@@ -1,0 +1,120 @@
+"""The data of a picture of many families as one table: a row for each point, and what holds for all of it apart.
+
+Rows are of kind "family" (a point of a family), "manifold" (one energy of the impulsive motions: h and frequency) and "impulsive" (a
+periodic impulsive orbit). Rows with the same `curve` are one line of the picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from branches.diagram.atlas_data import Atlas, Bound, Curve
+
+__all__ = ["COLUMNS", "KINDS", "TEXTS", "from_table", "to_table"]
+
+KINDS = ("family", "manifold", "impulsive")
+
+TEXTS = ("kind", "family", "name", "label")
+WHOLE = ("curve", "pinned", "half_waves", "stable", "joined")
+NUMBERS = ("h", "alpha", "frequency", "frequency_index")
+COLUMNS = ("kind", "curve", "family", "name", "pinned", "label", *NUMBERS, "half_waves", "stable", "joined")
+"""Columns, besides `velocities`: name is that of the family, label that of the point; stable is 1, 0, or -1 where it is undecided; joined
+is 1 where the manifold goes on to the next row. NaN: does not exist."""
+
+
+def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What holds for all, as plain data, and the columns, all of one length; `velocities` has a column for each coordinate."""
+    about = {
+        "schema": 1,
+        "content": "atlas",
+        "system": atlas.system.describe(),
+        "clearance": atlas.clearance,
+        "natural_frequency": atlas.natural_frequency,
+        "manifold": {"window": atlas.manifold_window, "periods": atlas.manifold_periods},
+        "bounds": [{"below": b.below, "above": b.above, "h": b.h, "what": b.what} for b in atlas.bounds],
+    }
+    n = len(atlas.system.coordinates)
+    parts = [_rows("family", k, curve) for k, curve in enumerate(atlas.curves)]
+    count = len(atlas.manifold_h)
+    if count:
+        nowhere = np.full(count, np.nan)
+        curve = Curve(
+            "", "", False, h=atlas.manifold_h, alpha=nowhere, frequency=atlas.manifold_frequency, frequency_index=nowhere,
+            half_waves=np.zeros(count, dtype=int), stable=np.full(count, -1), velocities=np.full((count, n), np.nan),
+            labels=np.full(count, ""),
+        )  # fmt: skip
+        parts.append({**_rows("manifold", len(atlas.curves), curve), "joined": atlas.manifold_joined.astype(int)})
+    if atlas.impulsive is not None:
+        parts.append(_rows("impulsive", len(atlas.curves) + 1, atlas.impulsive))
+    if not parts:
+        raise ValueError("there is nothing to export: no family, no impulsive orbit has a point in the range asked for")
+    return about, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _rows(kind: str, number: int, curve: Curve) -> dict[str, np.ndarray]:
+    count = len(curve.h)
+    return {
+        "kind": np.full(count, kind),
+        "curve": np.full(count, number),
+        "family": np.full(count, curve.family),
+        "name": np.full(count, curve.label),
+        "pinned": np.full(count, int(curve.pinned)),
+        "label": curve.labels.astype(str),
+        **{name: np.asarray(getattr(curve, name), dtype=float) for name in NUMBERS},
+        "half_waves": np.asarray(curve.half_waves, dtype=int),
+        "stable": np.asarray(curve.stable, dtype=int),
+        "joined": np.zeros(count, dtype=int),
+        "velocities": np.asarray(curve.velocities, dtype=float),
+    }
+
+
+def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> Atlas:
+    """The inverse of `to_table`.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        For what is no such table.
+    """
+    from bvp.system import ImpactSystem
+
+    kind = columns["kind"]
+    unknown = set(np.unique(kind).tolist()) - set(KINDS)
+    if unknown:
+        raise ValueError(f"rows of unknown kind {sorted(unknown)[0]!r}; expected {', '.join(KINDS)}")
+    curves = []
+    for number in np.unique(columns["curve"][kind == "family"]):
+        curves.append(_curve(columns, (kind == "family") & (columns["curve"] == number)))
+    manifold = kind == "manifold"
+    impulsive = kind == "impulsive"
+    return Atlas(
+        ImpactSystem.from_description(about["system"]),
+        tuple(curves),
+        columns["h"][manifold],
+        columns["frequency"][manifold],
+        columns["joined"][manifold] == 1,
+        str(about["manifold"]["window"]),
+        int(about["manifold"]["periods"]),
+        _curve(columns, impulsive) if impulsive.any() else None,
+        tuple(Bound(str(b["below"]), str(b["above"]), float(b["h"]), str(b["what"])) for b in about["bounds"]),
+        float(about["clearance"]),
+        float(about["natural_frequency"]),
+    )
+
+
+def _curve(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> Curve:
+    first = int(np.argmax(rows))
+    numbers = {name: columns[name][rows] for name in NUMBERS}
+    return Curve(
+        str(columns["family"][first]),
+        str(columns["name"][first]),
+        bool(columns["pinned"][first]),
+        half_waves=columns["half_waves"][rows],
+        stable=columns["stable"][rows],
+        velocities=columns["velocities"][rows],
+        labels=columns["label"][rows],
+        **numbers,
+    )

@@ -1,0 +1,143 @@
+"""The manifold of impulsive motions, periodic and quasiperiodic, as a curve: dominant frequency of the relative motion against energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.impulsive.spectrum import WINDOW, dominant_frequency
+from branches.impulsive.start import check_system, impulsive_state, oscillator_period
+from bvp.run import RunStatus, run
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["PERIODS", "Manifold", "impulsive_manifold"]
+
+PERIODS = 200
+"""Periods of the oscillator that each motion is followed for."""
+
+DENSITY = 100
+"""Energies in a decade."""
+
+SAMPLES = 16
+"""Samples in the shortest of: the shortest linear period, and the mean time between two impacts on the same side."""
+
+_LARGEST = 1 << 23
+
+
+@dataclass(frozen=True, eq=False)
+class Manifold:
+    """The curve.
+
+    h, frequency : (N,) energies, ascending, and angular frequencies; NaN where the motion could not be followed. breaks : (N - 1,) bool,
+    where the curve jumps, so that it is not to be joined. rate : (N,) samples in a period of the oscillator. failed : energy and reason
+    of each motion that could not be followed.
+    """
+
+    h: np.ndarray
+    frequency: np.ndarray
+    breaks: np.ndarray
+    rate: np.ndarray
+    periods: int
+    window: str
+    failed: tuple[tuple[float, str], ...] = ()
+
+    @property
+    def sampling(self) -> str:
+        """The samples taken, in words."""
+        rates = self.rate[np.isfinite(self.rate)]
+        return f"{rates.min():.0f} to {rates.max():.0f} samples a period" if len(rates) else "no motion was followed"
+
+    def record(self) -> dict[str, Any]:
+        """As plain data; null where there is no frequency, `breaks` as the places after which the curve is not joined."""
+        return {
+            "h": [float(h) for h in self.h],
+            "frequency": [float(f) if math.isfinite(f) else None for f in self.frequency],
+            "breaks": [int(i) for i in np.flatnonzero(self.breaks)],
+            "samples_per_period": [float(rate) if math.isfinite(rate) else None for rate in self.rate],
+            "window": self.window,
+            "periods": self.periods,
+            "failed": [{"h": h, "reason": reason} for h, reason in self.failed],
+        }
+
+
+def impulsive_manifold(
+    system: ImpactSystem,
+    energy: tuple[float, float],
+    *,
+    density: int = DENSITY,
+    periods: int = PERIODS,
+    on_energy: Callable[[int], object] | None = None,
+) -> Manifold:
+    """Follow the impulsive start at many energies, and take the largest peak of the spectrum of the gap coordinate.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        Undamped and elastic, absorber and primary named.
+    energy : (float, float)
+    density : int
+        Energies in a decade, spaced evenly in the logarithm.
+    periods : int
+        Periods of the oscillator that each motion is followed for.
+    on_energy : callable, optional
+        Called with the number of energies done.
+
+    Returns
+    -------
+    Manifold
+        A jump is a change by more than a power law of exponent one allows, and by more than one line of the spectrum.
+    """
+    check_system(system)
+    low, high = (float(value) for value in energy)
+    if not 0.0 < low < high < math.inf:
+        raise ValueError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 < LO < HI")
+    levels = np.geomspace(low, high, max(2, math.ceil(density * math.log10(high / low)) + 1))
+    frequency, rate = np.full(len(levels), np.nan), np.full(len(levels), np.nan)
+    failed = []
+    for i, h in enumerate(levels):
+        try:
+            frequency[i], rate[i] = peak_at(system, float(h), periods)
+        except RuntimeError as error:
+            failed.append((float(h), str(error)))
+        if on_energy is not None:
+            on_energy(i + 1)
+    line = 2.0 * math.pi / (periods * oscillator_period(system))
+    steepest = np.maximum(frequency[:-1], frequency[1:]) * np.diff(np.log(levels))
+    breaks = ~(np.abs(np.diff(frequency)) <= steepest + line)
+    return Manifold(levels, frequency, breaks, rate, periods, WINDOW, tuple(failed))
+
+
+def peak_at(system: ImpactSystem, energy: float, periods: int = PERIODS) -> tuple[float, float]:
+    """Dominant angular frequency of the gap coordinate of the first stop after an impulsive start, and the samples taken in a period of
+    the oscillator.
+
+    Raises
+    ------
+    RuntimeError
+        Where the motion sticks or cannot be followed; the message says why.
+    """
+    period = oscillator_period(system)
+    duration = periods * period
+    u, v = impulsive_state(system, energy)
+    gap = np.asarray(system.stops[0].gap)
+    width = min(stop.upper - stop.lower for stop in system.stops)
+    room = int(256 + 2.0 * duration * np.max(np.abs(v)) * np.max(np.abs(gap)) / min(width, 1e3))
+    while True:
+        motion = run(system, u, v, duration, max_impacts=room)
+        if motion.status is not RunStatus.IMPACTS_FULL or room >= _LARGEST:
+            break
+        room *= 4
+    if motion.status is not RunStatus.DURATION_REACHED:
+        raise RuntimeError(f"the motion ends at {motion.duration:.6g} of {duration:.6g}: {motion.status.value}")
+    fastest = period * float(np.nanmax(system.modes.frequencies)) / (2.0 * math.pi)
+    rate = SAMPLES * max(fastest, 1.0, 0.5 * len(motion.times) / periods)
+    count = math.ceil(rate * periods)
+    step = duration / count
+    displacement, _ = motion.sample((np.arange(count) + 0.5) * step)
+    return dominant_frequency(displacement @ gap, step), count / periods

@@ -1,0 +1,127 @@
+"""`saltus export fep|velocities --out FILE`: pictures of many families, and the data that they are drawn from."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from saltus import catalogue_arguments, scene_arguments
+from saltus.arguments import energy_range, one_of, positive, whole_above_zero
+from saltus.errors import DONE, FAILED, BadInput, nearest, say
+from saltus.files import STANDARD_OUTPUT, WriteFailure, check_writable, replacing
+
+if TYPE_CHECKING:
+    from branches.diagram.atlas_data import Atlas, Bound
+
+__all__ = ["add_arguments", "run"]
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("--out", metavar="FILE", required=True, help="picture: FILE.png, .pdf, .svg; data: FILE.csv, .json, .npz, .mat")
+    parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="families, as `saltus continue --json` writes them")
+    catalogue_arguments.add_file(parser, "families of this catalogue (default: that of the scene in the user's data folder)")
+    parser.add_argument("--data", metavar="FILE", help="draw from data that were exported before")
+    parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="energies shown (default: all that the families have)")
+    parser.add_argument("--frequency", metavar="AXIS", type=one_of("index", "fundamental"), default="index", help="as in `saltus continue`")
+    parser.add_argument("--impulsive", action="store_true", help="add the impulsive motions: their curve and the periodic ones")
+    parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period of periodic impulsive orbits")
+    parser.add_argument("--regimes", action="store_true", help="add the bounds of the regimes I to IV, which are ours and not the paper's")
+    parser.add_argument(
+        "--inset", metavar="LO:HI[,FLO:FHI]", action="append", default=[], help="show a part larger: its energies, and its frequencies"
+    )
+    parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name N families at most")
+    parser.add_argument("--clearance", metavar="D", type=positive, default=1.0, help="scale lengths by D and energies by its square")
+    parser.add_argument(
+        "--natural-frequency", metavar="W", type=positive, default=1.0, help="scale frequencies by that of the oscillator alone, in rad/s"
+    )
+    scene_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code."""
+    from branches.diagram.files import PICTURE_FORMATS
+    from branches.diagram.insets import parse_inset
+    from branches.export import DATA_FORMATS, data_format
+
+    suffix = Path(arguments.out).suffix[1:].lower()
+    known = (*PICTURE_FORMATS, *DATA_FORMATS)
+    if arguments.out == STANDARD_OUTPUT or suffix not in known:
+        raise BadInput(f"unknown format of {arguments.out!r}: expected a file ending in {', '.join(known)}{nearest(suffix, known)}")
+    check_writable(arguments.out)
+    insets = [parse_inset(text) for text in arguments.inset]
+    if sum((bool(arguments.branches), arguments.data is not None, arguments.catalogue is not None)) > 1:
+        raise BadInput("families come from one place: give one of --catalogue, --branches and --data")
+    if arguments.what == "velocities" and insets:
+        raise BadInput("--inset shows a part of the frequency-energy plot; expected it with fep")
+    atlas = _atlas(arguments)
+
+    def write(path: Path) -> None:
+        from branches.diagram.atlas import draw_atlas
+        from branches.diagram.velocity_picture import draw_velocities
+
+        names = {} if arguments.names is None else {"names": arguments.names}
+        if arguments.what == "velocities":
+            draw_velocities(atlas, path, **names)
+        else:
+            draw_atlas(atlas, path, frequency=arguments.frequency, insets=insets, **names)
+
+    try:
+        if data_format(arguments.out) is not None:
+            from branches.export import write_atlas
+
+            write_atlas(atlas, arguments.out)
+        else:
+            with replacing(arguments.out) as beside:
+                write(beside)
+    except WriteFailure as failure:
+        say(str(failure))
+        return FAILED
+    print(f"wrote  {arguments.out}", flush=True)
+    return DONE
+
+
+def _atlas(arguments: argparse.Namespace) -> Atlas:
+    from branches.diagram.atlas_data import atlas_of, regime_bounds, rescaled
+
+    if arguments.data is not None:
+        from branches.export import read_atlas
+
+        for option in ("impulsive", "regimes", "energy"):
+            if getattr(arguments, option):
+                raise BadInput(f"--{option} chooses what is in the data, and {arguments.data} holds them already; give it without --data")
+        atlas = read_atlas(arguments.data)
+        if (arguments.clearance, arguments.natural_frequency) == (1.0, 1.0):
+            return atlas
+        return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
+
+    from branches.record import read_branch
+
+    scene = scene_arguments.from_arguments(arguments)
+    if arguments.branches:
+        branches = [read_branch(path) for path in arguments.branches]
+    else:
+        with catalogue_arguments.from_arguments(arguments) as catalogue:
+            branches = [catalogue.branch(row.id) for row in catalogue.families()]
+            if not branches:
+                raise BadInput(f"{catalogue.path} holds no family; expected one that saltus build or saltus continue --save has filled")
+    system = branches[0].system
+    curve = periodic = None
+    energy = arguments.energy
+    if arguments.impulsive:
+        from branches.impulsive import impulsive_manifold, impulsive_orbits
+        from saltus.first_run import prepare
+
+        prepare()
+        if energy is None:
+            energy = min(float(b.points["h"].min()) for b in branches), max(float(b.points["h"].max()) for b in branches)
+        periodic = impulsive_orbits(system, energy, quarter_period=arguments.max_quarter_period or scene.quarter_period)
+        curve = impulsive_manifold(system, energy)
+    bounds: tuple[Bound, ...] = ()
+    if arguments.regimes:
+        bounds, missing = regime_bounds(system, branches)
+        for text in missing:
+            say(f"no bound {text}")
+    pinned = tuple(scene.pins_for(system))
+    atlas = atlas_of(system, branches, pinned=pinned, manifold=curve, impulsive=periodic, bounds=bounds, energy=arguments.energy)
+    return rescaled(atlas, arguments.clearance, arguments.natural_frequency)

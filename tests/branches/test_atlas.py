@@ -1,0 +1,325 @@
+"""Pictures of many families, measured by matplotlib's own renderer, and their data.
+
+Oracles: the columns of the families; closed forms of the linear modes; renderer extents; the bytes of a picture drawn again.
+"""
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
+from branches.diagram.atlas_data import linear_modes
+from branches.diagram.placement import overlapping
+from branches.export import ExportError, read_atlas, write_atlas
+from tests.branches import atlas_families as real
+from tests.branches.test_diagram import assert_texts_apart, by_gid, panels_of, text_boxes
+
+INSETS = ("1:3,1.8:3.2", "0.09:0.16")
+FIGURES = {}
+
+
+@pytest.fixture(params=["plain", "insets", "fundamental", "velocities", "impulsive"])
+def drawn(request):
+    """(kind, figure) of each kind of picture, drawn once."""
+    kind = request.param
+    if kind not in FIGURES:
+        data = real.atlas()
+        FIGURES[kind] = {
+            "plain": lambda: atlas_figure(data),
+            "insets": lambda: atlas_figure(data, insets=[parse_inset(text) for text in INSETS]),
+            "fundamental": lambda: atlas_figure(data, frequency="fundamental"),
+            "velocities": lambda: velocities_figure(data),
+            "impulsive": lambda: atlas_figure(atlas_of(real.SYSTEM, (), manifold=real.curve(), impulsive=real.impulsive())),
+        }[kind]()
+    return kind, FIGURES[kind]
+
+
+@pytest.mark.parametrize("renderer", ["png", "svg"])
+def test_no_two_texts_overlap_and_all_lie_in_the_figure(drawn, renderer):
+    """Oracle: the text extents of the renderers of bitmaps and of vector pictures."""
+    texts, _ = assert_texts_apart(drawn[1], renderer)
+    assert min(text.get_fontsize() for text in texts) >= 7.0
+
+
+def test_names_keep_off_stars_and_bullets(drawn):
+    """Oracle: text extents against the places of the markers."""
+    from matplotlib.text import Annotation
+
+    figure = drawn[1]
+    texts, boxes = text_boxes(figure, "png")
+    for axes in figure.axes:
+        mine = [box for text, box in zip(texts, boxes, strict=True) if isinstance(text, Annotation) and text.axes is axes]
+        marks = [line for line in axes.get_lines() if (line.get_gid() or "").endswith(("-impulsive", "-grazing"))]
+        for line in marks:
+            spots = axes.transData.transform(line.get_xydata()) * 72 / 200
+            markers = np.concatenate([spots - 1.5, spots + 1.5], axis=1)
+            assert mine and not overlapping(np.array(mine), markers).any()
+
+
+def lines_of(axes, prefix):
+    return {line.get_gid(): line for line in axes.get_lines() if (line.get_gid() or "").startswith(prefix)}
+
+
+@pytest.mark.parametrize(("frequency", "column"), [("index", "frequency_index"), ("fundamental", "frequency")])
+def test_every_point_is_drawn_on_the_line_of_its_stability_and_lines_break_where_m_changes(frequency, column):
+    """Oracle: membership of each (h, frequency); each drawn segment joins two successive points of one family, of one m on the index
+    axis."""
+    data = real.atlas()
+    axes = panels_of(atlas_figure(data, frequency=frequency))["frequency"]
+    lines = lines_of(axes, "frequency-")
+    places = {}
+    for k, curve in enumerate(data.curves):
+        for i, point in enumerate(zip(curve.h, getattr(curve, column), strict=True)):
+            places.setdefault(point, []).append((k, i))
+    on = {name: {tuple(p) for p in lines[f"frequency-{name}"].get_xydata()} for name in ("stable", "unstable", "undecided")}
+    everywhere = set.union(*on.values())
+    for curve in data.curves:
+        for point, stable in zip(zip(curve.h, getattr(curve, column), strict=True), curve.stable, strict=True):
+            assert point in everywhere
+            assert stable != 0 or point not in on["stable"]
+    joins = 0
+    for name in on:
+        points = lines[f"frequency-{name}"].get_xydata()
+        for a, b in zip(points, points[1:], strict=False):
+            if np.isnan(a[0]) or np.isnan(b[0]):
+                continue
+            pairs = [(i, j) for i in places[tuple(a)] for j in places[tuple(b)] if i[0] == j[0] and abs(i[1] - j[1]) == 1]
+            assert pairs
+            if frequency == "index":
+                assert any(data.curves[k].half_waves[i] == data.curves[k].half_waves[j] for (k, i), (_, j) in pairs)
+            joins += 1
+    assert joins > 1000 and len(axes.get_lines()) < 40
+
+
+def test_linear_modes_end_in_bullets_where_they_graze():
+    """Oracle: w_k^2/(2 b_k^2) of the generalised eigenvalue problem, solved by scipy."""
+    from scipy.linalg import eigh
+
+    squares, shapes = eigh(real.SYSTEM.stiffness, real.SYSTEM.mass)
+    participation = np.array([1.0, -1.0]) @ shapes
+    axes = panels_of(atlas_figure(real.atlas()))["frequency"]
+    for k, label in enumerate(("L11+", "L11-")):
+        energy, frequency = squares[k] / (2.0 * participation[k] ** 2), np.sqrt(squares[k])
+        (line,), (bullet,) = by_gid(axes, f"frequency-{label}"), by_gid(axes, f"frequency-{label}-grazing")
+        np.testing.assert_allclose(line.get_xydata(), [[axes.get_xlim()[0], frequency], [energy, frequency]], rtol=1e-12)
+        np.testing.assert_allclose(bullet.get_xydata(), [[energy, frequency]], rtol=1e-12)
+        mode = linear_modes(real.SYSTEM)[k]
+        assert mode.label == label and abs(mode.h / energy - 1.0) < 1e-12
+
+
+def test_the_manifold_is_dots_joined_where_it_does_not_jump():
+    """Oracle: the curve's own breaks."""
+    curve = real.curve()
+    axes = panels_of(atlas_figure(real.atlas()))["frequency"]
+    (dots,) = by_gid(axes, "frequency-manifold")
+    drawn = dots.get_xydata()
+    kept = drawn[np.isfinite(drawn[:, 0])]
+    np.testing.assert_array_equal(kept, np.stack([curve.h, curve.frequency], axis=1))
+    joined = {tuple(a) for a, b in zip(drawn, drawn[1:], strict=False) if np.isfinite(a[0]) and np.isfinite(b[0])}
+    for i, broken in enumerate(curve.breaks):
+        assert ((curve.h[i], curve.frequency[i]) in joined) is not bool(broken)
+    assert curve.breaks.any() and dots.get_marker() == "."
+
+
+def test_names_are_counted_and_pinned_ones_come_first():
+    """Oracle: the texts in the picture; with room for three, both pinned families and the one with the longest range of energies."""
+    data = real.atlas()
+    total = len({curve.family for curve in data.curves})
+    for most in (3, 1000):
+        figure = atlas_figure(data, names=most)
+        axes = panels_of(figure)["frequency"]
+        texts = {text.get_text() for text in axes.texts if text.get_text().startswith("$") and "L11" not in text.get_text()}
+        count = int(axes.get_xlabel().split("(")[1].split(" of ")[0])
+        assert f"of {total} families named" in axes.get_xlabel()
+        assert count == len(texts) <= most
+        if most == 3:
+            others = [curve for curve in data.curves if not curve.pinned]
+            widest = max(others, key=lambda curve: curve.h.max() / curve.h.min())
+            assert count == 3 and {r"$\mathrm{S13}^{+}$", r"$\mathrm{S31O11}^{+}$"} < texts
+            assert widest.label in ("S11O00-",) and r"$\mathrm{S11}^{-}$" in texts
+
+
+def test_insets_show_what_their_frames_frame_and_cover_nothing_but_empty_ground():
+    """Oracle: the limits asked for; the boxes of the insets against each other, the frames, and the drawn points."""
+    figure = atlas_figure(real.atlas(), insets=[parse_inset(text) for text in INSETS])
+    panels = panels_of(figure)
+    axes = panels["frequency"]
+    boxes = []
+    for letter, (low, high) in (("a", (1.0, 3.0)), ("b", (0.09, 0.16))):
+        inset = panels[f"inset-{letter}"]
+        np.testing.assert_allclose(inset.get_xlim(), (low, high), rtol=1e-12)
+        (frame,) = by_gid(axes, f"inset-{letter}-frame")
+        np.testing.assert_allclose(frame.get_xydata()[[0, 2]], [[low, inset.get_ylim()[0]], [high, inset.get_ylim()[1]]], rtol=1e-12)
+        corners = axes.transData.transform(frame.get_xydata()[[0, 2]])
+        boxes += [np.array(inset.get_tightbbox().extents), corners.ravel()]
+        for name in ("stable", "unstable"):
+            np.testing.assert_array_equal(
+                by_gid(inset, f"inset-{letter}-{name}")[0].get_xydata(), by_gid(axes, f"frequency-{name}")[0].get_xydata()
+            )
+    assert tuple(np.round(panels["inset-a"].get_ylim(), 9)) == (1.8, 3.2)
+    assert not (overlapping(np.array(boxes), np.array(boxes)) & ~np.eye(4, dtype=bool)).any()
+    points = np.concatenate([line.get_xydata() for line in lines_of(axes, "frequency-").values()])
+    at = axes.transData.transform(points[np.isfinite(points).all(axis=1)])
+    inside = [(at > box[:2]).all(axis=1) & (at < box[2:]).all(axis=1) for box in (boxes[0], boxes[2])]
+    assert np.mean(inside[0] | inside[1]) < 0.01
+
+
+@pytest.mark.parametrize("text", ["3:1", "1", "1:2:3", "1:2,3", "a:b", "0:1", "1:2,3:4,5:6", "1:2,4:3"])
+def test_an_inset_that_cannot_be(text):
+    """Oracle: one line with what was received and expected."""
+    with pytest.raises(ValueError, match="expected LO:HI") as caught:
+        parse_inset(text)
+    assert repr(text) in str(caught.value)
+
+
+def test_an_inset_without_anything_in_it():
+    """Oracle: the message."""
+    with pytest.raises(ValueError, match="no family has a point"):
+        atlas_figure(real.atlas(), insets=[parse_inset("1e6:1e7")])
+
+
+def test_bounds_of_regimes():
+    """Oracle: the grazing energy of L11-, the events of the families; what cannot be told is said; the legend says whose they are."""
+    bounds, missing = regime_bounds(real.SYSTEM, real.families())
+    breaking = next(event.h for event in real.families()[0].events if event.type == "SB")
+    third = next(b for b in real.families() if any(alias["label"] == "S31O11+" for alias in b.aliases))
+    impulsive = next(event.h for event in third.events if event.type == "IO")
+    assert not missing
+    np.testing.assert_allclose([bound.h for bound in bounds], [linear_modes(real.SYSTEM)[1].h, breaking, impulsive], rtol=1e-14)
+    assert [(bound.below, bound.above) for bound in bounds] == [("I", "II"), ("II", "III"), ("III", "IV")]
+    figure = atlas_figure(real.atlas())
+    (legend,) = figure.legends
+    assert any("ours, not the paper's" in text.get_text() for text in legend.get_texts())
+    axes = panels_of(figure)["frequency"]
+    for bound in bounds:
+        (line,) = by_gid(axes, f"bound-{bound.below}-{bound.above}")
+        assert set(line.get_xdata()) == {bound.h}
+    assert {"I", "II", "III", "IV"} <= {text.get_text() for text in axes.texts}
+    some, missing = regime_bounds(real.SYSTEM, real.families()[1:2])
+    assert [bound.below for bound in some] == ["I"] and len(missing) == 2 and "S13O00+" in missing[0]
+
+
+def test_start_velocities():
+    """Oracle: the families' own columns, in the order absorber, primary."""
+    data = real.atlas()
+    panels = panels_of(velocities_figure(data))
+    for k in (0, 1):
+        axes = panels[f"velocity{k}"]
+        lines = lines_of(axes, f"velocity{k}-")
+        drawn = {tuple(p) for line in lines.values() for p in line.get_xydata()}
+        assert all((h, v) in drawn for curve in data.curves for h, v in zip(curve.h, curve.velocities[:, k], strict=True))
+        assert rf"\dot{{u}}_{{{k + 1}}}" in axes.get_ylabel() and axes.get_xscale() == "log"
+
+
+def test_scaling():
+    """Oracle: energies by the square of clearance and frequency, velocities by their product, quarter periods by 1/frequency."""
+    data = real.atlas()
+    scaled = rescaled(data, 0.01, 20.0)
+    for before, after in ((data.curves[3], scaled.curves[3]), (data.impulsive, scaled.impulsive)):
+        np.testing.assert_allclose(after.h, 0.04 * before.h, rtol=1e-14)
+        np.testing.assert_allclose(after.velocities, 0.2 * before.velocities, rtol=1e-14)
+        np.testing.assert_allclose(after.alpha * after.frequency, before.alpha * before.frequency, rtol=1e-14)
+        np.testing.assert_allclose(after.frequency_index, 20.0 * before.frequency_index, rtol=1e-14)
+    np.testing.assert_allclose([mode.h for mode in scaled.thresholds], [0.04 * mode.h for mode in data.thresholds], rtol=1e-14)
+    np.testing.assert_allclose([bound.h for bound in scaled.bounds], [0.04 * bound.h for bound in data.bounds], rtol=1e-14)
+    title = atlas_figure(scaled).get_suptitle()
+    assert "clearance 0.01" in title and "20 rad/s" in title
+    with pytest.raises(ValueError, match="above 0"):
+        rescaled(data, -1.0)
+    with pytest.raises(ValueError, match="already"):
+        rescaled(scaled, 2.0)
+
+
+def test_a_family_of_another_system_is_refused():
+    """Oracle: the message names it."""
+    from bvp.system import vibro_impact_nes
+
+    with pytest.raises(ValueError, match="S13O00\\+ belongs to another system"):
+        atlas_of(vibro_impact_nes(mu=0.2), real.families()[:1])
+
+
+def test_a_range_of_energies_leaves_points_out_and_parts_families():
+    """Oracle: the families' own points."""
+    data = atlas_of(real.SYSTEM, real.families(), energy=(0.3, 2.0))
+    assert all(((curve.h >= 0.3) & (curve.h <= 2.0)).all() for curve in data.curves)
+    assert sum(len(curve.h) for curve in data.curves) == sum(
+        int(((branch.points["h"] >= 0.3) & (branch.points["h"] <= 2.0)).sum()) for branch in real.families()
+    )
+    with pytest.raises(ValueError, match="nothing to draw"):
+        atlas_figure(atlas_of(real.SYSTEM, real.families(), energy=(1e7, 1e8)))
+
+
+# ------------------------------------------------------------------------------------------------ data
+
+
+def picture(data, draw=draw_atlas, kind="svg", **options):
+    file = io.BytesIO()
+    draw(data, file, format=kind, **options)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("kind", ["csv", "json", "npz", "mat"])
+def test_a_picture_drawn_from_its_exported_data_is_the_same(kind, tmp_path):
+    """Oracle: the bytes of the pictures drawn from the families and from the file, of both kinds, scaled and not."""
+    some = replace(real.atlas(), curves=real.atlas().curves[:8])
+    for data, draw in ((some, draw_atlas), (rescaled(some, 0.013, 7.7), draw_velocities)):
+        path = tmp_path / f"data.{kind}"
+        write_atlas(data, path)
+        again = read_atlas(path)
+        assert picture(again, draw) == picture(data, draw)
+        for before, after in zip(data.curves, again.curves, strict=True):
+            assert (after.family, after.label, after.pinned) == (before.family, before.label, before.pinned)
+            for name in ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable", "velocities", "labels"):
+                np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+
+
+def test_tables_can_be_read_without_this_program(tmp_path):
+    """Oracle: numpy's own reader of CSV, json, and scipy's of MAT files, against the families."""
+    from scipy.io import loadmat
+
+    data = real.atlas()
+    for kind in ("csv", "json", "mat"):
+        write_atlas(data, tmp_path / f"data.{kind}")
+    table = np.genfromtxt(tmp_path / "data.csv", delimiter=",", names=True, dtype=None, encoding="utf-8", comments="#", skip_header=1)
+    mine = table["family"] == data.curves[0].family
+    np.testing.assert_array_equal(table["h"][mine], data.curves[0].h)
+    np.testing.assert_array_equal(table["velocities2"][mine], data.curves[0].velocities[:, 1])
+    columns = json.loads((tmp_path / "data.json").read_text())["columns"]
+    assert columns["h"][: len(data.curves[0].h)] == data.curves[0].h.tolist()
+    mat = loadmat(tmp_path / "data.mat")
+    np.testing.assert_array_equal(mat["h"][: len(data.curves[0].h), 0], data.curves[0].h)
+    assert mat["name"][0].rstrip() == data.curves[0].label
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    """Oracle: one line that names the file, and what is wrong with it."""
+    good = tmp_path / "good.json"
+    write_atlas(real.atlas(), good)
+    record = json.loads(good.read_text())
+
+    def refused(name, content, *said):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        with pytest.raises(ExportError) as caught:
+            read_atlas(path)
+        assert name in str(caught.value) and "\n" not in str(caught.value)
+        for word in said:
+            assert word in str(caught.value), str(caught.value)
+
+    refused("a.json", good.read_text()[:1000])
+    refused("b.json", json.dumps({**record, "schema": 7}), "schema", "7")
+    refused("c.json", json.dumps({k: v for k, v in record.items() if k != "columns"}), "columns")
+    refused("d.json", json.dumps({**record, "columns": {k: v for k, v in record["columns"].items() if k != "alpha"}}), "alpha")
+    refused("e.json", json.dumps({**record, "columns": {**record["columns"], "h": [1.0]}}), "different lengths")
+    refused("f.json", "[]")
+    refused("g.csv", "h,alpha\n1,2\n", "first line")
+    refused("h.npz", b"nothing")
+    refused("i.mat", b"nothing at all")
+    refused("j.txt", "x", "csv, json, npz, mat")
+    with pytest.raises(ExportError, match="cannot read"):
+        read_atlas(tmp_path / "missing.csv")
+    with pytest.raises(ExportError, match="nearest: csv"):
+        write_atlas(real.atlas(), tmp_path / "data.cvs")

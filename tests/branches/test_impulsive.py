@@ -1,0 +1,261 @@
+"""Periodic impulsive orbits: every one that exists is found, and each found is one.
+
+Oracles: the impulsive events of families that are followed; runs in time, sampled densely; a scan over energy of no cleverness.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from branches.impulsive import impulsive_orbits
+from branches.impulsive.scan import certain
+from branches.impulsive.start import impulsive_state, oscillator_period
+from branches.impulsive.trails import Trails
+from branches.labels import canonical, parse
+from branches.tracing import follow_family
+from bvp.kernels.trail import TURN, ZERO
+from bvp.run import run
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.branches.traced import traced
+
+SYSTEM = vibro_impact_nes()
+
+
+@cache
+def listed(low, high, quarter_period, mu=0.1, sigma=0.1, impacts=None):
+    return impulsive_orbits(vibro_impact_nes(mu=mu, sigma=sigma), (low, high), quarter_period=quarter_period, impacts=impacts)
+
+
+def at_energy(found, h):
+    """The listed orbit nearest in energy."""
+    return min(found.orbits, key=lambda orbit: abs(orbit.h - h))
+
+
+# ------------------------------------------------------------------------------------------------ against families followed
+
+
+@pytest.mark.parametrize("name", ["S73O33-@h=7.3348,alpha=1.6459", "U8353-@h=1.9458,alpha=4.9065"])
+def test_events_of_named_families_are_listed(name):
+    """Oracle: the events IO of a family that was found by its name and followed."""
+    found = listed(0.05, 20.0, 5.1)
+    events = [event for event in traced(name).events if event.type == "IO"]
+    assert events
+    for event in events:
+        orbit = at_energy(found, event.h)
+        assert abs(orbit.h / event.h - 1.0) < 1e-10 and abs(orbit.alpha / event.alpha - 1.0) < 1e-10
+
+
+@pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.37, 0.81)])
+def test_families_through_the_listed_orbits_have_these_events_and_no_others(mu, sigma):
+    """Oracle: the family through each orbit, followed both ways: an event IO at the orbit, and none inside the bounds that is not
+    listed."""
+    found = listed(0.2, 3.0, 5.1, mu, sigma)
+    assert found.settled and len(found.orbits) > 3
+    for orbit in found.orbits:
+        branch = follow_family(orbit.orbit.problem, orbit.orbit.solution.y, energy=(0.2, 3.0))
+        events = [event for event in branch.events if event.type == "IO" and event.alpha <= 5.1]
+        assert any(abs(event.h / orbit.h - 1.0) < 1e-10 and abs(event.alpha / orbit.alpha - 1.0) < 1e-10 for event in events)
+        for event in events:
+            near = at_energy(found, event.h)
+            assert abs(near.h / event.h - 1.0) < 1e-9
+            ours, theirs = canonical(parse(near.label)), canonical(parse(event.label))
+            assert (ours.kind, ours.parity, ours.p, ours.q) == (theirs.kind, theirs.parity, theirs.p, theirs.q)
+
+
+def test_orbits_of_the_paper():
+    """Oracle: Lee et al. (2009), Fig. 9, shows impulsive orbits on U5231 and U4122, and Fig. 6 one on U3201-; each label is on one."""
+    labels = [orbit.label for orbit in listed(0.05, 20.0, 5.1).orbits]
+    assert {"U5231-", "U4122-", "U3201-", "S55O11-", "S73E33-", "S73O33-"} <= set(labels)
+    assert len(labels) == len(set(labels))
+
+
+# ------------------------------------------------------------------------------------------------ against a scan
+
+
+def dense(low, high, longest, count):
+    """Energies and times at which the impulsive motion passes the origin, from a fine grid of energies: passages of the gap coordinate
+    through zero are matched between neighbours by their place among the impacts, and changes of sign of the other displacement kept."""
+    zeros, before = [], {}
+    times = np.linspace(1e-9, longest, 3000)
+    for h in np.geomspace(low, high, count):
+        u, v = impulsive_state(SYSTEM, h)
+        motion = run(SYSTEM, u, v, longest)
+        states, _ = motion.sample(times)
+        gap, other = states[:, 0] - states[:, 1], states[:, 0] + states[:, 1]
+        here = {}
+        for i in np.flatnonzero((gap[:-1] > 0.0) != (gap[1:] > 0.0)):
+            part = gap[i] / (gap[i] - gap[i + 1])
+            time = times[i] + part * (times[i + 1] - times[i])
+            hits = motion.contacts[: int(np.searchsorted(motion.times, time))]
+            here[(hits, sum(key[0] == hits for key in here))] = (time, other[i] + part * (other[i + 1] - other[i]), h)
+        for key, (time, miss, _) in here.items():
+            if key in before and abs(before[key][0] - time) < 0.1 and before[key][1] * miss < 0.0:
+                zeros.append((0.5 * (before[key][2] + h), time))
+        before = here
+    return zeros
+
+
+def test_a_dense_scan_finds_the_same():
+    """Oracle: 4000 energies. Each of its zeros is a listed orbit after one or more half periods (two quarters of a symmetric one), and
+    each listed orbit is among them."""
+    low, high, alpha = 0.4, 3.2, 3.4
+    found = listed(low, high, alpha)
+    zeros = dense(low, high, 2.0 * alpha, 4000)
+    assert zeros and found.settled
+    for h, time in zeros:
+        orbit = at_energy(found, h)
+        turns = time / (2.0 * orbit.alpha)
+        assert abs(orbit.h / h - 1.0) < 1e-3 and abs(turns - round(turns)) < 0.02, (h, time)
+    for orbit in found.orbits:
+        assert any(abs(h / orbit.h - 1.0) < 1e-3 and abs(time - 2.0 * orbit.alpha) < 0.02 for h, time in zeros), orbit.label
+
+
+def test_other_places_of_the_first_intervals_find_the_same():
+    """Oracle: the same range in three parts, whose first intervals lie elsewhere."""
+    whole = listed(0.05, 20.0, 5.1)
+    parts = [listed(a, b, 5.1) for a, b in ((0.05, 0.83), (0.83, 4.4), (4.4, 20.0))]
+    together = [orbit.h for part in parts for orbit in part.orbits]
+    np.testing.assert_allclose(together, [orbit.h for orbit in whole.orbits], rtol=1e-12)
+    assert whole.settled and all(part.settled for part in parts)
+
+
+# ------------------------------------------------------------------------------------------------ each is one
+
+
+@pytest.mark.parametrize("index", [0, 1, 5, 9, 15, 24])
+def test_each_is_an_impulsive_periodic_orbit(index):
+    """Oracle: a run in time from the start comes back after T, not after T/2, T/3; dense samples stay between the stops."""
+    orbit = listed(0.05, 20.0, 5.1).orbits[index]
+    whole = orbit.orbit
+    start = SYSTEM.modes.to_state @ whole.problem.start(whole.solution.y)
+    speed = np.sqrt(2.0 * orbit.h)
+    assert np.all(start[:2] == 0.0) and abs(start[2]) < 1e-14 * speed and abs(abs(start[3]) / speed - 1.0) < 1e-14
+    assert abs(orbit.velocity / speed - 1.0) < 1e-14 and whole.residual < 1e-12
+    motion = run(SYSTEM, *impulsive_state(SYSTEM, orbit.h), 4.0 * orbit.alpha)
+    assert len(motion.times) == 2 * orbit.impacts
+    assert np.max(np.abs(motion.final - motion.start)) < 1e-6 * speed
+    for part in (2, 3, 5):
+        state = np.concatenate(motion.sample([4.0 * orbit.alpha / part]), axis=1)[0]
+        assert np.max(np.abs(state - motion.start)) > 1e-3 * speed
+    inside, _ = whole.sample(np.linspace(0.0, whole.period, 5001))
+    assert np.max(np.abs(inside[:, 0] - inside[:, 1])) <= 1.0 + 1e-12
+
+
+def test_label_is_that_of_the_side_out_of_phase():
+    """Oracle: the family a little to both sides of the orbit, and the sign of its start velocities there."""
+    for orbit in listed(0.05, 20.0, 5.1).orbits[:12]:
+        branch = follow_family(orbit.orbit.problem, orbit.orbit.solution.y, points=3, direction="both")
+        start = int(np.argmin(np.abs(branch.points["h"] - orbit.h)))
+        beside = {}
+        for i in (start - 1, start + 1):
+            first, second = branch.points["velocities"][i]
+            beside[first * second < 0.0] = parse(str(branch.points["label"][i]))
+        assert set(beside) == {True, False}
+        assert beside[True].sign == "-" and beside[True].m == parse(orbit.label).m and parse(orbit.label).sign == "-"
+        assert beside[False].m == parse(orbit.other_label).m == beside[True].m - (1 if orbit.orbit.ends[1] == "origin" else 2)
+
+
+def test_bounds():
+    """Oracle: the list without bounds, filtered."""
+    whole, fewer, shorter = listed(0.05, 20.0, 5.1), listed(0.05, 20.0, 5.1, impacts=5), listed(0.05, 20.0, 3.0)
+    assert [orbit.label for orbit in fewer.orbits] == [orbit.label for orbit in whole.orbits if orbit.impacts <= 5]
+    assert [orbit.label for orbit in shorter.orbits] == [orbit.label for orbit in whole.orbits if orbit.alpha <= 3.0]
+
+
+def test_below_the_energy_of_the_first_impact_there_is_none():
+    """Oracle: no motion of this system hits below h = sigma/2."""
+    found = listed(0.01, 0.05, 10.0)
+    assert found.orbits == () and found.settled
+
+
+# ------------------------------------------------------------------------------------------------ its parts
+
+
+@pytest.mark.parametrize("h", [0.06, 0.3, 2.0, 4.45, 40.0, 1e4])
+def test_trail_against_a_run(h):
+    """Oracle: impact times of a run; between two impacts the gap coordinate passes zero an odd number of times if the stops differ, and
+    its velocity does if they are the same; slopes are difference quotients."""
+    trails = Trails(SYSTEM, 12.0)
+    level, step = np.log(h), 1e-7
+    traces = trails.at(np.array([level - step, level, level + step]))
+    count = int(traces.count.min())
+    kind = traces.kind[1, :count]
+    assert (traces.kind[:, :count] == kind).all()
+    motion = run(SYSTEM, *impulsive_state(SYSTEM, h), 12.0)
+    hits = np.flatnonzero(kind >= 0)
+    np.testing.assert_allclose(traces.time[1, hits], motion.times[: len(hits)], rtol=1e-9)
+    for i, j in zip(hits, hits[1:], strict=False):
+        assert np.sum(kind[i:j] == ZERO) % 2 == (kind[i] != kind[j])
+        assert np.sum(kind[i:j] == TURN) % 2 == (kind[i] == kind[j])
+    early = traces.time[1, :count] < 6.0
+    for name in ("time", "miss", "passing"):
+        value, slope = getattr(traces, name)[:, :count][:, early], getattr(traces, f"{name}_slope")[1, :count][early]
+        quotient = (value[2] - value[0]) / (2.0 * step)
+        assert np.max(np.abs(quotient - slope)) < 1e-5 * (1e-3 + np.max(np.abs(slope)))
+
+
+def test_certain():
+    """Oracle: functions whose zeros are known: none, one, two hidden, one beside a fold."""
+    width = np.array([1.0])
+
+    def asked(f, g):
+        values = [np.array([x], dtype=float) for x in (f(0.0), f(1.0), g(0.0), g(1.0))]
+        sure, sign = certain(*values, width)
+        return bool(sure[0]), bool(sign[0])
+
+    assert asked(lambda x: 3.0 + x, lambda x: 1.0) == (True, False)
+    assert asked(lambda x: x - 0.4, lambda x: 1.0) == (True, True)
+    assert asked(lambda x: (x - 0.4) * (x - 0.6), lambda x: 2.0 * x - 1.0) == (False, False)
+    assert asked(lambda x: (x - 0.9) ** 2 - 0.04, lambda x: 2.0 * (x - 0.9))[0] is False
+    assert asked(lambda x: 1e3 * (x - 0.5) ** 2 + 1.0, lambda x: 2e3 * (x - 0.5))[0] is False
+
+
+def test_oscillator_period():
+    """Oracle: 2 pi for the reference system; sqrt(m/k) of the mass on its spring for another."""
+    assert oscillator_period(vibro_impact_nes(mu=0.3, sigma=0.7)) == pytest.approx(2.0 * np.pi, rel=1e-15)
+    system = ImpactSystem([[0.2, 0.0], [0.0, 3.0]], np.zeros((2, 2)), [[0.4, -0.4], [-0.4, 2.4]], [Stop((1.0, -1.0), -1.0, 1.0)],
+                          absorber=0, primary=1)  # fmt: skip
+    assert oscillator_period(system) == pytest.approx(2.0 * np.pi * np.sqrt(3.0 / 2.0), rel=1e-14)
+
+
+def three_masses():
+    stiffness = [[0.1, -0.1, 0.0], [-0.1, 1.1, -1.0], [0.0, -1.0, 2.0]]
+    return ImpactSystem(np.eye(3), np.zeros((3, 3)), stiffness, [Stop((1.0, -1.0, 0.0), -1.0, 1.0)], absorber=0, primary=1)
+
+
+@pytest.mark.parametrize(
+    ("system", "energy", "said"),
+    [
+        (SYSTEM, (2.0, 1.0), "reversed"),
+        (SYSTEM, (0.0, 1.0), "expected 0 < LO < HI"),
+        (vibro_impact_nes(rho=0.7), (1.0, 2.0), "restitution 0.7"),
+        (vibro_impact_nes(lam=0.01), (1.0, 2.0), "damping"),
+        (three_masses(), (1.0, 2.0), "two degrees of freedom; this system has 3"),
+        (ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), [Stop((1.0, -1.0), -1.0, 1.0)]), (1.0, 2.0), "names no absorber and primary"),
+        (
+            ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), [Stop((1.0, -1.0), -1.0, 2.0)], absorber=0, primary=1),
+            (1.0, 2.0),
+            "equal gaps",
+        ),
+    ],
+)
+def test_what_cannot_be(system, energy, said):
+    """Oracle: the words of the message."""
+    with pytest.raises(ValueError, match=said) as caught:
+        impulsive_orbits(system, energy, quarter_period=2.0)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bracket_without_a_solution_is_told(monkeypatch):
+    """Oracle: every zero is in the list of the unpolished where Newton's method is made to fail, and the list is not settled."""
+    from branches.impulsive import periodic
+    from bvp.multipoint import NotConverged
+
+    def fail(problem, y):
+        raise NotConverged("made to fail")
+
+    monkeypatch.setattr(periodic, "solve_impulsive", fail)
+    found = impulsive_orbits(SYSTEM, (2.5, 3.5), quarter_period=2.0)
+    assert not found.settled and found.orbits == () and found.unpolished
+    assert found.unpolished[0].low < 2.98736731 < found.unpolished[0].high and found.unpolished[0].reason == "made to fail"

@@ -1,0 +1,83 @@
+"""`saltus export` from end to end: pictures, data, a picture from data, bad input."""
+
+import contextlib
+import io
+import shlex
+
+import pytest
+
+from saltus.__main__ import main
+from tests.branches import atlas_families as real
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with the files of six families."""
+    path = tmp_path_factory.mktemp("families")
+    for k, branch in enumerate(real.families()[:6]):
+        branch.save(path / f"{k}.json")
+    return path
+
+
+def told(words):
+    """Exit code, standard output and standard error of a command line."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(shlex.split(words))
+    return code, out.getvalue(), err.getvalue()
+
+
+@pytest.mark.parametrize(("what", "options"), [("fep", "--frequency fundamental --inset 0.1:0.2"), ("velocities", "--names 3")])
+def test_a_picture_and_the_same_from_its_data(folder, what, options):
+    """Oracle: the bytes of both."""
+    families = " ".join(str(folder / f"{k}.json") for k in range(6))
+    scale = "--clearance 0.5 --natural-frequency 2"
+    for words in (
+        f"export {what} --out {folder}/a.svg --branches {families} --energy 0.06:40 {scale} {options.replace('0.1:0.2', '0.1:0.2')}",
+        f"export {what} --out {folder}/a.npz --branches {families} --energy 0.06:40 {scale}",
+        f"export {what} --out {folder}/b.svg --data {folder}/a.npz {options}",
+    ):
+        code, out, err = told(words)
+        assert code == 0 and not err and out.startswith("wrote")
+    assert (folder / "a.svg").read_bytes() == (folder / "b.svg").read_bytes()
+
+
+def test_regimes_and_impulsive_motions(folder):
+    """Oracle: the data; what the families given do not tell is said."""
+    code, _, err = told(
+        f"export fep --out {folder}/r.csv --branches {folder}/0.json {folder}/1.json --energy 0.06:0.6 --regimes --impulsive "
+        "--max-quarter-period 2"
+    )
+    text = (folder / "r.csv").read_text()
+    assert code == 0 and "III/IV" in err and err.count("\n") == 1
+    assert text.count("\nmanifold,") == 101 and text.count("\nimpulsive,") == 1 and '"below": "II"' in text.splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("export fap --out a.png --branches 0.json", ["'fap'", "fep"]),
+        ("export fep --out a.jpg --branches 0.json", ["jpg", "png"]),
+        ("export fep --out - --branches 0.json", ["'-'"]),
+        ("export fep --branches 0.json", ["--out"]),
+        ("export fep --out a.png", ["--branches or --data"]),
+        ("export fep --out a.png --branches 0.json --data b.npz", ["one of"]),
+        ("export fep --out a.png --branches {folder}/none.json", ["none.json", "no such file"]),
+        ("export fep --out a.png --data {folder}/none.csv", ["none.csv", "no such file"]),
+        ("export fep --out a.png --data {folder}/0.json", ["0.json"]),
+        ("export fep --out a.png --data {folder}/0.json --regimes", ["--regimes", "--branches"]),
+        ("export fep --out a.png --branches {folder}/0.json --inset 3:1", ["3:1", "LO:HI"]),
+        ("export velocities --out a.png --branches {folder}/0.json --inset 1:3", ["fep"]),
+        ("export fep --out a.png --branches {folder}/0.json --clearance 0", ["above 0"]),
+        ("export fep --out a.png --branches {folder}/0.json --energy 1e7:1e8", ["nothing to draw"]),
+        ("export fep --out no/such/a.png --branches {folder}/0.json", ["no/such", "does not exist"]),
+    ],
+)
+def test_bad_input(folder, tmp_path, monkeypatch, words, said):
+    """Oracle: exit code 2, one line with these words, no file."""
+    monkeypatch.chdir(tmp_path)
+    code, out, err = told(words.format(folder=folder))
+    assert code == 2 and not out and err.count("\n") == 1, err
+    for word in said:
+        assert word in err
+    assert not list(tmp_path.iterdir())

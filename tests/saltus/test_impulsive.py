@@ -1,0 +1,89 @@
+"""`saltus impulsive` from end to end: the fields of its files, what it tells, bad input."""
+
+import contextlib
+import csv
+import io
+import json
+import shlex
+from functools import cache
+
+import numpy as np
+import pytest
+
+from saltus.__main__ import main
+
+NAMES = ["label", "family", "h", "alpha", "u2_velocity", "impacts"]
+
+
+@cache
+def told(words):
+    """Exit code, standard output and standard error of a command line."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(shlex.split(words))
+    return code, out.getvalue(), err.getvalue()
+
+
+def test_json_has_the_fields():
+    """Oracle: the fields of the format; h and the velocity agree (mass 1); the impulsive orbit of U4122 lies on its traced family, whose
+    event is at h = 2.98736731."""
+    code, out, err = told("impulsive --energy 2.5:3.5 --max-quarter-period 2 --density 5 --json -")
+    record = json.loads(out)
+    assert code == 0 and record["schema"] == 1 and record["settled"] is True
+    (orbit,) = record["orbits"]
+    assert list(orbit)[: len(NAMES)] == NAMES
+    assert orbit["label"] == "U4122-" and orbit["family"] is None and orbit["impacts"] == 4
+    assert abs(orbit["h"] - 2.98736731483) < 1e-10 and abs(0.5 * orbit["u2_velocity"] ** 2 / orbit["h"] - 1.0) < 1e-14
+    curve = record["manifold"]
+    assert len(curve["h"]) == len(curve["frequency"]) == len(curve["samples_per_period"]) > 1
+    assert curve["window"] == "Hann" and curve["periods"] == 200
+    assert "U4122-" in err and "settled" in err and "Hann" in err
+
+
+def test_files(tmp_path):
+    """Oracle: CSV agrees with JSON; the picture is one."""
+    paths = {kind: tmp_path / f"a.{kind}" for kind in ("json", "csv", "svg")}
+    words = f"impulsive --energy 1:2 --max-quarter-period 4 --density 5 --json {paths['json']} --csv {paths['csv']} --plot {paths['svg']}"
+    code, out, err = told(words)
+    assert code == 0 and not err and out.count("wrote") == 3
+    record = json.loads(paths["json"].read_text())
+    rows = list(csv.DictReader(io.StringIO(paths["csv"].read_text())))
+    assert [float(row["h"]) for row in rows] == [orbit["h"] for orbit in record["orbits"]]
+    assert [row["label"] for row in rows] == [orbit["label"] for orbit in record["orbits"]] and rows
+    assert paths["svg"].read_text().startswith("<?xml")
+
+
+def test_bounds_and_parameters():
+    """Oracle: the impacts bound leaves the orbits with so many out; another system has other orbits; --model says why."""
+    few = json.loads(told("impulsive --energy 1:2 --max-quarter-period 4 --max-impacts 3 --density 2 --json -")[1])
+    assert [orbit["impacts"] for orbit in few["orbits"]] == [3] and few["bounds"] == {"quarter_period": 4.0, "impacts": 3}
+    code, out, _ = told("impulsive --energy 1:2 --max-quarter-period 2 --mu 0.3 --sigma 0.4 --model")
+    assert code == 0 and "origin" in out and "settled" in out
+
+
+def test_nothing_there():
+    """Oracle: no impacts below sigma/2: an empty list, settled, exit 0."""
+    code, out, _ = told("impulsive --energy 0.01:0.05 --density 5 --json -")
+    record = json.loads(out)
+    assert code == 0 and record["orbits"] == [] and record["settled"]
+    assert np.ptp(record["manifold"]["frequency"]) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("impulsive", ["--energy"]),
+        ("impulsive --energy 3:1", ["reversed", "3:1"]),
+        ("impulsive --energy -1:1", ["not above 0"]),
+        ("impulsive --energy 1:2 --max-quarter-period 0", ["above 0"]),
+        ("impulsive --energy 1:2 --rho 0.7", ["restitution 0.7"]),
+        ("impulsive --energy 1:2 --max-quarter-perid 3", ["--max-quarter-perid", "nearest: --max-quarter-period"]),
+        ("impulsive --energy 1:2 --plot a.jpg", ["jpg", "png"]),
+    ],
+)
+def test_bad_input(words, said):
+    """Oracle: exit code 2, one line with these words."""
+    code, out, err = told(words)
+    assert code == 2 and not out and err.count("\n") == 1
+    for word in said:
+        assert word in err
