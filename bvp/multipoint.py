@@ -9,12 +9,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.kernels import multipoint as kernel
+from bvp.kernels.compiled import address_of
 from bvp.kernels.extrema import Observed
 from bvp.kernels.result import RESULT
 from bvp.kernels.step import end_states, orbit_observe, orbit_stability, orbit_step, pack
@@ -366,10 +368,23 @@ class MultipointProblem:
                 orbit_stability(*packed, out, ends, self._work, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
+    @cached_property
+    def addresses(self) -> np.ndarray:
+        """Where `orbit_step`, `orbit_observe` and `orbit_stability` stand, compiled for this problem (see `bvp.kernels.compiled`)."""
+        y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
+        metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
+        packed = self._packed
+        calls = (
+            (orbit_step, (*packed, self._factor, y, tangent, 0.0, 0, metric, y, tangent, result)),
+            (orbit_observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
+            (orbit_stability, (*packed, y, ends, self._work, result)),
+        )
+        return np.array([address_of(function, arguments) for function, arguments in calls])
+
     def compiled(self, kernel: Callable[..., Any], *arguments: Any, maximum: int = 12) -> Any:
-        """Call a compiled function that takes steps of its own: before its own arguments it gets the problem (as `orbit_step` does), what
-        is watched, scratch, and the most iterations of a correction."""
-        return kernel(*self._packed, self._factor, self._watched, self._bounds, self._work, maximum, *arguments)
+        """Call a compiled function that takes steps of its own: before its own arguments it gets `addresses`, the problem (as
+        `orbit_step` does), what is watched, scratch, and the most iterations of a correction."""
+        return kernel(self.addresses, *self._packed, self._factor, self._watched, self._bounds, self._work, maximum, *arguments)
 
 
 _ENTRIES = len(RESULT)
