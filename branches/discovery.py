@@ -17,8 +17,8 @@ from branches.family import label_at
 from branches.labels import ImpossibleLabelError, Label
 from bvp.cycle import cycle_of
 from bvp.kernels.impact import work_array
-from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.scan import scan
+from bvp.kernels.segment import ORIGIN, REST, STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from branches.family import Family
 from branches.tracing import follow_family
 from branches.words import PERIODIC
 from bvp.cycle import cycle_of
-from bvp.kernels import multipoint as kernel
+from bvp.kernels.metric import locate, metric_direction
+from bvp.kernels.newton import set_scale
 from bvp.multipoint import MultipointProblem
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions
@@ -163,7 +164,7 @@ def _scales(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
     """Sizes of the unknowns: displacements, velocities, times."""
     problem.residual(y)
     problem._factor.before[:] = problem.end_states(y)
-    kernel.set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
+    set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
     return problem._factor.scale.copy()
 
 
@@ -171,8 +172,8 @@ def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
     """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
     problem = family.problem
     position, change = np.empty((2, problem.size + 2))
-    energy, alpha = kernel.locate(problem.segment, y, position)
-    _, length = kernel.metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
+    energy, alpha = locate(problem.segment, y, position)
+    _, length = metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
     if length == 0.0:
         return None
     tangent = np.concatenate([direction / length, np.zeros(problem.unknowns)])

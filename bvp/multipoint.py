@@ -15,18 +15,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.kernels import multipoint as kernel
 from bvp.kernels.compiled import address_of
 from bvp.kernels.extrema import Observed
+from bvp.kernels.multipoint import evaluate, fill, make_factor
+from bvp.kernels.newton import correct
+from bvp.kernels.observe import orbit_observe
 from bvp.kernels.result import RESULT
-from bvp.kernels.step import end_states, orbit_observe, orbit_stability, orbit_step, pack
+from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP, Segment, pack
+from bvp.kernels.stability import orbit_stability
+from bvp.kernels.step import end_states, orbit_step
 from bvp.system import ImpactSystem
 
 __all__ = ["EndsError", "MultipointProblem", "NotConverged", "RESULT_INDEX", "Solution"]
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 
-KINDS = {"origin": kernel.ORIGIN, "rest": kernel.REST, "stop": kernel.STOP, "periodic": kernel.PERIODIC}
+KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
 
 
 class EndsError(ValueError):
@@ -100,8 +104,8 @@ class MultipointProblem:
         self.half = size // 2
         letters = {letter: index for index, letter in enumerate(modes.contact_letters)}
         kinds = [self._kind(end, letters) for end in self.ends]
-        periodic = kinds[0][0] == kernel.PERIODIC
-        if periodic != (kinds[1][0] == kernel.PERIODIC):
+        periodic = kinds[0][0] == PERIODIC
+        if periodic != (kinds[1][0] == PERIODIC):
             raise EndsError(f"the ends {self.ends[0]}, {self.ends[1]} do not go together: a periodic orbit has two periodic ends")
         contacts = [self._contact(letter, letters) for letter in self.word]
         if periodic:
@@ -116,7 +120,7 @@ class MultipointProblem:
         if periodic:
             quarters = 4
         else:
-            quarters = 1 if (self.kinds[0] == kernel.ORIGIN) != (self.kinds[1] == kernel.ORIGIN) else 2
+            quarters = 1 if (self.kinds[0] == ORIGIN) != (self.kinds[1] == ORIGIN) else 2
         self.quarters = quarters
         nodes = [*inner, closing, opening]
         self.contacts = np.array(nodes)
@@ -130,7 +134,7 @@ class MultipointProblem:
         start_map, start_offset = self._end_map(self.kinds[0], opening)
         end_rows, end_offset = self._end_condition(self.kinds[1], closing)
         weights = np.concatenate([modes.squares, np.ones(self.half)])
-        self.segment = kernel.Segment(
+        self.segment = Segment(
             modes.pairs,
             array(modes.mean),
             array(modes.delta),
@@ -151,7 +155,7 @@ class MultipointProblem:
         self.observed = observed_of(system)
         self.parameters = self.segment.start_map.shape[1]
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
-        self._factor = kernel.make_factor(self.segment)
+        self._factor = make_factor(self.segment)
         self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
         self._zero = np.zeros(2 * self.unknowns)
         self._packed = pack(self.segment)
@@ -193,13 +197,13 @@ class MultipointProblem:
     def _end_map(self, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
         """Z, c of the start states z = Z s + c."""
         n, size = self.half, self.size
-        if kind == kernel.PERIODIC:
+        if kind == PERIODIC:
             return np.eye(size), np.zeros(size)
         start_map = np.zeros((size, n))
         offset = np.zeros(size)
-        if kind == kernel.ORIGIN:
+        if kind == ORIGIN:
             start_map[n:] = np.eye(n)
-        elif kind == kernel.REST:
+        elif kind == REST:
             start_map[:n] = np.eye(n)
         else:
             normal, basis = self._transverse(contact)
@@ -211,13 +215,13 @@ class MultipointProblem:
     def _end_condition(self, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
         """L, l of the end condition L z = l."""
         n, size = self.half, self.size
-        if kind == kernel.PERIODIC:
+        if kind == PERIODIC:
             return np.zeros((0, size)), np.zeros(0)
         rows = np.zeros((n, size))
         offset = np.zeros(n)
-        if kind == kernel.ORIGIN:
+        if kind == ORIGIN:
             rows[:, :n] = np.eye(n)
-        elif kind == kernel.REST:
+        elif kind == REST:
             rows[:, n:] = np.eye(n)
         else:
             _, basis = self._transverse(contact)
@@ -277,7 +281,8 @@ class MultipointProblem:
     def residual(self, y: np.ndarray) -> np.ndarray:
         """F(y), (u - 1,)."""
         residual = np.empty(self.unknowns - 1)
-        kernel.evaluate(self.segment, np.ascontiguousarray(y), self._factor.before, self._work[0, : self.size].copy(), residual)
+        factor = self._factor
+        evaluate(self.segment, np.ascontiguousarray(y), factor.before, factor.flights, self._work[0, : self.size].copy(), residual)
         return residual
 
     def jacobian(self, y: np.ndarray) -> np.ndarray:
@@ -286,7 +291,7 @@ class MultipointProblem:
         y = np.ascontiguousarray(y)
         self.residual(y)
         factor.scale[:] = 1.0
-        kernel.fill(self.segment, y, factor)
+        fill(self.segment, y, factor)
         rows = self.size + 1
         out = np.zeros((self.unknowns - 1, self.unknowns))
         for j in range(self.inner * rows):
@@ -328,7 +333,7 @@ class MultipointProblem:
                     )
                     miss = self.quarter_period(y) / quarter_period - 1.0
                 before = y.copy()
-                good, _, _, worst = kernel.correct(
+                good, _, _, worst = correct(
                     self.segment, y, row, float(row @ y - miss), self._factor, residual, 1 if previous > 1e-6 else 8, 2e-15
                 )
                 if not np.all(np.isfinite(y)):
@@ -381,10 +386,11 @@ class MultipointProblem:
         )
         return np.array([address_of(function, arguments) for function, arguments in calls])
 
-    def compiled(self, kernel: Callable[..., Any], *arguments: Any, maximum: int = 12) -> Any:
-        """Call a compiled function that takes steps of its own: before its own arguments it gets `addresses`, the problem (as
-        `orbit_step` does), what is watched, scratch, and the most iterations of a correction."""
-        return kernel(self.addresses, *self._packed, self._factor, self._watched, self._bounds, self._work, maximum, *arguments)
+    def compiled(self, kernel: Callable[..., Any], *arguments: Any, maximum: int = 12, full: bool = True) -> Any:
+        """Call a compiled function that takes steps of its own: before its own arguments it gets `addresses` (where not `full`, 0 for all
+        but that of `orbit_step`), the problem as `orbit_step` does, what is watched, scratch, and the most iterations of a correction."""
+        addresses = self.addresses if full else self.addresses * np.array([1, 0, 0])
+        return kernel(addresses, *self._packed, self._factor, self._watched, self._bounds, self._work, maximum, *arguments)
 
 
 _ENTRIES = len(RESULT)

@@ -10,7 +10,7 @@ import numpy as np
 from branches.markers import common_tests, is_orbit, planar_tests
 from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import call_at, kernel, part
-from bvp.kernels.result import CONTRACTION, CONVERGED, TURN
+from bvp.kernels.result import CONTRACTION, CONVERGED, SLOPE, TURN
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, next_step, refusal, watch
 
 __all__ = ["Block", "march"]
@@ -44,9 +44,10 @@ def march(
 ):  # fmt: skip
     """Steps from (first_y, first_tangent) into `block`.
 
-    addresses (3,): of `orbit_step`, `orbit_observe`, `orbit_stability`. energy (2,): bounds of its logarithm. metric (4, N + 2),
-    places (tests,): scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length of the step to
-    take next)."""
+    addresses (3,): of `orbit_step`, `orbit_observe`, `orbit_stability`; 0 for the last two: the fold is the only test. energy (2,):
+    bounds of its logarithm. metric (4, N + 2), places (tests,): scratch. Returns (accepted steps, 1 where the row after them holds a
+    step that is not plain, length of the step to take next)."""
+    full = addresses[1] != 0
     y = first_y
     tangent = first_tangent
     position = first_position
@@ -66,16 +67,20 @@ def march(
         for i in range(ends.shape[0]):
             for r in range(ends.shape[1]):
                 ends[i, r] = factor.before[i, r]
-        call_at(addresses[1], (pairs, rows, scalars, start_map, shape, observed, bounds, new, ends, work, result))
-        call_at(addresses[2], (pairs, rows, scalars, start_map, shape, new, ends, work, result))
+        if full:
+            call_at(addresses[1], (pairs, rows, scalars, start_map, shape, observed, bounds, new, ends, work, result))
+            call_at(addresses[2], (pairs, rows, scalars, start_map, shape, new, ends, work, result))
         place = block.position[count]
         for r in range(place.shape[0]):
             place[r] = metric[0, r]
         if not _is_orbit(result):
             return count, 1, ds
         values = block.tests[count]
-        _common_tests(result, energy[0], energy[1], values)
-        _planar_tests(result, shape[2], targets, values)
+        if full:
+            _common_tests(result, energy[0], energy[1], values)
+            _planar_tests(result, shape[2], targets, values)
+        else:
+            values[0] = result[SLOPE]
         turn = result[TURN]
         contraction = result[CONTRACTION]
         chord = _distance(position, place)

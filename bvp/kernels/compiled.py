@@ -29,8 +29,7 @@ def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name))
 
 
-@intrinsic
-def call_at(typing_context, address, arguments):
+def _call_at(typing_context, address, arguments):
     """Call, in a kernel, another one that stands at an address, with a tuple of arguments of exactly the types that it was compiled for.
 
     A kernel that calls another by name is compiled together with all of it once more; this keeps large kernels apart.
@@ -44,3 +43,6 @@ def call_at(typing_context, address, arguments):
         return context.get_dummy_value()
 
     return nb.types.none(address, arguments), code
+
+
+call_at: Any = intrinsic(_call_at)

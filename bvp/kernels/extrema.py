@@ -17,7 +17,7 @@ from bvp.kernels.bounds import block_growth, envelope
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import circular, flow_state
 
-__all__ = ["Observed", "amplitude_bound", "clearance", "refine", "safe_step", "sign_changes"]
+__all__ = ["Observed", "amplitude_bound", "clearance", "look", "refine", "safe_step", "separate", "sign_changes"]
 
 STEP_LIMIT = 100000
 """Steps after which a search gives up and says so; a flight of a thousand periods takes some ten thousand."""
@@ -178,17 +178,18 @@ def refine(pairs, mean, delta, matrix, pure, value, rate, second, z, low, high, 
     for _ in range(100):
         if not (low <= root <= high):
             root = 0.5 * (low + high)
-        f, slope, _bend = look(pairs, mean, delta, matrix, pure, work, value, rate, second, z, root)
+        f, slope, bend = look(pairs, mean, delta, matrix, pure, work, value, rate, second, z, root)
         if (f > 0.0) == positive:
             low = root
         else:
             high = root
-        newton = root - f / slope if slope != 0.0 else 0.5 * (low + high)
-        if not (low <= newton <= high):
-            newton = 0.5 * (low + high)
-        if abs(newton - root) <= tolerance:
-            return newton
-        root = newton
+        divisor = slope * slope - 0.5 * f * bend
+        better = root - f * slope / divisor if divisor != 0.0 else 0.5 * (low + high)  # Halley
+        if not (low <= better <= high):
+            better = 0.5 * (low + high)
+        if abs(better - root) <= tolerance:
+            return better
+        root = better
     return root
 
 
