@@ -1,8 +1,7 @@
 """Where the time of an accepted point goes: compiled arithmetic, entering compiled code, the Python between.
 
-The steps that a run accepts are kept with their arguments and asked for again one layer at a time: the family's step, the multipoint
-problem's step, the compiled calls in it, and a compiled function that takes the same arguments and does nothing. The
-differences are what each layer costs.
+The blocks of steps that a run asks for are kept with their arguments and asked for again one layer at a time: the family's march, the
+compiled call in it, and a compiled function that takes the same arguments and does nothing. The differences are what each layer costs.
 """
 
 from __future__ import annotations
@@ -17,8 +16,8 @@ import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-import bvp.multipoint
-from benchmarks.following import RecordedFamily, Run, Spread, spread, timed_run, timed_runs
+import branches.family
+from benchmarks.following import RecordedFamily, Spread, spread, timed_run, timed_runs
 from branches.family import Family
 from bvp.multipoint import MultipointProblem
 
@@ -41,17 +40,15 @@ class Breakdown:
     inner : int
         Number of inner impacts.
     steps, iterations, compiled_calls : float
-        Asked for a point: steps, corrector iterations, compiled calls (all means over points without an event on their way).
+        Asked for a point: steps, corrector iterations, compiled calls.
     compiled : float
         Arithmetic in compiled code.
     entering : float
         Taking the same arguments into compiled code and back.
-    problem : float
-        Python in `MultipointProblem.step` around the compiled calls: arrays for the result, the `Solution`.
     family : float
-        Python in `Family.step`: test functions, the `Step`.
+        Python in `Family.march` around the compiled call: arrays of the block, a `Solution` and a `Step` for each point.
     engine : float
-        Python in the engine: step control, watching the test functions.
+        Python in the engine: the point, its turn in the run; the first steps, which are taken one by one.
     total : Spread
         Measured as a whole; its least is the sum of the layers, which are differences of least times.
     """
@@ -62,7 +59,6 @@ class Breakdown:
     compiled_calls: float
     compiled: float
     entering: float
-    problem: float
     family: float
     engine: float
     total: Spread
@@ -89,52 +85,40 @@ def breakdown(problem: MultipointProblem, y: np.ndarray, points: int, repeats: i
     Raises
     ------
     RuntimeError
-        When no compiled call is seen in a step.
+        When no compiled call is seen, or no point comes from a march.
     """
     recorded = RecordedFamily(problem)
-    run = timed_run(recorded, recorded.begin(y), points)
-    asked = [recorded.calls[i] for i in _clean_calls(run)]
+    timed_run(recorded, recorded.begin(y), points)
     family = Family(problem)
     with compiled_calls() as calls:
-        for arguments in asked:
-            problem.step(*arguments)
+        for arguments in recorded.marches:
+            family._march(*arguments)
         seen = list(calls)
     if not seen:
-        raise RuntimeError("no compiled call was seen in MultipointProblem.step: the breakdown does not know where it is made")
-    accepted = int(np.sum(run.clean))
+        raise RuntimeError("no compiled call was seen in Family.march: the breakdown does not know where it is made")
+    accepted = len(recorded.marched)
+    if not accepted:
+        raise RuntimeError(f"no point of {points} was marched to: nothing to measure; ask for more points")
     _loop([(_nothing, arguments) for _, arguments in seen])  # compiles it
-    totals, families, problems, kernels, nothings = [], [], [], [], []
+    totals, families, kernels, nothings = [], [], [], []
     for _ in range(repeats):
         totals += [r.clean_point for r in timed_runs(family, y, points, 1)]
-        families.append(_loop([(family.step, arguments) for arguments in asked]) / accepted)
-        problems.append(_loop([(problem.step, arguments) for arguments in asked]) / accepted)
+        families.append(_loop([(family._march, arguments) for arguments in recorded.marches]) / accepted)
         kernels.append(_loop(seen) / accepted)
         nothings.append(_loop([(_nothing, arguments) for _, arguments in seen]) / accepted)
     total = spread(totals)
-    in_family, in_problem, in_kernel, nothing = (min(x) for x in (families, problems, kernels, nothings))
+    in_family, in_kernel, nothing = (min(x) for x in (families, kernels, nothings))
     return Breakdown(
         problem.inner,
-        len(asked) / accepted,
-        float(np.mean([step.iterations for step, clean in zip(run.steps, run.clean, strict=True) if clean])),
+        1.0 + recorded.tried / accepted,
+        float(np.mean([step.iterations for step in recorded.marched])),
         len(seen) / accepted,
         in_kernel - nothing,
         nothing,
-        in_problem - in_kernel,
-        in_family - in_problem,
+        in_family - in_kernel,
         total.least - in_family,
         total,
     )
-
-
-def _clean_calls(run: Run) -> list[int]:
-    """Indices of the calls on the way to points without an event."""
-    out: list[int] = []
-    before = 0
-    for after, clean in zip(run.calls, run.clean, strict=True):
-        if clean:
-            out += range(before, after)
-        before = after
-    return out
 
 
 def _loop(calls: list[Call]) -> float:
@@ -147,9 +131,9 @@ def _loop(calls: list[Call]) -> float:
 
 @contextmanager
 def compiled_calls() -> Iterator[list[Call]]:
-    """While it holds, compiled functions that `bvp.multipoint` calls by name are kept with their arguments, in order."""
+    """While it holds, compiled functions that `branches.family` calls by name are kept with their arguments, in order."""
     calls: list[Call] = []
-    module = bvp.multipoint
+    module = branches.family
     compiled = {name: value for name, value in vars(module).items() if isinstance(value, Dispatcher)}
 
     def keeping(function: Callable[..., Any]) -> Callable[..., Any]:

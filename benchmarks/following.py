@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from branches.family import Family
 from branches.tracing import SETTINGS
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
-from continuation import follow
+from continuation.control import kinds_of
+from continuation.ends import End, EndReason
+from continuation.engine import Allowance, first_step, walk
 from continuation.location import Location
-from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
+from continuation.problem import Event, EventDetails, Marched, Point, Problem, Step, Test
 
 __all__ = ["BareFamily", "RecordedFamily", "Run", "Spread", "spread", "timed_run", "timed_runs"]
 
@@ -38,11 +40,11 @@ class BareFamily(Family):
     problem : MultipointProblem
     """
 
-    march = None
-
     def __init__(self, problem: MultipointProblem) -> None:
         super().__init__(problem)
         self._tests = (Test("SN", "crossing", False, "fold in the energy", True),)
+        self._kinds = np.array(kinds_of(self._tests))
+        self._full = False
 
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""
@@ -77,18 +79,20 @@ _FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, float("inf"), 0, float(
 
 
 class RecordedFamily(Family):
-    """A family that keeps the arguments of each step that it is asked for, one by one."""
-
-    march = None
+    """A family that keeps the arguments of each march that it is asked for, and the steps that it accepted in it."""
 
     def __init__(self, problem: MultipointProblem) -> None:
         super().__init__(problem)
-        self.calls: list[tuple[np.ndarray, np.ndarray, float]] = []
+        self.marches: list[tuple[Any, ...]] = []
+        self.marched: list[Step] = []
+        self.tried = 0
 
-    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
-        """See `continuation.Problem`."""
-        self.calls.append((y, tangent, ds))
-        return super().step(y, tangent, ds)
+    def _march(self, *arguments: Any) -> Marched:
+        found = super()._march(*arguments)
+        self.marches.append(arguments)
+        self.marched += [step for step, _, _ in reversed(found.ahead)]
+        self.tried += found.trial is not None
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,15 +109,12 @@ class Run:
         No event was located on the way to the point.
     events : int
         Events located.
-    calls : list of int
-        For a `RecordedFamily`, the number of steps that had been asked for at each accepted point; else zeros.
     """
 
     steps: list[Step]
     seconds: np.ndarray
     clean: np.ndarray
     events: int
-    calls: list[int]
 
     @property
     def clean_point(self) -> float:
@@ -129,6 +130,9 @@ class Run:
 def timed_run(family: Problem, start: Step, points: int) -> Run:
     """Follow a family to higher energy, and time each point.
 
+    Points come in blocks: the first of a block has the time of all of it, and of the step that ended it. Means are right; no more points
+    are computed than are counted.
+
     Parameters
     ----------
     family : continuation.Problem
@@ -143,24 +147,29 @@ def timed_run(family: Problem, start: Step, points: int) -> Run:
         Where there is no point without an event on its way to measure.
     """
     clock = time.perf_counter
-    run = follow(family, start, 1, SETTINGS)
+    allowance = Allowance(points + 1, resume=True)
+    first = first_step(family, start, 1)
+    if isinstance(first, str):
+        raise RuntimeError(first)
+    run = walk(family, first, SETTINGS, None, (), allowance)
     next(run)
-    counted = family.calls if isinstance(family, RecordedFamily) else ()
     steps: list[Step] = []
     seconds: list[float] = []
     clean: list[bool] = []
-    calls: list[int] = []
     events = on_the_way = 0
     last = clock()
     for item in run:
         now = clock()
         if isinstance(item, Event):
             on_the_way += 1
+        elif isinstance(item, End):
+            if item.reason is not EndReason.POINTS:
+                break
+            allowance.points = points - len(steps)
         elif isinstance(item, Point) and item.event is None:
             steps.append(item.step)
             seconds.append(now - last)
             clean.append(on_the_way == 0)
-            calls.append(len(counted))
             events += on_the_way
             on_the_way = 0
             if len(steps) == points:
@@ -168,7 +177,7 @@ def timed_run(family: Problem, start: Step, points: int) -> Run:
             last = clock()
     if not any(clean):
         raise RuntimeError("every step of the run has an event in it: nothing to measure; start elsewhere on the family")
-    return Run(steps, np.array(seconds), np.array(clean), events, calls)
+    return Run(steps, np.array(seconds), np.array(clean), events)
 
 
 def timed_runs(family: Problem, y: np.ndarray, points: int, repeats: int) -> list[Run]:

@@ -146,7 +146,7 @@ def layers(effort: Effort, say: Callable[[str], object]) -> Table:
     for inner in cases.INNER:
         say(f"{inner} inner impacts: layers")
         parts = breakdown(*cases.segment(system, inner), effort.points, effort.repeats)
-        times = (parts.compiled, parts.entering, parts.problem, parts.family, parts.engine)
+        times = (parts.compiled, parts.entering, parts.family, parts.engine)
         rows.append(
             (
                 str(inner),
@@ -161,14 +161,13 @@ def layers(effort: Effort, say: Callable[[str], object]) -> Table:
     return Table(
         "Where the microseconds of a point go, all on",
         (
-            "inner impacts", "steps", "iterations", "compiled calls", "compiled", "entering", "problem", "family", "engine", "total",
-            "not compiled",
+            "inner impacts", "steps", "iterations", "compiled calls", "compiled", "entering", "family", "engine", "total", "not compiled",
         ),
         rows,
         (
-            "The steps of the run above are asked for again, layer by layer; a layer is what it adds to the one inside it (difference",
+            "The blocks of the run above are asked for again, layer by layer; a layer is what it adds to the one inside it (difference",
             "of the least times, so the layers sum to the least total, which is measured as a whole).",
-            "Compiled: arithmetic. Entering: the same arguments into compiled code that does nothing. Problem, family, engine: Python",
-            f"in MultipointProblem.step, Family.step and continuation.follow. {effort.repeats} repeats.",
+            "Compiled: arithmetic. Entering: the same arguments into compiled code that does nothing. Family, engine: Python",
+            f"in Family.march and continuation.follow. {effort.repeats} repeats.",
         ),
     )  # fmt: skip

@@ -16,7 +16,7 @@ import numpy as np
 from branches.kernels.march import Block, march
 from branches.labels import ImpossibleLabelError, Label, label_of
 from branches.markers import COMMON, NOISE, common_tests, is_orbit, planar_tests
-from bvp.kernels import multipoint as kernel
+from bvp.kernels import segment as kernel
 from bvp.kernels.result import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
@@ -103,6 +103,7 @@ class Family:
         ]
         self.fixed = len(tests)
         self._planar = problem.half == 2
+        self._full = True  # false: no more than the tangent and the fold
         if problem.quarters == 1:
             self._kind = "quarter"
             tests += [
@@ -187,6 +188,7 @@ class Family:
         count, tried, ds = problem.compiled(
             march, control, self._kinds, self._bounds, self._aims, step.y, step.tangent, np.array(step.position), np.array(tests),
             np.array(older), np.array(goal), before, ds, np.empty((4, size + 2)), np.empty(len(self._tests)), block,
+            full=self._full,
         )  # fmt: skip
         if 2 * (count + tried) < rows:  # let no short piece keep a whole block
             block = Block(*(array[: count + tried].copy() for array in block))

@@ -9,7 +9,7 @@ import numpy as np
 
 from branches.family import label_text
 from bvp.cycle import cycle_of
-from bvp.kernels import multipoint as kernel
+from bvp.kernels import segment as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import ERROR_FACTOR, balance, decide, stability

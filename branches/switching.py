@@ -24,7 +24,7 @@ from branches.labels import ImpossibleLabelError
 from branches.stretch import embed
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of
-from bvp.kernels import multipoint as kernel
+from bvp.kernels.newton import set_scale
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions
@@ -252,7 +252,7 @@ def _scales(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
     """Sizes of the unknowns: displacements, velocities, times."""
     problem.residual(y)
     problem._factor.before[:] = problem.end_states(y)
-    kernel.set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
+    set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
     return problem._factor.scale.copy()
 
 

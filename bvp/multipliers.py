@@ -145,7 +145,7 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
         *modes.blocks, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along
     )  # fmt: skip
     pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right)
-    flow, level = trivial_directions(modes.pairs, modes.matrix, weights, modes.contact_gap, after, row, scale, maps, along)
+    flow, level = trivial_directions(modes.pairs, modes.matrix, weights, modes.contact_gap, after, row, 1, scale, maps, along)
     trivial = float(max(flow, level) if conservative else flow)
     free = size - int(conservative)
     width = np.where(np.roll(row, -1) < 0, free, free - 1)
@@ -221,10 +221,11 @@ def _pencil_eigenvalues(left: np.ndarray, right: np.ndarray, width: np.ndarray, 
     frame = np.eye(dimension)
     product = np.empty((dimension, dimension))
     exponent = np.empty(dimension)
+    scratch = np.empty((4, left.shape[1], left.shape[1]))
     blocks: list[slice] = []
     for sweeps in range(1, SWEEPS + 1):
         older = frame.copy()
-        singular = sweep(left, right, width, width, frame, product, exponent)
+        singular = sweep(left, right, width, width, 1, scratch, frame, product, exponent)
         if singular or not np.all(np.isfinite(product)):
             return np.full(dimension, complex(math.nan, math.nan)), singular, sweeps
         turn = older.T @ frame

@@ -9,23 +9,29 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.drift import free_translation, translation_text
-from bvp.kernels import multipoint as kernel
+from bvp.kernels.compiled import address_of
 from bvp.kernels.extrema import Observed
+from bvp.kernels.multipoint import evaluate, fill, make_factor
+from bvp.kernels.newton import correct
+from bvp.kernels.observe import orbit_observe
 from bvp.kernels.result import RESULT
-from bvp.kernels.step import end_states, orbit_observe, orbit_stability, orbit_step, pack
+from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP, Segment, pack
+from bvp.kernels.stability import orbit_stability
+from bvp.kernels.step import end_states, orbit_step
 from bvp.system import ImpactSystem, Stop
 
 __all__ = ["EndsError", "MultipointProblem", "NotConverged", "RESULT_INDEX", "Solution"]
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 
-KINDS = {"origin": kernel.ORIGIN, "rest": kernel.REST, "stop": kernel.STOP, "periodic": kernel.PERIODIC}
+KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
 
 
 class EndsError(ValueError):
@@ -99,8 +105,8 @@ class MultipointProblem:
         self.half = size // 2
         letters = {letter: index for index, letter in enumerate(modes.contact_letters)}
         kinds = [self._kind(end, letters) for end in self.ends]
-        periodic = kinds[0][0] == kernel.PERIODIC
-        if periodic != (kinds[1][0] == kernel.PERIODIC):
+        periodic = kinds[0][0] == PERIODIC
+        if periodic != (kinds[1][0] == PERIODIC):
             raise EndsError(f"the ends {self.ends[0]}, {self.ends[1]} do not go together: a periodic orbit has two periodic ends")
         contacts = [self._contact(letter, letters) for letter in self.word]
         if periodic:
@@ -115,7 +121,7 @@ class MultipointProblem:
         if periodic:
             quarters = 4
         else:
-            quarters = 1 if (self.kinds[0] == kernel.ORIGIN) != (self.kinds[1] == kernel.ORIGIN) else 2
+            quarters = 1 if (self.kinds[0] == ORIGIN) != (self.kinds[1] == ORIGIN) else 2
         self.quarters = quarters
         nodes = [*inner, closing, opening]
         self.contacts = np.array(nodes)
@@ -129,7 +135,7 @@ class MultipointProblem:
         start_map, start_offset = self._end_map(self.kinds[0], opening)
         end_rows, end_offset = self._end_condition(self.kinds[1], closing)
         weights = np.concatenate([modes.squares, np.ones(self.half)])
-        self.segment = kernel.Segment(
+        self.segment = Segment(
             modes.pairs,
             array(modes.mean),
             array(modes.delta),
@@ -150,7 +156,7 @@ class MultipointProblem:
         self.observed = observed_of(system)
         self.parameters = self.segment.start_map.shape[1]
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
-        self._factor = kernel.make_factor(self.segment)
+        self._factor = make_factor(self.segment)
         self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
         self._zero = np.zeros(2 * self.unknowns)
         self._packed = pack(self.segment)
@@ -186,7 +192,7 @@ class MultipointProblem:
         EndsError
             With the motion that nothing resists, and what holds it.
         """
-        direction = None if kernel.ORIGIN in self.kinds else free_translation(self.system)
+        direction = None if ORIGIN in self.kinds else free_translation(self.system)
         if direction is None:
             return
         instead = "an origin end, or a spring to the ground" if self.system.has_odd_symmetry else "a spring to the ground"
@@ -204,13 +210,13 @@ class MultipointProblem:
     def _end_map(self, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
         """Z, c of the start states z = Z s + c."""
         n, size = self.half, self.size
-        if kind == kernel.PERIODIC:
+        if kind == PERIODIC:
             return np.eye(size), np.zeros(size)
         start_map = np.zeros((size, n))
         offset = np.zeros(size)
-        if kind == kernel.ORIGIN:
+        if kind == ORIGIN:
             start_map[n:] = np.eye(n)
-        elif kind == kernel.REST:
+        elif kind == REST:
             start_map[:n] = np.eye(n)
         else:
             normal, basis = self._transverse(contact)
@@ -222,13 +228,13 @@ class MultipointProblem:
     def _end_condition(self, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
         """L, l of the end condition L z = l."""
         n, size = self.half, self.size
-        if kind == kernel.PERIODIC:
+        if kind == PERIODIC:
             return np.zeros((0, size)), np.zeros(0)
         rows = np.zeros((n, size))
         offset = np.zeros(n)
-        if kind == kernel.ORIGIN:
+        if kind == ORIGIN:
             rows[:, :n] = np.eye(n)
-        elif kind == kernel.REST:
+        elif kind == REST:
             rows[:, n:] = np.eye(n)
         else:
             _, basis = self._transverse(contact)
@@ -288,7 +294,8 @@ class MultipointProblem:
     def residual(self, y: np.ndarray) -> np.ndarray:
         """F(y), (u - 1,)."""
         residual = np.empty(self.unknowns - 1)
-        kernel.evaluate(self.segment, np.ascontiguousarray(y), self._factor.before, self._work[0, : self.size].copy(), residual)
+        factor = self._factor
+        evaluate(self.segment, np.ascontiguousarray(y), factor.before, factor.flights, self._work[0, : self.size].copy(), residual)
         return residual
 
     def jacobian(self, y: np.ndarray) -> np.ndarray:
@@ -297,7 +304,7 @@ class MultipointProblem:
         y = np.ascontiguousarray(y)
         self.residual(y)
         factor.scale[:] = 1.0
-        kernel.fill(self.segment, y, factor)
+        fill(self.segment, y, factor)
         rows = self.size + 1
         out = np.zeros((self.unknowns - 1, self.unknowns))
         for j in range(self.inner * rows):
@@ -342,7 +349,7 @@ class MultipointProblem:
                     )
                     miss = self.quarter_period(y) / quarter_period - 1.0
                 before = y.copy()
-                good, _, _, worst = kernel.correct(
+                good, _, _, worst = correct(
                     self.segment, y, row, float(row @ y - miss), self._factor, residual, 1 if previous > 1e-6 else 8, 2e-15
                 )
                 if not np.all(np.isfinite(y)):
@@ -382,10 +389,24 @@ class MultipointProblem:
                 orbit_stability(*packed, out, ends, self._work, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
-    def compiled(self, kernel: Callable[..., Any], *arguments: Any, maximum: int = 12) -> Any:
-        """Call a compiled function that takes steps of its own: before its own arguments it gets the problem (as `orbit_step` does), what
-        is watched, scratch, and the most iterations of a correction."""
-        return kernel(*self._packed, self._factor, self._watched, self._bounds, self._work, maximum, *arguments)
+    @cached_property
+    def addresses(self) -> np.ndarray:
+        """Where `orbit_step`, `orbit_observe` and `orbit_stability` stand, compiled for this problem (see `bvp.kernels.compiled`)."""
+        y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
+        metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
+        packed = self._packed
+        calls = (
+            (orbit_step, (*packed, self._factor, y, tangent, 0.0, 0, metric, y, tangent, result)),
+            (orbit_observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
+            (orbit_stability, (*packed, y, ends, self._work, result)),
+        )
+        return np.array([address_of(function, arguments) for function, arguments in calls])
+
+    def compiled(self, kernel: Callable[..., Any], *arguments: Any, maximum: int = 12, full: bool = True) -> Any:
+        """Call a compiled function that takes steps of its own: before its own arguments it gets `addresses` (where not `full`, 0 for all
+        but that of `orbit_step`), the problem as `orbit_step` does, what is watched, scratch, and the most iterations of a correction."""
+        addresses = self.addresses if full else self.addresses * np.array([1, 0, 0])
+        return kernel(addresses, *self._packed, self._factor, self._watched, self._bounds, self._work, maximum, *arguments)
 
 
 _ENTRIES = len(RESULT)

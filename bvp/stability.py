@@ -16,7 +16,7 @@ import numpy as np
 
 from bvp.cycle import cycle_of
 from bvp.kernels.halfmap import half_map
-from bvp.kernels.multipoint import ORIGIN
+from bvp.kernels.segment import ORIGIN
 from bvp.multipliers import nearest_grazing, reduced_monodromy, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
 

@@ -15,7 +15,7 @@ def prepare() -> None:
 
     The second process is a help, not a need: where it cannot be started, or fails, this one compiles everything itself.
     """
-    from bvp.kernels.warm import kept
+    from branches.kernels.warm import kept
 
     if kept():
         return
@@ -25,7 +25,7 @@ def prepare() -> None:
         return
     try:
         subprocess.Popen(
-            [sys.executable, "-m", "bvp.kernels.warm"],
+            [sys.executable, "-m", "branches.kernels.warm"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.identity import presentations
-from bvp.kernels import multipoint as kernel
+from bvp.kernels.metric import locate, metric_direction
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
@@ -78,8 +78,8 @@ class _Curve:
         tangent = np.zeros(2 * problem.unknowns)
         tangent[: problem.unknowns] = (self.branch.unknowns(i + 1) - self.branch.unknowns(i)) / self.lengths[i]
         start, change = np.empty((2, problem.size + 2))
-        energy, alpha = kernel.locate(problem.segment, y, start)
-        _, length = kernel.metric_direction(
+        energy, alpha = locate(problem.segment, y, start)
+        _, length = metric_direction(
             problem.segment, y, start, energy, alpha, np.ascontiguousarray(tangent[: problem.unknowns]), change
         )
         if not length > 0.0:

@@ -11,7 +11,7 @@ from branches.switching import embed
 from branches.words import Ends, Word, mirror, mirror_ends
 from bvp.cycle import cycle_of
 from bvp.kernels.flight import flow_state
-from bvp.kernels.multipoint import STOP
+from bvp.kernels.segment import STOP
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from branches.family import label_at
 from branches.identity import turns
 from branches.labels import ImpossibleLabelError, Label
-from bvp.kernels.multipoint import STOP
+from bvp.kernels.segment import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
 __all__ = ["Found", "accept", "from_other_end", "objection"]

@@ -11,7 +11,7 @@ from branches.discovery.found import Found, labelled, objection
 from branches.discovery.scan import Passage, follow_start
 from branches.discovery.starts import Curve
 from branches.words import canonical, format_word, impacts_per_period, mirror, mirror_ends
-from bvp.kernels.multipoint import ORIGIN, STOP
+from bvp.kernels.segment import ORIGIN, STOP
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:

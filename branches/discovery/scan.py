@@ -10,7 +10,7 @@ import numpy as np
 from branches.discovery.starts import INSET, Curve
 from bvp.kernels.follow import COLUMNS, CONTACT, DURATION, TIME, follow
 from bvp.kernels.intervals import COUNTS, scan_interval
-from bvp.kernels.multipoint import ORIGIN, REST, STOP
+from bvp.kernels.segment import ORIGIN, REST, STOP
 
 __all__ = ["Opening", "Passage", "Path", "follow_start", "scan"]
 

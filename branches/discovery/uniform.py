@@ -14,8 +14,8 @@ import numpy as np
 
 from branches.discovery.found import Found, accept
 from bvp.kernels.impact import work_array
-from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.scan import scan
+from bvp.kernels.segment import ORIGIN, REST, STOP
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from branches.grazing.merging import CannotMerge, merged
 from branches.grazing.touching import Touching, touching
 from branches.tracing import follow_family
 from branches.words import Ends, format_word, impacts_per_period
-from bvp.kernels import multipoint as kernel
+from bvp.kernels.metric import locate, metric_direction
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.switching import SwitchError, branch_directions
 
@@ -230,8 +230,8 @@ def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str
     """Orbits next to the grazing one in a direction, as far from it as the probes go on being orbits; if none, the reason into `sides`."""
     problem = family.problem
     position, change = np.empty((2, problem.size + 2))
-    energy, alpha = kernel.locate(problem.segment, y, position)
-    _, length = kernel.metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
+    energy, alpha = locate(problem.segment, y, position)
+    _, length = metric_direction(problem.segment, y, position, energy, alpha, np.ascontiguousarray(direction), change)
     if not length > 0.0:
         sides.append("the orbit does not change with the first impulses")
         return []

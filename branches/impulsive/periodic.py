@@ -19,7 +19,7 @@ from branches.family import label_text
 from branches.impulsive.scan import FLOOR, Bracket, Scan, scan_energies
 from branches.impulsive.trails import Trails
 from branches.orbit import Orbit
-from bvp.kernels import multipoint as multipoint_kernel
+from bvp.kernels.newton import correct
 from bvp.kernels.trail import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
@@ -273,7 +273,7 @@ def solve_impulsive(problem: MultipointProblem, y: np.ndarray) -> Solution:
     row /= math.sqrt(2.0 * problem.energy(y))
     residual = np.empty(problem.unknowns - 1)
     for _ in range(4):
-        good, _, _, worst = multipoint_kernel.correct(problem.segment, y, row, 0.0, problem._factor, residual, 20, 2e-15)
+        good, _, _, worst = correct(problem.segment, y, row, 0.0, problem._factor, residual, 20, 2e-15)
         if not np.all(np.isfinite(y)):
             raise NotConverged("Newton's corrections diverged")
         if good:

@@ -9,9 +9,8 @@ import numpy as np
 
 from branches.markers import common_tests, is_orbit, planar_tests
 from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import kernel, part
-from bvp.kernels.result import CONTRACTION, CONVERGED, TURN
-from bvp.kernels.step import orbit_observe, orbit_stability, orbit_step
+from bvp.kernels.compiled import call_at, kernel, part
+from bvp.kernels.result import CONTRACTION, CONVERGED, SLOPE, TURN
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, next_step, refusal, watch
 
 __all__ = ["Block", "march"]
@@ -40,11 +39,15 @@ class Block(NamedTuple):
 
 @kernel
 def march(
-    pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, most, control, kinds, limits, targets, first_y,
+    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, most, control, kinds, limits, targets, first_y,
     first_tangent, first_position, first_tests, first_older, goal, before, ds, metric, places, block,
 ):  # fmt: skip
-    """Steps from (first_y, first_tangent) into `block`. limits (3,): bounds of the energy's logarithm, and of the quarter period's. metric (4, N + 2), places (tests,):
-    scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length of the step to take next)."""
+    """Steps from (first_y, first_tangent) into `block`.
+
+    addresses (3,): of `orbit_step`, `orbit_observe`, `orbit_stability`; 0 for the last two: the fold is the only test. limits (3,):
+    bounds of the energy's logarithm, and of the quarter period's. metric (4, N + 2), places (tests,): scratch. Returns (accepted steps,
+    1 where the row after them holds a step that is not plain, length of the step to take next)."""
+    full = addresses[1] != 0
     y = first_y
     tangent = first_tangent
     position = first_position
@@ -55,23 +58,29 @@ def march(
         set_1(result, np.nan)
         new = block.y[count]
         ahead = block.tangent[count]
-        orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, new, ahead, result)
+        call_at(
+            addresses[0], (pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, new, ahead, result)
+        )
         if result[CONVERGED] != 1.0:
             return count, 1, ds
         ends = block.ends[count]
         for i in range(ends.shape[0]):
             for r in range(ends.shape[1]):
                 ends[i, r] = factor.before[i, r]
-        orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, new, ends, work, result)
-        orbit_stability(pairs, rows, scalars, start_map, shape, new, ends, work, result)
+        if full:
+            call_at(addresses[1], (pairs, rows, scalars, start_map, shape, observed, bounds, new, ends, work, result))
+            call_at(addresses[2], (pairs, rows, scalars, start_map, shape, new, ends, work, result))
         place = block.position[count]
         for r in range(place.shape[0]):
             place[r] = metric[0, r]
         if not _is_orbit(result):
             return count, 1, ds
         values = block.tests[count]
-        _common_tests(result, limits[0], limits[1], limits[2], values)
-        _planar_tests(result, shape[2], targets, values)
+        if full:
+            _common_tests(result, limits[0], limits[1], limits[2], values)
+            _planar_tests(result, shape[2], targets, values)
+        else:
+            values[0] = result[SLOPE]
         turn = result[TURN]
         contraction = result[CONTRACTION]
         chord = _distance(position, place)

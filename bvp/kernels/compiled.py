@@ -3,8 +3,11 @@
 from typing import Any
 
 import numba as nb
+from llvmlite import ir
+from numba.core import cgutils
+from numba.extending import intrinsic
 
-__all__ = ["kernel", "part"]
+__all__ = ["address_of", "call_at", "kernel", "part"]
 
 
 def kernel(function: Any) -> Any:
@@ -16,3 +19,30 @@ def part(function: Any) -> Any:
     """Compile a function as part of the kernel that calls it. For what is called from one place: a function of its own costs about a
     second to compile, however short it is."""
     return nb.njit(cache=True, error_model="numpy", inline="always")(function)
+
+
+def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
+    """Where a kernel without a result, compiled for such arguments, stands in memory, for `call_at`."""
+    types = tuple(nb.typeof(argument) for argument in arguments)
+    function.compile(types)
+    compiled = function.overloads[types]
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name))
+
+
+def _call_at(typing_context, address, arguments):
+    """Call, in a kernel, another one that stands at an address, with a tuple of arguments of exactly the types that it was compiled for.
+
+    A kernel that calls another by name is compiled together with all of it once more; this keeps large kernels apart.
+    """
+
+    def code(context, builder, signature, values):
+        types = [context.get_value_type(argument) for argument in signature.args[1].types]
+        shape = ir.FunctionType(context.get_value_type(nb.types.none), types)
+        pointer = builder.inttoptr(values[0], ir.PointerType(shape))
+        builder.call(pointer, cgutils.unpack_tuple(builder, values[1]))
+        return context.get_dummy_value()
+
+    return nb.types.none(address, arguments), code
+
+
+call_at: Any = intrinsic(_call_at)

@@ -8,7 +8,7 @@ stands at minus its start, and the second half period is the negative of the fir
 from numba import int64
 
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.multipoint import ORIGIN, STOP, start_state
+from bvp.kernels.segment import ORIGIN, STOP, start_state
 
 __all__ = ["count_impacts", "unfold"]
 
@@ -51,7 +51,7 @@ def unfold(segment, y, ends, before, after, duration, row, work):
     s = segment.start_map.shape[1]
     start = work[0, :size]
     mirror = work[1, :size]
-    start_state(segment, y, start)
+    start_state(segment.start_map, segment.start_offset, y, start)
     count = int64(0)
     first = 0.0
     if segment.shape[1] == 1:

@@ -15,11 +15,13 @@ Layout of the factor arrays (m = N + 1 equations a flight, k full flights, c clo
     closing (c, u)        the closing columns, from row 0
     diagonal (k m + c,)   diagonal of R
     factor   (k m + c,)   2 / (v . v) of each reflector (0: no reflection)
+
+Inner loops count without a sign: an index that may be negative is looked at each time.
 """
 
 import math
 
-from numba import int64
+from numba import int64, uint64
 
 from bvp.kernels.compiled import kernel, part
 
@@ -46,13 +48,51 @@ def _reflector(column, first, last):
 @kernel
 def _reflect(column, first, last, factor, other, shift):
     """other <- (1 - factor v v^T) other, v = column[first:last], `other` shifted by `shift` rows."""
+    v = uint64(first)
+    x = uint64(first + shift)
     total = 0.0
-    for r in range(first, last):
-        total += column[r] * other[r + shift]
+    for r in range(uint64(last - first)):
+        total += column[v + r] * other[x + r]
     total *= factor
-    if total != 0.0:
-        for r in range(first, last):
-            other[r + shift] -= total * column[r]
+    for r in range(uint64(last - first)):
+        other[x + r] -= total * column[v + r]
+
+
+@kernel
+def _reflect_rows(column, first, last, factor, others, begin, end, shift):
+    """The same for the rows begin .. end - 1 of `others`, three at a time: their sums do not wait for each other."""
+    v = uint64(first)
+    x = uint64(first + shift)
+    size = uint64(last - first)
+    a = uint64(begin)
+    while a + uint64(2) < uint64(end):
+        b = a + uint64(1)
+        c = a + uint64(2)
+        along_a = 0.0
+        along_b = 0.0
+        along_c = 0.0
+        for r in range(size):
+            head = column[v + r]
+            along_a += head * others[a, x + r]
+            along_b += head * others[b, x + r]
+            along_c += head * others[c, x + r]
+        along_a *= factor
+        along_b *= factor
+        along_c *= factor
+        for r in range(size):
+            head = column[v + r]
+            others[a, x + r] -= along_a * head
+            others[b, x + r] -= along_b * head
+            others[c, x + r] -= along_c * head
+        a += uint64(3)
+    while a < uint64(end):
+        along_a = 0.0
+        for r in range(size):
+            along_a += column[v + r] * others[a, x + r]
+        along_a *= factor
+        for r in range(size):
+            others[a, x + r] -= along_a * column[v + r]
+        a += uint64(1)
 
 
 @part
@@ -74,15 +114,11 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
             if f == 0.0:
                 continue
             reflections += 1
-            for other in range(e + 1, rows):
-                _reflect(column, j - base, end - base, f, window[i * rows + other], int64(0))
+            _reflect_rows(column, j - base, end - base, f, window, j + 1, (i + 1) * rows, int64(0))
             if i + 1 < flights:
-                shift = base - i * rows
-                for other in range(rows):
-                    _reflect(column, j - base, end - base, f, window[(i + 1) * rows + other], shift)
+                _reflect_rows(column, j - base, end - base, f, window, (i + 1) * rows, (i + 2) * rows, base - i * rows)
             if i >= closing_first or i + 1 == flights:
-                for other in range(closers):
-                    _reflect(column, j - base, end - base, f, closing[other], base)
+                _reflect_rows(column, j - base, end - base, f, closing, int64(0), closers, base)
     first = flights * rows
     for e in range(closers):
         column = closing[e]
@@ -92,8 +128,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
         if f == 0.0:
             continue
         reflections += 1
-        for other in range(e + 1, closers):
-            _reflect(column, first + e, unknowns, f, closing[other], int64(0))
+        _reflect_rows(column, first + e, unknowns, f, closing, e + 1, closers, int64(0))
     return reflections
 
 
@@ -105,8 +140,9 @@ def forward(flights, rows, window, closing, diagonal, right):
         for e in range(rows):
             j = i * rows + e
             total = right[j]
-            for r in range(base, j):
-                total -= window[j, r - base] * right[r]
+            x = uint64(base)
+            for r in range(uint64(j - base)):
+                total -= window[j, r] * right[x + r]
             right[j] = total / diagonal[j]
     first = flights * rows
     for e in range(closing.shape[0]):

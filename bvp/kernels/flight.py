@@ -24,7 +24,7 @@ import numpy as np
 
 from bvp.kernels.compiled import kernel
 
-__all__ = ["circular", "flow_block", "flow_matrix", "flow_pair", "flow_state", "rate"]
+__all__ = ["apply_flow", "circular", "flow_block", "flow_matrix", "flow_pair", "flow_state", "rate"]
 
 SERIES_LIMIT = 0.03
 """|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
@@ -159,6 +159,27 @@ def flow_matrix(pairs, mean, delta, matrix, t, out):
             for r in range(-j):
                 for c in range(-j):
                     out[i + r, i + c] = block[r, c]
+
+
+@kernel
+def apply_flow(pairs, flow, z, out):
+    """out = flow z, where `flow` is of `flow_matrix`."""
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            a = z[i]
+            b = z[j]
+            out[i] = flow[i, i] * a + flow[i, j] * b
+            out[j] = flow[j, i] * a + flow[j, j] * b
+        elif j == -1:
+            out[i] = flow[i, i] * z[i]
+        else:
+            for r in range(i, i - j):
+                total = 0.0
+                for c in range(i, i - j):
+                    total += flow[r, c] * z[c]
+                out[r] = total
 
 
 @kernel

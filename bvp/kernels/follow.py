@@ -219,7 +219,7 @@ def nearest_turns(flow, row, horizon, work):
     for _ in range(TURN_LIMIT):
         if t >= duration:
             break
-        after = min(duration, t + max(safe_step(f, slope, w_bound), floor))
+        after = min(duration, t + max(safe_step(f, slope, 0.0, w_bound, 0.0), floor))
         advance(flow.squares, after, z, dz, y, dy)
         f_after = 0.0
         slope = 0.0
@@ -229,8 +229,9 @@ def nearest_turns(flow, row, horizon, work):
         now = 1 if f_after > 0.0 else -1 if f_after < 0.0 else sign
         if sign * now < 0:
             turn = refine(
-                flow.pairs, flow.mean, flow.delta, flow.matrix, rows[1], rows[2], z, t, after, sign > 0, 1e-10 * duration, work[13, :4]
-            )
+                flow.pairs, flow.mean, flow.delta, flow.matrix, False, rows[1], rows[2], rows[3], z, t, after, 0.5 * (t + after),
+                sign > 0, 1e-10 * duration, work[13, :4],
+            )  # fmt: skip
             advance(flow.squares, turn, z, dz, y, dy)
             w = 0.0
             for r in range(4):

@@ -13,9 +13,9 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import kernel
-from bvp.kernels.flight import flow_state, rate
-from bvp.kernels.multipoint import ORIGIN, REST, STOP, start_state
+from bvp.kernels.flight import apply_flow, flow_matrix, rate
 from bvp.kernels.pencil import complement
+from bvp.kernels.segment import ORIGIN, REST, STOP, start_state
 
 __all__ = ["half_map", "section_basis"]
 
@@ -39,7 +39,7 @@ def section_basis(segment, node, kind, z, vectors, out):
         out[0, 1] = vectors[0, 0] / norm
         return
     head = vectors[0, 0]
-    complement(vectors, int64(1), out)
+    complement(vectors, int64(1), out, vectors[1])
     if head < 0.0:
         for r in range(half):
             out[half - 2, r] = -out[half - 2, r]
@@ -58,7 +58,7 @@ def magnification(segment, node, z, reach):
 
 @kernel
 def half_map(segment, y, ends, work, phi):
-    """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; `work` (>= 2 n + 6, N).
+    """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; `work` (>= N + 3, N).
     Returns the largest factor by which an impact magnifies rounding (1: none)."""
     size = segment.matrix.shape[0]
     half = size // 2
@@ -67,12 +67,13 @@ def half_map(segment, y, ends, work, phi):
     kind = segment.shape[3]
     z = work[0, :size]
     field = work[1, :size]
-    vectors = np.empty((1, half))
-    v = work[3, :size]
+    columns = 2 * (half - 1)
+    vectors = np.empty((2, half))
+    flow = np.empty((size, size))
     x = work[4, :size]
     first = np.empty((half - 1, half))
     last = np.empty((half - 1, half))
-    start_state(segment, y, z)
+    start_state(segment.start_map, segment.start_offset, y, z)
     section_basis(segment, k + 1, kind, z, vectors, first)
     final_kind = segment.shape[4]
     section_basis(segment, k, final_kind, ends[k], vectors, last)
@@ -85,7 +86,8 @@ def half_map(segment, y, ends, work, phi):
         magnified = max(magnified, magnification(segment, k + 1, z, reach))
     if final_kind == STOP:
         magnified = max(magnified, magnification(segment, k, ends[k], reach))
-    for column in range(2 * (half - 1)):
+    for column in range(columns):
+        v = work[5 + column, :size]
         for r in range(size):
             v[r] = 0.0
         kept = column < half - 1
@@ -101,7 +103,7 @@ def half_map(segment, y, ends, work, phi):
             else:
                 v[half + r] = first[b, r]
         if kind == STOP and kept:
-            start_state(segment, y, z)
+            start_state(segment.start_map, segment.start_offset, y, z)
             normal = 0.0
             work_done = 0.0
             square = 0.0
@@ -112,39 +114,40 @@ def half_map(segment, y, ends, work, phi):
                 work_done += segment.weights[r] * z[r] * v[r]
             for r in range(half):
                 v[half + r] = -work_done / normal * segment.gap[k + 1, r]
-        at = s
-        for i in range(k + 1):
-            flow_state(segment.pairs, segment.mean, segment.delta, segment.matrix, v, y[at], x)
-            if i < k:
+    at = s
+    for i in range(k + 1):
+        flow_matrix(segment.pairs, segment.mean, segment.delta, segment.matrix, y[at], flow)
+        at += size + 1
+        hit = i < k or final_kind == STOP
+        jump = segment.jump[i] if i < k else 0.0  # at the far end the orbit is cut, not reflected
+        through = 0.0
+        if hit:
+            rate(segment.pairs, segment.matrix, ends[i], field)
+            speed = 0.0
+            for r in range(size):
+                speed += segment.gap_rate[i, r] * field[r]
+            for r in range(size):
+                field[r] -= jump * speed * segment.push[i, r]
+                through += segment.gap[i, r] * field[r]
+        if i < k:
+            magnified = max(magnified, magnification(segment, i, ends[i], reach))
+        for column in range(columns):
+            v = work[5 + column, :size]
+            apply_flow(segment.pairs, flow, v, x)
+            along = 0.0
+            if hit:
                 speed = 0.0
                 for r in range(size):
                     speed += segment.gap_rate[i, r] * x[r]
                 for r in range(size):
-                    x[r] -= segment.jump[i] * speed * segment.push[i, r]
-                rate(segment.pairs, segment.matrix, ends[i], field)
-                speed = 0.0
+                    x[r] -= jump * speed * segment.push[i, r]
+                    along += segment.gap[i, r] * x[r]
                 for r in range(size):
-                    speed += segment.gap_rate[i, r] * field[r]
-                hit = 0.0
-                through = 0.0
-                for r in range(size):
-                    field[r] -= segment.jump[i] * speed * segment.push[i, r]
-                    hit += segment.gap[i, r] * x[r]
-                    through += segment.gap[i, r] * field[r]
-                if column == 0:
-                    magnified = max(magnified, magnification(segment, i, ends[i], reach))
-                for r in range(size):
-                    v[r] = x[r] - hit / through * field[r] if through != 0.0 else math.inf
-            at += size + 1
-        if final_kind == STOP:
-            rate(segment.pairs, segment.matrix, ends[k], field)
-            hit = 0.0
-            through = 0.0
+                    x[r] = x[r] - along / through * field[r] if through != 0.0 else math.inf
             for r in range(size):
-                hit += segment.gap[k, r] * x[r]
-                through += segment.gap[k, r] * field[r]
-            for r in range(size):
-                x[r] = x[r] - hit / through * field[r] if through != 0.0 else math.inf
+                v[r] = x[r]
+    for column in range(columns):
+        x = work[5 + column, :size]
         for b in range(half - 1):
             displacement = 0.0
             velocity = 0.0

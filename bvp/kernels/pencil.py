@@ -30,10 +30,10 @@ __all__ = ["complement", "landing_map", "landings", "pencil", "sweep", "trivial_
 
 
 @kernel
-def complement(vectors, count, out):
-    """Rows of `out` (N - count, N): orthonormal basis of the complement of the first `count` rows of `vectors` (overwritten)."""
+def complement(vectors, count, out, factor):
+    """Rows of `out` (N - count, N): orthonormal basis of the complement of the first `count` rows of `vectors` (overwritten).
+    `factor` (>= count,): scratch."""
     size = vectors.shape[1]
-    factor = np.empty(count)
     for c in range(count):
         column = vectors[c]
         total = 0.0
@@ -133,15 +133,16 @@ def pencil(weights, gap, conservative, after, row, scale, maps, along, left, rig
     basis = np.empty((size, size))
     following = np.empty((size, size))
     rows = np.empty((size, size))
+    factor = np.empty(2)
     count = _constraints(gap[max(row[0], 0)], weights, after[0], scale, conservative, row[0] < 0, vectors)
-    complement(vectors, count, basis)
+    complement(vectors, count, basis, factor)
     dimension = size - count
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         cut = row[j] < 0
         count = _constraints(gap[contact], weights, after[j], scale, conservative, cut, vectors)
-        complement(vectors, count, following)
+        complement(vectors, count, following, factor)
         next_dimension = size - count
         count = 0
         if not cut:
@@ -152,7 +153,7 @@ def pencil(weights, gap, conservative, after, row, scale, maps, along, left, rig
             for r in range(size):
                 vectors[count, r] = weights[r] * after[j, r] * scale[r]
             count += 1
-        complement(vectors, count, rows)
+        complement(vectors, count, rows, factor)
         height = size - count
         for a in range(height):
             for b in range(next_dimension):
@@ -184,29 +185,30 @@ def _rotation(a, b):
 
 
 @kernel
-def sweep(left, right, height, width, frame, product, exponent):
-    """One orthogonal sweep round the cycle.
+def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
+    """One orthogonal sweep round the cycle, which runs through the given factors `turns` times. scratch (4, N, N).
 
     frame (d_0, w): orthonormal columns at node 0, replaced by those that node P is reached with. height[i], width[i] = (m_i, d_{i+1}).
     product (w, w): upper triangular product of the factors U_i^-1 T_i, scaled by 2^-exponent[j] in row j. Returns the number of
     singular factors met (grazing impacts)."""
     w = frame.shape[1]
-    size = left.shape[1]
+    nodes = left.shape[0]
     singular = 0
     scaled = False
-    top = np.empty((size, w))
-    e = np.empty((size, size))
-    y = np.empty((size, size))
+    top = scratch[0]
+    e = scratch[1]
+    y = scratch[2]
+    current = scratch[3]
     set_2(product, 0.0)
     for c in range(w):
         product[c, c] = 1.0
         exponent[c] = 0.0
     here = frame.shape[0]
-    current = np.zeros((size, w))
     for r in range(here):
         for c in range(w):
             current[r, c] = frame[r, c]
-    for i in range(left.shape[0]):
+    for count in range(turns * nodes):
+        i = count % nodes
         m = height[i]
         d = width[i]
         for a in range(m):
@@ -285,8 +287,9 @@ def sweep(left, right, height, width, frame, product, exponent):
 
 
 @kernel
-def trivial_directions(pairs, matrix, weights, gap, after, row, scale, maps, along):
-    """How well the product of saltation matrices keeps the flow and the energy: (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|)."""
+def trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along):
+    """How well the product of saltation matrices, `turns` times round the given nodes, keeps the flow and the energy:
+    (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|)."""
     nodes, size = after.shape
     first = np.empty(size)
     flow = np.empty(size)
@@ -296,7 +299,8 @@ def trivial_directions(pairs, matrix, weights, gap, after, row, scale, maps, alo
     for r in range(size):
         first[r] /= scale[r]
         flow[r] = first[r]
-    for i in range(nodes):
+    for count in range(turns * nodes):
+        i = count % nodes
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         cut = row[j] < 0
@@ -325,7 +329,8 @@ def trivial_directions(pairs, matrix, weights, gap, after, row, scale, maps, alo
     for r in range(size):
         first[r] = weights[r] * after[0, r] * scale[r]
         flow[r] = first[r]
-    for i in range(nodes - 1, -1, -1):
+    for count in range(turns * nodes - 1, -1, -1):
+        i = count % nodes
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         cut = row[j] < 0

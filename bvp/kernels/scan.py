@@ -11,10 +11,10 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import kernel
-from bvp.kernels.extrema import amplitude_bound, dot, refine, safe_step
+from bvp.kernels.extrema import dot, look, refine, safe_step, separate
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
-from bvp.kernels.multipoint import STOP
+from bvp.kernels.segment import STOP
 
 __all__ = ["scan", "crossings"]
 
@@ -25,30 +25,31 @@ CROSSING_LIMIT = 20000
 def crossings(pairs, mean, delta, matrix, value, rate, second, z, duration, times, work):
     """Times in (0, duration) where value . z(t) changes sign, into `times`. Returns how many there are (those beyond the length
     of `times` are counted, not kept); -1 when the search gave up."""
-    bound = amplitude_bound(pairs, mean, delta, matrix, second, z, duration) * (1.0 + 1e-12)
-    level = 1e-13 * amplitude_bound(pairs, mean, delta, matrix, value, z, duration)
+    pure, level, curvature, jerk = separate(pairs, mean, delta, matrix, value, second, z, duration, work)
+    level *= 1e-13
     floor = 1e-12 * duration
     count = 0
+    before = 0.0
+    f_before = 0.0
     t = 0.0
-    f = dot(value, z)
-    slope = dot(rate, z)
-    if abs(f) <= level:
-        f = math.copysign(level, slope)
     for _ in range(CROSSING_LIMIT):
-        if t >= duration:
-            return count
-        after = min(duration, t + max(safe_step(f, slope, bound), floor))
-        flow_state(pairs, mean, delta, matrix, z, after, work)
-        g = dot(value, work)
-        if (g > 0.0) != (f > 0.0) and after < duration:
-            root = refine(pairs, mean, delta, matrix, value, rate, z, t, after, f > 0.0, 1e-13 * duration, work)
+        f, slope, bend = look(pairs, mean, delta, matrix, pure, work, value, rate, second, z, t)
+        if t == 0.0:
+            if abs(f) <= level:
+                f = math.copysign(level, slope)
+        elif (f > 0.0) != (f_before > 0.0) and t < duration:
+            guess = before + f_before / (f_before - f) * (t - before)
+            root = refine(
+                pairs, mean, delta, matrix, pure, value, rate, second, z, before, t, guess, f_before > 0.0, 1e-13 * duration, work
+            )
             if count < times.shape[0]:
                 times[count] = root
             count += 1
-            flow_state(pairs, mean, delta, matrix, z, after, work)
-        f = g
-        t = after
-        slope = dot(rate, work)
+        if t >= duration:
+            return count
+        before = t
+        f_before = f
+        t = min(duration, t + max(safe_step(f, slope, bend, curvature, jerk), floor))
     return -1
 
 

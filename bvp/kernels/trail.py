@@ -43,12 +43,14 @@ def passages(pairs, mean, delta, matrix, value, slope_row, second, z, duration, 
     for _ in range(PASSAGE_LIMIT):
         if t >= duration:
             return count
-        after = min(duration, t + max(safe_step(f, slope, bound), floor))
+        after = min(duration, t + max(safe_step(f, slope, 0.0, bound, 0.0), floor))
         flow_state(pairs, mean, delta, matrix, z, after, work)
         g = dot(value, work)
         # A flight can end on a zero exactly: that is no change of sign within it.
         if (g > 0.0) != (f > 0.0) and (after < duration or abs(g) > level):
-            root = refine(pairs, mean, delta, matrix, value, slope_row, z, t, after, f > 0.0, 1e-13 * duration, work)
+            root = refine(
+                pairs, mean, delta, matrix, False, value, slope_row, second, z, t, after, 0.5 * (t + after), f > 0.0, 1e-13 * duration, work
+            )
             if count < times.shape[0]:
                 times[count] = root
             count += 1

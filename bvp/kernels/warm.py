@@ -1,33 +1,34 @@
-"""Compile the kernels that look at an orbit, and keep them on disk: `python -m bvp.kernels.warm`.
-
-Run beside a program that compiles the other kernels at the same time, this uses a second core at the very first run.
-"""
+"""Compile the kernels that look at an orbit, and keep them on disk (see `branches.kernels.warm`)."""
 
 from __future__ import annotations
 
 import os
+from typing import Any
 
-__all__ = ["kept", "warm"]
+__all__ = ["kept", "stored", "warm"]
 
 
 def kept() -> bool:
     """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk."""
     from bvp.kernels.scan import scan
-    from bvp.kernels.step import orbit_stability
+    from bvp.kernels.stability import orbit_stability
 
-    for kernel in (scan, orbit_stability):
-        folder, name = kernel.stats.cache_path, kernel.py_func.__name__
-        if not os.path.isdir(folder) or not any(f".{name}-" in entry or entry.startswith(f"{name}-") for entry in os.listdir(folder)):
-            return False
-    return True
+    return stored(scan) and stored(orbit_stability)
+
+
+def stored(kernel: Any) -> bool:
+    """Whether compiled code of a kernel is on disk."""
+    folder, name = kernel.stats.cache_path, kernel.py_func.__name__
+    return os.path.isdir(folder) and any(f".{name}-" in entry or entry.startswith(f"{name}-") for entry in os.listdir(folder))
 
 
 def warm() -> None:
     """Compile admissibility, half map and multipliers, by asking for them once."""
     import numpy as np
 
+    from bvp.kernels.observe import orbit_observe
     from bvp.kernels.result import RESULT
-    from bvp.kernels.step import orbit_observe, orbit_stability
+    from bvp.kernels.stability import orbit_stability
     from bvp.multipoint import MultipointProblem
     from bvp.system import vibro_impact_nes
 
@@ -37,7 +38,3 @@ def warm() -> None:
     result = np.zeros(len(RESULT))
     orbit_stability(*problem._packed, y, ends, problem._work, result)
     orbit_observe(*problem._packed, problem._watched, problem._bounds, y, ends, problem._work, result)
-
-
-if __name__ == "__main__":
-    warm()

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bvp.cycle import cycle_of
-from bvp.kernels import multipoint as kernel
+from bvp.kernels.multipoint import evaluate, make_factor
+from bvp.kernels.newton import factorise, null_vector, set_scale
 from bvp.multipoint import EndsError, MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import backbone
@@ -139,14 +140,14 @@ def test_a_flipped_sign_is_noticed(ends, signs):
 def test_null_vector_and_energy_gradient(case):
     """J t = 0 for the tangent of the factorised Jacobian; d h / d y against central differences (h is quadratic: exact)."""
     problem, y = case
-    factor = kernel.make_factor(problem.segment)
+    factor = make_factor(problem.segment)
     work = np.zeros(problem.size)
     residual = np.zeros(problem.unknowns - 1)
-    kernel.evaluate(problem.segment, y, factor.before, work, residual)
-    kernel.set_scale(problem.segment, y, factor)
-    kernel.factorise(problem.segment, y, factor)
+    evaluate(problem.segment, y, factor.before, factor.flights, work, residual)
+    set_scale(problem.segment, y, factor)
+    factorise(problem.segment, y, factor)
     null = np.zeros(problem.unknowns)
-    kernel.null_vector(problem.segment, factor, null)
+    null_vector(problem.segment, factor, null)
     jacobian = problem.jacobian(y)
     assert np.max(np.abs(jacobian @ null)) < 1e-12 * np.linalg.norm(jacobian) * np.linalg.norm(null)
     gradient = problem.energy_gradient(y)

@@ -25,16 +25,16 @@ def test_a_second_process_that_cannot_start_is_no_failure(monkeypatch):
         raise OSError("no more processes")
 
     monkeypatch.setattr(subprocess, "Popen", refuse)
-    monkeypatch.setattr("bvp.kernels.warm.kept", lambda: False)
+    monkeypatch.setattr("branches.kernels.warm.kept", lambda: False)
     first_run.prepare()
 
 
 def test_cold_kernels_start_the_compiling_process(monkeypatch):
-    """Oracle: the process is this Python, running `bvp.kernels.warm` with this process's paths."""
+    """Oracle: the process is this Python, running `branches.kernels.warm` with this process's paths."""
     seen = {}
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: seen.update(command=command, env=options["env"]))
-    monkeypatch.setattr("bvp.kernels.warm.kept", lambda: False)
+    monkeypatch.setattr("branches.kernels.warm.kept", lambda: False)
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     first_run.prepare()
-    assert seen["command"] == [sys.executable, "-m", "bvp.kernels.warm"]
+    assert seen["command"] == [sys.executable, "-m", "branches.kernels.warm"]
     assert all(path in seen["env"]["PYTHONPATH"] for path in sys.path if path)

@@ -1,0 +1,220 @@
+"""Newton's corrections of the multipoint problem: scaling, factorisation, solution, null vector."""
+
+import math
+
+from bvp.kernels.compiled import kernel, part
+from bvp.kernels.elimination import apply_reflectors, eliminate, forward
+from bvp.kernels.multipoint import evaluate, fill
+from bvp.kernels.segment import start_state
+
+__all__ = ["correct", "factorise", "null_vector", "set_scale", "solve"]
+
+
+@kernel
+def set_scale(segment, y, factor):
+    """Scale of the unknowns: largest displacement, largest velocity (both in modal units) and longest flight."""
+    size = segment.matrix.shape[0]
+    half = size // 2
+    k = segment.shape[0]
+    s = segment.start_map.shape[1]
+    z = factor.work[0]
+    start_state(segment.start_map, segment.start_offset, y, z[:size])
+    displacement = 0.0
+    velocity = 0.0
+    longest = 0.0
+    for r in range(size):  # 2h: near the grazing of a mode the velocities at all nodes are small
+        velocity += segment.weights[r] * z[r] * z[r]
+    velocity = math.sqrt(velocity)
+    at = s
+    for i in range(k + 1):
+        if i > 0:
+            for r in range(size):
+                z[r] = y[at + r]
+            at += size
+        for r in range(half):
+            displacement = max(displacement, abs(z[r]))
+            velocity = max(velocity, abs(z[half + r]))
+            displacement = max(displacement, abs(factor.before[i, r]))
+            velocity = max(velocity, abs(factor.before[i, half + r]))
+        longest = max(longest, abs(y[at]))
+        at += 1
+    if displacement == 0.0:
+        displacement = 1.0
+    if velocity == 0.0:
+        velocity = displacement
+    if longest == 0.0:
+        longest = 1.0
+    scale = factor.scale
+    for j in range(s):
+        total = 0.0
+        for r in range(half):
+            total += abs(segment.start_map[r, j])
+        scale[j] = displacement if total > 0.0 else velocity
+    scale[s] = longest
+    at = s + 1
+    for _ in range(k):
+        for r in range(half):
+            scale[at + r] = displacement
+            scale[at + half + r] = velocity
+        scale[at + size] = longest
+        at += size + 1
+    if segment.shape[1] == 1:
+        scale[at] = 1.0
+    return displacement, velocity, longest
+
+
+@kernel
+def factorise(segment, y, factor):
+    """Factorise the Jacobian at y. Returns the sign of the determinant of R Q-wise (parity of reflections) for the test of
+    branch points, and the smallest diagonal entry of R relative to its column."""
+    fill(segment, y, factor)
+    size = segment.matrix.shape[0]
+    rows = size + 1
+    k = segment.shape[0]
+    start = segment.start_map.shape[1] + 1
+    closing_first = 0 if segment.shape[1] == 1 else max(0, k - 1)
+    norms = factor.work[1]
+    for i in range(k):
+        for e in range(rows):
+            total = 0.0
+            for r in range(factor.window.shape[1]):
+                total += factor.window[i * rows + e, r] ** 2
+            norms[i * rows + e] = total
+    for e in range(factor.closing.shape[0]):
+        total = 0.0
+        for r in range(factor.closing.shape[1]):
+            total += factor.closing[e, r] ** 2
+        norms[k * rows + e] = total
+    reflections = eliminate(k, rows, start, closing_first, factor.window, factor.closing, factor.diagonal, factor.factor)
+    sign = -1.0 if reflections % 2 else 1.0
+    smallest = 1.0
+    for j in range(factor.diagonal.shape[0]):
+        d = factor.diagonal[j]
+        if d < 0.0:
+            sign = -sign
+        smallest = min(smallest, abs(d) / math.sqrt(norms[j]) if norms[j] > 0.0 else 0.0)
+    return sign, smallest
+
+
+@kernel
+def solve(segment, factor, right, out):
+    """Least-norm solution (in scaled unknowns) of J out = right; `right` is overwritten."""
+    rows = segment.matrix.shape[0] + 1
+    k = segment.shape[0]
+    unknowns = factor.scale.shape[0]
+    forward(k, rows, factor.window, factor.closing, factor.diagonal, right)
+    for j in range(unknowns - 1):
+        out[j] = right[j]
+    out[unknowns - 1] = 0.0
+    apply_reflectors(k, rows, segment.start_map.shape[1] + 1, factor.window, factor.closing, factor.factor, out)
+    for j in range(unknowns):
+        out[j] *= factor.scale[j]
+
+
+@kernel
+def null_vector(segment, factor, out):
+    """Null vector of the last factorised Jacobian, unit length in the scaled unknowns; returned: its entry before unscaling
+    is +1 along the last reflected axis, so its orientation is the one that the determinant's sign refers to."""
+    rows = segment.matrix.shape[0] + 1
+    unknowns = factor.scale.shape[0]
+    out[:unknowns] = 0.0
+    out[unknowns - 1] = 1.0
+    apply_reflectors(
+        segment.shape[0], rows, segment.start_map.shape[1] + 1, factor.window, factor.closing, factor.factor, out
+    )
+    for j in range(unknowns):
+        out[j] *= factor.scale[j]
+
+
+@part
+def scaled_residual(segment, residual, displacement, velocity):
+    """Largest residual, displacements and velocities each by their own scale."""
+    size = segment.matrix.shape[0]
+    half = size // 2
+    rows = size + 1
+    k = segment.shape[0]
+    worst = 0.0
+    for j in range(residual.shape[0]):
+        i = j // rows
+        r = j - i * rows
+        if i < k or segment.shape[1] == 1:
+            scale = velocity if half <= r < size else displacement
+        else:
+            total = 0.0
+            for c in range(half):
+                total += abs(segment.end_map[r, c])
+            scale = displacement if total > 0.0 else velocity
+        value = abs(residual[j]) / scale
+        if not value <= worst:
+            worst = value
+    return worst
+
+
+@kernel
+def correct(segment, y, row, target, factor, residual, maximum, rounding):
+    """Newton's corrections of y, in place, held on row . y = target (row all zero: least-norm corrections).
+
+    The factorisation is kept while a correction with it shrinks the update tenfold. Ends when the update stagnates at rounding level, or
+    when the residual is there and the next update, by the ratio of the last two, would be far below it; with no iterations allowed, y
+    is only looked at. Returns (converged, iterations, worst ratio of successive updates, scaled residual)."""
+    unknowns = y.shape[0]
+    z = factor.work[2]
+    update = factor.work[3]
+    null = factor.work[4]
+    size = segment.matrix.shape[0]
+    held = False
+    for j in range(unknowns):
+        if row[j] != 0.0:
+            held = True
+    previous = math.inf
+    contraction = 0.0
+    fresh = True
+    worst = math.inf
+    evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
+    displacement, velocity, longest = set_scale(segment, y, factor)
+    if maximum == 0:
+        worst = scaled_residual(segment, residual, displacement, velocity)
+        return worst < 1e-12, 0, 0.0, worst
+    for iteration in range(maximum):
+        if fresh:
+            factorise(segment, y, factor)
+            if held:
+                null_vector(segment, factor, null)
+        for j in range(residual.shape[0]):
+            residual[j] = -residual[j]
+        solve(segment, factor, residual, update)
+        if held:
+            along = -target
+            slope = 0.0
+            for j in range(unknowns):
+                along += row[j] * (y[j] + update[j])
+                slope += row[j] * null[j]
+            if slope == 0.0:
+                return False, iteration, contraction, worst
+            for j in range(unknowns):
+                update[j] -= along / slope * null[j]
+        length = 0.0
+        for j in range(unknowns):
+            y[j] += update[j]
+            length = max(length, abs(update[j]) / factor.scale[j])
+            if not math.isfinite(y[j]):
+                return False, iteration, contraction, math.inf
+        evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
+        worst = scaled_residual(segment, residual, displacement, velocity)
+        ratio = length / previous
+        if length <= rounding:
+            return True, iteration + 1, contraction, worst
+        if iteration > 0:
+            if ratio > 0.5 and length < 1e-9:
+                return worst < 1e-12, iteration + 1, contraction, worst
+            if length > 1e-12:
+                contraction = max(contraction, ratio)
+            if worst <= 1e-15 and ratio <= 0.1 and ratio * length <= 0.1 * rounding:
+                return True, iteration + 1, contraction, worst
+            if ratio > 2.0 and length > 1e-3:
+                return False, iteration + 1, contraction, worst
+        fresh = iteration > 0 and ratio > 0.1
+        previous = length
+        if fresh:
+            displacement, velocity, longest = set_scale(segment, y, factor)
+    return worst < 1e-12 and previous < 1e-9, maximum, contraction, worst
