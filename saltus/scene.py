@@ -3,7 +3,8 @@
 A scene is a TOML file. ``[system]`` is ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``, or the matrices
 ``mass``, ``damping``, ``stiffness`` with ``[[stops]]`` (``c``, ``lower``, ``upper``, ``restitution``, ``name``) and
 ``[coordinates]`` (``names``, ``LO``, ``NES``). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``: where names are
-searched; ``[complete]`` the same three: where every family is found by a build. ``[names]`` pins a bare name to a cited point. What is not known is refused.
+searched; ``[complete]`` the same three: where every family is found by a build. ``[names]``
+pins a bare name to a cited point. What is not known is refused.
 """
 
 from __future__ import annotations

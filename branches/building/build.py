@@ -38,6 +38,8 @@ LEVELS = 8
 
 _SAME = 1e-6
 
+_JOINS = ("GR", "BP", "SB", "PD", "RT", "SN")
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -228,14 +230,17 @@ class _Build:
     def _connect(self, link: Link, target: str | None) -> None:
         event = ""
         if target is None and link.kind == "linear mode":
-            target = next((mode.label for mode in linear_modes(self.system) if mode.label and mode.label in (link.note or "")), None)
+            labels = [mode.label for mode in linear_modes(self.system) if mode.label]
+            target = next((label for label in labels if label in (link.note or "")), None)
         elif target is not None:
-            same = [e for e in self.catalogue.events(target) if abs(e.h / link.h - 1.0) < _SAME and e.type in ("GR", "BP", "SB", "PD", "RT", "SN")]
+            there = [event for event in self.catalogue.events(target) if event.type in _JOINS]
+            same = [event for event in there if abs(event.h / link.h - 1.0) < _SAME]
             event = same[0].id if same else ""
         self.catalogue.connect(
             Edge(
-                link.source, link.event, link.type, link.kind, target, link.h, link.alpha, event, link.stop, link.note, link.here, link.there
-            )
+                link.source, link.event, link.type, link.kind, target, link.h, link.alpha, event, link.stop, link.note,
+                link.here, link.there,
+            )  # fmt: skip
         )
 
 
@@ -245,7 +250,7 @@ def _named(description: str, item: tuple[str, Seed]) -> Answer:
 
 def _plain(seed: Seed) -> dict[str, Any]:
     """A seed as JSON values."""
-    value = list(seed.value) if seed.kind == "mode" else seed.value
+    value: Any = list(seed.value) if seed.kind == "mode" else seed.value
     return {
         "kind": seed.kind,
         "value": asdict(value) if seed.kind == "orbit" else value,

@@ -68,8 +68,8 @@ class Link:
 class Answer(NamedTuple):
     """What came of a seed.
 
-    branch: the family that was followed, with its `whole` known. seeds: what is to be followed next. ends: links without a family on the other
-    side, with the reason as their note. beyond: how many neighbours lie outside the bounds. failed: what could not be done, in words.
+    branch: the family that was followed, with its `whole` known. seeds: what is to be followed next. ends: links without a family on
+    the other side, with the reason as their note. beyond: how many neighbours lie outside the bounds. failed: what could not be done, in words.
     counts: of the stages of a search.
     """
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.discovery import Found, accept, turns
+from branches.discovery.found import Found, accept
 from branches.family import label_text
+from branches.identity import turns
 from branches.impulsive.scan import FLOOR, Bracket, Scan, scan_energies
 from branches.impulsive.trails import Trails
 from branches.orbit import Orbit

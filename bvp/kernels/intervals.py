@@ -40,7 +40,7 @@ from bvp.kernels.follow import (
     nearest_turns,
 )
 from bvp.kernels.impact import CONTACT_TOLERANCE
-from bvp.kernels.multipoint import ORIGIN, REST, STOP
+from bvp.kernels.segment import ORIGIN, REST, STOP
 
 __all__ = ["COUNTS", "scan_interval"]
 

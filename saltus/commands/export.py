@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         part = parsers.add_parser(what, help=summary, description=summary[0].upper() + summary[1:] + ".")
         module.add_arguments(part)
         part.set_defaults(parser=part)
-    parsers.choices = parsers._name_parser_map = _Choice(parsers.choices)  # type: ignore[attr-defined, assignment]
+    parsers.choices = parsers._name_parser_map = _Choice(parsers.choices)
 
 
 def run(arguments: argparse.Namespace) -> int:
