@@ -11,8 +11,10 @@ import numpy as np
 
 from branches.discovery.found import Found, from_other_end
 from branches.discovery.uniform import Scanner
+from branches.identity import same_orbit
 from branches.labels import Label, Name, canonical, matches, nearest, roots
 from branches.name_errors import NameNotFound
+from branches.words import canonical as canonical_word
 from branches.words import split_family_id
 
 if TYPE_CHECKING:
@@ -134,8 +136,6 @@ class Search:
 
     def fits(self, orbit: Found) -> bool:
         if self.word is not None and self.ends is not None:
-            from branches.words import canonical as canonical_word
-
             same = canonical_word(orbit.problem.word, orbit.problem.ends, odd_symmetry=self.system.has_odd_symmetry)
             return same == canonical_word(self.word, self.ends, odd_symmetry=self.system.has_odd_symmetry)
         label, pattern = orbit.label, self.name.label
@@ -202,26 +202,12 @@ class Search:
 
 
 def passes(branch: Branch, orbit: Found) -> bool:
-    """Whether a branch passes through an orbit, started at either of its ends."""
-    if branch.ends != orbit.problem.ends:
+    """Whether a branch passes through an orbit, in whatever presentation."""
+    odd = branch.system.has_odd_symmetry
+    mine, other = branch.problem, orbit.problem
+    if canonical_word(mine.word, mine.ends, odd_symmetry=odd) != canonical_word(other.word, other.ends, odd_symmetry=odd):
         return False
-    word, other = tuple(branch.problem.word), tuple(orbit.problem.word)
-    swap = {"+": "-", "-": "+"}
-    turned = tuple(letter[:-1] + swap[letter[-1]] for letter in reversed(other))
-    mirrored = tuple(letter[:-1] + swap[letter[-1]] for letter in other)
-    turned_back = tuple(reversed(other))
-    if word not in (other, turned, mirrored, turned_back):
-        return False
-    start = orbit.problem.start(orbit.solution.y)
-    states = [start]
-    if orbit.problem.ends == ("origin", "origin"):
-        states.append(orbit.solution.ends[-1])
-    size = float(np.max(np.abs(start)))
-    for candidate in branch.orbits_at(energy=orbit.h):
-        begin = branch.problem.start(candidate.solution.y)
-        times = float(np.sum(branch.problem.flight_times(candidate.solution.y)))
-        if abs(times / float(np.sum(orbit.problem.flight_times(orbit.solution.y))) - 1.0) > 1e-7:
-            continue
-        if any(np.allclose(begin, sign * state, rtol=0.0, atol=1e-7 * size) for state in states for sign in (1.0, -1.0)):
-            return True
-    return False
+    return any(
+        abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7 and same_orbit((mine, candidate.solution.y), (other, orbit.solution.y))
+        for candidate in branch.orbits_at(energy=orbit.h)
+    )

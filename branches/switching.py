@@ -42,8 +42,8 @@ _GAP = 1e-6
 
 
 _SETTLED = 1e-5
-"""Newton's last change, as a part of the distance, of a first orbit; what is left of rounding beside a singular point is more than elsewhere,
-and the orbit is corrected along its family afterwards."""
+"""Newton's last change, as a part of the distance, of a first orbit: beside a singular point rounding leaves more than elsewhere, and
+the orbit is corrected along its family afterwards."""
 
 _BEND = 0.1
 """How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""

@@ -444,7 +444,7 @@ def test_absurd_systems_give_one_line_or_an_answer(words):
 
 def test_pieces_of_a_cut_family_are_told():
     """Closed form: between its fold and its grazing S11O00- has two orbits at each energy, so a range there cuts it into two pieces."""
-    code, data, said = told("S11O00-@h=0.075,alpha=0.975", "--energy", "0.072:0.08")
+    code, data, said = told("continue", "S11O00-@h=0.075,alpha=0.975", "--energy", "0.072:0.08")
     (other,) = data["branch"]["others"]
     assert code == 0 and sorted(other[side]["h"] for side in ("from", "to")) == pytest.approx([0.072, 0.08], rel=1e-12)
     assert f"cut    the range of energies cuts {data['branch']['id']} into 2 pieces" in said
@@ -452,7 +452,7 @@ def test_pieces_of_a_cut_family_are_told():
 
 def test_an_id_is_a_name_that_outlives_the_cut():
     """Oracle: the id of the family cut in two ways, and the name's own answer."""
-    ids = {told("S13O00+", "--energy", limits)[1]["branch"]["id"] for limits in ("0.2:0.3", "1:2")}
+    ids = {told("continue", "S13O00+", "--energy", limits)[1]["branch"]["id"] for limits in ("0.2:0.3", "1:2")}
     (one,) = ids
-    code, data, _ = told(one, "--energy", "0.5:0.6", "--points", "7")
+    code, data, _ = told("continue", one, "--energy", "0.5:0.6", "--points", "7")
     assert code == 0 and data["branch"]["id"] == one and data["branch"]["label"] == "S13O00+"
