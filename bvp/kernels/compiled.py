@@ -7,12 +7,19 @@ from llvmlite import ir
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["address_of", "call_at", "kernel", "part"]
+__all__ = ["address_of", "allocating", "call_at", "kernel", "part"]
 
 
 def kernel(function: Any) -> Any:
-    """Compile a function of plain arrays and numbers, without Python objects."""
-    return nb.njit(cache=True, error_model="numpy")(function)
+    """Compile a function of plain arrays and numbers, without Python objects, that makes and returns no arrays.
+
+    Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
+    return nb.njit(cache=True, error_model="numpy", _nrt=False)(function)
+
+
+def allocating(function: Any) -> Any:
+    """Compile a function that makes arrays of its own. Only such a one may call another that returns an array."""
+    return nb.njit(cache=True, error_model="numpy", _nrt=True)(function)
 
 
 def part(function: Any) -> Any:

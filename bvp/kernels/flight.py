@@ -22,7 +22,7 @@ import math
 import numba as nb
 import numpy as np
 
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import allocating, kernel
 
 __all__ = ["apply_flow", "circular", "flow_block", "flow_matrix", "flow_pair", "flow_state", "rate"]
 
@@ -69,7 +69,7 @@ def flow_pair(mean, delta, b11, b12, b21, b22, t):
     return c + s * (b11 - mean), s * b12, s * b21, c + s * (b22 - mean)
 
 
-@kernel
+@allocating
 def flow_block(mean, matrix, start, size, t):
     """exp(B t) of the block of `size` indices from `start`, (size, size): Taylor's series about the mean, scaled and
     squared."""
@@ -113,6 +113,26 @@ def flow_block(mean, matrix, start, size, t):
     return total
 
 
+@allocating
+def block_matrix(mean, matrix, start, size, t, out):
+    """The block of `size` indices from `start` of out = exp(B t)."""
+    block = flow_block(mean, matrix, start, size, t)
+    for r in range(size):
+        for c in range(size):
+            out[start + r, start + c] = block[r, c]
+
+
+@allocating
+def block_state(mean, matrix, start, size, t, z, out):
+    """The `size` entries from `start` of out = exp(B t) z."""
+    block = flow_block(mean, matrix, start, size, t)
+    for r in range(size):
+        total = 0.0
+        for c in range(size):
+            total += block[r, c] * z[start + c]
+        out[start + r] = total
+
+
 @kernel
 def flow_state(pairs, mean, delta, matrix, z, t, out):
     """out = exp(B t) z."""
@@ -128,12 +148,7 @@ def flow_state(pairs, mean, delta, matrix, z, t, out):
         elif j == -1:
             out[i] = math.exp(mean[k] * t) * z[i]
         else:
-            block = flow_block(mean[k], matrix, i, -j, t)
-            for r in range(-j):
-                total = 0.0
-                for c in range(-j):
-                    total += block[r, c] * z[i + c]
-                out[i + r] = total
+            block_state(mean[k], matrix, i, -j, t, z, out)
 
 
 @kernel
@@ -155,10 +170,7 @@ def flow_matrix(pairs, mean, delta, matrix, t, out):
         elif j == -1:
             out[i, i] = math.exp(mean[k] * t)
         else:
-            block = flow_block(mean[k], matrix, i, -j, t)
-            for r in range(-j):
-                for c in range(-j):
-                    out[i + r, i + c] = block[r, c]
+            block_matrix(mean[k], matrix, i, -j, t, out)
 
 
 @kernel

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import int64
 
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import allocating, kernel
 from bvp.kernels.flight import apply_flow, flow_matrix, rate
 from bvp.kernels.pencil import complement
 from bvp.kernels.segment import ORIGIN, REST, STOP, start_state
@@ -56,7 +56,7 @@ def magnification(segment, node, z, reach):
     return reach * math.sqrt(normal) / abs(speed) if speed != 0.0 else math.inf
 
 
-@kernel
+@allocating
 def half_map(segment, y, ends, work, phi):
     """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; `work` (>= N + 3, N).
     Returns the largest factor by which an impact magnifies rounding (1: none)."""

@@ -23,7 +23,7 @@ import math
 import numpy as np
 
 from bvp.kernels.arrays import set_2
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import allocating, kernel, part
 from bvp.kernels.flight import flow_matrix, rate
 
 __all__ = ["complement", "landing_map", "landings", "pencil", "sweep", "trivial_directions"]
@@ -122,7 +122,7 @@ def landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration,
         )
 
 
-@kernel
+@allocating
 def pencil(weights, gap, conservative, after, row, scale, maps, along, left, right):
     """Factors of the product pencil: left[i] = E_i, right[i] = A_i. The arrays are (P, N, N); factor i uses the first rows and
     columns: E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N less the constraints of a node and m_i = d_{i+1}, or for a cut
@@ -286,7 +286,7 @@ def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
     return singular
 
 
-@kernel
+@allocating
 def trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along):
     """How well the product of saltation matrices, `turns` times round the given nodes, keeps the flow and the energy:
     (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|)."""

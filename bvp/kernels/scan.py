@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import int64
 
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import allocating, kernel
 from bvp.kernels.extrema import dot, look, refine, safe_step, separate
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
@@ -53,7 +53,7 @@ def crossings(pairs, mean, delta, matrix, value, rate, second, z, duration, time
     return -1
 
 
-@kernel
+@allocating
 def scan(
     pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, push, restitution, kind, transverse, functional, starts,
     wanted, most_impacts, longest, word, times, values, ends, status, nodes, instants, work,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 
 __all__ = ["ORIGIN", "PERIODIC", "REST", "STOP", "Segment", "pack", "start_state", "unpack"]
 
@@ -44,7 +44,7 @@ def start_state(start_map, start_offset, y, out):
         out[r] = total
 
 
-@kernel
+@part
 def unpack(pairs, rows, scalars, start_map, shape):
     """The `Segment` whose arrays stand in the rows of one array and the entries of another (see `pack`)."""
     size = rows.shape[1]

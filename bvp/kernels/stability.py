@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import allocating, part
 from bvp.kernels.cycle import count_impacts, unfold
 from bvp.kernels.halfmap import half_map
 from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
@@ -135,7 +135,7 @@ def stability_2(segment, y, ends, work, result):
     result[SINGULAR] = singular
 
 
-@kernel
+@allocating
 def orbit_stability(pairs, rows, scalars, start_map, shape, y, ends, work, result):
     """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
     segment = unpack(pairs, rows, scalars, start_map, shape)
