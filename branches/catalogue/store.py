@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue.find import Match
     from branches.events import BranchEvent
+    from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
 __all__ = ["Catalogue"]
@@ -282,6 +283,12 @@ class Catalogue:
         from branches.catalogue.find import find
 
         return find(self, name, self.scene.pins if pins is None else pins)
+
+    def identify(self, orbit: Orbit) -> str | None:
+        """The id of the family that passes through an orbit, however it is started, mirrored or run; None where none does."""
+        from branches.catalogue.identify import identify
+
+        return identify(self, orbit.problem, orbit.solution.y)
 
     # -- the graph ------------------------------------------------------------------------------------------------------------
 
