@@ -9,7 +9,7 @@ from functools import cache
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
-from branches.catalogue.errors import CatalogueError, translated
+from branches.catalogue.errors import CatalogueError
 from branches.catalogue.rows import FamilyRow
 from branches.labels import Label, LabelSyntaxError, Name, canonical, matches, nearest, parse, parse_name, roots
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
@@ -189,7 +189,7 @@ def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fit
             continue
         if name.h is None and name.alpha is not None and not row.alpha[0] <= name.alpha <= row.alpha[1]:
             continue
-        points = _track(catalogue, row)
+        points = catalogue.track(row)
         if name.h is None and name.alpha is None:
             own = [(h, alpha) for h, alpha, label in points if fits is None or fits(label)]
             middle = own[len(own) // 2] if own else (points[0][0], points[0][1])
@@ -206,15 +206,6 @@ def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fit
             out.append((best[0], Match(row.id, "family", *best[1])))
     least = min((miss for miss, _ in out), default=0.0)
     return [match for miss, match in out if miss <= least + 1e-9]
-
-
-def _track(catalogue: Catalogue, row: FamilyRow) -> list[tuple[float, float, str]]:
-    """Energy, quarter period and label along a family."""
-    with translated(catalogue.path):
-        return catalogue._connection.execute(
-            "SELECT h, alpha, label FROM points WHERE number >= ? AND number < ? ORDER BY number",
-            (row.first_point, row.first_point + row.points),
-        ).fetchall()
 
 
 def _crossings(
