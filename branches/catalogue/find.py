@@ -9,7 +9,7 @@ from functools import cache
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
-from branches.catalogue.errors import CatalogueError, translated
+from branches.catalogue.errors import CatalogueError
 from branches.catalogue.rows import FamilyRow
 from branches.labels import Label, LabelSyntaxError, Name, canonical, matches, nearest, parse, parse_name, roots
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
@@ -28,12 +28,14 @@ Crossing = tuple[float, float]
 
 
 class Match(NamedTuple):
-    """What a name stands for: the id of a family or linear mode, and the orbit that a suffix, pin or label selects on it."""
+    """What a name stands for: the id of a family or linear mode, and the orbit that a suffix, pin or label selects on it. `note` says so
+    where the orbit's own label is another one."""
 
     id: str
     kind: str
     h: float | None = None
     alpha: float | None = None
+    note: str = ""
 
 
 # -- filters ------------------------------------------------------------------------------------------------------------------
@@ -129,6 +131,8 @@ def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]
     fits = cache(lambda label: bool(label) and matches(pattern, parse(label)))
     having = [row for row in families if any(map(fits, row.label_names))]
     found = _select(catalogue, name, having, fits)
+    if not having and name.h is None and name.alpha is None:
+        found = _counted_otherwise(catalogue, text, pattern, families, pins)
     if not found:
         raise NameNotFound(_nothing(catalogue, name, families, having))
     if len(found) > 1 and name.h is None and name.alpha is None:
@@ -140,6 +144,28 @@ def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]
         more = f" and {len(found) - 12} more" if len(found) > 12 else ""
         raise AmbiguousName(f"{text} is {len(found)} families; expected one of {' '.join(_suffixed(head, found)[:12])}{more}")
     return found[0]
+
+
+def _counted_otherwise(
+    catalogue: Catalogue, text: str, label: Label, families: Sequence[FamilyRow], pins: Mapping[str, Mapping[str, float]]
+) -> list[Match]:
+    """The family that a pin means by a label that no family has: one with the label's impacts, where the half-waves that are counted, or
+    the sign, are others than the literature prints."""
+    pin = pins.get(text) or pins.get(str(label))
+    if pin is None or "h" not in pin or "alpha" not in pin or label.p is None:
+        return []
+    asked = canonical(label)
+
+    @cache
+    def fits(known: str) -> bool:
+        other = canonical(parse(known)) if known else None
+        return other is not None and (other.kind, other.parity, other.p, other.q) == (asked.kind, asked.parity, asked.p, asked.q)
+
+    having = [row for row in families if any(map(fits, row.label_names))]
+    found = _select(catalogue, Name(label, None, pin["h"], pin["alpha"]), having, fits)
+    where = f"h = {pin['h']:.8g}, alpha = {pin['alpha']:.8g}"
+    note = f"{label} is the scene's name of the orbit at {where}; its half-waves are counted otherwise"
+    return [match._replace(note=note) for match in found]
 
 
 def _suffixed(head: str, found: Sequence[Match]) -> list[str]:
@@ -163,7 +189,7 @@ def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fit
             continue
         if name.h is None and name.alpha is not None and not row.alpha[0] <= name.alpha <= row.alpha[1]:
             continue
-        points = _track(catalogue, row)
+        points = catalogue.track(row)
         if name.h is None and name.alpha is None:
             own = [(h, alpha) for h, alpha, label in points if fits is None or fits(label)]
             middle = own[len(own) // 2] if own else (points[0][0], points[0][1])
@@ -180,15 +206,6 @@ def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fit
             out.append((best[0], Match(row.id, "family", *best[1])))
     least = min((miss for miss, _ in out), default=0.0)
     return [match for miss, match in out if miss <= least + 1e-9]
-
-
-def _track(catalogue: Catalogue, row: FamilyRow) -> list[tuple[float, float, str]]:
-    """Energy, quarter period and label along a family."""
-    with translated(catalogue.path):
-        return catalogue._connection.execute(
-            "SELECT h, alpha, label FROM points WHERE number >= ? AND number < ? ORDER BY number",
-            (row.first_point, row.first_point + row.points),
-        ).fetchall()
 
 
 def _crossings(

@@ -89,7 +89,7 @@ def _connect(path: Path, options: str) -> sqlite3.Connection:
 def _probe(connection: sqlite3.Connection) -> sqlite3.Connection:
     try:
         connection.execute("PRAGMA schema_version").fetchone()
-        connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+        connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
     except BaseException:
         connection.close()
         raise

@@ -61,7 +61,7 @@ def create(connection: sqlite3.Connection) -> None:
 
 def is_empty(connection: sqlite3.Connection) -> bool:
     """Whether the file holds no table at all: a new one, or one whose making was cut short."""
-    return connection.execute("SELECT count(*) FROM sqlite_schema").fetchone()[0] == 0
+    return connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
 
 
 def require(connection: sqlite3.Connection, path: Path) -> None:
@@ -78,7 +78,7 @@ def require(connection: sqlite3.Connection, path: Path) -> None:
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if version != SCHEMA:
         raise CatalogueError(f"{path} is a catalogue of schema {version}; this version of saltus reads schema {SCHEMA}: build it again")
-    missing = _names() - {name for (name,) in connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")}
+    missing = _names() - {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if missing:
         raise CatalogueDamaged(f"{path} is damaged: it has no table {sorted(missing)[0]}")
 

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import os
-import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from branches.catalogue import schema
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
-from branches.catalogue.lock import WriterLock
-from branches.catalogue.opening import open_to_read, open_to_write, settle
 from branches.catalogue.rows import (
     EDGE_COLUMNS,
     EVENT_COLUMNS,
@@ -27,8 +19,7 @@ from branches.catalogue.rows import (
     crc_of,
     no_nan,
 )
-from branches.catalogue.scene import SceneRecord, difference
-from branches.files import WriteFailure
+from branches.catalogue.work import WorkQueue
 
 if TYPE_CHECKING:
     import networkx
@@ -37,12 +28,12 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue.find import Match
     from branches.events import BranchEvent
-    from bvp.system import ImpactSystem
+    from branches.orbit import Orbit
 
 __all__ = ["Catalogue"]
 
 
-class Catalogue:
+class Catalogue(WorkQueue):
     """The families of one system, in one file.
 
     Parameters
@@ -75,84 +66,6 @@ class Catalogue:
     (['S13O00+'], ['EP1', 'SB1', 'RT1', 'EP2'])
     >>> directory.cleanup()
     """
-
-    def __init__(
-        self, path: str | os.PathLike[str], mode: str = "r", *, scene: Any = None, provenance: Mapping[str, Any] | None = None
-    ) -> None:
-        if mode not in ("r", "a"):
-            raise ValueError(f"the mode of a catalogue is {mode!r}, expected r (read) or a (add)")
-        self.path = Path(path)
-        self._lock: WriterLock | None = None
-        self._depth = 0
-        self._accepted: Any = None
-        self._process = os.getpid()
-        record = None if scene is None else SceneRecord.of(scene)
-        if mode == "a":
-            self.path = Path(os.path.realpath(path))
-            self._lock = WriterLock(self.path)
-        try:
-            self._connection = open_to_write(self.path) if mode == "a" else open_to_read(self.path)
-        except BaseException:
-            if self._lock is not None:
-                self._lock.release()
-            raise
-        try:
-            with translated(self.path):
-                if mode == "a" and schema.is_empty(self._connection):
-                    self._make(record, dict(provenance or {}))
-                schema.require(self._connection, self.path)
-            if record is not None:
-                self.require_system(record.system)
-        except BaseException:
-            self.close()
-            raise
-
-    def __enter__(self) -> Catalogue:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Leave one single file behind. A process that was forked from the writer's does nothing."""
-        if os.getpid() != self._process:
-            return
-        if self._lock is None:
-            self._connection.close()
-            return
-        settle(self._connection)
-        self._lock.release()
-
-    # -- what it is about -----------------------------------------------------------------------------------------------------
-
-    @cached_property
-    def scene(self) -> SceneRecord:
-        """The scene that it belongs to."""
-        return SceneRecord(**self._table("scene"))
-
-    @cached_property
-    def provenance(self) -> dict[str, Any]:
-        """Versions and settings that it was made with."""
-        return self._table("provenance")
-
-    @cached_property
-    def system(self) -> ImpactSystem:
-        """The system of its families."""
-        from bvp.system import ImpactSystem
-
-        return ImpactSystem.from_description(self.scene.system)
-
-    def require_system(self, system: Mapping[str, Any]) -> None:
-        """Refuse another system than that of the catalogue, given as it describes itself.
-
-        Raises
-        ------
-        CatalogueError
-            Naming what differs.
-        """
-        told = difference(self.scene.system, system)
-        if told is not None:
-            raise CatalogueError(f"{self.path} belongs to another system: there {told}")
 
     def counts(self) -> dict[str, int]:
         """How many families, points, events and edges it holds, and how many pieces of work are pending and done."""
@@ -241,6 +154,14 @@ class Catalogue:
             raise CatalogueDamaged(f"{where}: it has {len(found)} of {row.points} points")
         return columns_of(found, row.layout, parse_ends(row.ends), row.columns_crc, where)
 
+    def track(self, row: FamilyRow) -> list[tuple[float, float, str]]:
+        """Energy, quarter period and label at each point of a family, without arrays; checksums are not compared."""
+        with translated(self.path):
+            return self._connection.execute(
+                "SELECT h, alpha, label FROM points WHERE number >= ? AND number < ? ORDER BY number",
+                (row.first_point, row.first_point + row.points),
+            ).fetchall()
+
     def events(self, id: str) -> tuple[BranchEvent, ...]:
         """The events of a family, in order of arclength."""
         from branches.catalogue.events import read_event
@@ -283,6 +204,12 @@ class Catalogue:
 
         return find(self, name, self.scene.pins if pins is None else pins)
 
+    def identify(self, orbit: Orbit) -> str | None:
+        """The id of the family that passes through an orbit, however it is started, mirrored or run; None where none does."""
+        from branches.catalogue.identify import identify
+
+        return identify(self, orbit.problem, orbit.solution.y)
+
     # -- the graph ------------------------------------------------------------------------------------------------------------
 
     @property
@@ -304,31 +231,6 @@ class Catalogue:
         return graph_of(self)
 
     # -- adding ---------------------------------------------------------------------------------------------------------------
-
-    @contextmanager
-    def transaction(self) -> Iterator[None]:
-        """All that is added in the block is kept together, or nothing of it."""
-        self._writable()
-        with translated(self.path):
-            if self._depth == 0:
-                self._connection.execute("BEGIN IMMEDIATE")
-            elif not self._connection.in_transaction:
-                raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
-            self._depth += 1
-            try:
-                yield
-                if self._depth == 1:
-                    if not self._connection.in_transaction:
-                        raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
-                    self._connection.execute("COMMIT")
-            except BaseException:
-                if self._depth == 1 and self._connection.in_transaction:
-                    self._connection.execute("ROLLBACK")
-                raise
-            finally:
-                self._depth -= 1
-                # What was read of the families may no longer be all of them.
-                self.__dict__.pop("_families", None)
 
     def add(self, branch: Branch) -> str:
         """Keep a family; one with the same id is kept already, and stays as it is.
@@ -396,8 +298,6 @@ class Catalogue:
         Edge
             As it is kept.
         """
-        from dataclasses import replace
-
         with self.transaction():
             if edge.target is None:
                 end = Node(f"dead end:{edge.source}:{edge.source_event}", "dead end", note=edge.note or "no admissible neighbour was found")
@@ -414,69 +314,7 @@ class Catalogue:
         with self.transaction():
             self._insert("nodes", NODE_COLUMNS, node.values(), crc_of(node.values()), ignore=True)
 
-    # -- work that is left ----------------------------------------------------------------------------------------------------
-
-    def add_work(self, items: Iterable[tuple[str, Any]]) -> int:
-        """Queue pieces of work, as (key, JSON value); a key that is known already stays as it is.
-
-        Returns
-        -------
-        int
-            How many were new.
-        """
-        with self.transaction():
-            before = self._connection.total_changes
-            self._connection.executemany(
-                "INSERT OR IGNORE INTO work (key, state, payload) VALUES (?, 'pending', ?)",
-                ((key, json.dumps(value, sort_keys=True)) for key, value in items),
-            )
-            return self._connection.total_changes - before
-
-    def finish(self, key: str, result: Any = None) -> None:
-        """Mark a piece of work as done: in one transaction with what came of it."""
-        with self.transaction():
-            self._connection.execute(
-                "UPDATE work SET state = 'done', result = ? WHERE key = ?", (json.dumps(result, sort_keys=True), key)
-            )
-
-    def work(self, state: str = "pending") -> list[tuple[str, Any, Any]]:
-        """Pieces of work, ``pending`` or ``done``: (key, value, result) in the order of their keys."""
-        rows = self._select("work", ("key", "payload", "result"), "WHERE state = ? ORDER BY key", (state,))
-        return [(key, json.loads(value), None if result is None else json.loads(result)) for key, value, result in rows]
-
-    def progress(self, key: str) -> Any:
-        """What was last noted under a key, None where nothing was."""
-        rows = self._select("progress", ("value",), "WHERE key = ?", (key,))
-        return json.loads(rows[0][0]) if rows else None
-
-    def note(self, key: str, value: Any) -> None:
-        """Note a JSON value under a key, in place of what was there."""
-        with self.transaction():
-            self._connection.execute("INSERT OR REPLACE INTO progress VALUES (?, ?)", (key, json.dumps(value, sort_keys=True)))
-
     # -- inside ---------------------------------------------------------------------------------------------------------------
-
-    def _make(self, scene: SceneRecord | None, provenance: dict[str, Any]) -> None:
-        import datetime
-
-        from branches.catalogue.provenance import versions
-
-        if scene is None:
-            raise CatalogueError(f"there is no catalogue {self.path}; expected a scene to make one for")
-        created = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
-        made = {"created": created, "schema": schema.SCHEMA, "versions": versions(), **provenance}
-        with self.transaction():
-            schema.create(self._connection)
-            for table, content in (("scene", vars(scene)), ("provenance", made)):
-                for key, value in content.items():
-                    row = (key, json.dumps(value, allow_nan=False))
-                    self._insert(table, ("key", "value"), row, crc_of(row))
-
-    def _writable(self) -> None:
-        if self._lock is None:
-            raise CatalogueError(f"{self.path} was opened to read, expected mode a to add to it")
-        if os.getpid() != self._process:
-            raise CatalogueError(f"{self.path} is written by process {self._process}, not by this one, which was forked from it")
 
     @cached_property
     def _families(self) -> list[FamilyRow]:
@@ -486,37 +324,9 @@ class Catalogue:
         number, *values = row
         return FamilyRow.read(number, self._checked(values, f"the row of family {values[0]}"))
 
-    def _select(self, table: str, columns: tuple[str, ...], rest: str = "", values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-        """Rows of a table, each with its checksum behind it where the table has one."""
-        crc = ", crc" if table in ("families", "nodes", "edges") else ""
-        with translated(self.path):
-            return self._connection.execute(f"SELECT {', '.join(columns)}{crc} FROM {table} {rest}", values).fetchall()
-
-    def _table(self, table: str) -> dict[str, Any]:
-        with translated(self.path):
-            rows = self._connection.execute(f"SELECT key, value, crc FROM {table}").fetchall()
-        return {key: json.loads(value) for key, value in (self._checked(row, f"{row[0]} in the table {table}") for row in rows)}
-
-    def _checked(self, values: Iterable[Any], what: str) -> tuple[Any, ...]:
-        """A row's values without the checksum at their end.
-
-        Raises
-        ------
-        CatalogueDamaged
-            Where it does not fit.
-        """
-        *kept, crc = values
-        if crc_of(tuple(kept)) != crc:
-            raise CatalogueDamaged(f"{self.path} is damaged: {what} does not fit its checksum")
-        return tuple(kept)
-
-    def _insert(self, table: str, columns: tuple[str, ...], values: tuple[Any, ...], crc: int, ignore: bool = False) -> None:
-        marks = ", ".join("?" * (len(columns) + 1))
-        verb = "INSERT OR IGNORE" if ignore else "INSERT"
-        try:
-            self._connection.execute(f"{verb} INTO {table} ({', '.join(columns)}, crc) VALUES ({marks})", (*values, crc))
-        except sqlite3.IntegrityError as error:
-            raise CatalogueError(f"{self.path}: {error}") from error
+    def _changed(self) -> None:
+        # What was read of the families may no longer be all of them.
+        self.__dict__.pop("_families", None)
 
 
 def _range(values: np.ndarray) -> tuple[float, float]:

@@ -77,7 +77,7 @@ def orbit_rows(found: Sequence[tuple[str, Orbit]]) -> Table:
         "stable": np.array([-1 if orbit.stable is None else int(orbit.stable) for orbit in orbits], dtype=np.int8),
         "tau": np.array([orbit.tau for orbit in orbits]),
         "tau_half": np.array([orbit.tau_half for orbit in orbits]),
-        "multipliers": np.array([orbit.multipliers for orbit in orbits]).reshape(len(orbits), -1),
+        "multipliers": np.array([orbit.multipliers for orbit in orbits], complex).reshape(len(orbits), max(0, 2 * n - 2)),
         "residual": np.array([orbit.residual for orbit in orbits]),
         "start_u": starts[:, :n],
         "start_v": starts[:, n:],

@@ -95,6 +95,7 @@ def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[s
     lines = [
         f"family   {row.id}",
         f"label    {row.label or '(outside the grammar of labels)'}",
+        *([f"name     {match.note}"] if match.note else []),
         f"ends     {row.ends}  word {row.word or '(none)'}  {impacts_text(row.impacts)}",
         f"energy   h = {row.h[0]:.12g} to {row.h[1]:.12g}",
         f"quarter  alpha = {row.alpha[0]:.12g} to {row.alpha[1]:.12g}",

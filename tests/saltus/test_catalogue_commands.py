@@ -264,3 +264,27 @@ def test_columns_fit_the_terminal():
         assert all(len(line) <= width for line in lines)
         assert lines[1].startswith("S13O00+") and "1.5" in lines[1]
     assert "+-" * 30 + ":01234567" in listing(("label", "id", "h"), rows)[1]
+
+
+def test_an_empty_catalogue_can_be_browsed(tmp_path, capsys):
+    """Oracle: nothing, said in words; names exit 2."""
+    path = tmp_path / "empty.sqlite"
+    Catalogue(path, "a", scene=scene()).close()
+    assert "0 of 0 families" in run(capsys, "list", "--catalogue", path, "--ends", "origin-rest")[1]
+    assert "all hold" in run(capsys, "check", path)[1]
+    for name in ("S13+", "abcd", "L11+"):
+        code, _, err = run(capsys, "show", name, "--catalogue", path)
+        assert code == 2 and "none" in err
+    for what, file in (("graph", "graph.dot"), ("graph", "graph.graphml"), ("points", "points.csv"), ("points", "points.mat")):
+        assert run(capsys, "export", what, "--out", tmp_path / file, "--catalogue", path)[0] == 0
+    code, _, err = run(capsys, "export", "orbits", "--energy", 1, "--out", tmp_path / "orbits.npz", "--catalogue", path)
+    assert code == 0 and not err
+
+
+@pytest.mark.parametrize("name", ["with space.sqlite", "what?.sqlite", "half#1.sqlite", "100%25.sqlite", "Übersicht.sqlite", "-.sqlite"])
+def test_any_file_name_will_do(tmp_path, capsys, name):
+    """Oracle: the file that is there, and only that."""
+    with Catalogue(tmp_path / name, "a", scene=scene()) as filled:
+        filled.add(real()[0])
+    assert [entry.name for entry in tmp_path.iterdir()] == [name]
+    assert "1 of 1 families" in run(capsys, "list", "--catalogue", tmp_path / name)[1]

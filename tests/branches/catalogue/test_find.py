@@ -73,7 +73,7 @@ def test_an_id_and_its_beginning(catalogue):
 
 def test_a_linear_mode(catalogue):
     """Oracle: the node; L33+ is the same motion."""
-    assert catalogue.find("L11+") == catalogue.find("L33+") == ("L11+", "linear mode", 0.1185, 1.84)
+    assert catalogue.find("L11+") == catalogue.find("L33+") == ("L11+", "linear mode", 0.1185, 1.84, "")
     with pytest.raises(NameNotFound, match=r"no linear mode L11-; it has L11\+"):
         catalogue.find("L11-")
 
@@ -142,3 +142,37 @@ def test_a_pin_chooses_for_a_bare_name_only(twins):
         catalogue.find("S73O33-", pins={})
     with pytest.raises(AmbiguousName):
         catalogue.find("S73O33-", pins={"S73O33-": {"h": 7.3348, "alpha": 9.0}})
+
+
+def test_a_pin_finds_a_label_that_is_counted_otherwise(catalogue):
+    """Oracle: the orbit at the pin: S53O33+ at h = 15 under a name with its impacts but other half-waves, as the literature has some;
+    a name with other impacts is not helped, nor is one without a pin."""
+    pins = {"S93O33-": {"h": 15.0, "alpha": 1.64594}, "S93O22-": {"h": 15.0, "alpha": 1.64594}}
+    match = catalogue.find("S93O33-", pins=pins)
+    assert match.id == real()[TWISTED].id and match.h == 15.0 and "counted otherwise" in match.note
+    assert catalogue.find("S73O33-").note == ""
+    for name in ("S93O22-", "S95O33-"):
+        with pytest.raises(NameNotFound):
+            catalogue.find(name, pins=pins)
+
+
+def test_an_orbit_is_known_by_its_family(catalogue):
+    """Oracle: the family that it was taken from: as it stands, started at its far end, and mirrored; the twin of half its period is
+    another; an orbit of a family that is not kept is none."""
+    from branches.catalogue.closures import seen_from, unknowns_of
+    from branches.orbit import Orbit
+    from bvp.multipoint import MultipointProblem
+
+    for branch in real():
+        orbit = branch.orbit_at(alpha=branch.points["alpha"][len(branch) // 2 + 3])
+        assert catalogue.identify(orbit) == branch.id
+    born = real()[BORN]
+    orbit = born.orbit(len(born) // 2)
+    other_end = seen_from(born.problem, orbit.solution.y, ("origin", "origin"), ("-",))
+    assert other_end is not None
+    problem = MultipointProblem(born.system, other_end.ends, ("-",))
+    turned = Orbit(problem, problem.solve(unknowns_of(problem, other_end)))
+    assert turned.label != orbit.label or turned.problem.word != orbit.problem.word
+    assert catalogue.identify(turned) == born.id
+    outside = saltus.trace("S33O11-", energy=(0.17, 0.18)).orbit(3)
+    assert catalogue.identify(outside) is None

@@ -1,0 +1,189 @@
+"""The file of a catalogue: opened to read or to write, changed in whole transactions, every row compared with its checksum."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from branches.catalogue import schema
+from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
+from branches.catalogue.lock import WriterLock
+from branches.catalogue.opening import open_to_read, open_to_write, settle
+from branches.catalogue.rows import crc_of
+from branches.catalogue.scene import SceneRecord, difference
+from branches.files import WriteFailure
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["CatalogueFile"]
+
+
+class CatalogueFile:
+    """What `branches.catalogue.store.Catalogue` is as a file; its parameters and errors are described there."""
+
+    def __init__(
+        self, path: str | os.PathLike[str], mode: str = "r", *, scene: Any = None, provenance: Mapping[str, Any] | None = None
+    ) -> None:
+        if mode not in ("r", "a"):
+            raise ValueError(f"the mode of a catalogue is {mode!r}, expected r (read) or a (add)")
+        self.path = Path(path)
+        self._lock: WriterLock | None = None
+        self._depth = 0
+        self._accepted: Any = None
+        self._process = os.getpid()
+        record = None if scene is None else SceneRecord.of(scene)
+        if mode == "a":
+            self.path = Path(os.path.realpath(path))
+            self._lock = WriterLock(self.path)
+        try:
+            self._connection = open_to_write(self.path) if mode == "a" else open_to_read(self.path)
+        except BaseException:
+            if self._lock is not None:
+                self._lock.release()
+            raise
+        try:
+            with translated(self.path):
+                if mode == "a" and schema.is_empty(self._connection):
+                    self._make(record, dict(provenance or {}))
+                schema.require(self._connection, self.path)
+            if record is not None:
+                self.require_system(record.system)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave one single file behind. A process that was forked from the writer's does nothing."""
+        if os.getpid() != self._process:
+            return
+        if self._lock is None:
+            self._connection.close()
+            return
+        settle(self._connection)
+        self._lock.release()
+
+    @cached_property
+    def scene(self) -> SceneRecord:
+        """The scene that it belongs to."""
+        return SceneRecord(**self._table("scene"))
+
+    @cached_property
+    def provenance(self) -> dict[str, Any]:
+        """Versions and settings that it was made with."""
+        return self._table("provenance")
+
+    @cached_property
+    def system(self) -> ImpactSystem:
+        """The system of its families."""
+        from bvp.system import ImpactSystem
+
+        return ImpactSystem.from_description(self.scene.system)
+
+    def require_system(self, system: Mapping[str, Any]) -> None:
+        """Refuse another system than that of the catalogue, given as it describes itself.
+
+        Raises
+        ------
+        CatalogueError
+            Naming what differs.
+        """
+        told = difference(self.scene.system, system)
+        if told is not None:
+            raise CatalogueError(f"{self.path} belongs to another system: there {told}")
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """All that is added in the block is kept together, or nothing of it."""
+        self._writable()
+        with translated(self.path):
+            if self._depth == 0:
+                self._connection.execute("BEGIN IMMEDIATE")
+            elif not self._connection.in_transaction:
+                raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
+            self._depth += 1
+            try:
+                yield
+                if self._depth == 1:
+                    if not self._connection.in_transaction:
+                        raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
+                    self._connection.execute("COMMIT")
+            except BaseException:
+                if self._depth == 1 and self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+                raise
+            finally:
+                self._depth -= 1
+                self._changed()
+
+    # -- inside ---------------------------------------------------------------------------------------------------------------
+
+    def _make(self, scene: SceneRecord | None, provenance: dict[str, Any]) -> None:
+        import datetime
+
+        from branches.catalogue.provenance import versions
+
+        if scene is None:
+            raise CatalogueError(f"there is no catalogue {self.path}; expected a scene to make one for")
+        created = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
+        made = {"created": created, "schema": schema.SCHEMA, "versions": versions(), **provenance}
+        with self.transaction():
+            schema.create(self._connection)
+            for table, content in (("scene", vars(scene)), ("provenance", made)):
+                for key, value in content.items():
+                    row = (key, json.dumps(value, allow_nan=False))
+                    self._insert(table, ("key", "value"), row, crc_of(row))
+
+    def _changed(self) -> None:
+        """Forget what was read before a transaction."""
+
+    def _writable(self) -> None:
+        if self._lock is None:
+            raise CatalogueError(f"{self.path} was opened to read, expected mode a to add to it")
+        if os.getpid() != self._process:
+            raise CatalogueError(f"{self.path} is written by process {self._process}, not by this one, which was forked from it")
+
+    def _select(self, table: str, columns: tuple[str, ...], rest: str = "", values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+        """Rows of a table, each with its checksum behind it where the table has one."""
+        crc = ", crc" if table in ("families", "nodes", "edges") else ""
+        with translated(self.path):
+            return self._connection.execute(f"SELECT {', '.join(columns)}{crc} FROM {table} {rest}", values).fetchall()
+
+    def _table(self, table: str) -> dict[str, Any]:
+        with translated(self.path):
+            rows = self._connection.execute(f"SELECT key, value, crc FROM {table}").fetchall()
+        return {key: json.loads(value) for key, value in (self._checked(row, f"{row[0]} in the table {table}") for row in rows)}
+
+    def _checked(self, values: Iterable[Any], what: str) -> tuple[Any, ...]:
+        """A row's values without the checksum at their end.
+
+        Raises
+        ------
+        CatalogueDamaged
+            Where it does not fit.
+        """
+        *kept, crc = values
+        if crc_of(tuple(kept)) != crc:
+            raise CatalogueDamaged(f"{self.path} is damaged: {what} does not fit its checksum")
+        return tuple(kept)
+
+    def _insert(self, table: str, columns: tuple[str, ...], values: tuple[Any, ...], crc: int, ignore: bool = False) -> None:
+        marks = ", ".join("?" * (len(columns) + 1))
+        verb = "INSERT OR IGNORE" if ignore else "INSERT"
+        try:
+            self._connection.execute(f"{verb} INTO {table} ({', '.join(columns)}, crc) VALUES ({marks})", (*values, crc))
+        except sqlite3.IntegrityError as error:
+            raise CatalogueError(f"{self.path}: {error}") from error
