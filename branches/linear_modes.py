@@ -207,7 +207,7 @@ def families_at(mode: LinearMode, turns: int, impacts: int, *, periodic: bool = 
     periodic : bool
         Whether families without a reversal are given too; never beyond twelve touches in all turns.
     **options
-        As for `branches.tracing.follow_family`.
+        As for `branches.tracing.follow_family`; where the mode grazes outside the `energy` range there are none.
 
     Returns
     -------
@@ -224,6 +224,9 @@ def families_at(mode: LinearMode, turns: int, impacts: int, *, periodic: bool = 
     """
     if turns < 1 or impacts < 1:
         raise ValueError(f"turns is {turns} and impacts {impacts}, expected 1 or more of each")
+    low, high = options.get("energy", (0.0, math.inf))
+    if not low <= mode.energies[1] <= high:
+        return []
     orbit = mode.touching(turns)
     matrix = response(mode, orbit)
     count = len(orbit.times)
