@@ -223,6 +223,14 @@ def test_symmetries_of_a_grazing_orbit():
     assert own.ends[0] == "origin" and own.word == () and own.impacts == 2
 
 
+def test_many_touches_are_changed_by_twos():
+    """Oracle: by hand: seven turns have 28 touches in 14 pairs about each kind of axis; one or two pairs are added."""
+    branch, event = grazing("S13O00+", 14.5537)
+    orbit = touching(branch.problem, branch.orbit(event.point).solution.y).repeated(7)
+    added = [bin(mask ^ orbit.hard).count("1") for mask in orbit.choices()]
+    assert orbit.grazing.sum() == 28 and set(added) == {2, 4} and added.count(2) > 2
+
+
 def two_stops(mixed):
     """Two masses, each with a stop; the second stop can be one for both masses, so that its impulse acts at the first."""
     second = (1.0, 1.0) if mixed else (0.0, 1.0)

@@ -84,6 +84,21 @@ def patterns(mode, count):
     return out
 
 
+def test_what_keeps_a_reversal_beyond_twelve_touches():
+    """Oracle: the rule of gaps, by plain enumeration of the words that are their own reflection."""
+    expected = {text for text in patterns(IN_PHASE, 14) if any(text[::-1] == text[i:] + text[:i] for i in range(14))}
+    orbit = IN_PHASE.touching(7)
+    matrix = response(IN_PHASE, orbit)
+    found = set()
+    for mask in orbit.choices():
+        bits = [mask >> i & 1 for i in range(14)]
+        if mask and begins(matrix, np.array(bits, dtype=bool)):
+            text = "".join(map(str, bits))
+            images = [text[i:] + text[:i] for i in range(14)]
+            found.add(min(images + [image[::-1] for image in images]))
+    assert found == expected and len(found) > 20
+
+
 @pytest.mark.parametrize("label", ["L11+", "L11-"])
 @pytest.mark.parametrize("turns", [1, 2, 3, 4, 5])
 def test_what_begins_is_what_the_rule_allows(label, turns):
@@ -210,6 +225,8 @@ def test_other_systems():
         linear_modes(vibro_impact_nes(rho=0.7))
     with pytest.raises(ValueError, match="turns is 0 and impacts 3"):
         families_at(first, 0, 3)
+    with pytest.raises(ValueError, match="turns is 12: families are enumerated up to 11"):
+        families_at(first, 12, 3)
 
 
 def test_three_masses():
