@@ -23,7 +23,7 @@ import numpy as np
 
 from branches.grazing.candidates import candidate
 from branches.grazing.following import Neighbour, follow
-from branches.grazing.touching import Touching
+from branches.grazing.touching import EVERY, Touching
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -201,13 +201,13 @@ def families_at(mode: LinearMode, turns: int, impacts: int, *, periodic: bool = 
     ----------
     mode : LinearMode
     turns : int
-        Exactly: shorter ones are those of fewer turns.
+        Exactly: shorter ones are those of fewer turns. Up to 11, of which all choices can be looked at.
     impacts : int
         Most impacts in half a period.
     periodic : bool
-        Whether families without a reversal are given too; never beyond twelve touches in all turns.
+        Whether families without a reversal are given too; not beyond twelve touches in all turns.
     **options
-        As for `branches.tracing.follow_family`.
+        As for `branches.tracing.follow_family`; where the mode grazes outside the `energy` range there are none.
 
     Returns
     -------
@@ -224,6 +224,11 @@ def families_at(mode: LinearMode, turns: int, impacts: int, *, periodic: bool = 
     """
     if turns < 1 or impacts < 1:
         raise ValueError(f"turns is {turns} and impacts {impacts}, expected 1 or more of each")
+    if turns >= EVERY:
+        raise ValueError(f"turns is {turns}: families are enumerated up to {EVERY - 1} turns of a linear mode")
+    low, high = options.get("energy", (0.0, math.inf))
+    if not low <= mode.energies[1] <= high:
+        return []
     orbit = mode.touching(turns)
     matrix = response(mode, orbit)
     count = len(orbit.times)

@@ -21,7 +21,7 @@ from bvp.multipoint import MultipointProblem
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Symmetry", "Touching", "stabiliser", "touching"]
+__all__ = ["EVERY", "Symmetry", "Touching", "stabiliser", "touching"]
 
 CONTACT = 1e-8
 """A turning point nearer to a stop than this part of the largest gap is a touch, an impact slower than this part of sqrt(2h) one of zero
@@ -31,6 +31,9 @@ _SAME = 1e-7
 """States, as parts of the largest, and times, as parts of the period, that are the same."""
 
 _TURNS = 4096
+
+EVERY = 12
+"""Grazing instants, or pairs of them, of which all sets are looked at."""
 
 
 class Symmetry(NamedTuple):
@@ -163,36 +166,52 @@ class Touching:
         """The representative of a set of instants among its images."""
         return min(symmetry.move(mask) for symmetry in self.symmetries)
 
-    def choices(self, every: int = 12) -> Iterator[int]:
+    def choices(self) -> Iterator[int]:
         """Sets of instants that may count as impacts, one of each class under the symmetries: all hard impacts, and any grazing instants.
 
-        Where more than `every` instants graze, only those that keep a reversal.
+        Where more than `EVERY` instants graze, only sets that keep a reversal; where one leaves more than `EVERY` images apart, only
+        those that differ from the set kept in at most two of them.
         """
         free = np.flatnonzero(self.grazing).tolist()
-        hard, seen = self.hard, set()
-        groups: list[list[int]] = []
-        if len(free) <= every:
-            groups.append([1 << i for i in free])
+        if len(free) <= EVERY:
+            groups = [[1 << i for i in free]]
         else:
-            known: set[tuple[str | None, bool]] = set()
-            for symmetry in self.symmetries:
-                if symmetry.axis is None:
-                    continue
-                fixed = any(symmetry.image[i] == i for i in range(len(symmetry.image)))
-                if (symmetry.axis, fixed) in known and len({s.move(1) for s in self.symmetries}) == len(self.times):
-                    continue  # all instants are images of each other, and so are the axes of a kind
-                known.add((symmetry.axis, fixed))
-                groups.append(sorted({1 << i | 1 << symmetry.image[i] for i in free}))
+            groups = [sorted({1 << i | 1 << image[i] for i in free}) for image in self._reversals()]
+        seen = set()
         for parts in groups:
-            for number in range(1 << len(parts)):
-                mask = hard
-                for i, part in enumerate(parts):
-                    if number >> i & 1:
-                        mask |= part
+            for mask in _unions(self.hard, parts) if len(parts) <= EVERY else _flips(self.kept, parts):
                 mask = self.smallest(mask)
                 if mask not in seen:
                     seen.add(mask)
                     yield mask
+
+    def _reversals(self) -> list[tuple[int, ...]]:
+        """Reversals as permutations, one of each class of those that a symmetry carries into each other."""
+        out, known = [], set()
+        for reversal in self.symmetries:
+            if reversal.axis is None or reversal.image in known:
+                continue
+            out.append(reversal.image)
+            for symmetry in self.symmetries:
+                carried = [0] * len(reversal.image)
+                for i, j in enumerate(reversal.image):
+                    carried[symmetry.image[i]] = symmetry.image[j]
+                known.add(tuple(carried))
+        return out
+
+
+def _unions(base: int, parts: list[int]) -> Iterator[int]:
+    """A set with any of the parts."""
+    for number in range(1 << len(parts)):
+        yield base | sum(part for i, part in enumerate(parts) if number >> i & 1)
+
+
+def _flips(base: int, parts: list[int]) -> Iterator[int]:
+    """A set with up to two of the parts added or taken away."""
+    for i, part in enumerate(parts):
+        yield base ^ part
+        for other in parts[:i]:
+            yield base ^ part ^ other
 
 
 def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:

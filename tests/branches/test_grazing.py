@@ -15,6 +15,7 @@ from branches.grazing.candidates import candidate
 from branches.grazing.merging import CannotMerge, merged
 from branches.grazing.touching import touching
 from branches.orbit import Orbit
+from branches.tracing import follow_family
 from branches.words import canonical
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
@@ -197,6 +198,20 @@ def test_neighbours_of_twice_the_period():
     assert family(("origin", "stop+"), "") in [family(item.ends, item.word) for item in back if item.branch is not None and item.turns == 2]
 
 
+def test_a_fold_next_to_the_grazing_does_not_change_the_kind():
+    """Oracle: symmetry of the relation, where a saddle-node lies within 1e-4 of the grazing energy of the neighbour."""
+    system = vibro_impact_nes(mu=0.37, sigma=0.81)
+    found = Scanner(system, "origin", 5.5).orbits(0.5305, 4000, [4])
+    me = family(("origin", "origin"), "+-++")
+    start = next(orbit for orbit in found if family(orbit.problem.ends, orbit.problem.word) == me and abs(orbit.alpha - 5.2118) < 1e-3)
+    branch = follow_family(start.problem, start.solution.y, energy=(0.5, 0.6))
+    event = next(e for e in branch.events if e.type == "GR" and abs(e.h - 0.5304283397) < 1e-9)
+    item = next(item for item in branch.neighbours(event, energy=(0.5, 0.6)) if item.ends == ("periodic", "periodic"))
+    assert any(e.type == "SN" and 0.0 < abs(e.h - event.h) < 1e-4 for e in item.branch.events)
+    back = item.branch.neighbours(item.event, energy=(0.5, 0.6))
+    assert [other.kind for other in back if other.branch and family(other.ends, other.branch.problem.word) == me] == [item.kind] == ["fold"]
+
+
 def test_symmetries_of_a_grazing_orbit():
     """Oracle: by hand: four touches and two impacts a period, with the mirror and both reversals."""
     branch, event = grazing("S13O00+", 14.5537)
@@ -206,6 +221,14 @@ def test_symmetries_of_a_grazing_orbit():
     assert len(list(orbit.choices())) == 7  # none, 1, three pairs, 3, all
     own = candidate(orbit, orbit.smallest(orbit.kept))
     assert own.ends[0] == "origin" and own.word == () and own.impacts == 2
+
+
+def test_many_touches_are_changed_by_twos():
+    """Oracle: by hand: seven turns have 28 touches in 14 pairs about each kind of axis; one or two pairs are added."""
+    branch, event = grazing("S13O00+", 14.5537)
+    orbit = touching(branch.problem, branch.orbit(event.point).solution.y).repeated(7)
+    added = [bin(mask ^ orbit.hard).count("1") for mask in orbit.choices()]
+    assert orbit.grazing.sum() == 28 and set(added) == {2, 4} and added.count(2) > 2
 
 
 def two_stops(mixed):

@@ -84,6 +84,21 @@ def patterns(mode, count):
     return out
 
 
+def test_what_keeps_a_reversal_beyond_twelve_touches():
+    """Oracle: the rule of gaps, by plain enumeration of the words that are their own reflection."""
+    expected = {text for text in patterns(IN_PHASE, 14) if any(text[::-1] == text[i:] + text[:i] for i in range(14))}
+    orbit = IN_PHASE.touching(7)
+    matrix = response(IN_PHASE, orbit)
+    found = set()
+    for mask in orbit.choices():
+        bits = [mask >> i & 1 for i in range(14)]
+        if mask and begins(matrix, np.array(bits, dtype=bool)):
+            text = "".join(map(str, bits))
+            images = [text[i:] + text[:i] for i in range(14)]
+            found.add(min(images + [image[::-1] for image in images]))
+    assert found == expected and len(found) > 20
+
+
 @pytest.mark.parametrize("label", ["L11+", "L11-"])
 @pytest.mark.parametrize("turns", [1, 2, 3, 4, 5])
 def test_what_begins_is_what_the_rule_allows(label, turns):
@@ -127,6 +142,15 @@ NAMED = [("L11+", 2, "U2210+"), ("L11+", 4, "U4621+"), ("L11+", 5, "U5711+"), ("
 def test_families_that_the_reference_names(label, turns, found):
     """Oracle: Lee et al. (2009) name them (p and q exchanged where a family is started at its other end)."""
     assert found in [item.label for item in at(label, turns)]
+
+
+def test_named_families_behind_the_next_grazing():
+    """Oracle: Lee et al. (2009) let U4520- and S55O11- begin at L11+ too: one grazing further on, from three of its turns."""
+    (first,) = [item for item in families_at(IN_PHASE, 3, 1, energy=(0.05, 1.0)) if item.label == "S35O00+"]
+    event = next(e for e in first.branch.events if e.type == "GR" and e.h > 0.2)
+    assert abs(event.h / 0.2543033 - 1.0) < 1e-6
+    labels = {alias["label"] for item in first.branch.neighbours(event, energy=(0.05, 1.0)) if item.branch for alias in item.branch.aliases}
+    assert "S55O11-" in labels and labels & {"U4520-", "U4502-"}
 
 
 @pytest.mark.parametrize("turns", [1, 3, 5])
@@ -201,6 +225,24 @@ def test_other_systems():
         linear_modes(vibro_impact_nes(rho=0.7))
     with pytest.raises(ValueError, match="turns is 0 and impacts 3"):
         families_at(first, 0, 3)
+    with pytest.raises(ValueError, match="turns is 12: families are enumerated up to 11"):
+        families_at(first, 12, 3)
+
+
+def test_three_masses():
+    """Oracle: the grazing energy of a mode, at which each family has its GR, and the relation seen from the other side."""
+    stops = (Stop((1.0, -1.0, 0.0), -1.0, 1.0),)
+    stiffness = [[1.3, -0.5, 0.0], [-0.5, 2.1, -0.7], [0.0, -0.7, 1.9]]
+    chain = ImpactSystem(np.diag([0.3, 1.0, 0.8]), np.zeros((3, 3)), stiffness, stops)
+    mode = linear_modes(chain)[2]
+    (family,) = [item for item in families_at(mode, 3, 6, points=60, energy=(0.01, 10.0)) if item.ends == ("origin", "origin")]
+    assert abs(family.event.h / mode.energies[1] - 1.0) < 1e-9
+    (back,) = family.branch.neighbours(family.event)
+    assert back.kind == "linear mode" and abs(back.h / mode.energies[1] - 1.0) < 1e-9
+    other = next(event for event in family.branch.events if event.type == "GR" and event.id != family.event.id)
+    found = [item for item in family.branch.neighbours(other, points=20) if item.branch is not None]
+    assert found and all(abs(item.event.h / other.h - 1.0) < 1e-9 and item.there.residual < 1e-12 for item in found)
+    assert families_at(mode, 3, 6, energy=(1.0, 10.0)) == []
 
 
 def test_a_motion_of_several_modes_is_none():
