@@ -56,6 +56,9 @@ VARIATION = 0.35
 TOUCHING = 3.0 * CONTACT_TOLERANCE
 """Distance below which a touch cannot be told from a hit, a fraction of the sizes that make it up."""
 
+SLIVER = 4e-12
+"""How far outside its interval, at most, Newton's method may end: about what is left out between the two sides of a grazing."""
+
 MARGIN = 1.2
 """Factor on the bounds that are drawn from samples."""
 
@@ -392,7 +395,7 @@ def flight_verdict(flow, k, a, b, m, levels_a, levels_b, levels_m, jac_a, jac_b,
         second = rb[MISS + 1] * jac_b
         rate = rm[MISS + 1] * jac_m
         change = MARGIN * (0.5 * abs(second - first) + abs(0.5 * (first + second) - rate))
-        if abs(rm[MISS]) <= r * (abs(rate) + change):
+        if abs(rm[MISS]) <= MARGIN * r * (abs(rate) + change):
             if abs(rate) <= change:
                 return 24
             found[STOP, 0] = rm[DURATION]
@@ -439,8 +442,8 @@ def refine_zero(flow, kind, k, theta, time, low, high, longest, most, record, pa
         if abs(step) <= 4e-16 * (1.0 + abs(theta)) or (count > 2 and abs(step) >= 0.5 * last and last < 1e-8 * span + 1e-13):
             return True, count + 1
         if (theta == low and step < 0.0) or (theta == high and step > 0.0):
-            # It lies outside; how far outside the step says.
-            out[0] = theta + step
+            # It lies outside; how far outside the step says. Within the sliver that a grazing leaves out it is still this interval's.
+            out[0] = theta if abs(step) <= SLIVER else theta + step
             return True, count + 1
         theta = min(max(theta + step, low), high)
         last = abs(step)
@@ -544,8 +547,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                     if not converged and theta_b - theta_a > 1e6 * grain:
                         verdict = SPLIT
                         continue
-                    slip = 1e-12 + 16.0 * grain
-                    if converged and (out[0] < theta_a - slip or out[0] > theta_b + slip):
+                    if converged and (out[0] < theta_a or out[0] > theta_b):
                         continue
                     if converged and (out[1] < -1e-9 or out[1] > records[i_p, k, DURATION] + 1e-9):
                         continue

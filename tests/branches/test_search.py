@@ -1,0 +1,292 @@
+"""Every symmetric orbit at an energy. Oracles: closed forms, published orbits, a uniform scan, Newton's method from random motions, symmetries."""
+
+import json
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import saltus
+from branches.discovery.found import accept
+from branches.discovery.orbits import first_passages
+from branches.discovery.record import to_json
+from branches.discovery.scan import Passage, follow_start, scan
+from branches.discovery.search import CLASSES, discover
+from branches.discovery.starts import curves
+from branches.discovery.uniform import Scanner
+from branches.words import impacts_per_period
+from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.system import ImpactSystem, Stop
+from tests.branches.closed_form import Backbone
+
+SYSTEM = saltus.vibro_impact_nes()
+ALL = tuple(CLASSES)
+
+
+def alphas(found, *ends):
+    return sorted(orbit.alpha for orbit in found.orbits if not ends or "-".join(end.rstrip("+-") for end in orbit.ends) in ends)
+
+
+def one_impact_orbits(mu, sigma, energy, longest):
+    """Quarter periods of all orbits with one impact a half period: G > 0, and no wall passed inside."""
+    backbone = Backbone(mu, sigma)
+    grid = np.linspace(1e-3, longest, 6001)
+    modes = [(float(w), float(b)) for w, _, b in backbone.modes]
+    g = sum(b * b * np.tan(w * grid) / w for w, b in modes)
+    h = sum((b / np.cos(w * grid)) ** 2 for w, b in modes) / (2.0 * g * g) - energy
+    out = []
+    for i in np.flatnonzero(h[:-1] * h[1:] < 0.0):
+        alpha = float(mp.findroot(lambda t: backbone.energy(t) - energy, (grid[i], grid[i + 1]), solver="anderson"))
+        total = float(backbone.half_period_sum(alpha))
+        if total <= 0.0:
+            continue
+        times = np.linspace(0.0, alpha, 4001)[:-1]
+        gap = sum(b * b / (w * math.cos(w * alpha) * total) * np.sin(w * times) for w, b in modes)
+        if np.max(np.abs(gap)) < 1.0:
+            out.append(alpha)
+    return out
+
+
+@pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.37, 0.81), (1.3, 0.2)])
+@pytest.mark.parametrize("energy", [0.0692, 0.1186, 1.0, 7.3348, 20.0, 50.0])
+def test_the_backbones_are_there_and_nothing_else_of_their_kind(mu, sigma, energy):
+    """Oracle: closed form: every orbit with one impact a half period, from just above the two thresholds on."""
+    found = discover(saltus.vibro_impact_nes(mu, sigma), energy, quarter_period=5.1, impacts=1)
+    mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+")]
+    assert found.settled and np.allclose(mine, one_impact_orbits(mu, sigma, energy, 5.1), rtol=1e-11)
+
+
+def test_the_thresholds():
+    """Oracle: the fold of S11O00- and the grazing of the in-phase mode, from their closed forms."""
+    def labels(energy):
+        return [orbit.label for orbit in discover(SYSTEM, energy, quarter_period=2.0, impacts=1).orbits]
+
+    assert labels(0.069116) == [] and labels(0.0691165) == ["S11O00-", "S11O00-"]
+    assert labels(0.118507) == ["S11O00-"] and labels(0.118508) == ["S11O00-", "S13O00+"]
+
+
+def test_published_orbits():
+    """Oracle: Lee et al. (2009): S73O33- at h = 7.3348 with alpha = 1.6459, U8353- at h = 1.9458 with alpha = 4.9065
+    (printed as U8335-, which is the same orbit started at its other end)."""
+    found = discover(SYSTEM, 7.3348, quarter_period=5.1, impacts=10)
+    assert found.settled
+    assert [orbit.alpha for orbit in found.orbits if orbit.label == "S73O33-"] == [pytest.approx(1.6459, abs=1e-4)]
+    found = discover(SYSTEM, 1.9458, quarter_period=5.1, impacts=10)
+    assert found.settled and any(orbit.label == "U8335-" and abs(orbit.alpha - 4.9065) < 2e-4 for orbit in found.orbits)
+
+
+@pytest.mark.parametrize(("energy", "ends"), [(0.3, ALL), (6.0, ("origin-origin",)), (20.0, ALL)])
+def test_each_orbit_is_one(energy, ends):
+    """Oracle: the energy, residual, dense samples inside the gap, the bounds, and that no two are one."""
+    found = discover(SYSTEM, energy, quarter_period=4.0, impacts=6, ends=ends)
+    assert found.settled and len(found.orbits) == found.counts["orbits"] > 5
+    seen = set()
+    for orbit in found.orbits:
+        assert abs(orbit.h / energy - 1.0) < 1e-13 and orbit.residual < 1e-12
+        assert orbit.alpha <= 4.0 and impacts_per_period(orbit.problem.word, orbit.ends) <= 12
+        u, _ = orbit.sample(np.linspace(0.0, orbit.period, 3001))
+        assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12
+        seen.add((orbit.ends, orbit.word, round(orbit.alpha, 9), *np.round(np.abs(orbit.problem.start(orbit.solution.y)), 7)))
+    assert len(seen) == len(found.orbits)
+
+
+@pytest.mark.parametrize(("energy", "mu", "sigma"), [(0.6, 0.1, 0.1), (9.0, 0.1, 0.1), (2.0, 0.37, 0.81)])
+def test_a_uniform_scan_adds_nothing(energy, mu, sigma):
+    """Oracle: sign changes between forty thousand uniform angles."""
+    system = saltus.vibro_impact_nes(mu, sigma)
+    found = discover(system, energy, quarter_period=4.0, impacts=4)
+    assert found.settled
+    total = 0
+    for end, impacts in (("origin", 4), ("rest", 2), ("stop", 1)):
+        for other in Scanner(system, end, 4.0).orbits(energy, 40000, range(impacts + 1)):
+            if other.alpha > 4.0:
+                continue
+            total += 1
+            near = [orbit for orbit in found.orbits if orbit.ends[1].startswith(end) and abs(orbit.alpha / other.alpha - 1.0) < 1e-9]
+            assert near, (end, other.alpha, other.problem.word)
+    assert total >= 5
+
+
+@pytest.mark.parametrize(("energy", "mu", "sigma"), [(0.4, 0.1, 0.1), (3.0, 0.1, 0.1), (2.0, 0.37, 0.81)])
+def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
+    """Oracle: the multipoint problem started from random stretches of random motions: another way to orbits, with any ends and words."""
+    system = saltus.vibro_impact_nes(mu, sigma)
+    found = discover(system, energy, quarter_period=4.0, impacts=6, ends=ALL)
+    assert found.settled
+    known = np.array(alphas(found))
+    generator = np.random.default_rng(7)
+    letters = system.modes.contact_letters
+    reached = set()
+    for _ in range(900):
+        start = ("origin", "rest", "stop")[generator.integers(3)]
+        (curve,) = curves(system, start, energy)
+        parameter = generator.uniform(curve.low, curve.high)
+        impacts = int(generator.integers(0, 6))
+        path = follow_start(curve, parameter, impacts, 8.0)
+        if len(path.nodes) < impacts or len(path.contacts) < impacts:
+            continue
+        far = ("origin", "rest", "stop+", "stop-")[generator.integers(4)]
+        word = tuple(letters[c] for c in path.contacts[:impacts])
+        problem = MultipointProblem(system, (curve.end, far), word)
+        try:
+            solution = problem.solve(problem.pack(path.start, path.nodes, np.append(path.durations, generator.uniform(0.1, 2.0))), energy=energy)
+        except NotConverged:
+            continue
+        orbit = accept(problem, solution)
+        if orbit is None or orbit.alpha > 4.0 or impacts_per_period(word, problem.ends) > 12:
+            continue
+        nearest = known[np.argmin(np.abs(known - orbit.alpha))]
+        assert abs(nearest / orbit.alpha - 1.0) < 1e-8, (problem.ends, word, orbit.alpha)
+        reached.add(round(orbit.alpha, 8))
+    assert len(reached) >= 6
+
+
+def test_symmetric_orbits_are_found_from_each_of_their_ends():
+    """Oracle: SmnE orbits seen from the origin, and as two quarters from rest to rest."""
+    quarter = discover(SYSTEM, 9.0, quarter_period=5.1, impacts=8, ends=("origin-rest",))
+    curve = curves(SYSTEM, "rest", 9.0)[0]
+    passages, open_ones, _ = scan(curve, {"rest": (10.2, 8), "origin": (5.1, 4)}, 10**6)
+    assert len(quarter.orbits) >= 3 and not open_ones
+    for orbit in quarter.orbits:
+        times = []
+        for passage in passages:
+            if passage.kind == "rest" and passage.impacts == 2 * len(orbit.problem.word):
+                path = follow_start(curve, passage.parameter, passage.impacts, 10.2)
+                times.append(path.instants[-1] + passage.flight)
+        assert np.min(np.abs(np.array(times) - 2.0 * orbit.alpha)) < 1e-8
+
+
+def test_the_free_impact_damper():
+    """Oracle: closed form at sigma = 0, where the sink flies freely: G = b^2 alpha + tan(alpha)."""
+    found = discover(saltus.vibro_impact_nes(0.1, 0.0), 0.55, quarter_period=5.0, impacts=4, ends=ALL)
+    assert found.settled
+    backbone = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+") and not orbit.word]
+    assert backbone
+    for alpha in backbone:
+        g = 10.0 * alpha + math.tan(alpha)
+        assert (10.0 + 1.0 / math.cos(alpha) ** 2) / (2.0 * g * g) == pytest.approx(0.55, rel=1e-11)
+
+
+def one_sided(gap=(1.0, -1.0), lower=-math.inf, upper=1.0):
+    return ImpactSystem([[0.5, 0.0], [0.0, 1.0]], [[0.0] * 2] * 2, [[1.2, -0.4], [-0.4, 1.0]], (Stop(gap, lower, upper),))
+
+
+def test_one_impact_a_period_on_a_one_sided_stop():
+    """Oracle: closed form: an impulse P = 2 d / sum b_k^2 cot(w_k T/2)/w_k once a period, physical where it pushes away from the stop and
+    the stop is not passed in between."""
+    system = one_sided()
+    w, b = system.modes.frequencies, system.modes.contact_gap[0, :2]
+    longest, energy = 4.0, 1.7
+
+    def impulse(period):
+        return 2.0 / np.sum(b**2 / np.tan(w * period / 2.0) / w)
+
+    def miss(period):
+        return 0.5 * np.sum((b * impulse(period) / (2.0 * np.sin(w * period / 2.0))) ** 2) - energy
+
+    grid = np.linspace(0.01, 4.0 * longest, 40001)
+    values = np.array([miss(t) for t in grid])
+    expected = []
+    for i in np.flatnonzero(values[:-1] * values[1:] < 0.0):
+        if abs(values[i]) + abs(values[i + 1]) > 1.0:
+            continue
+        period = brentq(miss, grid[i], grid[i + 1], xtol=1e-14)
+        push = impulse(period)
+        times = np.linspace(0.0, period, 4001)[1:-1]
+        gap = np.sum([b[k] ** 2 * push * np.cos(w[k] * (times - period / 2.0)) / (2.0 * w[k] * np.sin(w[k] * period / 2.0)) for k in (0, 1)], axis=0)
+        if push < 0.0 and np.max(gap) < 1.0:
+            expected.append(period / 4.0)
+    found = discover(system, energy, quarter_period=longest, impacts=2, ends=("rest-rest", "rest-stop", "stop-stop"))
+    mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("rest", "stop+") and not orbit.word]
+    assert found.settled and len(expected) >= 2 and np.allclose(mine, expected, rtol=1e-10)
+
+
+def test_the_mirror_changes_nothing():
+    """Oracle: the gap coordinate counted the other way, and a stop on the other side: the same orbits."""
+    def told(system, ends):
+        found = discover(system, 1.4, quarter_period=3.5, impacts=4, ends=ends)
+        assert found.settled
+        return [(round(o.alpha, 9), round(o.tau, 4), o.stable) for o in found.orbits]
+
+    rest = ("rest-rest", "rest-stop", "stop-stop")
+    first = told(one_sided(), rest)
+    assert len(first) >= 4
+    assert told(one_sided(lower=-1.0, upper=math.inf), rest) == told(one_sided((-1.0, 1.0)), rest) == first
+    turned = ImpactSystem(SYSTEM.mass, SYSTEM.damping, SYSTEM.stiffness, (Stop((-1.0, 1.0), -1.0, 1.0),))
+    assert told(turned, ALL) == told(SYSTEM, ALL)
+
+
+def test_what_is_not_decided_is_said():
+    """Oracle: a budget of starts that cannot do."""
+    found = discover(SYSTEM, 1.0, quarter_period=5.1, impacts=6, budget=150)
+    assert not found.settled and found.counts["over_budget"] > 0 and found.counts["open"] >= found.counts["over_budget"]
+    assert len(found.open) == found.counts["open"] and all(opening.width > 0.0 for opening in found.open)
+
+
+def test_no_bound_of_impacts():
+    """Oracle: a bound that is never reached."""
+    found = discover(SYSTEM, 0.4, quarter_period=3.0)
+    bounded = discover(SYSTEM, 0.4, quarter_period=3.0, impacts=60)
+    assert found.settled and alphas(found) == alphas(bounded) and len(found.orbits) > 5
+    assert found.impacts is None
+
+
+def test_smaller_bounds_give_a_part():
+    """Oracle: the larger search, cut."""
+    large = discover(SYSTEM, 12.0, quarter_period=3.6, impacts=6)
+    small = discover(SYSTEM, 12.0, quarter_period=1.9, impacts=4)
+    cut = [o.alpha for o in large.orbits if o.alpha <= 1.9 and impacts_per_period(o.problem.word, o.ends) <= 8]
+    assert large.settled and small.settled and len(cut) > 5
+    assert np.allclose(alphas(small), cut, rtol=1e-11)
+
+
+def test_later_passages_of_one_start_repeat_it():
+    """Oracle: an orbit run through several times, by hand."""
+    def passage(kind, impacts, parameter):
+        return Passage(kind, impacts, parameter, 0.0, 0.0, True, 0.0, 1.0)
+
+    listed = [passage("stop", 1, 0.3), passage("origin", 3, 0.3 + 1e-13), passage("stop", 4, 0.3), passage("origin", 3, 0.4), passage("origin", 2, 0.3)]
+    first, repeated = first_passages(listed, [1.1, 2.2, 3.3, 2.2, 2.9], 3.0)
+    assert first == [0, 3, 4] and sorted(repeated) == [1, 2]
+
+
+def test_the_record():
+    """Oracle: the keys of the format, numbers that JSON can hold, and the orbits themselves."""
+    found = discover(SYSTEM, 1.0, quarter_period=3.0, impacts=4, ends=ALL)
+    record = json.loads(to_json(found), parse_constant=lambda text: pytest.fail(text))
+    assert list(record) == ["schema", "energy", "bounds", "settled", "counts", "orbits", "unpolished"]
+    assert record["schema"] == 1 and record["energy"] == 1.0 and record["settled"] is True and record["unpolished"] == []
+    assert record["bounds"] == {"quarter_period": 3.0, "impacts": 4, "ends": list(ALL)} and record["counts"] == found.counts
+    for entry, orbit in zip(record["orbits"], found.orbits, strict=True):
+        assert list(entry) == [
+            "label", "family", "ends", "word", "impacts", "alpha", "h", "velocities", "impact_speeds", "tau", "stable", "residual",
+        ]  # fmt: skip
+        assert entry["alpha"] == orbit.alpha and entry["family"] is None and entry["word"] == orbit.word
+        assert entry["impacts"] == impacts_per_period(orbit.problem.word, orbit.ends) / 2
+        assert (entry["velocities"] is None) == (orbit.ends[0] != "origin") and entry["label"] == (orbit.label or None)
+
+
+CASES = [
+    (dict(energy=0.0), "the energy is 0.0"),
+    (dict(energy=math.nan), "the energy is nan"),
+    (dict(energy=math.inf), "the energy is inf"),
+    (dict(quarter_period=-1.0), "quarter period is -1.0"),
+    (dict(impacts=-2), "impacts of half a period is -2"),
+    (dict(impacts=1.5), "1.5, expected a whole number"),
+    (dict(ends=("origin-sop",)), "unknown ends 'origin-sop'.*nearest: origin-stop"),
+    (dict(ends=()), "no ends"),
+    (dict(system=saltus.vibro_impact_nes(rho=0.5)), "restitution 0.5"),
+    (dict(system=one_sided()), "odd symmetry"),
+    (dict(system=ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), -1.0, 1.0),))), "two degrees of freedom; this system has 1"),
+    (dict(system=ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), (Stop((1.0, 0.0), -1, 1), Stop((0.0, 1.0), -1, 1)))), "one stop; this one has 2"),
+]
+
+
+@pytest.mark.parametrize(("given", "message"), CASES)
+def test_what_cannot_be_searched(given, message):
+    """Oracle: the message."""
+    options = {"system": SYSTEM, "energy": 1.0, "quarter_period": 2.0, "impacts": 2} | given
+    with pytest.raises(ValueError, match=message):
+        discover(options.pop("system"), options.pop("energy"), **options)

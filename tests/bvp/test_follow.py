@@ -1,0 +1,179 @@
+"""One start followed with its derivative. Oracles: the event-driven run; central differences; dense samples of the flight."""
+
+import numpy as np
+import pytest
+
+import saltus
+from branches.discovery.starts import curves
+from bvp.kernels.follow import (
+    ACCELERATION,
+    CLEARANCE,
+    COLUMNS,
+    CONTACT,
+    DERIVATIVE,
+    DURATION,
+    MISS,
+    SECOND,
+    SPEED,
+    TIME,
+    TURNS,
+    follow,
+    nearest_turns,
+)
+from bvp.kernels.intervals import place, positive, unplace
+
+SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltus.vibro_impact_nes(1.0, 0.0)]
+
+
+def record_of(curve, parameter, longest=9.0, most=6):
+    record = np.full((most + 2, COLUMNS), np.nan)
+    rows = follow(curve.flow, parameter, longest, most, record, np.zeros((16, 16)))
+    return record, rows
+
+
+def start_of(curve, parameter):
+    return record_of(curve, parameter, most=0)[0][0, :4]
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("end", ["origin", "rest", "stop"])
+def test_impacts_are_those_of_the_run(system, end):
+    """Oracle: `saltus.run`, whose events share only the search for the next impact."""
+    (curve,) = curves(system, end, 1.3)
+    modes = system.modes
+    total = 0
+    for part in (0.17, 0.52, 0.83):
+        record, rows = record_of(curve, curve.low + part * (curve.high - curve.low))
+        state = modes.to_state @ record[0, :4]
+        leaving = "+" if end == "stop" else None
+        motion = saltus.run(system, state[:2], state[2:], 9.0, leaving=leaving)
+        hits = [k for k in range(rows) if record[k, CONTACT] >= 0 and record[k, TIME] + record[k, DURATION] < 9.0]
+        assert len(hits) == min(len(motion.times), 7)
+        total += len(hits)
+        assert np.allclose([record[k, TIME] + record[k, DURATION] for k in hits], motion.times[: len(hits)], rtol=1e-12)
+        assert np.allclose([record[k, SPEED] for k in hits], motion.speeds[: len(hits)], rtol=1e-9)
+        assert tuple(modes.contact_letters[int(record[k, CONTACT])] for k in hits) == motion.contacts[: len(hits)]
+    assert total > 3
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("end", ["origin", "rest", "stop"])
+def test_energy_of_the_starts(system, end):
+    """Oracle: the energy asked for, and the conditions of the end, all along the curve."""
+    (curve,) = curves(system, end, 1.3)
+    modes = system.modes
+    for parameter in np.linspace(curve.low, curve.high, 23):
+        z = start_of(curve, parameter)
+        state = modes.to_state @ z
+        assert system.energy(state[None, :2], state[None, 2:])[0] == pytest.approx(1.3, rel=1e-13)
+        w, rate = state[0] - state[1], state[2] - state[3]
+        if end == "origin":
+            assert np.all(state[:2] == 0.0)
+        elif end == "rest":
+            assert np.all(state[2:] == 0.0) and abs(w) <= 1.0 + 1e-12
+        else:
+            assert w == pytest.approx(1.0, abs=1e-13) and rate <= 1e-12
+            # an impulse between the two bodies alone stops the motion and turns it round
+            momentum = system.mass @ state[2:]
+            assert abs(momentum.sum()) < 1e-13 * np.abs(momentum).max() + 1e-15
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("end", ["origin", "rest", "stop"])
+def test_derivatives(system, end):
+    """Oracle: central differences; their error falls fourfold when the step is halved."""
+    (curve,) = curves(system, end, 6.0)
+    columns = [*range(4), TIME, DURATION, SPEED, MISS]
+    rates = [*range(DERIVATIVE, DERIVATIVE + 4), TIME + 1, DURATION + 1, SPEED + 1, MISS + 1]
+    parameter = curve.low + 0.37 * (curve.high - curve.low)
+    middle, rows = record_of(curve, parameter)
+    flights = rows - 1 if middle[rows - 1, CONTACT] < 0 else rows
+    errors = []
+    for step in (2e-5, 1e-5):
+        above, below = (record_of(curve, parameter + sign * step)[0] for sign in (1.0, -1.0))
+        assert np.array_equal(above[:flights, CONTACT], middle[:flights, CONTACT])
+        difference = (above[:flights, columns] - below[:flights, columns]) / (2.0 * step)
+        exact = middle[:flights, rates]
+        errors.append(np.max(np.abs(difference - exact) / (1.0 + np.abs(exact))))
+    assert flights >= 2 and errors[1] < 1e-3
+    assert errors[1] < 0.3 * errors[0] or errors[1] < 1e-8
+
+
+def test_turning_points():
+    """Oracle: extrema of dense samples of each flight."""
+    system = saltus.vibro_impact_nes()
+    (curve,) = curves(system, "origin", 0.4)
+    modes = system.modes
+    for part in np.linspace(0.02, 0.98, 17):
+        record, rows = record_of(curve, curve.low + part * np.pi)
+        for k in range(rows):
+            row = record[k]
+            duration = min(row[DURATION], 9.0 - row[TIME])
+            if duration < 1e-3:
+                continue
+            nearest_turns(curve.flow, row, 9.0 - row[TIME], np.zeros((16, 16)))
+            times = np.linspace(0.0, duration, 20001)
+            w = np.zeros_like(times)
+            for j in range(2):
+                o = modes.frequencies[j]
+                w += modes.contact_gap[0, j] * (row[j] * np.cos(o * times) + row[2 + j] * np.sin(o * times) / o)
+            turns = np.flatnonzero((w[1:-1] - w[:-2]) * (w[2:] - w[1:-1]) < 0.0) + 1
+            distances = sorted(1.0 - w[i] if w[i] > w[i - 1] else 1.0 + w[i] for i in turns)
+            assert row[TURNS] == len(turns)
+            expected = [*distances, np.inf, np.inf][:2]
+            assert np.allclose([row[CLEARANCE], row[SECOND]], expected, rtol=0.0, atol=1e-6)
+
+
+def test_clearance_changes_as_its_derivative_says():
+    """Oracle: central differences."""
+    (curve,) = curves(saltus.vibro_impact_nes(), "origin", 3.0)
+    checked = 0
+    for parameter in np.linspace(0.5, 3.2, 60):
+        rows = []
+        for step in (-1e-6, 0.0, 1e-6):
+            record, count = record_of(curve, parameter + step)
+            for k in range(count):
+                nearest_turns(curve.flow, record[k], 9.0 - record[k, TIME], np.zeros((16, 16)))
+            rows.append(record[:count])
+        for k in range(min(map(len, rows))):
+            if np.isfinite(rows[1][k, CLEARANCE]) and rows[1][k, CONTACT] >= 0 and np.isfinite(rows[0][k, CLEARANCE] + rows[2][k, CLEARANCE]):
+                slope = (rows[2][k, CLEARANCE] - rows[0][k, CLEARANCE]) / 2e-6
+                assert slope == pytest.approx(rows[1][k, CLEARANCE + 1], rel=1e-4, abs=1e-4)
+                checked += 1
+    assert checked > 10
+
+
+def test_acceleration_towards_the_stop():
+    """Oracle: w'' of the flight by its own equation, along the side of the contact."""
+    system = saltus.vibro_impact_nes()
+    (curve,) = curves(system, "origin", 0.4)
+    record, rows = record_of(curve, 1.1)
+    modes = system.modes
+    for k in range(rows - 1):
+        after = record[k + 1, :4]
+        contact = int(record[k, CONTACT])
+        force = -(modes.squares * after[:2]) @ modes.contact_gap[contact, :2]
+        assert record[k, ACCELERATION] == pytest.approx(modes.contact_side[contact] * force, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2, 3])
+def test_places_and_their_inverse(kind):
+    """Oracle: the definition: inverse functions, derivative by central differences, both ends kept."""
+    for x in (0.003, 0.2, 0.5, 0.81, 0.997):
+        theta, rate = place(0.4, 1.1, kind, x)
+        assert unplace(0.4, 1.1, kind, theta) == pytest.approx(x, rel=1e-10)
+        assert rate == pytest.approx((place(0.4, 1.1, kind, x + 1e-6)[0] - place(0.4, 1.1, kind, x - 1e-6)[0]) / 2e-6, rel=1e-5)
+    assert [place(0.4, 1.1, kind, x)[0] for x in (0.0, 1.0)] == pytest.approx([0.4, 1.1], abs=1e-16)
+
+
+def test_positive_is_said_only_of_what_is():
+    """Oracle: parabolas, dense samples."""
+    generator = np.random.default_rng(4)
+    said = wrong = 0
+    for a, b, c in generator.normal(size=(4000, 3)):
+        x = np.linspace(-1.0, 1.0, 401)
+        f = a + b * x + c * x * x
+        if positive(a - b + c, b - 2.0 * c, a, b, a + b + c, b + 2.0 * c, 1.0, 0.0):
+            said += 1
+            wrong += bool(f.min() <= 0.0)
+    assert said > 150 and wrong == 0
