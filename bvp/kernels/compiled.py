@@ -14,12 +14,12 @@ def kernel(function: Any) -> Any:
     """Compile a function of plain arrays and numbers, without Python objects, that makes and returns no arrays.
 
     Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
-    return nb.njit(cache=True, error_model="numpy", _nrt=False)(function)
+    return nb.njit(cache=True, error_model="numpy", _nrt=False)(function)  # type: ignore[call-overload]
 
 
 def allocating(function: Any) -> Any:
     """Compile a function that makes arrays of its own. Only such a one may call another that returns an array."""
-    return nb.njit(cache=True, error_model="numpy", _nrt=True)(function)
+    return nb.njit(cache=True, error_model="numpy", _nrt=True)(function)  # type: ignore[call-overload]
 
 
 def part(function: Any) -> Any:

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.discovery import Scanner
+from branches.discovery.uniform import Scanner
 from branches.grazing import neighbours
 from branches.grazing.candidates import candidate
 from branches.grazing.merging import CannotMerge, merged

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.discovery import Scanner
+from branches.discovery.uniform import Scanner
 from branches.linear_modes import begins, families_at, linear_modes, mode_of, response
 from branches.words import canonical, full_word
 from bvp.cycle import cycle_of
