@@ -6,7 +6,8 @@ follow the family of an orbit, and find the families that meet it at its events.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +19,7 @@ from branches.discovery.search import discover
 from branches.grazing import neighbours
 from branches.identity import canonical_orbit
 from branches.linear_modes import families_at, linear_modes
-from branches.switching import switch
+from branches.switching import TYPES, births
 from branches.tracing import follow_family
 from branches.words import impacts_per_period
 from bvp.multipoint import MultipointProblem, NotConverged
@@ -69,7 +70,8 @@ class Answer(NamedTuple):
     """What came of a seed.
 
     branch: the family that was followed, with its `whole` known. seeds: what is to be followed next. ends: links without a family on
-    the other side, with the reason as their note. beyond: how many neighbours lie outside the bounds. failed: what could not be done, in words.
+    the other side, with the reason as their note. beyond: how many neighbours lie outside the bounds. failed: what could not be done, in
+    words.
     counts: of the stages of a search.
     """
 
@@ -154,7 +156,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
     for event in branch.events:
         if event.type == "GR":
             some, over, dead = _across_grazing(branch, event, bounds)
-        elif event.type in ("BP", "SB", "PD"):
+        elif event.type in TYPES:
             times = {"PD": 2, "RT": event.p_q[1] if event.p_q else 1}.get(event.type, 1)
             if not bounds.holds(alpha=times * event.alpha, impacts=times * impacts_per_period(branch.problem.word, branch.ends)):
                 beyond += 1
@@ -193,7 +195,7 @@ def _across_grazing(branch: Branch, event: BranchEvent, bounds: Bounds) -> tuple
             continue
         assert item.there is not None
         there = event_orbit(item.there.problem, item.there.y)
-        seeds.append(_seed(item.branch, Link(**{**vars(link), "there": there}), bounds))
+        seeds.append(_seed(item.branch, replace(link, there=there), bounds))
     if not seeds and not beyond and not dead:
         reasons = "; ".join(dict.fromkeys(item.reason for item in found if item.reason)) or "no other word fits"
         dead.append(Link(branch.id, event.id, "GR", "dead end", event.h, event.alpha, event.stop, reasons, here))
@@ -205,18 +207,22 @@ def _across_bifurcation(branch: Branch, event: BranchEvent, bounds: Bounds) -> t
     here = orbit_of_event(branch, event)
     link = Link(branch.id, event.id, event.type, "switch", event.h, event.alpha, None, event.note, here)
     try:
-        found = switch(branch, event, points=_FEW, energy=_wider(bounds.energy))
-    except RuntimeError as error:
-        return [], 0, [Link(**{**vars(link), "kind": "dead end", "note": str(error)})]
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", RuntimeWarning)
+            found = births(branch, event)
+    except (RuntimeError, ValueError) as error:
+        return [], 0, [replace(link, kind="dead end", note=str(error))]
     seeds, beyond = [], 0
-    for other in found:
-        alpha = float(other.points["alpha"][other.start])
-        if not bounds.holds(alpha=alpha, impacts=impacts_per_period(other.problem.word, other.ends)):
+    dead = [replace(link, kind="dead end", note=str(warning.message)) for warning in told]
+    for birth in found:
+        problem, y = canonical_orbit(birth.problem, birth.step.y)
+        if not bounds.holds(alpha=problem.quarter_period(y), impacts=impacts_per_period(problem.word, problem.ends)):
             beyond += 1
             continue
-        there = seen_from(branch.problem, branch.unknowns(event.point), other.ends, tuple(other.problem.word))
-        seeds.append(_seed(other, Link(**{**vars(link), "there": there}), bounds))
-    return seeds, beyond, []
+        there = None if birth.turns else seen_from(branch.problem, branch.unknowns(event.point), problem.ends, tuple(problem.word))
+        note = f"{birth.turns} turns; {event.note}" if birth.turns > 1 else event.note
+        seeds.append(Seed("orbit", event_orbit(problem, y), bounds, replace(link, there=there, note=note)))
+    return seeds, beyond, dead
 
 
 def _wider(energy: tuple[float, float]) -> tuple[float, float]:
