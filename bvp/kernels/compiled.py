@@ -9,17 +9,20 @@ from numba.extending import intrinsic
 
 __all__ = ["address_of", "allocating", "call_at", "kernel", "part"]
 
+_COUNTED: dict[str, Any] = {"_nrt": True}  # numba's own run time for arrays; said in full, for what a kernel calls inherits it
+_UNCOUNTED: dict[str, Any] = {"_nrt": False}
+
 
 def kernel(function: Any) -> Any:
     """Compile a function of plain arrays and numbers, without Python objects, that makes and returns no arrays.
 
     Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
-    return nb.njit(cache=True, error_model="numpy", _nrt=False)(function)  # type: ignore[call-overload]
+    return nb.njit(cache=True, error_model="numpy", **_UNCOUNTED)(function)
 
 
 def allocating(function: Any) -> Any:
     """Compile a function that makes arrays of its own. Only such a one may call another that returns an array."""
-    return nb.njit(cache=True, error_model="numpy", _nrt=True)(function)  # type: ignore[call-overload]
+    return nb.njit(cache=True, error_model="numpy", **_COUNTED)(function)
 
 
 def part(function: Any) -> Any:
