@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from branches.catalogue.closures import distance, unknowns_of
 from branches.catalogue.errors import CatalogueDamaged, translated
+from branches.catalogue.rows import EDGE_COLUMNS, NODE_COLUMNS, Edge, Node
 from branches.words import parse_word
-from bvp.multipoint import EndsError, MultipointProblem, Solution
+from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.catalogue.rows import Edge, EventOrbit
+    from branches.catalogue.rows import EventOrbit
     from branches.catalogue.store import Catalogue
     from branches.events import BranchEvent
 
 __all__ = ["Failure", "check"]
+
+Row = TypeVar("Row")
 
 RESIDUAL = 1e-12
 """Largest residual of a point, scaled by its state, and largest drift of its energy, relatively."""
@@ -60,34 +63,50 @@ def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None
     failures = list(_file(catalogue))
     kept: dict[str, _Kept] = {}
     try:
-        families = catalogue.families()
+        ids = [id for (id,) in catalogue._select("families", ("id",), "ORDER BY id")]
     except CatalogueDamaged as damage:
         return counts, [*failures, Failure("families", str(damage))]
-    for row in families:
+    for id in ids:
         try:
-            branch = catalogue.branch(row.id)
-        except (CatalogueDamaged, EndsError) as damage:
-            failures.append(Failure(row.id, str(damage)))
+            branch = catalogue.branch(id)
+        except ValueError as damage:
+            failures.append(Failure(id, str(damage)))
             continue
-        kept[row.id] = _Kept(branch.ends, branch.word, branch.events)
-        failures += (Failure(row.id, text) for text in _family(branch))
-        if branch.id != row.id:
-            failures.append(Failure(row.id, f"its points and ends give the id {branch.id}"))
+        kept[id] = _Kept(branch.ends, branch.word, branch.events)
+        failures += (Failure(id, text) for text in _family(branch))
+        if branch.id != id:
+            failures.append(Failure(id, f"its points and ends give the id {branch.id}"))
         counts["families"] += 1
         counts["points"] += len(branch)
         counts["events"] += len(branch.events)
         if on_family is not None:
             on_family(counts["families"])
-    try:
-        edges = catalogue.edges()
-        nodes = {node.id for node in catalogue.nodes}
-    except CatalogueDamaged as damage:
-        return counts, [*failures, Failure("edges", str(damage))]
+    edges, damaged = _each(catalogue, "edges", EDGE_COLUMNS, Edge.read)
+    nodes, more = _each(catalogue, "nodes", NODE_COLUMNS, Node.read)
     for edge in edges:
         counts["edges"] += 1
         where = f"{edge.source} {edge.source_event or edge.type} > {edge.target}"
-        failures += (Failure(where, text) for text in _edge(catalogue, edge, kept, nodes))
-    return counts, failures
+        failures += (Failure(where, text) for text in _edge(catalogue, edge, kept, {node.id for node in nodes}))
+    return counts, [*failures, *damaged, *more]
+
+
+def _each(
+    catalogue: Catalogue, table: str, columns: tuple[str, ...], read: Callable[[tuple[Any, ...]], Row]
+) -> tuple[list[Row], list[Failure]]:
+    """The rows of a table that fit their checksums, and what is wrong with the others."""
+    rows: list[Row] = []
+    failures = []
+    try:
+        found = catalogue._select(table, columns, "ORDER BY 1, 2")
+    except CatalogueDamaged as damage:
+        return rows, [Failure(table, str(damage))]
+    for values in found:
+        where = " ".join(str(value) for value in values[:2])
+        try:
+            rows.append(read(catalogue._checked(values, f"the row {where} of {table}")))
+        except ValueError as damage:
+            failures.append(Failure(where, str(damage)))
+    return rows, failures
 
 
 def _file(catalogue: Catalogue) -> Iterator[Failure]:
@@ -95,8 +114,8 @@ def _file(catalogue: Catalogue) -> Iterator[Failure]:
     try:
         with translated(catalogue.path):
             told = [text for (text,) in catalogue._connection.execute("PRAGMA quick_check(8)")]
-        if told != ["ok"]:
-            yield Failure("file", "; ".join(told))
+            if told != ["ok"]:
+                yield Failure("file", "; ".join(told))
             stray = catalogue._connection.execute(
                 "SELECT count(*) FROM points p LEFT JOIN families f ON p.family = f.number"
                 " WHERE f.number IS NULL OR p.number < f.first_point OR p.number >= f.first_point + f.points"

@@ -158,7 +158,7 @@ class CatalogueFile:
 
     def _select(self, table: str, columns: tuple[str, ...], rest: str = "", values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         """Rows of a table, each with its checksum behind it where the table has one."""
-        crc = ", crc" if table in ("families", "nodes", "edges") else ""
+        crc = ", crc" if table in ("families", "nodes", "edges") and len(columns) > 1 else ""
         with translated(self.path):
             return self._connection.execute(f"SELECT {', '.join(columns)}{crc} FROM {table} {rest}", values).fetchall()
 

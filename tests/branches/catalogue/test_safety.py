@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import saltus
-from branches.catalogue import CatalogueDamaged, CatalogueError, CatalogueInUse
+from branches.catalogue import CatalogueDamaged, CatalogueError, CatalogueInUse, Edge, Node
 from branches.catalogue.check import check
 from branches.catalogue.errors import translated
 from branches.files import WriteFailure
@@ -413,6 +413,30 @@ def test_what_is_damaged_is_named(good, change):
                 _ = catalogue.system
     assert good.read_bytes() == before
     assert any(CHANGES[change] in failure.text for failure in failures) or "scene" in change
+
+
+def test_all_that_is_damaged_is_told(good):
+    """Oracle: the rows that were changed, in three tables; the family that was left alone is looked at."""
+    with saltus.Catalogue(good, "a", scene=scene()) as catalogue:
+        catalogue.add_node(Node("L11+", "linear mode", "L11+", (0.0, 0.1), 1.8))
+        catalogue.connect(Edge(real()[0].id, "GR2", "GR", "dead end", None, 14.5, 1.6))
+    connection = sqlite3.connect(good)
+    for change in (
+        "UPDATE families SET h_low = 0.0 WHERE number IN (1, 2)",
+        "UPDATE points SET states = zeroblob(8) WHERE family = 3",
+        "UPDATE points SET family = 9 WHERE number = 1",
+        "UPDATE edges SET h = 1.0",
+        "UPDATE nodes SET h_high = 1.0 WHERE id = 'L11+'",
+        "UPDATE provenance SET value = '{}' WHERE key = 'versions'",
+    ):
+        connection.execute(change)
+    connection.commit()
+    connection.close()
+    with saltus.Catalogue(good) as catalogue:
+        counts, failures = check(catalogue)
+    assert counts["families"] == 1 and counts["points"] == len(real()[3])
+    told = {failure.where for failure in failures}
+    assert told == {"file", "points", "L11+ linear mode", f"{real()[0].id} GR2", *(branch.id for branch in real()[:3])}
 
 
 def test_flipped_bytes_are_noticed(good):
