@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numba import int64
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import allocating, kernel, part
 from bvp.kernels.follow import (
     ACCELERATION,
     CLEARANCE,
@@ -462,7 +462,7 @@ def leave_open(openings, opening, theta, width, flight, reason, counts):
     return opening + 1
 
 
-@kernel
+@allocating
 def scan_interval(flow, low, high, ends, times, impacts, longest, most, records, levels, stack, candidates, openings, budget, counts, work):
     """Scan the starts between two parameters. ends (3,): those between which `place` maps, and its kind: where the curve of starts
     itself ends at a stop, its end is one of them.

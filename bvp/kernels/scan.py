@@ -23,8 +23,8 @@ CROSSING_LIMIT = 20000
 
 @kernel
 def crossings(pairs, mean, delta, matrix, value, rate, second, z, duration, times, work):
-    """Times in (0, duration) where value . z(t) changes sign, into `times`. Returns how many there are (those beyond the length
-    of `times` are counted, not kept); -1 when the search gave up."""
+    """Times in (0, duration) where value . z(t) changes sign, into `times`; a zero at the very end is no change. Returns how many there
+    are (those beyond the length of `times` are counted, not kept); -1 when the search gave up."""
     pure, level, curvature, jerk = separate(pairs, mean, delta, matrix, value, second, z, duration, work)
     level *= 1e-13
     floor = 1e-12 * duration
@@ -37,7 +37,7 @@ def crossings(pairs, mean, delta, matrix, value, rate, second, z, duration, time
         if t == 0.0:
             if abs(f) <= level:
                 f = math.copysign(level, slope)
-        elif (f > 0.0) != (f_before > 0.0) and t < duration:
+        elif (f > 0.0) != (f_before > 0.0) and (t < duration or abs(f) > level):
             guess = before + f_before / (f_before - f) * (t - before)
             root = refine(
                 pairs, mean, delta, matrix, pure, value, rate, second, z, before, t, guess, f_before > 0.0, 1e-13 * duration, work

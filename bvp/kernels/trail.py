@@ -4,17 +4,17 @@ The start depends on a parameter; its derivative is carried along by the variati
 tells moves by -(row . dz)/(row . z'), and the state there by what the flow and this shift make of it.
 """
 
-import math
 
 import numpy as np
 from numba import int64
 
-from bvp.kernels.compiled import kernel
-from bvp.kernels.extrema import amplitude_bound, dot, refine, safe_step
+from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.extrema import dot
 from bvp.kernels.flight import flow_state, rate
 from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
+from bvp.kernels.scan import crossings
 
-__all__ = ["FAILED", "FULL", "TURN", "ZERO", "passages", "trail"]
+__all__ = ["FAILED", "FULL", "TURN", "ZERO", "trail"]
 
 ZERO, TURN = -1, -2
 """Kinds of event besides impacts, whose kind is the contact hit: the gap coordinate passes zero; its velocity does."""
@@ -23,42 +23,6 @@ FAILED, FULL = -1, -2
 """Counts of a motion that could not be followed (it sticks, or a search gave up), and of one with more events than there is room."""
 
 PASSAGE_ROOM = 256
-PASSAGE_LIMIT = 20000
-
-
-@kernel
-def passages(pairs, mean, delta, matrix, value, slope_row, second, z, duration, times, work):
-    """Times in (0, duration) where value . z(t) changes sign, into `times`; also one in the last step, which for a fast flight from
-    stop to stop is the only one. Returns how many there are (those beyond the length of `times` are counted, not kept); -1 when the
-    search gave up."""
-    bound = amplitude_bound(pairs, mean, delta, matrix, second, z, duration) * (1.0 + 1e-12)
-    level = 1e-13 * amplitude_bound(pairs, mean, delta, matrix, value, z, duration)
-    floor = 1e-12 * duration
-    count = 0
-    t = 0.0
-    f = dot(value, z)
-    slope = dot(slope_row, z)
-    if abs(f) <= level:
-        f = math.copysign(level, slope)
-    for _ in range(PASSAGE_LIMIT):
-        if t >= duration:
-            return count
-        after = min(duration, t + max(safe_step(f, slope, 0.0, bound, 0.0), floor))
-        flow_state(pairs, mean, delta, matrix, z, after, work)
-        g = dot(value, work)
-        # A flight can end on a zero exactly: that is no change of sign within it.
-        if (g > 0.0) != (f > 0.0) and (after < duration or abs(g) > level):
-            root = refine(
-                pairs, mean, delta, matrix, False, value, slope_row, second, z, t, after, 0.5 * (t + after), f > 0.0, 1e-13 * duration, work
-            )
-            if count < times.shape[0]:
-                times[count] = root
-            count += 1
-            flow_state(pairs, mean, delta, matrix, z, after, work)
-        f = g
-        t = after
-        slope = dot(slope_row, work)
-    return -1
 
 
 @kernel
@@ -74,7 +38,7 @@ def event(pairs, mean, delta, matrix, row, z, change, time, state, state_change,
     return shift
 
 
-@kernel
+@allocating
 def trail(
     pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, push, restitution, functional, starts, changes, longest,
     kinds, times, shifts, states, state_changes, counts, work,
@@ -116,8 +80,8 @@ def trail(
             if found != HIT and found != NONE:
                 count = FAILED
                 break
-            first = passages(pairs, mean, delta, matrix, functional[0], functional[1], functional[2], begin, duration, zeros, state)
-            second = passages(pairs, mean, delta, matrix, functional[1], functional[2], functional[3], begin, duration, turns, state)
+            first = crossings(pairs, mean, delta, matrix, functional[0], functional[1], functional[2], begin, duration, zeros, state)
+            second = crossings(pairs, mean, delta, matrix, functional[1], functional[2], functional[3], begin, duration, turns, state)
             if first < 0 or second < 0 or first > PASSAGE_ROOM or second > PASSAGE_ROOM:
                 count = FAILED
                 break

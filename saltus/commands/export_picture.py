@@ -121,7 +121,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     if arguments.regimes:
         bounds, missing = regime_bounds(system, branches)
         for text in missing:
-            say(f"no bound {text}")
+            print(f"note   no bound {text}", flush=True)
     pinned = tuple(scene.pins_for(system))
     atlas = atlas_of(system, branches, pinned=pinned, manifold=curve, impulsive=periodic, bounds=bounds, energy=arguments.energy)
     return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
