@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.stretch import Stretch
 
-__all__ = ["KnownFamilies", "Place", "images_of"]
+__all__ = ["KnownFamilies", "Place"]
 
 NEAR = 0.1
 """Distance from the chord between two points, in parts of its length, within which the curve is looked at. Steps turn by a twentieth, so
@@ -26,6 +26,8 @@ that the curve stays within a hundredth of its chord."""
 
 ON = 1e-7
 """Distance in the metric of the arclength at which an orbit is on the curve. Orbits are located to 1e-10."""
+
+_STEPS = 3
 
 
 class Place(NamedTuple):
@@ -77,23 +79,22 @@ class _Curve:
         y = self.branch.unknowns(j)
         tangent = np.zeros(2 * problem.unknowns)
         tangent[: problem.unknowns] = (self.branch.unknowns(i + 1) - self.branch.unknowns(i)) / self.lengths[i]
-        start, change = np.empty((2, problem.size + 2))
-        energy, alpha = locate(problem.segment, y, start)
-        _, length = metric_direction(
-            problem.segment, y, start, energy, alpha, np.ascontiguousarray(tangent[: problem.unknowns]), change
-        )
-        if not length > 0.0:
-            return None
-        tangent /= length
-        solution = problem.step(y, tangent, float((position - start) @ change) / length, full=False)
-        if solution is None or float(np.linalg.norm(solution.position - position)) > ON:
-            return None
-        return problem.flight_times(solution.y)
-
-
-def images_of(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
-    """All presentations of an orbit with its canonical ends and word."""
-    return presentations(problem, y)
+        here, direction = np.empty((2, problem.size + 2))
+        for _ in range(_STEPS):
+            along = np.ascontiguousarray(tangent[: problem.unknowns])
+            energy, alpha = locate(problem.segment, y, here)
+            _, length = metric_direction(problem.segment, y, here, energy, alpha, along, direction)
+            if not length > 0.0:
+                return None
+            tangent = np.concatenate([along / length, np.zeros(problem.unknowns)])
+            solution = problem.step(y, tangent, float((position - here) @ direction) / length, full=False)
+            if solution is None:
+                return None
+            if float(np.linalg.norm(solution.position - position)) <= ON:
+                return problem.flight_times(solution.y)
+            # The hyperplane is flat in the unknowns, and not quite in the metric.
+            y, tangent = solution.y, solution.tangent
+        return None
 
 
 class KnownFamilies:
