@@ -37,7 +37,6 @@ class CatalogueFile:
         self.path = Path(path)
         self._lock: WriterLock | None = None
         self._depth = 0
-        self._accepted: Any = None
         self._process = os.getpid()
         record = None if scene is None else SceneRecord.of(scene)
         if mode == "a":

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from functools import cache
-from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from branches.catalogue.errors import CatalogueError
@@ -80,11 +79,10 @@ def chosen(
             return True
         if stable and row.stable_fraction == 0.0:
             return False
-        at = (-inf, inf) if energy is None else (energy, energy)
-        parts = [p.arclength for p in row.labels if p.h[0] <= at[1] and p.h[1] >= at[0] and (fits is None or fits(p.label))]
+        parts = row.arclengths("labels", fits or (lambda label: True), energy)
         if not stable:
             return bool(parts)
-        steady = [p.arclength for p in row.stability if p.stable == 1 and p.h[0] <= at[1] and p.h[1] >= at[0]]
+        steady = row.arclengths("stability", lambda code: code == 1, energy)
         return any(a[0] < b[1] and b[0] < a[1] for a in parts for b in steady) or (row.points == 1 and bool(parts) and bool(steady))
 
     return [row for row in families if keep(row)]

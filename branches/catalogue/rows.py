@@ -7,6 +7,7 @@ import json
 import math
 import struct
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -113,6 +114,14 @@ class FamilyRow:
     @cached_property
     def _read(self) -> dict[str, Any]:
         return json.loads(self.details)
+
+    def arclengths(self, name: str, fits: Callable[[Any], bool], energy: float | None = None) -> list[tuple[float, float]]:
+        """Where along the family the intervals of ``labels`` or ``stability`` are whose label or code fits, and that cross an energy."""
+        return [
+            (s[0], s[1])
+            for value, s, h, _ in self._read[name]
+            if (energy is None or h[0] <= energy <= h[1]) and fits(value)
+        ]
 
     def values(self) -> tuple[Any, ...]:
         """The row, without its number and checksum, as it is stored."""

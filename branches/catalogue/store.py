@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch
     from branches.catalogue.find import Match
+    from branches.catalogue.packing import PackedFamily
     from branches.events import BranchEvent
     from branches.orbit import Orbit
 
@@ -232,8 +233,13 @@ class Catalogue(WorkQueue):
 
     # -- adding ---------------------------------------------------------------------------------------------------------------
 
-    def add(self, branch: Branch) -> str:
+    def add(self, branch: Branch | PackedFamily) -> str:
         """Keep a family; one with the same id is kept already, and stays as it is.
+
+        Parameters
+        ----------
+        branch : Branch or PackedFamily
+            A worker can do most of the work before, with `branches.catalogue.packing.pack`.
 
         Returns
         -------
@@ -247,47 +253,32 @@ class Catalogue(WorkQueue):
         WriteFailure
             Where the file cannot be written; what it held stays.
         """
-        from branches.catalogue.events import event_values
-        from branches.catalogue.intervals import label_intervals, stability_intervals
-        from branches.catalogue.points import POINT_COLUMNS, layout_of, rows_of
-        from branches.words import format_ends, impacts_per_period
+        from branches.catalogue.packing import PackedFamily, pack
+        from branches.catalogue.points import POINT_COLUMNS
 
         self._writable()
-        if branch.system is not self._accepted:
-            self.require_system(branch.system.describe())
-            self._accepted = branch.system
-        id = branch.id
-        if id in self:
-            return id
-        columns = branch.points
-        layout = layout_of(columns, branch.ends)
-        points, columns_crc = rows_of(columns, layout)
-        impacts = 0.5 * impacts_per_period(branch.problem.word, branch.ends)
+        family = branch if isinstance(branch, PackedFamily) else pack(branch)
+        self.require_system(family.system)
+        if family.row.id in self:
+            return family.row.id
         with self.transaction():
             number, first = (
                 self._connection.execute(f"SELECT coalesce(max(number), 0) + 1 FROM {table}").fetchone()[0]
                 for table in ("families", "points")
             )
-            row = FamilyRow.make(
-                id=id, label=branch.label, ends=format_ends(branch.ends), word=branch.word, impacts=impacts, h=_range(columns["h"]),
-                alpha=_range(columns["alpha"]), points=len(branch), events=len(branch.events), start=int(branch.start),
-                labels=label_intervals(columns, branch.events), stability=stability_intervals(columns, branch.events),
-                ended=tuple((str(end.reason), end.text) for end in branch.ended), layout=layout, first_point=first,
-                columns_crc=columns_crc, number=number,
-            )  # fmt: skip
+            row = replace(family.row, number=number, first_point=first)
             self._insert("families", ("number", *FAMILY_COLUMNS), (number, *row.values()), crc_of(row.values()))
             marks = ", ".join("?" * (len(POINT_COLUMNS) + 2))
             self._connection.executemany(
                 f"INSERT INTO points (number, family, {', '.join(POINT_COLUMNS)}) VALUES ({marks})",
-                ((first + i, number, *values) for i, values in enumerate(points)),
+                ((first + i, number, *values) for i, values in enumerate(family.points)),
             )
             marks = ", ".join("?" * (len(EVENT_COLUMNS) + 3))
-            events = [event_values(event) for event in branch.events]
             self._connection.executemany(
                 f"INSERT INTO events (family, position, {', '.join(EVENT_COLUMNS)}, crc) VALUES ({marks})",
-                ((number, position, *values, crc_of(values)) for position, values in enumerate(events)),
+                ((number, position, *values, crc_of(values)) for position, values in enumerate(family.events)),
             )
-        return id
+        return row.id
 
     def connect(self, edge: Edge) -> Edge:
         """Keep an edge; one between the same events is kept already, and stays as it is. An edge without a target is given a dead
@@ -327,7 +318,3 @@ class Catalogue(WorkQueue):
     def _changed(self) -> None:
         # What was read of the families may no longer be all of them.
         self.__dict__.pop("_families", None)
-
-
-def _range(values: np.ndarray) -> tuple[float, float]:
-    return float(values.min()), float(values.max())

@@ -288,3 +288,35 @@ def test_any_file_name_will_do(tmp_path, capsys, name):
         filled.add(real()[0])
     assert [entry.name for entry in tmp_path.iterdir()] == [name]
     assert "1 of 1 families" in run(capsys, "list", "--catalogue", tmp_path / name)[1]
+
+
+def test_a_family_of_a_catalogue_is_followed_by_any_of_its_names(catalogue, capsys):
+    """Oracle: the family's own points: a beginning of its id, a family without a searchable name, a label that it has elsewhere."""
+    twisted = real()[2]
+    digest = twisted.id.rpartition(":")[2]
+    for name, label in ((digest[:6], "S"), ("S53O33+@h=15", "S53O33+")):
+        code, out, err = run(capsys, "continue", name, "--energy", "14:16", "--catalogue", catalogue, "--csv", "-")
+        assert code == 0 and f"of {twisted.id} in" in err
+        rows = [line.split(",") for line in out.splitlines()]
+        h, alpha = rows[0].index("h"), rows[0].index("alpha")
+        for row in rows[1:]:
+            exact = twisted.orbits_at(energy=float(row[h]))
+            assert min(abs(orbit.alpha - float(row[alpha])) for orbit in exact) < 1e-9
+        assert any(label in cell for cell in rows[1])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["continue", "L11+"], "linear mode"),
+        (["orbit", "L11+", "--energy", "0.1"], "linear mode"),
+        (["continue", "S13+", "--energy", "50:60"], "outside the energy range 50:60"),
+        (["continue", "U8353-"], "nearest that exist"),
+        (["orbit", "S13+", "--energy", "50"], "no orbit of S13O00+ has h = 50"),
+        (["continue", "S13+", "--mu", "0.2"], "mu is 0.1, not 0.2"),
+    ],
+)
+def test_what_cannot_be_followed_from_a_catalogue_is_said(catalogue, capsys, words, said):
+    """Oracle: exit code 2 and the words."""
+    code, out, err = run(capsys, *words, "--catalogue", catalogue)
+    assert code == 2 and not out and len(err.splitlines()) == 1 and said in err

@@ -44,6 +44,23 @@ def test_a_family_read_is_the_family_added_again(path, tmp_path):
     assert rows[0] == rows[1]
 
 
+def test_a_worker_packs_what_the_writer_keeps(path, tmp_path):
+    """Oracle: the same rows, byte by byte, as of the branches themselves, after the way between two processes."""
+    import pickle
+
+    from branches.catalogue.packing import pack
+
+    with saltus.Catalogue(tmp_path / "packed.sqlite", "a", scene=scene()) as catalogue:
+        for branch in real():
+            catalogue.add(pickle.loads(pickle.dumps(pack(branch))))
+    dumps = []
+    for file in (path, tmp_path / "packed.sqlite"):
+        connection = sqlite3.connect(file)
+        dumps.append([connection.execute(f"SELECT * FROM {table}").fetchall() for table in ("families", "points", "events")])
+        connection.close()
+    assert dumps[0] == dumps[1]
+
+
 def test_odd_numbers_survive(tmp_path):
     """Oracle: the bits: a negative zero, an infinity, a NaN, the smallest number, and a column that nothing else gives."""
     branch = real()[0]
