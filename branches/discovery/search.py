@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.discovery.found import Found
 from branches.discovery.orbits import Collector, Unpolished, first_passages, is_one_sided, preference
 from branches.discovery.scan import Opening, Passage, follow_start, scan
 from branches.discovery.starts import curves
