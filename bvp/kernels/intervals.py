@@ -32,6 +32,10 @@ COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
 
 
+SLIVER = 4e-12
+"""How far outside its interval Newton's method may end at a grazing: about what is left out between its two sides."""
+
+
 @part
 def leave_open(openings, opening, theta, width, flight, reason, counts):
     """Add an interval to those that stay open; returns their number."""
@@ -202,6 +206,10 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
         counts[STARTS] += 1
         used += 1
         r = 0.5 * (x_b - x_a)
+        root_a = (kind == 1 or kind == 3) and x_a <= 1e-3
+        root_b = (kind == 2 or kind == 3) and x_b >= 1.0 - 1e-3
+        beyond_a = SLIVER if root_a else 2.0 * grain
+        beyond_b = SLIVER if root_b else 2.0 * grain
         verdict = CLOSED
         while verdict == CLOSED:
             verdict = flight_verdict(
@@ -214,8 +222,9 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             for end in range(3):
                 for c in range(count[end]):
                     converged, steps = refine_zero(
-                        flow, int64(end), k, theta_m, found[end, c], theta_a, theta_b, longest, k, records[i_m + 1], records[i_m], work, out
-                    )
+                        flow, int64(end), k, theta_m, found[end, c], theta_a, theta_b, beyond_a, beyond_b, longest, k, records[i_m + 1],
+                        records[i_m], work, out,
+                    )  # fmt: skip
                     counts[STARTS] += steps
                     used += steps
                     if not converged and theta_b - theta_a > 1e6 * grain:
@@ -261,7 +270,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                 new_low = theta_2 if early_one else edge_1
                 new_high = theta_b
                 code = 0 if early_one else 1
-                if (kind == 2 or kind == 3) and x_b >= 1.0 - 1e-3:
+                if root_b:
                     new_high = map_high
                     code += 2
                 new_a = unplace(new_low, new_high, int64(code), theta_2)
@@ -271,7 +280,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                 new_low = theta_a
                 new_high = edge_2 if early_one else theta_1
                 code = 2 if early_one else 0
-                if (kind == 1 or kind == 3) and x_a <= 1e-3:
+                if root_a:
                     new_low = map_low
                     code += 1
                 new_a = unplace(new_low, new_high, int64(code), theta_a)

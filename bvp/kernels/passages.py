@@ -13,9 +13,6 @@ __all__ = ["MARGIN", "approaches", "refine_zero"]
 MARGIN = 1.2
 """Factor on the bounds that are drawn from samples."""
 
-SLIVER = 4e-12
-"""How far outside its interval, at most, Newton's method may end: about what is left out between the two sides of a grazing."""
-
 
 @kernel
 def approaches(flow, kind, row, along, r, tube, window, found, work):
@@ -143,9 +140,9 @@ def passage(flow, kind, row, along, r, tube, entered, left, nearest, y, dy):
 
 
 @kernel
-def refine_zero(flow, kind, k, theta, time, low, high, longest, most, record, pattern, work, out):
+def refine_zero(flow, kind, k, theta, time, low, high, beyond_low, beyond_high, longest, most, record, pattern, work, out):
     """Newton's method for one orbit in (start, time) from the middle of an interval, kept inside it, where all starts have the impacts of
-    `pattern`, the middle's record. out: theta, time within flight k, miss. Returns (whether it converged, starts followed)."""
+    `pattern`, the middle's record. It may end outside by so much: beyond_low, beyond_high. out: theta, time within flight k, miss. Returns (whether it converged, starts followed)."""
     y = work[7, :4]
     dy = work[8, :4]
     at = 0 if kind == ORIGIN else 2
@@ -182,7 +179,7 @@ def refine_zero(flow, kind, k, theta, time, low, high, longest, most, record, pa
             return True, count + 1
         if (theta == low and step < 0.0) or (theta == high and step > 0.0):
             # It lies outside; how far outside the step says. Within the sliver that a grazing leaves out it is still this interval's.
-            out[0] = theta if abs(step) <= SLIVER else theta + step
+            out[0] = theta if -beyond_low <= step <= beyond_high else theta + step
             return True, count + 1
         theta = min(max(theta + step, low), high)
         last = abs(step)
