@@ -160,9 +160,7 @@ class Collector:
                 return
         same.append([orbit])
 
-    def _set_aside(
-        self, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, instants: np.ndarray, reason: str
-    ) -> None:
+    def _set_aside(self, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, instants: np.ndarray, reason: str) -> None:
         time = (float(instants[-1]) if len(instants) else 0.0) + passage.flight
         quarters = 1 if (ends[0] == "origin") != (ends[1] == "origin") else 2
         self.counts["unpolished"] += 1

@@ -62,9 +62,7 @@ class Path(NamedTuple):
     instants: np.ndarray
 
 
-def scan(
-    curve: Curve, limits: Mapping[str, tuple[float, int | None]], budget: int
-) -> tuple[list[Passage], list[Opening], dict[str, int]]:
+def scan(curve: Curve, limits: Mapping[str, tuple[float, int | None]], budget: int) -> tuple[list[Passage], list[Opening], dict[str, int]]:
     """Scan one curve.
 
     Parameters

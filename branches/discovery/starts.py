@@ -109,9 +109,7 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[Curve]:
     return out
 
 
-def _rest(
-    system: ImpactSystem, energy: float, stiffness: float, along: float, slide: np.ndarray, across: np.ndarray
-) -> list[Curve]:
+def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, slide: np.ndarray, across: np.ndarray) -> list[Curve]:
     """Displacements at rest inside the gap: w = W f(x), s = S g(x) about the line on which the force along the stop vanishes."""
     stop = system.stops[0]
     size = math.sqrt(2.0 * energy / along)

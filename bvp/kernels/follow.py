@@ -135,8 +135,19 @@ def follow(flow, theta, longest, most, record, work):
         duration = 0.0
         while True:
             found, contact, passed = next_impact(
-                flow.pairs, flow.mean, flow.delta, flow.matrix, flow.gap, flow.gap_rate, flow.acceleration, flow.side, flow.bound,
-                leaving, z, longest - time - duration + 2.0 * slack, work,
+                flow.pairs,
+                flow.mean,
+                flow.delta,
+                flow.matrix,
+                flow.gap,
+                flow.gap_rate,
+                flow.acceleration,
+                flow.side,
+                flow.bound,
+                leaving,
+                z,
+                longest - time - duration + 2.0 * slack,
+                work,
             )
             duration += passed
             if found != TOUCH:

@@ -21,433 +21,19 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import allocating, kernel, part
-from bvp.kernels.follow import (
-    ACCELERATION,
-    CLEARANCE,
-    CONTACT,
-    DERIVATIVE,
-    DURATION,
-    FREE,
-    MISS,
-    SECOND,
-    SPEED,
-    STUCK,
-    THIRD,
-    TIME,
-    advance,
-    amplitude,
-    follow,
-    nearest_turns,
-)
-from bvp.kernels.impact import CONTACT_TOLERANCE
-from bvp.kernels.segment import ORIGIN, REST, STOP
+from bvp.kernels.follow import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow, nearest_turns
+from bvp.kernels.passages import refine_zero
+from bvp.kernels.places import place, unplace
+from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, JUMP, SPLIT, flight_verdict, touching
 
 __all__ = ["COUNTS", "scan_interval"]
-
-CLOSED, SPLIT, JUMP, DONE, ENDLESS = 0, 1, 2, 3, 4
-"""Verdicts on one flight of an interval."""
 
 COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget")
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
 
-VARIATION = 0.35
-"""How much z' may vary over a closed interval, relative to itself."""
-
-TOUCHING = 3.0 * CONTACT_TOLERANCE
-"""Distance below which a touch cannot be told from a hit, a fraction of the sizes that make it up."""
 
 SLIVER = 4e-12
-"""How far outside its interval, at most, Newton's method may end: about what is left out between the two sides of a grazing."""
-
-MARGIN = 1.2
-"""Factor on the bounds that are drawn from samples."""
-
-
-@kernel
-def place(low, high, kind, x):
-    """Parameter of the start at x in [0, 1], and its derivative. kind: 0 linear, 1 square root at the low end, 2 at the high end, 3 both."""
-    span = high - low
-    if kind == 0:
-        return low + span * x, span
-    if kind == 1:
-        return low + span * x * x, 2.0 * span * x
-    if kind == 2:
-        return high - span * (1.0 - x) * (1.0 - x), 2.0 * span * (1.0 - x)
-    s = math.sin(0.5 * math.pi * x)
-    return low + span * s * s, 0.5 * math.pi * span * math.sin(math.pi * x)
-
-
-@kernel
-def unplace(low, high, kind, theta):
-    """x of a parameter, the inverse of `place`."""
-    part = (theta - low) / (high - low)
-    if kind == 0:
-        return part
-    if kind == 1:
-        return math.sqrt(max(part, 0.0))
-    if kind == 2:
-        return 1.0 - math.sqrt(max((high - theta) / (high - low), 0.0))
-    if part < 0.5:
-        return 2.0 / math.pi * math.asin(math.sqrt(max(part, 0.0)))
-    return 1.0 - 2.0 / math.pi * math.asin(math.sqrt(max((high - theta) / (high - low), 0.0)))
-
-
-@kernel
-def positive(value_a, rate_a, value_m, rate_m, value_b, rate_b, r, noise):
-    """Whether a positive quantity stays so over an interval of half width r, sampled with its derivative at both ends and the middle, where
-    `noise` is its rounding error (it may be zero at an end)."""
-    if not (value_a > -noise and value_m > 0.0 and value_b > -noise):
-        return False
-    least = min(value_a, value_m, value_b)
-    most = max(abs(rate_a), abs(rate_m), abs(rate_b))
-    if MARGIN * r * most < least:
-        return True
-    if abs(value_b - value_a - r / 3.0 * (rate_a + 4.0 * rate_m + rate_b)) > 0.1 * r * most + noise:
-        return False
-    if (rate_a > 0.0) != (rate_m > 0.0) or (rate_b > 0.0) != (rate_m > 0.0):
-        return False
-    return min(abs(rate_a), abs(rate_b), abs(rate_m)) > 0.2 * most or (min(value_a, value_b) < noise and value_m < 10.0 * noise)
-
-
-@kernel
-def touching(flow, row):
-    """Distance to a stop, anywhere in a flight, below which a touch cannot be told from a hit."""
-    size = 1.0
-    for k in range(2):
-        size += abs(flow.gap[0, k]) * amplitude(flow.squares[k], row[k], row[k + 2], row[THIRD], int64(0))
-    return TOUCHING * size
-
-
-@kernel
-def approaches(flow, kind, row, along, r, tube, window, found, work):
-    """Passages of one flight by zero displacement (kind ORIGIN) or zero velocity (REST), seen by all starts within r of the middle.
-
-    along (4,): derivative of the state by x; tube: how much its displacements (velocities) may differ from that. Times of passages that
-    hold one orbit at most go into `found`. Returns their number, -1 where the interval has to be split."""
-    y = work[7, :4]
-    dy = work[8, :4]
-    at = 0 if kind == ORIGIN else 2
-    fastest = 0.0
-    turning = 0.0
-    first = int64(1) if kind == ORIGIN else int64(2)
-    for k in range(2):
-        v = amplitude(flow.squares[k], row[k], row[k + 2], window, first)
-        fastest += v * v
-        v = amplitude(flow.squares[k], along[k], along[k + 2], window, first)
-        turning += v * v
-    fastest = math.sqrt(fastest)
-    turning = math.sqrt(turning)
-    t = 0.0
-    if row[TIME] == 0.0:
-        # The start itself is no passage: from zero the motion goes on in one direction for at least this long.
-        first_rate = 0.0
-        bend = 0.0
-        for k in range(2):
-            p = row[k + 2] if kind == ORIGIN else flow.squares[k] * row[k]
-            first_rate += p * p
-            v = amplitude(flow.squares[k], row[k], row[k + 2], window, int64(2) if kind == ORIGIN else int64(1))
-            if kind == REST:
-                v *= abs(flow.squares[k])
-            bend += v * v
-        size = 0.0
-        for k in range(2):
-            size += row[at + k] * row[at + k]
-        if size <= 1e-20 * first_rate and bend > 0.0:
-            t = math.sqrt(first_rate / bend)
-    lipschitz = fastest + MARGIN * r * turning
-    count = 0
-    inside = False
-    entered = 0.0
-    best = math.inf
-    best_time = 0.0
-    for _ in range(100000):
-        if t > window:
-            break
-        advance(flow.squares, t, row[:4], along, y, dy)
-        size = math.hypot(y[at], y[at + 1])
-        reach = MARGIN * r * (math.hypot(dy[at], dy[at + 1]) + tube)
-        near = size <= 1.5 * reach
-        if near:
-            if not inside:
-                inside = True
-                entered = t
-                best = math.inf
-            if size < best:
-                best = size
-                best_time = t
-            if (t - entered) * fastest > 30.0 * reach + 1e-12:
-                return -1
-            t += max(0.3 * reach, 1e-15) / lipschitz
-        else:
-            if inside:
-                inside = False
-                verdict, time = passage(flow, kind, row, along, r, tube, entered, t, best_time, y, dy)
-                if verdict < 0:
-                    return -1
-                if verdict > 0:
-                    if count == found.shape[0]:
-                        return -1
-                    found[count] = time
-                    count += 1
-                advance(flow.squares, t, row[:4], along, y, dy)
-            t += (size - reach) / lipschitz
-    if inside:
-        verdict, time = passage(flow, kind, row, along, r, tube, entered, window, best_time, y, dy)
-        if verdict < 0:
-            return -1
-        if verdict > 0:
-            if count == found.shape[0]:
-                return -1
-            found[count] = time
-            count += 1
-    return count
-
-
-@kernel
-def passage(flow, kind, row, along, r, tube, entered, left, nearest, y, dy):
-    """Whether one passage by zero can hold an orbit: 0 no, 1 one at most, -1 undecided; and the time of the least distance."""
-    at = 0 if kind == ORIGIN else 2
-    t = nearest
-    v0 = 0.0
-    v1 = 0.0
-    for _ in range(4):
-        advance(flow.squares, t, row[:4], along, y, dy)
-        v0 = y[2] if kind == ORIGIN else -flow.squares[0] * y[0]
-        v1 = y[3] if kind == ORIGIN else -flow.squares[1] * y[1]
-        square = v0 * v0 + v1 * v1
-        if square == 0.0:
-            return -1, t
-        t = min(max(t - (y[at] * v0 + y[at + 1] * v1) / square, entered), left)
-    advance(flow.squares, t, row[:4], along, y, dy)
-    v0 = y[2] if kind == ORIGIN else -flow.squares[0] * y[0]
-    v1 = y[3] if kind == ORIGIN else -flow.squares[1] * y[1]
-    speed = math.hypot(v0, v1)
-    a0 = -flow.squares[0] * y[at]
-    a1 = -flow.squares[1] * y[at + 1]
-    u0 = dy[at]
-    u1 = dy[at + 1]
-    w0 = dy[2] if kind == ORIGIN else -flow.squares[0] * dy[0]
-    w1 = dy[3] if kind == ORIGIN else -flow.squares[1] * dy[1]
-    half = max(left - t, t - entered)
-    miss = (v0 * y[at + 1] - v1 * y[at]) / speed
-    rate = (v0 * u1 - v1 * u0) / speed
-    size = math.hypot(u0, u1)
-    bend = math.hypot(a0, a1) + (abs(flow.squares[0]) + abs(flow.squares[1])) * speed * half
-    vary = tube + half * (math.hypot(w0, w1) + size * bend / speed)
-    if abs(miss) > MARGIN * r * (size + tube):
-        return 0, t
-    if abs(rate) <= MARGIN * vary:
-        return -1, t
-    if abs(miss) > MARGIN * r * (abs(rate) + vary):
-        return 0, t
-    return 1, t
-
-
-@kernel
-def flight_verdict(flow, k, a, b, m, levels_a, levels_b, levels_m, jac_a, jac_b, jac_m, r, grain, times, impacts, longest, most, found, count, work):
-    """Judge flight k of an interval from the records of its ends and middle (`jac_`: d theta/d x there; r: half its width in x).
-
-    times, impacts (3,): for each kind of far end, the longest time and most inner impacts; a negative time where it is not looked for.
-    found (3, P): times of passages of each kind (for STOP of the impact), count (3,): how many. Returns the verdict."""
-    for kind in range(3):
-        count[kind] = 0
-    earliest = math.inf
-    if k < levels_a:
-        earliest = min(earliest, a[k, TIME])
-    if k < levels_b:
-        earliest = min(earliest, b[k, TIME])
-    if k < levels_m:
-        earliest = min(earliest, m[k, TIME])
-    horizon = -1.0
-    onward = False
-    for kind in range(3):
-        if k <= impacts[kind] and times[kind] > earliest:
-            horizon = max(horizon, times[kind] - earliest)
-            if k < impacts[kind]:
-                onward = True
-    if horizon < 0.0:
-        return DONE
-    if k >= levels_a or k >= levels_b or k >= levels_m:
-        return 10
-    # -- how the flight ends
-    ra = a[k]
-    rb = b[k]
-    rm = m[k]
-    if ra[CONTACT] == STUCK or rb[CONTACT] == STUCK or rm[CONTACT] == STUCK:
-        return 11
-    far = 0
-    for row in (ra, rb, rm):
-        if row[CONTACT] == FREE or row[DURATION] > horizon:
-            far += 1
-    last = far == 3
-    if not last:
-        if ra[CONTACT] != rb[CONTACT]:
-            # Where one of them only leaves the time searched, halves will show it.
-            return 12 if (ra[CONTACT] == FREE or rb[CONTACT] == FREE) and r * jac_m > 1e-5 else JUMP
-        if ra[CONTACT] != rm[CONTACT] or ra[CONTACT] == FREE:
-            return 13
-        # The same stop, but one flight goes on past the impact that ends the other.
-        most = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
-        if r * jac_m < 1e-4 and abs(rb[DURATION] - ra[DURATION]) > 20.0 * r * most + 1e-9:
-            return JUMP
-    if onward and not last and k == most:
-        return ENDLESS
-    # -- the tube about the flight of the middle
-    along = work[1, :4]
-    vary = work[2, :4]
-    size = 0.0
-    spread = 0.0
-    wide = 0.0
-    tube_q = 0.0
-    tube_p = 0.0
-    window = min(rm[DURATION], horizon)
-    for c in range(4):
-        along[c] = rm[DERIVATIVE + c] * jac_m
-        first = ra[DERIVATIVE + c] * jac_a
-        second = rb[DERIVATIVE + c] * jac_b
-        vary[c] = 0.5 * abs(second - first) + abs(0.5 * (first + second) - along[c])
-    force = 0.0
-    for c in range(2):
-        inner = amplitude(flow.squares[c], along[c], along[c + 2], window, int64(0))
-        outer = amplitude(flow.squares[c], vary[c], vary[c + 2], window, int64(0))
-        size += inner * inner
-        spread += outer * outer
-        wide += abs(flow.gap[0, c]) * (inner + outer)
-        tube_q += outer * outer
-        force += abs(flow.gap[0, c] * flow.squares[c]) * (inner + outer)
-        outer = amplitude(flow.squares[c], vary[c], vary[c + 2], window, int64(1))
-        tube_p += outer * outer
-    # On the section of an impact the gap does not vary: from there its variation grows with time.
-    near = 0.5 * force * window * window
-    for c in range(0, 4, 2):
-        first = (flow.gap[0, 0] * ra[DERIVATIVE + c] + flow.gap[0, 1] * ra[DERIVATIVE + c + 1]) * jac_a
-        second = (flow.gap[0, 0] * rb[DERIVATIVE + c] + flow.gap[0, 1] * rb[DERIVATIVE + c + 1]) * jac_b
-        middle = (flow.gap[0, 0] * rm[DERIVATIVE + c] + flow.gap[0, 1] * rm[DERIVATIVE + c + 1]) * jac_m
-        most = abs(middle) + 0.5 * abs(second - first) + abs(0.5 * (first + second) - middle)
-        near += most if c == 0 else most * window
-    wide = MARGIN * r * min(wide, near)
-    tube_q = MARGIN * math.sqrt(tube_q)
-    tube_p = MARGIN * math.sqrt(tube_p)
-    if k == 0 and r * jac_m > 0.1:
-        return 14
-    if spread > VARIATION * VARIATION * size:
-        return 15
-    # -- no turning point reaches a stop
-    if rm[CLEARANCE] != rm[CLEARANCE]:
-        nearest_turns(flow, rm, 1.05 * longest - rm[TIME], work)
-    if rm[CLEARANCE] <= wide:
-        if rm[SECOND] <= wide:
-            return 16
-        if ra[CLEARANCE] != ra[CLEARANCE]:
-            nearest_turns(flow, ra, 1.05 * longest - ra[TIME], work)
-        if rb[CLEARANCE] != rb[CLEARANCE]:
-            nearest_turns(flow, rb, 1.05 * longest - rb[TIME], work)
-        if not positive(
-            ra[CLEARANCE], ra[CLEARANCE + 1] * jac_a, rm[CLEARANCE], rm[CLEARANCE + 1] * jac_m, rb[CLEARANCE], rb[CLEARANCE + 1] * jac_b, r,
-            touching(flow, rm) + 8.0 * grain * abs(rm[CLEARANCE + 1]),
-        ):
-            return 17
-    # -- the impact is a transversal one, and its arrival is known over the interval
-    if not last:
-        if not positive(ra[SPEED], ra[SPEED + 1] * jac_a, rm[SPEED], rm[SPEED + 1] * jac_m, rb[SPEED], rb[SPEED + 1] * jac_b, r, 8.0 * grain * abs(rm[SPEED + 1])):
-            return 18
-        if rm[ACCELERATION] > 0.0 and rm[SPEED] * rm[SPEED] <= 2.0 * rm[ACCELERATION] * wide:
-            return 19
-        mean = (ra[DURATION + 1] * jac_a + 4.0 * rm[DURATION + 1] * jac_m + rb[DURATION + 1] * jac_b) * r / 3.0
-        most = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
-        if abs(rb[DURATION] - ra[DURATION] - mean) > 0.1 * r * most + 1e-13 * (1.0 + longest) + 8.0 * grain / jac_m * most:
-            return 25
-        if onward and (k + 1 < levels_a and k + 1 < levels_b and k + 1 < levels_m):
-            off = 0.0
-            size = 0.0
-            spread = 0.0
-            noise = 0.0
-            for c in range(4):
-                weight = 1.0 if c >= 2 else math.sqrt(abs(flow.squares[c]))
-                first = a[k + 1, DERIVATIVE + c] * jac_a
-                second = b[k + 1, DERIVATIVE + c] * jac_b
-                middle = m[k + 1, DERIVATIVE + c] * jac_m
-                value = weight * (b[k + 1, c] - a[k + 1, c] - r / 3.0 * (first + 4.0 * middle + second))
-                off += value * value
-                value = weight * (0.5 * abs(second - first) + abs(0.5 * (first + second) - middle))
-                spread += value * value
-                size += weight * weight * middle * middle
-                noise += weight * weight * m[k + 1, c] * m[k + 1, c]
-            if spread > VARIATION * VARIATION * size:
-                return 20
-            if math.sqrt(off) > 0.1 * r * math.sqrt(size) + 1e-13 * math.sqrt(noise) + 8.0 * grain / jac_m * math.sqrt(size):
-                return 21
-    # -- orbits
-    reach = min(window + MARGIN * r * abs(rm[DURATION + 1] * jac_m), horizon) if not last else horizon
-    struck = k > 0 or flow.shape[1] >= 0  # motions without any impact are modes, known in closed form
-    if struck and k <= impacts[ORIGIN] and times[ORIGIN] > earliest:
-        count[ORIGIN] = approaches(
-            flow, int64(ORIGIN), rm, along, r, tube_q, min(reach, times[ORIGIN] - earliest), found[ORIGIN], work
-        )
-        if count[ORIGIN] < 0:
-            return 22
-    if struck and k <= impacts[REST] and times[REST] > earliest:
-        count[REST] = approaches(flow, int64(REST), rm, along, r, tube_p, min(reach, times[REST] - earliest), found[REST], work)
-        if count[REST] < 0:
-            return 23
-    if not last and k <= impacts[STOP] and times[STOP] > earliest + window - MARGIN * r * abs(rm[DURATION + 1] * jac_m):
-        first = ra[MISS + 1] * jac_a
-        second = rb[MISS + 1] * jac_b
-        rate = rm[MISS + 1] * jac_m
-        change = MARGIN * (0.5 * abs(second - first) + abs(0.5 * (first + second) - rate))
-        if abs(rm[MISS]) <= MARGIN * r * (abs(rate) + change):
-            if abs(rate) <= change:
-                return 24
-            found[STOP, 0] = rm[DURATION]
-            count[STOP] = 1
-    return CLOSED
-
-
-@kernel
-def refine_zero(flow, kind, k, theta, time, low, high, longest, most, record, pattern, work, out):
-    """Newton's method for one orbit in (start, time) from the middle of an interval, kept inside it, where all starts have the impacts of
-    `pattern`, the middle's record. out: theta, time within flight k, miss. Returns (whether it converged, starts followed)."""
-    y = work[7, :4]
-    dy = work[8, :4]
-    at = 0 if kind == ORIGIN else 2
-    last = math.inf
-    span = high - low
-    for count in range(12):
-        levels = follow(flow, theta, longest, most, record, work)
-        if levels <= k:
-            return False, count
-        for i in range(k):
-            if record[i, CONTACT] != pattern[i, CONTACT]:
-                return False, count
-        if kind == STOP:
-            if record[k, CONTACT] != pattern[k, CONTACT]:
-                return False, count
-            step = -record[k, MISS] / record[k, MISS + 1]
-            time = record[k, DURATION]
-            out[2] = abs(record[k, MISS])
-        else:
-            advance(flow.squares, time, record[k, :4], record[k, 4:8], y, dy)
-            v0 = y[2] if kind == ORIGIN else -flow.squares[0] * y[0]
-            v1 = y[3] if kind == ORIGIN else -flow.squares[1] * y[1]
-            determinant = dy[at] * v1 - dy[at + 1] * v0
-            if determinant == 0.0:
-                return False, count
-            step = (-y[at] * v1 + y[at + 1] * v0) / determinant
-            time += (-dy[at] * y[at + 1] + dy[at + 1] * y[at]) / determinant
-            out[2] = math.hypot(y[at], y[at + 1])
-        out[0] = theta
-        out[1] = time
-        if not (abs(step) < math.inf):
-            return False, count
-        if abs(step) <= 4e-16 * (1.0 + abs(theta)) or (count > 2 and abs(step) >= 0.5 * last and last < 1e-8 * span + 1e-13):
-            return True, count + 1
-        if (theta == low and step < 0.0) or (theta == high and step > 0.0):
-            # It lies outside; how far outside the step says. Within the sliver that a grazing leaves out it is still this interval's.
-            out[0] = theta if abs(step) <= SLIVER else theta + step
-            return True, count + 1
-        theta = min(max(theta + step, low), high)
-        last = abs(step)
-    return False, 12
+"""How far outside its interval Newton's method may end at a grazing: about what is left out between its two sides."""
 
 
 @part
@@ -462,14 +48,116 @@ def leave_open(openings, opening, theta, width, flight, reason, counts):
     return opening + 1
 
 
+@kernel
+def push(stack, top, low, high, kind, x_a, x_b, i_a, i_b, k, depth, verdict):
+    """Put an interval on the stack: the map of its parameter (see `place`), its ends there and their records, the flight that is open."""
+    row = stack[top]
+    row[0] = low
+    row[1] = high
+    row[2] = kind
+    row[3] = x_a
+    row[4] = x_b
+    row[5] = i_a
+    row[6] = i_b
+    row[7] = k
+    row[8] = depth
+    row[9] = verdict
+    return top + 1
+
+
+@kernel
+def third(one, two, first):
+    """The first of three records from `first` on that is neither of two."""
+    for slot in range(first, first + 3):
+        if slot != one and slot != two:
+            return slot
+    return first
+
+
+@kernel
+def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, most, records, levels, work):
+    """The grazing between two starts whose flights k end differently, bracketed to rounding, and on each side the start nearest to it whose
+    distance to grazing rounding lets be told. Three records from `first` on are overwritten.
+
+    On one side the flight ends with a slow impact, which would reach speed^2/(2 w'') beyond the stop; on the other it passes at some
+    distance: one smooth function of the start, by whose secants the bracket shrinks.
+    Returns (record, record, theta, theta) of both sides, the bracket (theta, theta), and how many starts were followed."""
+    one = i_a
+    two = i_b
+    theta_1 = theta_a
+    theta_2 = theta_b
+    followed = 0
+    for step in range(300):
+        width = theta_2 - theta_1
+        if width <= 4.0 * grain:
+            break
+        early, late = (one, two) if records[one, k, DURATION] < records[two, k, DURATION] else (two, one)
+        if records[late, k, CLEARANCE] != records[late, k, CLEARANCE]:
+            nearest_turns(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
+        bend = abs(records[early, k, ACCELERATION])
+        below = records[early, k, SPEED] ** 2 / (2.0 * bend) if bend > 0.0 else math.inf
+        above = abs(records[late, k, CLEARANCE])
+        probe = 0.5 * (theta_1 + theta_2)
+        if step % 3 != 2 and below + above < math.inf:
+            part = below / (below + above)
+            if early == two:
+                part = 1.0 - part
+            guess = theta_1 + part * width
+            nudge = max(2.0 * grain, 0.02 * min(guess - theta_1, theta_2 - guess))
+            if (part < 0.5) == (step % 2 == 0):
+                probe = guess + nudge
+            else:
+                probe = guess - nudge
+            probe = min(max(probe, theta_1 + grain), theta_2 - grain)
+        if not (theta_1 < probe < theta_2):
+            break
+        slot = third(one, two, first)
+        levels[slot] = follow(flow, probe, longest, most, records[slot], work)
+        followed += 1
+        if levels[slot] <= k:
+            break
+        like_one = records[slot, k, CONTACT] == records[one, k, CONTACT]
+        if like_one and records[one, k, CONTACT] == records[two, k, CONTACT]:
+            to_one = abs(records[slot, k, DURATION] - records[one, k, DURATION])
+            to_two = abs(records[slot, k, DURATION] - records[two, k, DURATION])
+            like_one = to_one < to_two
+        if like_one:
+            one = slot
+            theta_1 = probe
+        else:
+            two = slot
+            theta_2 = probe
+    late = two if records[one, k, DURATION] < records[two, k, DURATION] else one
+    if records[late, k, CLEARANCE] != records[late, k, CLEARANCE]:
+        nearest_turns(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
+    slope = abs(records[late, k, CLEARANCE + 1])
+    offset = 16.0 * grain
+    if slope > 0.0:
+        offset = max(offset, touching(flow, records[late, k]) / slope)
+    edge_1 = theta_1
+    edge_2 = theta_2
+    theta_1 = min(theta_1, edge_2 - min(offset, 0.25 * (edge_2 - theta_a)))
+    theta_2 = max(theta_2, edge_1 + min(offset, 0.25 * (theta_b - edge_1)))
+    if theta_a < theta_1 < edge_1:
+        one = third(one, two, first)
+        levels[one] = follow(flow, theta_1, longest, most, records[one], work)
+        followed += 1
+    if edge_2 < theta_2 < theta_b:
+        two = third(one, two, first)
+        levels[two] = follow(flow, theta_2, longest, most, records[two], work)
+        followed += 1
+    return one, two, theta_1, theta_2, edge_1, edge_2, followed
+
+
 @allocating
 def scan_interval(flow, low, high, ends, times, impacts, longest, most, records, levels, stack, candidates, openings, budget, counts, work):
-    """Scan the starts between two parameters. ends (3,): those between which `place` maps, and its kind: where the curve of starts
-    itself ends at a stop, its end is one of them.
+    """Scan the starts between two parameters.
 
-    times, impacts (3,): see `flight_verdict`. records (3 D + 3, K + 2, COLUMNS), levels (3 D + 3,), stack (2 D, 10): room for D halvings. candidates (C, 8): kind,
-    inner impacts, theta, time, miss, converged, low and high end of the interval. openings (O, 4): theta, width, flight and reason of what stays open. counts (7,): see COUNTS, added
-    to. Returns (candidates, openings); more than their room says that there was too little of it."""
+    ends (3,): those between which `place` maps, and its kind: where the curve of starts itself ends at a stop, its end is one of them.
+    times, impacts (3,): see `flight_verdict`. records (3 D + 3, K + 2, COLUMNS), levels (3 D + 3,), stack (2 D, 10): room for D halvings.
+    candidates (C, 8): kind, inner impacts, theta, time in the last flight, miss, converged, low and high end of the interval.
+    openings (O, 4): theta, width, flight and reason of what stays open. counts (7,): see COUNTS, added to. Returns (candidates, openings);
+    more than their room says that there was too little of it."""
     found = np.empty((3, 8))
     count = np.zeros(3, np.int64)
     out = np.empty(3)
@@ -480,16 +168,9 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
     levels[1] = follow(flow, high, longest, most, records[1], work)
     spare = 2
     counts[STARTS] += 2
-    top = 1
-    stack[0, 0] = ends[0]
-    stack[0, 1] = ends[1]
-    stack[0, 2] = ends[2]
-    stack[0, 3] = unplace(ends[0], ends[1], int64(ends[2]), low)
-    stack[0, 4] = unplace(ends[0], ends[1], int64(ends[2]), high)
-    stack[0, 5] = 0.0
-    stack[0, 6] = 1.0
-    stack[0, 7] = 0.0
-    stack[0, 8] = 0.0
+    x_a = unplace(ends[0], ends[1], int64(ends[2]), low)
+    x_b = unplace(ends[0], ends[1], int64(ends[2]), high)
+    top = push(stack, 0, ends[0], ends[1], ends[2], x_a, x_b, 0, 1, 0, 0, SPLIT)
     used = 0
     while top > 0:
         top -= 1
@@ -521,27 +202,29 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
         x_m = unplace(map_low, map_high, kind, theta_m)
         _, jac_m = place(map_low, map_high, kind, x_m)
         i_m = spare + 3 * depth
-        i_p = i_m + 1
-        i_q = i_m + 2
         levels[i_m] = follow(flow, theta_m, longest, most, records[i_m], work)
         counts[STARTS] += 1
         used += 1
         r = 0.5 * (x_b - x_a)
+        root_a = (kind == 1 or kind == 3) and x_a <= 1e-3
+        root_b = (kind == 2 or kind == 3) and x_b >= 1.0 - 1e-3
+        beyond_a = SLIVER if root_a else 2.0 * grain
+        beyond_b = SLIVER if root_b else 2.0 * grain
         verdict = CLOSED
         while verdict == CLOSED:
             verdict = flight_verdict(
-                flow, k, records[i_a], records[i_b], records[i_m], levels[i_a], levels[i_b], levels[i_m], jac_a, jac_b, jac_m, r,
-                grain, times, impacts, longest, most, found, count, work,
-            )
+                flow, k, records[i_a], records[i_b], records[i_m], levels[i_a], levels[i_b], levels[i_m], jac_a, jac_b, jac_m, r, grain,
+                times, impacts, longest, most, found, count, work,
+            )  # fmt: skip
             if verdict != CLOSED:
                 break
             first = candidate
             for end in range(3):
                 for c in range(count[end]):
                     converged, steps = refine_zero(
-                        flow, int64(end), k, theta_m, found[end, c], theta_a, theta_b, longest, k, records[i_p], records[i_m],
-                        work, out,
-                    )
+                        flow, int64(end), k, theta_m, found[end, c], theta_a, theta_b, beyond_a, beyond_b, longest, k, records[i_m + 1],
+                        records[i_m], work, out,
+                    )  # fmt: skip
                     counts[STARTS] += steps
                     used += steps
                     if not converged and theta_b - theta_a > 1e6 * grain:
@@ -549,7 +232,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                         continue
                     if converged and (out[0] < theta_a or out[0] > theta_b):
                         continue
-                    if converged and (out[1] < -1e-9 or out[1] > records[i_p, k, DURATION] + 1e-9):
+                    if converged and (out[1] < -1e-9 or out[1] > records[i_m + 1, k, DURATION] + 1e-9):
                         continue
                     if candidate < candidates.shape[0]:
                         candidates[candidate, 0] = end
@@ -573,124 +256,37 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             continue
         counts[SPLITS] += 1
         if verdict == JUMP:
-            # -- the grazing between a and b, to rounding
-            one = i_a
-            two = i_b
-            theta_1 = theta_a
-            theta_2 = theta_b
-            for step in range(120):
-                width = theta_2 - theta_1
-                if width <= 4.0 * grain:
-                    break
-                early, late = (one, two) if records[one, k, DURATION] < records[two, k, DURATION] else (two, one)
-                if records[late, k, CLEARANCE] != records[late, k, CLEARANCE]:
-                    nearest_turns(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
-                bend = abs(records[early, k, ACCELERATION])
-                below = records[early, k, SPEED] ** 2 / (2.0 * bend) if bend > 0.0 else math.inf
-                above = abs(records[late, k, CLEARANCE])
-                probe = 0.5 * (theta_1 + theta_2)
-                if step % 4 != 3 and below + above < math.inf:
-                    part = below / (below + above)
-                    if early == two:
-                        part = 1.0 - part
-                    guess = theta_1 + part * width
-                    nudge = max(2.0 * grain, 0.02 * min(guess - theta_1, theta_2 - guess))
-                    probe = guess + nudge if part < 0.5 else guess - nudge
-                    if step % 2 == 1:
-                        probe = guess - nudge if part < 0.5 else guess + nudge
-                    probe = min(max(probe, theta_1 + grain), theta_2 - grain)
-                if not (theta_1 < probe < theta_2):
-                    break
-                slot = i_m if one != i_m and two != i_m else i_p if one != i_p and two != i_p else i_q
-                levels[slot] = follow(flow, probe, longest, most, records[slot], work)
-                counts[STARTS] += 1
-                used += 1
-                if levels[slot] <= k:
-                    break
-                like_one = records[slot, k, CONTACT] == records[one, k, CONTACT]
-                if like_one and records[one, k, CONTACT] == records[two, k, CONTACT]:
-                    like_one = abs(records[slot, k, DURATION] - records[one, k, DURATION]) < abs(
-                        records[slot, k, DURATION] - records[two, k, DURATION]
-                    )
-                if like_one:
-                    one = slot
-                    theta_1 = probe
-                else:
-                    two = slot
-                    theta_2 = probe
+            one, two, theta_1, theta_2, edge_1, edge_2, followed = grazing_between(
+                flow, k, i_a, i_b, i_m, theta_a, theta_b, grain, longest, most, records, levels, work
+            )
             counts[GRAZINGS] += 1
+            counts[STARTS] += followed
+            used += followed
+            if edge_2 - edge_1 > 64.0 * grain:
+                opening = leave_open(openings, opening, edge_1, edge_2 - edge_1, k, JUMP, counts)
             early_one = records[one, k, DURATION] < records[two, k, DURATION]
-            # -- the ends of both sides, as far from grazing as lets rounding tell them apart
-            late = two if early_one else one
-            if records[late, k, CLEARANCE] != records[late, k, CLEARANCE]:
-                nearest_turns(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
-            slope = abs(records[late, k, CLEARANCE + 1])
-            offset = 16.0 * grain
-            if slope > 0.0:
-                offset = max(offset, touching(flow, records[late, k]) / slope)
-            edge_1 = theta_1
-            edge_2 = theta_2
-            theta_1 = min(theta_1, edge_2 - min(offset, 0.25 * (edge_2 - theta_a)))
-            theta_2 = max(theta_2, edge_1 + min(offset, 0.25 * (theta_b - edge_1)))
-            if theta_1 > theta_a and theta_1 < edge_1:
-                slot = i_m if one != i_m and two != i_m else i_p if one != i_p and two != i_p else i_q
-                levels[slot] = follow(flow, theta_1, longest, most, records[slot], work)
-                one = slot
-            if theta_2 < theta_b and theta_2 > edge_2:
-                slot = i_m if one != i_m and two != i_m else i_p if one != i_p and two != i_p else i_q
-                levels[slot] = follow(flow, theta_2, longest, most, records[slot], work)
-                two = slot
-            counts[STARTS] += 2
-            used += 2
-            left_root = (kind == 1 or kind == 3) and x_a <= 1e-3
-            right_root = (kind == 2 or kind == 3) and x_b >= 1.0 - 1e-3
             if two != i_b and theta_b > theta_2:
-                stack[top, 0] = theta_2 if early_one else edge_1
-                stack[top, 1] = map_high if right_root else theta_b
-                code = (0 if early_one else 1) + (2 if right_root else 0)
-                stack[top, 2] = code
-                stack[top, 3] = unplace(stack[top, 0], stack[top, 1], int64(code), theta_2)
-                stack[top, 4] = unplace(stack[top, 0], stack[top, 1], int64(code), theta_b)
-                stack[top, 5] = two
-                stack[top, 6] = i_b
-                stack[top, 7] = k
-                stack[top, 8] = depth + 1
-                stack[top, 9] = verdict
-                top += 1
+                # The square root starts at grazing itself, and at an end where an earlier one did.
+                new_low = theta_2 if early_one else edge_1
+                new_high = theta_b
+                code = 0 if early_one else 1
+                if root_b:
+                    new_high = map_high
+                    code += 2
+                new_a = unplace(new_low, new_high, int64(code), theta_2)
+                new_b = unplace(new_low, new_high, int64(code), theta_b)
+                top = push(stack, top, new_low, new_high, code, new_a, new_b, two, i_b, k, depth + 1, verdict)
             if one != i_a and theta_1 > theta_a:
-                stack[top, 0] = map_low if left_root else theta_a
-                stack[top, 1] = edge_2 if early_one else theta_1
-                code = (1 if left_root else 0) + (2 if early_one else 0)
-                stack[top, 2] = code
-                stack[top, 3] = unplace(stack[top, 0], stack[top, 1], int64(code), theta_a)
-                stack[top, 4] = unplace(stack[top, 0], stack[top, 1], int64(code), theta_1)
-                stack[top, 5] = i_a
-                stack[top, 6] = one
-                stack[top, 7] = k
-                stack[top, 8] = depth + 1
-                stack[top, 9] = verdict
-                top += 1
+                new_low = theta_a
+                new_high = edge_2 if early_one else theta_1
+                code = 2 if early_one else 0
+                if root_a:
+                    new_low = map_low
+                    code += 1
+                new_a = unplace(new_low, new_high, int64(code), theta_a)
+                new_b = unplace(new_low, new_high, int64(code), theta_1)
+                top = push(stack, top, new_low, new_high, code, new_a, new_b, i_a, one, k, depth + 1, verdict)
             continue
-        stack[top, 0] = map_low
-        stack[top, 1] = map_high
-        stack[top, 2] = kind
-        stack[top, 3] = x_m
-        stack[top, 4] = x_b
-        stack[top, 5] = i_m
-        stack[top, 6] = i_b
-        stack[top, 7] = k
-        stack[top, 8] = depth + 1
-        stack[top, 9] = verdict
-        top += 1
-        stack[top, 0] = map_low
-        stack[top, 1] = map_high
-        stack[top, 2] = kind
-        stack[top, 3] = x_a
-        stack[top, 4] = x_m
-        stack[top, 5] = i_a
-        stack[top, 6] = i_m
-        stack[top, 7] = k
-        stack[top, 8] = depth + 1
-        stack[top, 9] = verdict
-        top += 1
+        top = push(stack, top, map_low, map_high, kind, x_m, x_b, i_m, i_b, k, depth + 1, verdict)
+        top = push(stack, top, map_low, map_high, kind, x_a, x_m, i_a, i_m, k, depth + 1, verdict)
     return candidate, opening

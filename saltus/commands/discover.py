@@ -22,9 +22,7 @@ ENDS = ("origin-origin", "origin-rest", "origin-stop", "rest-rest", "rest-stop",
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="H", type=positive, required=True, help="the energy h")
-    parser.add_argument(
-        "--max-quarter-period", metavar="A", type=positive, help="longest quarter period alpha (default: the scene's)"
-    )
+    parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period alpha (default: the scene's)")
     parser.add_argument("--max-impacts", metavar="K", type=whole, help="most impacts in half a period (default: not bounded)")
     parser.add_argument(
         "--ends",
@@ -143,7 +141,9 @@ def summary(found: Discovery) -> list[str]:
         why.append(f"the starts were used up with {counts['over_budget']} intervals left (--max-starts)")
     if counts["open"] > counts["over_budget"]:
         widest = max(found.open, key=lambda opening: opening.width)
-        why.append(f"{counts['open'] - counts['over_budget']} intervals stay open, the widest {widest.width:.1e} at {widest.parameter:.12g}")
+        why.append(
+            f"{counts['open'] - counts['over_budget']} intervals stay open, the widest {widest.width:.1e} at {widest.parameter:.12g}"
+        )
     if counts["unpolished"]:
         why.append(f"{counts['unpolished']} crossings are not polished")
     if counts["one_sided"]:

@@ -20,7 +20,8 @@ from bvp.kernels.follow import (
     follow,
     nearest_turns,
 )
-from bvp.kernels.intervals import place, positive, unplace
+from bvp.kernels.places import place, unplace
+from bvp.kernels.verdict import positive
 
 SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltus.vibro_impact_nes(1.0, 0.0)]
 
@@ -136,7 +137,11 @@ def test_clearance_changes_as_its_derivative_says():
                 nearest_turns(curve.flow, record[k], 9.0 - record[k, TIME], np.zeros((16, 16)))
             rows.append(record[:count])
         for k in range(min(map(len, rows))):
-            if np.isfinite(rows[1][k, CLEARANCE]) and rows[1][k, CONTACT] >= 0 and np.isfinite(rows[0][k, CLEARANCE] + rows[2][k, CLEARANCE]):
+            if (
+                np.isfinite(rows[1][k, CLEARANCE])
+                and rows[1][k, CONTACT] >= 0
+                and np.isfinite(rows[0][k, CLEARANCE] + rows[2][k, CLEARANCE])
+            ):
                 slope = (rows[2][k, CLEARANCE] - rows[0][k, CLEARANCE]) / 2e-6
                 assert slope == pytest.approx(rows[1][k, CLEARANCE + 1], rel=1e-4, abs=1e-4)
                 checked += 1
