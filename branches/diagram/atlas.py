@@ -42,7 +42,7 @@ MOST_NAMES = 60
 """Families named in one picture, at most."""
 
 _MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis
-_INSET_NAMES, _INSET_FAR = 12, 16.0
+_INSET_NAMES, _INSET_FAR = 12, 26.0
 
 
 def draw_atlas(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:

@@ -21,7 +21,7 @@ __all__ = ["Named", "label_curves", "names_of"]
 _SPACING = 7.0  # points between the places on a curve that a name may point to
 _ROOM = 13.0  # half the width of the surroundings that count as crowded
 _POOL, _ROUNDS = 4, 3  # names that wait for a place, for each that gets one; times that those without room give way
-FAR = 36.0
+FAR = 48.0
 """Points: a name that would stand further off than this is left out, as leaders across the picture tell nothing."""
 
 
