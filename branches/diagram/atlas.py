@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING, Any
@@ -43,7 +42,7 @@ MOST_NAMES = 60
 """Families named in one picture, at most."""
 
 _MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis
-_INSET_NAMES = 12
+_INSET_NAMES, _INSET_FAR = 12, 26.0
 
 
 def draw_atlas(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
@@ -112,7 +111,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         runs = runs_of(curves)
         entries = legend_entries(runs, [])
         entries += other_entries(atlas, modes, stars is not None)
-        named = names_of(curves, names) if curves else _star_names(atlas, stars)
+        named = names_of(curves) if curves else _star_names(atlas, stars)
         figure.legend(handles=entries, loc="outside lower center", ncols=min(3, len(entries)), frameon=False)
         settle_layout(figure)
         everything = [curve.path() for curve in curves]
@@ -131,10 +130,12 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         everything.append(np.stack([atlas.manifold_h, atlas.manifold_frequency], axis=1))
         drawn = draw_insets(axes, insets, everything, content, keep_off)
         keep_off += [box for detail in drawn for box in (detail.box, detail.letter_box)]
-        written = label_curves(axes, [*_mode_names(axes, modes), *named], everything, keep_off)
+        of_modes = _mode_names(axes, modes)
+        written = label_curves(axes, [*of_modes, *named], everything, keep_off, most=names + len(of_modes))
         for detail in drawn:
             spots = [*mark_boxes(detail.axes, modes, stars), detail.inner_letter_box]
-            written |= label_curves(detail.axes, names_of(curves, _INSET_NAMES, detail.axes), everything, spots)
+            inside = names_of(curves, detail.axes)
+            written |= label_curves(detail.axes, inside, everything, spots, most=_INSET_NAMES, far=_INSET_FAR)
         tell_named(axes, written, curves or named)
     return figure
 
@@ -153,7 +154,11 @@ def _star_names(atlas: Atlas, stars: tuple[np.ndarray, np.ndarray] | None) -> li
 
 
 def _mode_names(axes: Axes, modes: Sequence[Any]) -> list[Named]:
+    """The names of the linear modes, which may point to any place of their lines."""
     left = axes.get_xlim()[0]
-    return [
-        Named.point(mode.label, math.sqrt(left * mode.h) if mode.h > left else mode.h, mode.frequency) for mode in modes if mode.h > left
-    ]
+    out = []
+    for mode in modes:
+        if mode.h > left:
+            energies = np.geomspace(left, mode.h, 20)
+            out.append(Named(None, energies, np.full(20, mode.frequency), np.zeros(19, dtype=bool), mode.label))
+    return out

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +20,9 @@ __all__ = ["Named", "label_curves", "names_of"]
 
 _SPACING = 7.0  # points between the places on a curve that a name may point to
 _ROOM = 13.0  # half the width of the surroundings that count as crowded
-_FAR = 48.0  # points: a name that would stand further off than this is left out, as leaders across the picture tell nothing
+_POOL, _ROUNDS = 4, 3  # names that wait for a place, for each that gets one; times that those without room give way
+FAR = 48.0
+"""Points: a name that would stand further off than this is left out, as leaders across the picture tell nothing."""
 
 
 class Named:
@@ -63,8 +66,8 @@ class Named:
         return points
 
 
-def names_of(curves: Sequence[Named], most: int, axes: Axes | None = None) -> list[Named]:
-    """The most important of the curves that have a label, one for each family; those in sight of `axes` where it is given."""
+def names_of(curves: Sequence[Named], axes: Axes | None = None) -> list[Named]:
+    """The curves that have a label, one for each family, the most important first; those in sight of `axes` where it is given."""
     chosen: dict[str, Named] = {}
     for curve in sorted(curves, key=lambda curve: curve.importance):
         if not curve.text or curve.key in chosen:
@@ -72,7 +75,7 @@ def names_of(curves: Sequence[Named], most: int, axes: Axes | None = None) -> li
         if axes is not None and not len(_in_sight(axes, curve)):
             continue
         chosen[curve.key] = curve
-    return list(chosen.values())[:most]
+    return list(chosen.values())
 
 
 def _in_sight(axes: Axes, named: Named) -> np.ndarray:
@@ -86,10 +89,28 @@ def _in_sight(axes: Axes, named: Named) -> np.ndarray:
     return spots[inside]
 
 
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A name with the place (2,) in points that it points to, its size (2,), the radius of the marker there, and how far it may stand."""
+
+    named: Named
+    at: np.ndarray
+    size: np.ndarray
+    radius: float
+    far: float
+
+
 def label_curves(
-    axes: Axes, names: Sequence[Named], curves: Sequence[np.ndarray], keep_off: Sequence[Sequence[float]] = ()
+    axes: Axes,
+    names: Sequence[Named],
+    curves: Sequence[np.ndarray],
+    keep_off: Sequence[Sequence[float]] = (),
+    *,
+    most: int,
+    far: float = FAR,
 ) -> set[str]:
-    """Write names beside their curves, each at the least crowded place, with a leader where it has to stand off.
+    """Write names beside their curves, each at the least crowded place, with a leader where it has to stand off. A name without room near
+    its curve gives way to the next one.
 
     Parameters
     ----------
@@ -97,68 +118,82 @@ def label_curves(
     names : the most important first
     curves : polylines (n, 2) in data coordinates, kept off where possible
     keep_off : boxes in points that no name covers
+    most : names that are written at most
+    far : points that a name stands off at most; three times that for a pinned one
 
     Returns
     -------
     set of str
-        Keys of the names that found room.
+        Keys of the names that are written.
     """
-    figure = axes.figure
-    to_points = 72 / figure.dpi
+    to_points = 72 / axes.figure.dpi
     frame = np.array(axes.bbox.extents) * to_points
     boxes = np.array(list(keep_off), dtype=float).reshape(-1, 4)
     paths = [axes.transData.transform(curve) * to_points for curve in curves]
-    cover = Cover(frame.tolist(), paths)
-    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
-    shown: list[Named] = []
-    anchors: list[np.ndarray] = []
-    sizes: list[np.ndarray] = []
+    waiting = _candidates(axes, names[: _POOL * most], boxes, Cover(frame.tolist(), paths), far)
+    bounds = (frame + np.array([4.0, 4.0, -4.0, -4.0])).tolist()
+
+    def placed(chosen: Sequence[_Candidate], slack: float = 1.0) -> list[tuple[_Candidate, Place]]:
+        if not chosen:
+            return []
+        at, sizes = np.array([item.at for item in chosen]), np.array([item.size for item in chosen])
+        places = place_texts(at, sizes, np.array([item.radius for item in chosen]), bounds, boxes, paths)
+        pairs = zip(chosen, places, strict=True)
+        return [(item, place) for item, place in pairs if place is not None and _reach(item, place) <= slack * item.far]
+
+    chosen: list[_Candidate] = []
+    for _ in range(_ROUNDS):
+        room = most - len(chosen)
+        chosen, waiting = chosen + waiting[:room], waiting[room:]
+        count = len(chosen)
+        done = placed(chosen)
+        chosen = [item for item, _ in done]
+        if len(chosen) == count:
+            break
+    else:
+        done = placed(chosen, 1.5)
+    for item, place in done:
+        _write(axes, item, place, to_points)
+    return {item.named.key for item, _ in done}
+
+
+def _candidates(axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Cover, far: float) -> list[_Candidate]:
+    to_points = 72 / axes.figure.dpi
+    renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    out: list[_Candidate] = []
     for named in names:
         spots = _in_sight(axes, named)
         if len(named.x) > 1:  # a name of one point stands beside its marker; a curve has other places
             spots = spots[~overlapping(np.concatenate([spots, spots], axis=1), boxes).any(axis=1)]
         if not len(spots):
             continue
-        around = np.concatenate([spots - _ROOM, spots + _ROOM], axis=1)
-        crowded = cover.within(around)
-        for other in anchors:  # names that point to one place would push each other away
-            crowded = crowded + 40.0 * (np.hypot(*(spots - other).T) < 2.0 * _ROOM)
-        anchors.append(spots[int(np.argmin(crowded))])
+        crowded = cover.within(np.concatenate([spots - _ROOM, spots + _ROOM], axis=1))
+        for other in out:  # names that point to one place would push each other away
+            crowded = crowded + 40.0 * (np.hypot(*(spots - other.at).T) < 2.0 * _ROOM)
         trial = axes.text(0, 0, written(named.text), fontsize=SMALL)
-        sizes.append(np.array(trial.get_window_extent(renderer).size) * to_points)
+        size = np.array(trial.get_window_extent(renderer).size) * to_points
         trial.remove()
-        shown.append(named)
-    if not shown:
-        return set()
-    bounds = (frame + np.array([4.0, 4.0, -4.0, -4.0])).tolist()
-    at, size = np.array(anchors), np.array(sizes)
-    radii = np.array([3.0 if len(named.x) == 1 else 0.8 for named in shown])
-    places = place_texts(at, size, radii, bounds, boxes, paths)
-    near = [k for k, place in enumerate(places) if place is not None and _reach(at[k], size[k], place) <= _FAR]
-    if len(near) < len(places):
-        shown, at, size, radii = [shown[k] for k in near], at[near], size[near], radii[near]
-        places = place_texts(at, size, radii, bounds, boxes, paths) if near else []
-    done = set()
-    for named, anchor, extent, place in zip(shown, at, size, places, strict=True):
-        if place is None or _reach(anchor, extent, place) > 1.5 * _FAR:
-            continue
-        done.add(named.key)
-        x, y = axes.transData.inverted().transform(anchor / to_points)
-        here = (float(x), float(y))
-        offset = (place.left - anchor[0], place.bottom - anchor[1])
-        axes.annotate(
-            written(named.text), here, offset, fontsize=SMALL, color=BLACK, ha="left", va="bottom", textcoords="offset points", zorder=6
-        )
-        if place.leader:
-            tip = (place.leader[0] - anchor[0], place.leader[1] - anchor[1])
-            arrow = {"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0.8, "shrinkB": 0}
-            axes.annotate("", here, tip, textcoords="offset points", arrowprops=arrow, zorder=5)
-    return done
+        pinned = named.curve is not None and named.curve.pinned
+        radius = 3.0 if len(named.x) == 1 else 0.8
+        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if pinned else far))
+    return out
 
 
-def _reach(anchor: np.ndarray, size: np.ndarray, place: Place) -> float:
+def _write(axes: Axes, item: _Candidate, place: Place, to_points: float) -> None:
+    x, y = axes.transData.inverted().transform(item.at / to_points)
+    here = (float(x), float(y))
+    offset = (place.left - item.at[0], place.bottom - item.at[1])
+    style: dict[str, Any] = {"fontsize": SMALL, "color": BLACK, "ha": "left", "va": "bottom", "zorder": 6}
+    axes.annotate(written(item.named.text), here, offset, textcoords="offset points", **style)
+    if place.leader:
+        tip = (place.leader[0] - item.at[0], place.leader[1] - item.at[1])
+        arrow = {"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0.8, "shrinkB": 0}
+        axes.annotate("", here, tip, textcoords="offset points", arrowprops=arrow, zorder=5)
+
+
+def _reach(item: _Candidate, place: Place) -> float:
     corner = np.array([place.left, place.bottom])
-    return float(np.hypot(*(np.clip(anchor, corner, corner + size) - anchor)))
+    return float(np.hypot(*(np.clip(item.at, corner, corner + item.size) - item.at)))
 
 
 def written(label: str) -> str:

@@ -90,7 +90,7 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
                 marks.set_gid(f"{name}-impulsive")
                 spots = mark_boxes(axes, [], place)
             everything = [curve.path() for curve in of_panel]
-            written |= label_curves(axes, names_of(of_panel, names), everything, spots)
+            written |= label_curves(axes, names_of(of_panel), everything, spots, most=names)
         note = f"; {left_out} that do not start at the origin left out" if left_out else ""
         tell_named(panels[-1], written, drawn[0][2], note)
     return figure
