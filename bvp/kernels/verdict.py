@@ -22,8 +22,8 @@ from bvp.kernels.follow import (
     nearest_turns,
 )
 from bvp.kernels.impact import CONTACT_TOLERANCE
-from bvp.kernels.segment import ORIGIN, REST, STOP
 from bvp.kernels.passages import MARGIN, approaches
+from bvp.kernels.segment import ORIGIN, REST, STOP
 
 __all__ = ["CLOSED", "DONE", "ENDLESS", "JUMP", "SPLIT", "flight_verdict", "positive", "touching"]
 
