@@ -20,7 +20,7 @@ from branches.words import canonical
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["Mark", "canonical_orbit", "digests", "mark_of", "presentations", "same_orbit", "symmetries", "turns"]
+__all__ = ["Mark", "canonical_orbit", "closed_presentations", "digests", "mark_of", "presentations", "same_orbit", "symmetries", "turns"]
 
 SAME = 1e-7
 """Difference of states and times, relative to the largest, below which two orbits are one."""
@@ -96,6 +96,14 @@ def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
         images += [image.mirrored() for image in images]
     word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=problem.system.has_odd_symmetry)
     return [image for image in images if image.ends == ends and image.word == word]
+
+
+def closed_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
+    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry."""
+    images = list(_closed(cycle_of(problem, y)))
+    if problem.system.has_odd_symmetry:
+        images += [image.mirrored() for image in images]
+    return images
 
 
 def _primitive(cycle: Cycle, turns: int) -> Cycle:

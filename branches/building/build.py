@@ -20,9 +20,10 @@ from branches.building.bounds import Bounds
 from branches.building.frontier import Frontier
 from branches.building.known import KnownFamilies
 from branches.building.work import Answer, Link, Seed, work
-from branches.catalogue.closures import unknowns_of
+from branches.catalogue.closures import presented, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, Node
 from branches.linear_modes import linear_modes
+from branches.words import Ends, Word, parse_ends, parse_word
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ LEVELS = 8
 
 _SAME = 1e-6
 
-_JOINS = ("GR", "BP", "SB", "PD", "RT", "SN")
+_JOINS = ("GR", "BP", "SB", "PD", "RT")
 
 
 @dataclass(frozen=True)
@@ -192,8 +193,6 @@ class _Build:
         return id is not None
 
     def _solved(self, orbit: EventOrbit) -> tuple[MultipointProblem, np.ndarray]:
-        from branches.words import parse_word
-
         key = (orbit.ends, orbit.word)
         if key not in self.problems:
             self.problems[key] = MultipointProblem(self.system, orbit.ends, parse_word(orbit.word))
@@ -227,6 +226,15 @@ class _Build:
         self.points += len(branch)
         self.events += len(branch.events)
 
+    def _as_orbit_of(self, link: Link, ends: Ends, word: Word) -> EventOrbit | None:
+        """The event's orbit as the family with these ends and word has it."""
+        for orbit in (link.there, link.here):
+            if orbit is not None:
+                found = presented(*self._solved(orbit), ends, word)
+                if found is not None:
+                    return found
+        return None
+
     def _connect(self, link: Link, target: str | None) -> None:
         event = ""
         if target is None and link.kind == "linear mode":
@@ -234,8 +242,10 @@ class _Build:
             target = next((label for label in labels if label in (link.note or "")), None)
         elif target is not None:
             there = [event for event in self.catalogue.events(target) if event.type in _JOINS]
-            same = [event for event in there if abs(event.h / link.h - 1.0) < _SAME]
-            event = same[0].id if same else ""
+            same = [(abs(event.h / link.h - 1.0), event.id) for event in there if abs(event.h / link.h - 1.0) < _SAME]
+            event = min(same)[1] if same else ""
+            row = self.catalogue.family(target)
+            link = replace(link, there=self._as_orbit_of(link, parse_ends(row.ends), parse_word(row.word)))
         self.catalogue.connect(
             Edge(
                 link.source, link.event, link.type, link.kind, target, link.h, link.alpha, event, link.stop, link.note,

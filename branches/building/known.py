@@ -49,7 +49,7 @@ class _Curve:
             [states / np.sqrt(2.0 * columns["h"])[:, None], np.log(columns["h"]), np.log(columns["alpha"])]
         )
         self.chords = np.diff(self.positions, axis=0)
-        self.lengths = np.maximum(np.linalg.norm(self.chords, axis=1), 1e-300)
+        self.lengths = np.maximum(np.linalg.norm(self.chords, axis=1), 1e-150)
 
     def arclength(self, position: np.ndarray, times: np.ndarray) -> float | None:
         """Where an orbit lies; None where it does not."""

@@ -127,7 +127,9 @@ def _at_mode(system: ImpactSystem, index: int, turns: int, bounds: Bounds) -> An
     seeds = []
     for found in families_at(mode, turns, bounds.impacts, points=_FEW, energy=bounds.energy):
         assert found.branch is not None
-        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{turns} turns: {found.kind}")
+        there = None if found.there is None else event_orbit(found.there.problem, found.there.y)
+        note = f"{turns} turns: {found.kind}"
+        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), note, None, there)
         seeds.append(_seed(found.branch, link, bounds))
     return Answer(None, tuple(seeds))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.catalogue.rows import Edge, EventOrbit
+from branches.identity import closed_presentations, presentations
 from branches.switching import embed
 from branches.words import Ends, Word, mirror, mirror_ends
 from bvp.cycle import cycle_of
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.events import BranchEvent
 
-__all__ = ["distance", "event_orbit", "orbit_of_event", "seen_from", "switch_edge", "unknowns_of"]
+__all__ = ["distance", "event_orbit", "orbit_of_event", "presented", "seen_from", "switch_edge", "unknowns_of"]
 
 _LONGEST = 20
 """Segments of an orbit that a segment of a family born from it may span: half a period of a quintupled quarter-period orbit has ten."""
@@ -59,6 +60,19 @@ def seen_from(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word)
             if image == (ends, word):
                 start = sign * (problem.modes.to_state @ stretch.start)
                 return EventOrbit(ends, "".join(word), tuple(start.tolist()), tuple(map(float, stretch.times)))
+    return None
+
+
+def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word) -> EventOrbit | None:
+    """The orbit y as an orbit of the problem with other ends and word, in whatever presentation: as `seen_from`, started at another
+    impact, or the primitive orbit that it repeats; None where it has none."""
+    found = seen_from(problem, y, ends, word)
+    if found is not None:
+        return found
+    for stretch in (*closed_presentations(problem, y), *presentations(problem, y)):
+        if (stretch.ends, tuple(stretch.word)) == (ends, tuple(word)):
+            start = problem.modes.to_state @ stretch.start
+            return EventOrbit(ends, "".join(word), tuple(start.tolist()), tuple(map(float, stretch.times)))
     return None
 
 
