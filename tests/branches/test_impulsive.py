@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from branches.impulsive import impulsive_orbits
-from branches.impulsive.scan import certain
+from branches.impulsive.scan import certain, judge
 from branches.impulsive.start import impulsive_state, oscillator_period
-from branches.impulsive.trails import Trails
+from branches.impulsive.trails import Traces, Trails
 from branches.labels import canonical, parse
 from branches.tracing import follow_family
 from bvp.kernels.trail import TURN, ZERO
@@ -209,6 +209,45 @@ def test_certain():
     assert asked(lambda x: (x - 0.4) * (x - 0.6), lambda x: 2.0 * x - 1.0) == (False, False)
     assert asked(lambda x: (x - 0.9) ** 2 - 0.04, lambda x: 2.0 * (x - 0.9))[0] is False
     assert asked(lambda x: 1e3 * (x - 0.5) ** 2 + 1.0, lambda x: 2e3 * (x - 0.5))[0] is False
+
+
+def one_event(kind, time, **values):
+    """Traces of one motion with one event; values not given hide nothing."""
+    still = {"time_slope": 0.0, "miss": 5.0, "miss_slope": 0.1, "gap": 0.5, "gap_slope": 0.0, "passing": 4.0, "passing_slope": 0.1}
+    given = {**still, **values}
+    return Traces(np.array([1]), np.array([[kind]]), np.array([[time]]), **{name: np.array([[float(v)]]) for name, v in given.items()})
+
+
+@pytest.mark.parametrize(
+    ("kind", "low", "high", "expected"),
+    [
+        (1, {}, {}, (False, True, True, False)),
+        # an impact that slows down and speeds up again can vanish in between; a turning point can touch a stop, or pass through zero
+        (1, {"passing": 0.01, "passing_slope": -1.0}, {"passing": 0.01, "passing_slope": 1.0}, (False, True, False, False)),
+        (TURN, {"gap": 0.99, "gap_slope": 1.0}, {"gap": 0.99, "gap_slope": -1.0}, (False, True, False, False)),
+        (TURN, {"gap": -0.99, "gap_slope": -1.0}, {"gap": -0.99, "gap_slope": 1.0}, (False, True, False, False)),
+        (TURN, {"gap": 0.01, "gap_slope": -1.0}, {"gap": 0.01, "gap_slope": 1.0}, (False, True, False, False)),
+        (ZERO, {"gap": 0.0, "gap_slope": 1.0}, {"gap": 0.0, "gap_slope": -1.0}, (False, True, True, False)),
+        (ZERO, {"miss": 0.1, "miss_slope": -2.0}, {"miss": -0.1, "miss_slope": -2.0}, (False, True, True, True)),
+        (ZERO, {"miss": 0.1, "miss_slope": -9.0}, {"miss": 0.1, "miss_slope": 9.0}, (False, False, True, False)),
+    ],
+)
+def test_judge(kind, low, high, expected):
+    """Oracle: what can and cannot happen between two energies 0.1 apart with these values and slopes."""
+    trails = Trails(SYSTEM, 4.0)
+    found = judge(one_event(kind, 1.0, **low), one_event(kind, 1.0, **high), np.array([0.1]), trails, 2.0)
+    assert tuple(bool(part.all()) for part in found) == expected
+
+
+def test_judge_sees_other_events():
+    """Oracle: a different kind is a change; an event on one side alone is one, unless it can leave at the end of the time."""
+    trails = Trails(SYSTEM, 4.0)
+    none = Traces(np.array([0]), *(np.zeros((1, 1)) for _ in range(9)))
+    width = np.array([0.1])
+    assert judge(one_event(ZERO, 1.0), one_event(TURN, 1.0), width, trails, 2.0)[0][0]
+    assert judge(one_event(ZERO, 1.0, time_slope=5.0), none, width, trails, 2.0)[0][0]
+    assert not judge(one_event(ZERO, 3.8, time_slope=5.0), none, width, trails, 2.0)[0][0]
+    assert judge(none, one_event(ZERO, 3.8, time_slope=0.5), width, trails, 2.0)[0][0]
 
 
 def test_oscillator_period():
