@@ -26,9 +26,12 @@ __all__ = ["copy_of", "fill", "main"]
 
 
 def copy_of(branch: Branch, k: int) -> Branch:
-    """The same points as another family: an id hashes the kinds of the ends, and that of the first is changed."""
+    """The same points under the id of another family."""
     events = tuple(event for event in branch.events if event.point != 0)
-    return dataclasses.replace(branch, ended=(Ended(f"COPY{k}", "a copy"), branch.ended[1]), events=events)
+    copy = dataclasses.replace(branch, ended=(Ended(f"COPY{k}", "a copy"), branch.ended[1]), events=events)
+    stem = branch.id.rpartition(":")[0]
+    copy.__dict__["whole"] = dataclasses.replace(branch.whole, ids=(f"{stem}:{0xC0000000 + k:08x}",))
+    return copy
 
 
 def fill(path: Path, families: int) -> tuple[int, float]:

@@ -26,9 +26,12 @@ def real():
     return backbone, out_of_phase, twisted, backbone.switch("SB1", energy=(0.05, HIGH))[0]
 
 
-def renamed(branch, k):
-    """The same points as another family: its id hashes the ends' reasons, which are changed."""
-    return dataclasses.replace(branch, ended=(Ended(f"COPY{k}", "a copy"), branch.ended[1]), events=())
+def renamed(branch, k, **changes):
+    """The same points, but for changes, under the id of another family."""
+    copy = dataclasses.replace(branch, ended=(Ended(f"COPY{k}", "a copy"), branch.ended[1]), events=(), **changes)
+    stem = branch.id.rpartition(":")[0]
+    copy.__dict__["whole"] = dataclasses.replace(branch.whole, ids=(f"{stem}:{0xC0FFEE00 + k:08x}",))
+    return copy
 
 
 def same_columns(one, other):

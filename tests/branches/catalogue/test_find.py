@@ -107,12 +107,10 @@ def test_a_name_that_is_none(catalogue):
 @pytest.fixture(scope="module")
 def twins(tmp_path_factory):
     """Two families with one label: S73O33- twice, one with every quarter period doubled."""
-    import dataclasses
-
     twisted = real()[TWISTED]
     points = {name: values.copy() for name, values in twisted.points.items()}
     points["alpha"] *= 2.0
-    other = dataclasses.replace(renamed(twisted, 1), points=points)
+    other = renamed(twisted, 1, points=points)
     with saltus.Catalogue(tmp_path_factory.mktemp("twins") / "twins.sqlite", "a", scene=scene()) as filled:
         filled.add(twisted)
         filled.add(other)
@@ -168,9 +166,10 @@ def test_an_orbit_is_known_by_its_family(catalogue):
         assert catalogue.identify(orbit) == branch.id
     born = real()[BORN]
     orbit = born.orbit(len(born) // 2)
-    other_end = seen_from(born.problem, orbit.solution.y, ("origin", "origin"), ("-",))
+    word = ("+",) if born.word == "-" else ("-",)
+    other_end = seen_from(born.problem, orbit.solution.y, ("origin", "origin"), word)
     assert other_end is not None
-    problem = MultipointProblem(born.system, other_end.ends, ("-",))
+    problem = MultipointProblem(born.system, other_end.ends, word)
     turned = Orbit(problem, problem.solve(unknowns_of(problem, other_end)))
     assert turned.label != orbit.label or turned.problem.word != orbit.problem.word
     assert catalogue.identify(turned) == born.id

@@ -30,6 +30,7 @@ WRITER = """
     import saltus
     from tests.branches.catalogue.families import renamed
     branch = saltus.read_branch({branch!r})
+    branch.id  # known before the first is added
     with saltus.Catalogue({path!r}, "a", scene=branch.system) as catalogue:
         print("open", flush=True)
         for k in range({first}, {first} + 100000):
