@@ -87,6 +87,20 @@ CASES = [
     ("continue S13O00+ --scene {one_sided} --mu 0.1", ["mu", "matrices"]),
     # origin ends without odd symmetry
     ("continue S13O00+ --scene {uneven}", ["origin", "odd symmetry"]),
+    # discovery
+    ("discover", ["--energy"]),
+    ("discover --energy 0", ["--energy", "'0'", "above 0"]),
+    ("discover --energy -2", ["--energy", "'-2'", "above 0"]),
+    ("discover --energy nan", ["--energy", "'nan'", "a number"]),
+    ("discover --energy 1 --max-quarter-period -1", ["--max-quarter-period", "'-1'", "above 0"]),
+    ("discover --energy 1 --max-impacts -1", ["--max-impacts", "'-1'", "0 or more"]),
+    ("discover --energy 1 --max-impacts 2.5", ["--max-impacts", "'2.5'", "whole"]),
+    ("discover --energy 1 --ends rest-sop", ["'rest-sop'", "nearest: rest-stop"]),
+    ("discover --energy 1 --ends origin-origin,", ["unknown ends ''"]),
+    ("discover --energy 1 --rho 0.7", ["restitution 0.7", "stop a"]),
+    ("discover --energy 1 --scene {one_sided}", ["two degrees of freedom", "this system has 1"]),
+    ("discover --energy 1 --scene {uneven}", ["origin-origin", "odd symmetry", "rest-rest"]),
+    ("discover --energy 1 --json {missing}/a.json", ["cannot write", "does not exist"]),
     # words of the command line
     ("contnue S13O00+", ["'contnue'", "nearest: continue"]),
     ("continue", ["NAME"]),
