@@ -11,8 +11,8 @@ the velocities (rest), or the velocity along the stop at an impact (stop). An in
         and Newton's method finds it.
 
 An interval that cannot be closed is split, and its halves begin with the flight that was open. Where the word of impacts changes, the
-grazing between is located to rounding and becomes an end of both sides; on the side with the slow impact everything goes with the square root
-of the distance, so that root is the parameter there.
+grazing between is located to rounding and becomes an end of both sides; on the side with the slow impact everything goes with the
+square root of the distance, so that root is the parameter there.
 """
 
 import math

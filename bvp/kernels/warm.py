@@ -10,12 +10,17 @@ import os
 __all__ = ["kept", "warm"]
 
 
-def kept() -> bool:
-    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk."""
+def kept(*, discovery: bool = False) -> bool:
+    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk; those of `discovery` too, if asked."""
     from bvp.kernels.scan import scan
     from bvp.kernels.step import orbit_stability
 
-    for kernel in (scan, orbit_stability):
+    kernels = [scan, orbit_stability]
+    if discovery:
+        from bvp.kernels.intervals import scan_interval
+
+        kernels = [scan_interval, orbit_stability]
+    for kernel in kernels:
         folder, name = kernel.stats.cache_path, kernel.py_func.__name__
         if not os.path.isdir(folder) or not any(f".{name}-" in entry or entry.startswith(f"{name}-") for entry in os.listdir(folder)):
             return False
