@@ -9,7 +9,7 @@ import sys
 __all__ = ["prepare"]
 
 
-def prepare() -> None:
+def prepare(*, discovery: bool = False) -> None:
     """Tell on standard error, where it is a terminal, that kernels will be compiled, if they were not before, and compile some
     of them beside this process.
 
@@ -17,7 +17,7 @@ def prepare() -> None:
     """
     from branches.kernels.warm import kept
 
-    if kept():
+    if kept(discovery=discovery):
         return
     if sys.stderr is not None and sys.stderr.isatty():
         print("saltus: compiling the kernels, which takes up to a minute at the first run only", file=sys.stderr, flush=True)

@@ -53,7 +53,7 @@ class Opening(NamedTuple):
 
 
 class Path(NamedTuple):
-    """One start followed: its state (4,), contacts hit (k,), states after them (k, 4), durations of the flights before them (k,), instants (k,)."""
+    """One start followed: its state (4,), contacts hit (k,), states after them (k, 4), flight times before them, instants (k,)."""
 
     start: np.ndarray
     contacts: np.ndarray

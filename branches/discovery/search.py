@@ -121,7 +121,7 @@ def discover(
     >>> from bvp import vibro_impact_nes
     >>> found = discover(vibro_impact_nes(), 0.3, quarter_period=3.0, impacts=2)
     >>> found.settled, [orbit.label for orbit in found.orbits]
-    (True, ['S11O00-', 'S13O00+'])
+    (True, ['S11O00-', 'U2111-', 'S13O00+'])
     """
     check(system, energy, quarter_period, impacts, ends)
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})

@@ -8,13 +8,13 @@ from __future__ import annotations
 __all__ = ["kept", "warm"]
 
 
-def kept() -> bool:
-    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk."""
+def kept(*, discovery: bool = False) -> bool:
+    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk; those of `discovery` too, if asked."""
     from branches.kernels.march import march
     from bvp.kernels.warm import kept as looking_kept
     from bvp.kernels.warm import stored
 
-    return looking_kept() and stored(march)
+    return looking_kept(discovery=discovery) and stored(march)
 
 
 def warm() -> None:

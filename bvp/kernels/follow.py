@@ -25,9 +25,9 @@ STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, MISS, ACCELERATION, CLEARANCE
     0, 4, 8, 10, 12, 13, 15, 17, 18, 20, 21, 22, 24,
 )  # fmt: skip
 """Columns of a record, one row a flight: state and its derivative after impact k (4 each); time of impact k; duration of the flight;
-contact hit at its end; speed of approach there; velocity along the stop there; acceleration towards the stop there; least distance to a stop at a turning
-point inside the flight; the second least; number of turning points; time of the turning point. Where a column has two entries, the second
-one is the derivative."""
+contact hit at its end; speed of approach there; velocity along the stop there; acceleration towards the stop there; least distance to a
+stop at a turning point inside the flight; the second least; number of turning points; time of the one with the least. Where a column
+has two entries, the second one is the derivative by the parameter."""
 
 FREE, STUCK = -1.0, -2.0
 """In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up."""

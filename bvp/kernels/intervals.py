@@ -5,14 +5,14 @@ the velocities (rest), or the velocity along the stop at an impact (stop). An in
 
     the impacts hit are the same ones, and the flight's variation z' is known all over it: sampled at both ends and in the middle, which
         agree with each other, so that the starts between stay in a tube about the flight of the middle, of width |z'| times theirs;
-    no turning point inside the tube reaches a stop, or the one that could moves monotonically and reaches it only at an end of the interval;
+    no turning point inside the tube reaches a stop, or the one that could moves monotonically and reaches it only at an end;
     no impact's speed reaches zero, or it does so monotonically at an end;
-    each passage of the tube by zero is one where the Jacobian of (start, time) varies by less than itself: there is one orbit at most, and
-        Newton's method finds it.
+    each passage of the tube by zero is one where the Jacobian of (start, time) varies by less than itself: there is one orbit at most,
+        and Newton's method finds it.
 
-An interval that cannot be closed is split, and its halves begin with the flight that was open. Where the word of impacts changes, the grazing
-between is located to rounding and becomes an end of both sides; on the side with the slow impact everything goes with the square root
-of the distance, so that root is the parameter there.
+An interval that cannot be closed is split, and its halves begin with the flight that was open. Where the word of impacts changes, the
+grazing between is located to rounding and becomes an end of both sides; on the side with the slow impact everything goes with the
+square root of the distance, so that root is the parameter there.
 """
 
 import math

@@ -140,9 +140,12 @@ def passage(flow, kind, row, along, r, tube, entered, left, nearest, y, dy):
 
 
 @kernel
-def refine_zero(flow, kind, k, theta, time, low, high, beyond_low, beyond_high, longest, most, record, pattern, work, out):
+def refine_zero(
+    flow, kind, k, theta, time, low, high, beyond_low, beyond_high, longest, most, record, pattern, work, out
+):  # fmt: skip
     """Newton's method for one orbit in (start, time) from the middle of an interval, kept inside it, where all starts have the impacts of
-    `pattern`, the middle's record. It may end outside by so much: beyond_low, beyond_high. out: theta, time within flight k, miss. Returns (whether it converged, starts followed)."""
+    `pattern`, the middle's record. It may end outside by so much: beyond_low, beyond_high. out: theta, time within
+    flight k, miss. Returns (whether it converged, starts followed)."""
     y = work[7, :4]
     dy = work[8, :4]
     at = 0 if kind == ORIGIN else 2

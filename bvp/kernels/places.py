@@ -10,7 +10,7 @@ __all__ = ["place", "unplace"]
 
 @kernel
 def place(low, high, kind, x):
-    """Parameter of the start at x in [0, 1], and its derivative. kind: 0 linear, 1 square root at the low end, 2 at the high end, 3 both."""
+    """Parameter of the start at x in [0, 1], and its derivative. kind: 0 linear, 1 quadratic at the low end, 2 at the high end, 3 both."""
     span = high - low
     if kind == 0:
         return low + span * x, span

@@ -28,20 +28,20 @@ from bvp.kernels.segment import ORIGIN, REST, STOP
 __all__ = ["CLOSED", "DONE", "ENDLESS", "JUMP", "SPLIT", "flight_verdict", "positive", "touching"]
 
 CLOSED, SPLIT, JUMP, DONE, ENDLESS = 0, 1, 2, 3, 4
-"""Verdicts on a flight: decided; to be split; the ends are on different sides of a grazing; no more flights; more impacts than are followed.
-The verdicts below are reasons to split."""
+"""Verdicts on a flight: decided; to be split; the ends are on different sides of a grazing; no more flights; more impacts than are
+followed. The verdicts below are reasons to split."""
 
 ENDED, PRESSED, LATE, DIFFERENT, COARSE, UNEVEN, TOUCHES, SLOW, SKIMS, NEAR_ORIGIN, NEAR_REST, NEAR_STOP = range(10, 22)
-"""Some starts have no such flight; one stays pressed against a stop; some leave the time searched; the impacts differ; it is too wide at the start;
-its variation is not even; a turning point may touch a stop; an impact's speed may reach zero; an impact may be skimmed over; it is
-not decided what it holds of orbits that end at an origin, at rest, at a stop."""
+"""Some starts have no such flight; one stays pressed against a stop; some leave the time searched; the impacts differ; it is too wide
+at the start; its variation is not even; a turning point may touch a stop; an impact's speed may reach zero; an impact may be skimmed
+over; it is not decided what it holds of orbits that end at an origin, at rest, at a stop."""
 
 VARIATION = 0.35
 """How much z' may vary over a closed interval, relative to itself."""
 
 SLACK = 1e-10
-"""How much the samples of an interval may disagree, relative to the state: rounding errors grow with the instability of the motion, and what
-moves a state by less has impacts slower than this."""
+"""How much the samples of an interval may disagree, relative to the state: rounding errors grow with the instability of the motion, and
+what moves a state by less has impacts slower than this."""
 
 TOUCHING = 3.0 * CONTACT_TOLERANCE
 """Distance below which a touch cannot be told from a hit, a fraction of the sizes that make it up."""

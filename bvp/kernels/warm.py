@@ -8,12 +8,17 @@ from typing import Any
 __all__ = ["kept", "stored", "warm"]
 
 
-def kept() -> bool:
-    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk."""
+def kept(*, discovery: bool = False) -> bool:
+    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk; those of `discovery` too, if asked."""
     from bvp.kernels.scan import scan
     from bvp.kernels.stability import orbit_stability
 
-    return stored(scan) and stored(orbit_stability)
+    kernels = [scan, orbit_stability]
+    if discovery:
+        from bvp.kernels.intervals import scan_interval
+
+        kernels = [scan_interval, orbit_stability]
+    return all(stored(kernel) for kernel in kernels)
 
 
 def stored(kernel: Any) -> bool:

@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         f"up to {bounds.impacts} impacts in half a period",
         file=words, flush=True,
     )  # fmt: skip
-    prepare()
+    prepare(discovery=True)
     provenance = {"saltus": __version__, "built": bounds.plain()}
     with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue, ProgressBar(None, "families") as bar:
         with open_executor(workers, arguments.dask) as (executor, count):

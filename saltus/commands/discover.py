@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from saltus.first_run import prepare
 
-    prepare()
+    prepare(discovery=True)
     found = discover(scene.system, arguments.energy, **options)
     _print_table(found, files.words)
     for line in summary(found):

@@ -17,6 +17,7 @@ from branches.tracing import follow_family
 from bvp.kernels.trail import TURN, ZERO
 from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from continuation.settings import Settings
 from tests.branches.traced import traced
 
 SYSTEM = vibro_impact_nes()
@@ -142,10 +143,14 @@ def test_each_is_an_impulsive_periodic_orbit(index):
     assert np.max(np.abs(inside[:, 0] - inside[:, 1])) <= 1.0 + 1e-12
 
 
+NEAR = Settings(initial_step=1e-4, maximum_step=1e-4)
+"""Steps to orbits so near that the label does not change for another reason."""
+
+
 def test_label_is_that_of_the_side_out_of_phase():
     """Oracle: the family a little to both sides of the orbit, and the sign of its start velocities there."""
     for orbit in listed(0.05, 20.0, 5.1).orbits[:12]:
-        branch = follow_family(orbit.orbit.problem, orbit.orbit.solution.y, points=3, direction="both")
+        branch = follow_family(orbit.orbit.problem, orbit.orbit.solution.y, points=3, direction="both", settings=NEAR)
         start = int(np.argmin(np.abs(branch.points["h"] - orbit.h)))
         beside = {}
         for i in (start - 1, start + 1):

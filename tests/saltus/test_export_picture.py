@@ -60,12 +60,12 @@ def test_regimes_and_impulsive_motions(folder):
         ("export fep --out a.jpg --branches 0.json", ["jpg", "png"]),
         ("export fep --out - --branches 0.json", ["'-'"]),
         ("export fep --branches 0.json", ["--out"]),
-        ("export fep --out a.png", ["--branches or --data"]),
+        ("export fep --out a.png", ["there is no catalogue", "saltus continue NAME --save"]),
         ("export fep --out a.png --branches 0.json --data b.npz", ["one of"]),
         ("export fep --out a.png --branches {folder}/none.json", ["none.json", "no such file"]),
         ("export fep --out a.png --data {folder}/none.csv", ["none.csv", "no such file"]),
         ("export fep --out a.png --data {folder}/0.json", ["0.json"]),
-        ("export fep --out a.png --data {folder}/0.json --regimes", ["--regimes", "--branches"]),
+        ("export fep --out a.png --data {folder}/0.json --regimes", ["--regimes", "without --data"]),
         ("export fep --out a.png --branches {folder}/0.json --inset 3:1", ["3:1", "LO:HI"]),
         ("export velocities --out a.png --branches {folder}/0.json --inset 1:3", ["fep"]),
         ("export fep --out a.png --branches {folder}/0.json --clearance 0", ["above 0"]),
@@ -76,6 +76,7 @@ def test_regimes_and_impulsive_motions(folder):
 def test_bad_input(folder, tmp_path, monkeypatch, words, said):
     """Oracle: exit code 2, one line with these words, no file."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "none"))
     code, out, err = told(words.format(folder=folder))
     assert code == 2 and not out and err.count("\n") == 1, err
     for word in said:

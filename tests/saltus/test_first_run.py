@@ -25,7 +25,7 @@ def test_a_second_process_that_cannot_start_is_no_failure(monkeypatch):
         raise OSError("no more processes")
 
     monkeypatch.setattr(subprocess, "Popen", refuse)
-    monkeypatch.setattr("branches.kernels.warm.kept", lambda: False)
+    monkeypatch.setattr("branches.kernels.warm.kept", lambda **options: False)
     first_run.prepare()
 
 
@@ -33,7 +33,7 @@ def test_cold_kernels_start_the_compiling_process(monkeypatch):
     """Oracle: the process is this Python, running `branches.kernels.warm` with this process's paths."""
     seen = {}
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: seen.update(command=command, env=options["env"]))
-    monkeypatch.setattr("branches.kernels.warm.kept", lambda: False)
+    monkeypatch.setattr("branches.kernels.warm.kept", lambda **options: False)
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     first_run.prepare()
     assert seen["command"] == [sys.executable, "-m", "branches.kernels.warm"]

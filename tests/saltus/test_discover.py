@@ -1,0 +1,93 @@
+"""`saltus discover`: what it prints and writes. Oracles: the search from Python; the format; the width of a terminal."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+import saltus
+from saltus.__main__ import main
+from saltus.commands.discover import ENDS, summary
+
+WORDS = ("discover", "--energy", "1", "--max-quarter-period", "2", "--max-impacts", "5")
+
+
+@pytest.fixture(scope="module")
+def found():
+    return saltus.discover(saltus.vibro_impact_nes(), 1.0, quarter_period=2.0, impacts=5)
+
+
+def test_the_table_and_the_summary(capsys, found):
+    """Oracle: the orbits found from Python, one line each, in their order."""
+    assert main(list(WORDS)) == 0
+    out, err = capsys.readouterr()
+    lines = out.splitlines()
+    assert err == "" and lines[0].split()[:4] == ["label", "ends", "word", "impacts"]
+    assert [line.split()[0] for line in lines[1 : 1 + len(found.orbits)]] == [orbit.label for orbit in found.orbits]
+    assert lines[1 + len(found.orbits) :] == summary(found) and lines[-1].startswith("settled")
+
+
+@pytest.mark.parametrize("hyphen", [True, False])
+def test_json(capsys, tmp_path, found, hyphen):
+    """Oracle: the orbits found from Python; standard output carries the data alone."""
+    path = "-" if hyphen else str(tmp_path / "found.json")
+    assert main([*WORDS, "--json", path]) == 0
+    out, err = capsys.readouterr()
+    record = json.loads(out if hyphen else (tmp_path / "found.json").read_text())
+    assert ("S11O00-" in err) == hyphen
+    assert [entry["alpha"] for entry in record["orbits"]] == [orbit.alpha for orbit in found.orbits]
+    assert record["bounds"] == {"quarter_period": 2.0, "impacts": 5, "ends": ["origin-origin"]}
+
+
+def test_the_parameters_of_the_scene(capsys):
+    """Oracle: the search from Python with them; without a bound the scene's quarter period holds."""
+    assert main(["discover", "--energy", "0.5", "--mu", "0.37", "--sigma", "0.81", "--max-impacts", "2", "--json", "-"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    same = saltus.discover(saltus.vibro_impact_nes(0.37, 0.81), 0.5, quarter_period=10.0, impacts=2)
+    assert record["bounds"]["quarter_period"] == 10.0
+    assert [entry["alpha"] for entry in record["orbits"]] == [orbit.alpha for orbit in same.orbits]
+
+
+def test_all_kinds_of_ends(capsys):
+    """Oracle: the words of the command and of the search are the same."""
+    from branches.discovery.search import CLASSES
+
+    assert tuple(CLASSES) == ENDS
+    words = ["discover", "--energy", "0.3", "--max-quarter-period", "2", "--max-impacts", "3", "--ends", ",".join(ENDS), "--model"]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "model  equal gaps" in out and "rest stop+" in out
+
+
+def test_a_search_that_is_not_settled_says_why(capsys):
+    """Oracle: a budget that cannot do."""
+    assert main([*WORDS, "--max-starts", "150"]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("not settled: the starts were used up") and "--max-starts" in last
+
+
+@pytest.mark.parametrize("columns", [60, 100])
+def test_the_table_fits_the_terminal(columns):
+    """Oracle: the terminal's width, in a terminal of its own."""
+    pty = pytest.importorskip("pty")
+    leader, follower = pty.openpty()
+    environment = {**os.environ, "COLUMNS": str(columns), "TERM": "xterm", "NO_COLOR": "1"}
+    process = subprocess.Popen([sys.executable, "-m", "saltus", *WORDS], stdout=follower, stderr=subprocess.DEVNULL, env=environment)
+    os.close(follower)
+    text = b""
+    while True:
+        try:
+            piece = os.read(leader, 4096)
+        except OSError:
+            break
+        if not piece:
+            break
+        text += piece
+    assert process.wait() == 0
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", text.decode())
+    table = plain.split("orbits at h")[0].splitlines()[:-1]
+    assert len(table) > 5 and max(len(line.rstrip()) for line in table) <= columns
+    assert columns < 100 or "S11O00-" in plain
