@@ -76,16 +76,14 @@ def turns(problem: MultipointProblem, solution: Solution) -> int:
     cycle = cycle_of(problem, solution.y)
     count = len(cycle.duration)
     size = float(np.max(np.abs(cycle.after)))
+    longest = float(np.max(cycle.duration)) if count else 0.0
     best = 1
     for divisor in range(1, count):
-        if count % divisor:
+        if count % divisor or np.max(np.abs(cycle.duration[divisor:] - cycle.duration[:-divisor])) > 1e-7 * longest:
             continue
         for sign in (1.0, -1.0):
             if sign < 0.0 and (problem.quarters != 2 or 2 * divisor != count or not problem.system.has_odd_symmetry):
                 continue
-            shifted = np.roll(cycle.after, -divisor, axis=0)
-            if np.allclose(shifted, sign * cycle.after, rtol=0.0, atol=1e-7 * size) and np.allclose(
-                np.roll(cycle.duration, -divisor), cycle.duration, rtol=0.0, atol=1e-7 * float(np.max(cycle.duration))
-            ):
+            if np.max(np.abs(cycle.after[divisor:] - sign * cycle.after[:-divisor])) <= 1e-7 * size:
                 best = max(best, count // divisor)
     return best
