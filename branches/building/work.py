@@ -221,9 +221,13 @@ def _across_bifurcation(branch: Branch, event: BranchEvent, bounds: Bounds) -> t
         if not bounds.holds(alpha=problem.quarter_period(y), impacts=impacts_per_period(problem.word, problem.ends)):
             beyond += 1
             continue
-        there = None if birth.turns else seen_from(branch.problem, branch.unknowns(event.point), problem.ends, tuple(problem.word))
-        note = f"{birth.turns} turns; {event.note}" if birth.turns > 1 else event.note
-        seeds.append(Seed("orbit", event_orbit(problem, y), bounds, replace(link, there=there, note=note)))
+        # Where a family of more symmetry, or of several turns, is crossed, the equations are singular and the crossing has the square root
+        # of their accuracy: the same event on that family is regular, and the edge is made from there.
+        crossed = None
+        if not birth.turns:
+            there = seen_from(branch.problem, branch.unknowns(event.point), problem.ends, tuple(problem.word))
+            crossed = replace(link, there=there)
+        seeds.append(Seed("orbit", event_orbit(problem, y), bounds, crossed))
     return seeds, beyond, dead
 
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from branches.catalogue.rows import Edge, EventOrbit
 from branches.identity import closed_presentations, presentations
-from branches.switching import embed
+from branches.stretch import embed, solved
 from branches.words import Ends, Word, mirror, mirror_ends
 from bvp.cycle import cycle_of
 from bvp.kernels.flight import flow_state
 from bvp.kernels.segment import STOP
-from bvp.multipoint import MultipointProblem
+from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -71,8 +71,12 @@ def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word)
         return found
     for stretch in (*closed_presentations(problem, y), *presentations(problem, y)):
         if (stretch.ends, tuple(stretch.word)) == (ends, tuple(word)):
-            start = problem.modes.to_state @ stretch.start
-            return EventOrbit(ends, "".join(word), tuple(start.tolist()), tuple(map(float, stretch.times)))
+            other = MultipointProblem(problem.system, ends, word)
+            try:
+                # A part of an orbit of singular equations has the square root of their accuracy.
+                return event_orbit(other, solved(other, stretch.unknowns(other)).y)
+            except NotConverged:
+                return None
     return None
 
 

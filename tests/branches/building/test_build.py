@@ -1,0 +1,131 @@
+"""A small catalogue, built whole: against discovery at energies between those of the build, its own check, and other workers."""
+
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import saltus
+from branches.building.bounds import Bounds
+from branches.building.build import build
+from branches.building.known import KnownFamilies
+from branches.catalogue import Catalogue
+from branches.catalogue.check import check
+from branches.discovery.search import discover
+from tests.branches.building.test_frontier import Serial
+
+BOUNDS = Bounds((0.06, 3.0), 2.0, 3)
+ROOT = Path(__file__).parents[3]
+
+
+def built(path, executor, workers=1):
+    """A catalogue of the small bounds and the report of its build."""
+    with Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
+        return build(catalogue, BOUNDS, executor, workers)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    path = tmp_path_factory.mktemp("small") / "small.sqlite"
+    report = built(path, Serial())
+    return path, report
+
+
+def content(path):
+    """Everything that a catalogue says, but for when it was made."""
+    with Catalogue(path) as catalogue:
+        families = [(row.id, row.values()) for row in catalogue.families()]
+        points = {row.id: catalogue.points(row.id) for row in catalogue.families()}
+        return families, points, catalogue.edges(), catalogue.nodes
+
+
+def test_it_is_settled_and_holds_what_must_be_there(small):
+    """Oracle: the backbones of Lee et al. 2009 and the two families that the first one's symmetry breaking gives."""
+    path, report = small
+    assert report["settled"] and not report["failed"]
+    with Catalogue(path) as catalogue:
+        labels = {row.label for row in catalogue.families()}
+        assert {"S13O00+", "S11O00-"} <= labels
+        assert {node.label for node in catalogue.nodes if node.kind == "linear mode"} == {"L11+", "L11-"}
+        backbone = next(row for row in catalogue.families() if row.label == "S13O00+")
+        edges = [edge for edge in catalogue.edges(backbone.id) if edge.source_event == "SB1"]
+        assert len(edges) == 1 and catalogue.family(edges[0].target).ends == "origin-origin"
+
+
+def test_points_and_edges_hold(small):
+    """Oracle: the residual and the bound of admissibility of every point, and the orbit of every edge in both families."""
+    with Catalogue(small[0]) as catalogue:
+        counts, failures = check(catalogue)
+    assert not failures and counts["edges"] > 5
+
+
+@pytest.mark.parametrize("energy", [0.0701, 0.131, 0.377, 0.91, 2.3])
+def test_orbits_and_families_agree_one_to_one(small, energy):
+    """Oracle: discovery at energies that the build did not search, against the families that cross them."""
+    found = discover(saltus.load_scene().system, energy, quarter_period=BOUNDS.quarter_period, impacts=BOUNDS.impacts)
+    known = KnownFamilies()
+    crossing = []
+    with Catalogue(small[0]) as catalogue:
+        for row in catalogue.families():
+            branch = catalogue.branch(row.id)
+            known.add(row.id, branch)
+            if row.ends.startswith("origin"):
+                crossing += [(row.id, orbit.alpha) for orbit in branch.orbits_at(energy=energy)]
+    listed = []
+    for orbit in found.orbits:
+        place = known.find(orbit.problem, orbit.solution.y)
+        assert place is not None, (orbit.label, orbit.alpha)
+        listed.append((place.id, orbit.alpha))
+    distinct = {(id, round(alpha, 7)) for id, alpha in crossing}
+    assert {(id, round(alpha, 7)) for id, alpha in listed} == distinct
+
+
+def test_the_number_of_workers_changes_nothing(small, tmp_path):
+    """Oracle: the catalogue of one worker, bit for bit."""
+    path = tmp_path / "several.sqlite"
+    with ThreadPoolExecutor(1) as pool:
+        built(path, pool, workers=5)
+    one, other = content(small[0]), content(path)
+    assert one[0] == other[0] and one[2:] == other[2:]
+    for id, columns in one[1].items():
+        for name, values in columns.items():
+            assert np.array_equal(values, other[1][id][name], equal_nan=values.dtype.kind in "fc"), (id, name)
+
+
+BUILDER = """
+import sys
+sys.path.insert(0, {root!r})
+from tests.branches.building.test_build import Serial, built
+built({path!r}, Serial())
+"""
+
+
+def test_a_killed_build_goes_on(small, tmp_path):
+    """Oracle: the catalogue of a build that was not killed."""
+    path = tmp_path / "killed.sqlite"
+    command = [sys.executable, "-c", BUILDER.format(root=str(ROOT), path=str(path))]
+    for seconds in (4.0, 6.0):
+        process = subprocess.Popen(command)
+        time.sleep(seconds)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        if path.exists():
+            with Catalogue(path) as catalogue:
+                assert {row.id for row in catalogue.families()} <= {id for id, _ in content(small[0])[0]}
+    built(path, Serial())
+    assert [id for id, _ in content(path)[0]] == [id for id, _ in content(small[0])[0]]
+    assert content(path)[2] == content(small[0])[2]
+
+
+@pytest.mark.parametrize(
+    ("energy", "alpha", "impacts", "said"),
+    [((1.0, 0.5), 2.0, 3, "reversed"), ((0.1, 1.0), -1.0, 3, "quarter period"), ((0.1, 1.0), 1.0, 0, "impacts")],
+)
+def test_bounds_that_cannot_be(energy, alpha, impacts, said):
+    with pytest.raises(ValueError, match=said):
+        Bounds(energy, alpha, impacts)
