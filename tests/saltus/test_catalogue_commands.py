@@ -213,7 +213,7 @@ def test_continue_saves_and_finds_again(tmp_path, capsys, monkeypatch):
     assert code == 0 and "of origin-stop+::" in out
     assert saltus.read_branch(tmp_path / "again.json").id == branch.id
     # With the catalogue, no search is made.
-    monkeypatch.setattr("branches.names._Search.run", lambda *_: pytest.fail("a search was made"))
+    monkeypatch.setattr("branches.name_search.Search.run", lambda *_: pytest.fail("a search was made"))
     code, out, _ = run(capsys, "orbit", "S13+", "--energy", "0.58874812856618", "--catalogue", path)
     assert code == 0 and "alpha = T/4 = 1.7" in out
     with pytest.raises(pytest.fail.Exception):
