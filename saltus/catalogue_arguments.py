@@ -87,7 +87,9 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
 
         scene = load_scene(arguments.scene)
     if arguments.catalogue is None and not path.exists():
-        raise BadInput(f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus continue NAME --save")
+        raise BadInput(
+            f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"
+        )
     return open_file(path, scene)
 
 

@@ -258,7 +258,10 @@ def _event(family: _Kept, side: str, id: str, edge: Edge) -> Iterator[str]:
     event = next((event for event in family.events if event.id == id), None)
     if event is None:
         yield f"its {side} has no event {id!r}"
-    elif not (abs(event.h / edge.h - 1.0) <= SAME and (side == "target" or abs(event.alpha / edge.alpha - 1.0) <= SAME)):
+        return
+    # log h and log alpha are two of the coordinates of the arclength, so that its error bar bounds theirs.
+    slack = max(SAME, event.bracket[1] - event.bracket[0])
+    if not (abs(event.h / edge.h - 1.0) <= slack and (side == "target" or abs(event.alpha / edge.alpha - 1.0) <= slack)):
         yield f"it is at h = {edge.h:.12g}, event {id} of its {side} at h = {event.h:.12g}"
 
 

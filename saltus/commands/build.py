@@ -9,12 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments, scene_arguments
 from saltus.arguments import energy_range, positive, whole_above_zero
-from saltus.errors import DONE, FAILED, BadInput
+from saltus.errors import DONE, FAILED
 from saltus.files import STANDARD_OUTPUT, check_writable, write_data
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+    from pathlib import Path
+
+    from branches.building.bounds import Bounds
     from branches.building.build import Progress
     from saltus.progress import ProgressBar
+    from saltus.scene import Scene
 
 __all__ = ["add_arguments", "run"]
 
@@ -36,17 +41,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json is not None:
         check_writable(arguments.json)
     scene = scene_arguments.from_arguments(arguments)
-    if scene.system.degrees_of_freedom != 2:
-        raise BadInput(f"families are found on two degrees of freedom; this system has {scene.system.degrees_of_freedom}")
     place = catalogue_arguments.place_to_save(arguments, scene)
 
     from branches.building.bounds import Bounds
-    from branches.building.build import build
-    from branches.catalogue import Catalogue
-    from saltus import __version__
+    from branches.building.work import ends_of
+    from branches.discovery.search import check
     from saltus.executors import open_executor
-    from saltus.first_run import prepare
-    from saltus.progress import ProgressBar
 
     complete = scene.complete
     bounds = Bounds(
@@ -54,7 +54,19 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.max_quarter_period or complete["quarter_period"],
         arguments.max_impacts or complete["impacts"],
     )
+    check(scene.system, bounds.energy[0], bounds.quarter_period, bounds.impacts, ends_of(scene.system))
     workers = arguments.workers or os.cpu_count() or 1
+    with open_executor(workers, arguments.dask) as (executor, count):
+        return _build(arguments, scene, place, bounds, executor, count)
+
+
+def _build(arguments: argparse.Namespace, scene: Scene, place: Path, bounds: Bounds, executor: Executor, workers: int) -> int:
+    from branches.building.build import build
+    from branches.catalogue import Catalogue
+    from saltus import __version__
+    from saltus.first_run import prepare
+    from saltus.progress import ProgressBar
+
     words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
     print(
         f"build  {place}: h {bounds.energy[0]:g} to {bounds.energy[1]:g}, quarter period up to {bounds.quarter_period:g}, "
@@ -64,8 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     prepare(discovery=True)
     provenance = {"saltus": __version__, "built": bounds.plain()}
     with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue, ProgressBar(None, "families") as bar:
-        with open_executor(workers, arguments.dask) as (executor, count):
-            report = build(catalogue, bounds, executor, count, lambda progress: _show(bar, progress))
+        report = build(catalogue, bounds, executor, workers, lambda progress: _show(bar, progress))
     for text in report["failed"]:
         print(f"FAILS  {text}", file=words)
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
@@ -82,9 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _show(bar: ProgressBar, progress: Progress) -> None:
-    bar.update(
-        progress.families, f"{progress.queued} queued, {progress.points} points, {progress.events} events"
-    )
+    bar.update(progress.families, f"{progress.queued} queued, {progress.points} points, {progress.events} events")
 
 
 def _write(path: str, report: dict[str, Any]) -> None:

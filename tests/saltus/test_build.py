@@ -1,0 +1,51 @@
+"""`saltus build`: a very small catalogue by two processes, browsed; bad input in one line."""
+
+import json
+
+import pytest
+
+from saltus.__main__ import main
+
+SMALL = "--energy 0.06:0.4 --max-quarter-period 1.9 --max-impacts 2"
+
+
+def said(words, capsys):
+    code = main(words.split())
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_a_small_build_is_browsed(tmp_path, capsys):
+    """Oracle: the catalogue's own check, and the backbones of Lee et al. 2009 in its list."""
+    path = tmp_path / "small.sqlite"
+    code, out, err = said(f"build {SMALL} --workers 2 --catalogue {path} --json {tmp_path}/report.json", capsys)
+    assert (code, err) == (0, "") and "settled" in out
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["settled"] and report["bounds"]["quarter_period"] == 1.9 and report["failed"] == []
+    code, out, err = said(f"list --catalogue {path}", capsys)
+    assert code == 0 and "S13O00+" in out and "S11O00-" in out
+    assert said(f"check {path}", capsys)[0] == 0
+    code, out, err = said(f"build {SMALL} --catalogue {path}", capsys)
+    assert code == 0 and f"done   {report['families']} families" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        ("build --energy 5:1", ["'5:1'", "reversed"]),
+        ("build --max-quarter-period -1", ["'-1'", "above 0"]),
+        ("build --max-impacts 0", ["'0'", "above 0"]),
+        ("build --workers 0", ["'0'", "above 0"]),
+        ("build --catalogue {folder}/none/a.sqlite", ["none", "does not exist"]),
+        ("build --rho 0.7", ["restitution 0.7"]),
+    ],
+)
+def test_bad_input(words, parts, tmp_path, capsys):
+    """Oracle: exit code 2, one line, nothing written."""
+    if "--catalogue" not in words:
+        words += " --catalogue {folder}/a.sqlite"
+    code, out, err = said(words.format(folder=tmp_path), capsys)
+    assert code == 2 and not out and err.count("\n") == 1, (out, err)
+    for part in parts:
+        assert part in err
+    assert not list(tmp_path.iterdir())
