@@ -78,7 +78,7 @@ def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
     event : BranchEvent
         Of type BP, SB, PD or RT.
     **options
-        As for `branches.tracing.follow_family`.
+        As for `branches.tracing.follow_family`; the energies are not those of the branch.
 
     Returns
     -------

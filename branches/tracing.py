@@ -39,6 +39,9 @@ OPTIONS = ("points", "direction", "stop_at", "stop_when", "on_event", "on_end", 
 _ROUNDING = 1e-13
 """Part of an energy by which a start that was solved for a bound of the range may lie outside of it."""
 
+HIGHEST = 1e12
+"""Energy at which a family ends where no range is given: beyond it the elastic forces are lost beside the speeds of the impacts."""
+
 _SIGNS = {"up": 1, "both": 1, "down": -1, "along": 0}
 
 Condition = Callable[[Orbit], "bool | str"]
@@ -123,7 +126,7 @@ def follow_family(
     problem: MultipointProblem,
     start: np.ndarray | Step,
     *,
-    energy: tuple[float, float] = (0.0, math.inf),
+    energy: tuple[float, float] = (0.0, HIGHEST),
     quarter_period: float = math.inf,
     points: int | None = None,
     direction: str = "both",
@@ -143,7 +146,7 @@ def follow_family(
     start : (u,) float, or continuation.Step
         Unknowns near an orbit of the family, or an orbit with its tangent.
     energy : (float, float)
-        The family ends at these energies.
+        The family ends at these energies; by default at most at `HIGHEST`.
     quarter_period : float
         The family ends where its quarter period grows beyond this one.
     points : int, optional

@@ -11,7 +11,7 @@ import pytest
 
 import saltus
 from branches.labels import label_of
-from branches.tracing import TraceError, follow_family
+from branches.tracing import HIGHEST, TraceError, follow_family
 from bvp.cycle import cycle_of
 from bvp.multipliers import monodromy as saltation_monodromy
 from bvp.multipliers import saddle_point_multipliers
@@ -339,3 +339,10 @@ def test_the_identity_does_not_depend_on_the_way():
     ids |= {saltus.trace(name).id for name in ("S13+", "S13O00+@h=0.5", "S13O00+@alpha=1.66")}
     assert ids == {branch.id}
     assert saltus.trace(branch.id).id == branch.id
+
+
+def test_without_a_range_a_family_ends_where_its_forces_are_lost():
+    """Oracle: the documented highest energy, on the backbone whose energy has no bound."""
+    branch = saltus.trace("S11O00-", saltus.vibro_impact_nes(), energy=(0.5, 2.0))
+    further = branch.trace(-1, direction="up")
+    assert further.points["h"].max() <= HIGHEST * (1.0 + 1e-12) and further.events[-1].type == "EP"

@@ -294,3 +294,14 @@ def test_the_bar_shows_on_a_terminal_only_and_late(monkeypatch):
             bar.line("a line", printed)
         assert bool(stream.getvalue()) is expected
         assert printed.getvalue() == "a line\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
+def test_standard_output_that_cannot_be_written_is_one_line():
+    """Oracle: exit code 1, and what the system says."""
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "saltus", "continue", "S13O00+", "--points", "3"], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert "cannot write standard output" in done.stderr and "space" in done.stderr
