@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 from branches.diagram.files import PICTURE_FORMATS, picture_format
@@ -51,6 +52,10 @@ def check_writable(path: str) -> None:
             raise BadInput(f"cannot write {path}: permission is denied in the directory {Path(path).parent}")
         if target.exists() and not os.access(target, os.W_OK):
             raise BadInput(f"cannot write {path}: permission is denied")
+        if not special:
+            # Some directories allow it and cannot: files are written beside, so one is tried.
+            with tempfile.NamedTemporaryFile(dir=target.parent, prefix=".saltus-"):
+                pass
     except OSError as error:
         raise BadInput(f"cannot write {path}: {reason(error)}") from error
 

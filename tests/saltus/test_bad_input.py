@@ -1,5 +1,6 @@
 """Bad input: one line on standard error that says what was wrong and what was expected, exit code 2, nothing started."""
 
+import os
 import re
 import subprocess
 import sys
@@ -198,3 +199,11 @@ def test_a_fault_of_the_program_is_not_called_bad_input(monkeypatch):
     monkeypatch.setattr("saltus.tracing.trace", fail)
     with pytest.raises(KeyError):
         main(["continue", "S13O00+"])
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="there is no directory that allows files and takes none")
+def test_a_directory_that_takes_no_file_is_found_before_the_work(capsys):
+    """Oracle: exit code 2, and nothing of the table."""
+    assert main(["continue", "S13O00+", "--json", "/proc/branch.json"]) == 2
+    out, err = capsys.readouterr()
+    assert not out and err.count("\n") == 1 and "cannot write /proc/branch.json" in err
