@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,13 @@ from branches.words import canonical
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["Mark", "canonical_orbit", "closed_presentations", "digests", "mark_of", "presentations", "same_orbit", "symmetries", "turns"]
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = [
+    "Mark", "canonical_among", "canonical_orbit", "closed_presentations", "digests", "mark_of", "pattern_of", "presentations",
+    "same_orbit", "symmetries", "turns",
+]  # fmt: skip
 
 SAME = 1e-7
 """Difference of states and times, relative to the largest, below which two orbits are one."""
@@ -161,12 +167,16 @@ def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[Multipoi
     >>> canonical_orbit(problem, solution.y)[0].ends
     ('origin', 'stop+')
     """
-    stretches = presentations(problem, y)
+    return canonical_among(problem.system, presentations(problem, y))
+
+
+def canonical_among(system: ImpactSystem, stretches: list[Stretch]) -> tuple[MultipointProblem, np.ndarray]:
+    """The canonical one of an orbit's `presentations`."""
     best = stretches[0]
     for other in stretches[1:]:
         if _comes_before(other, best):
             best = other
-    found = MultipointProblem(problem.system, best.ends, best.word)
+    found = MultipointProblem(system, best.ends, best.word)
     return found, solved(found, best.unknowns(found)).y
 
 
@@ -233,12 +243,25 @@ def mark_of(kind: str, problem: MultipointProblem, y: np.ndarray) -> Mark:
     same side is hit), does not change under a shift, reversal or mirror, and is continuous.
     """
     cycle = cycle_of(problem, y)
-    phase = 2.0 * np.pi * cycle.times / cycle.period
-    modes = problem.system.modes
-    stop, side = modes.contact_stop[cycle.contact], modes.contact_side[cycle.contact]
-    same_side = np.where(stop[:, None] == stop, 2.0 + side[:, None] * side, 1.0)
-    pattern = float(np.mean(same_side * np.exp(np.cos(phase[:, None] - phase))))
+    pattern = pattern_of(problem.system, cycle.times / cycle.period, cycle.contact)
     return Mark(kind, problem.energy(y), problem.quarter_period(y), pattern)
+
+
+def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> float:
+    """A number for the instants of an orbit's impacts that no shift, reversal or mirror changes.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    parts : (m,) float
+        The instants as parts of the period.
+    contact : (m,) int
+        Contacts hit (rows of the contact arrays of `Modes`).
+    """
+    phase = 2.0 * np.pi * parts
+    stop, side = system.modes.contact_stop[contact], system.modes.contact_side[contact]
+    same_side = np.where(stop[:, None] == stop, 2.0 + side[:, None] * side, 1.0)
+    return float(np.mean(same_side * np.exp(np.cos(phase[:, None] - phase))))
 
 
 def digests(marks: Iterable[Mark]) -> tuple[str, ...]:

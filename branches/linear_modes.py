@@ -22,13 +22,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.grazing.candidates import candidate
-from branches.grazing.following import Neighbour, follow
+from branches.grazing.following import Neighbour, meet
 from branches.grazing.touching import EVERY, Touching
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["LinearMode", "families_at", "linear_modes", "mode_of", "response"]
+__all__ = ["LinearMode", "beginnings", "families_at", "linear_modes", "mode_of", "response"]
 
 _RESONANT = 1e-9
 _MARGIN = 1e-9
@@ -222,11 +222,32 @@ def families_at(mode: LinearMode, turns: int, impacts: int, *, periodic: bool = 
     >>> [(family.label, family.kind) for family in families_at(mode, 2, 5, points=30) if family.ends == ("origin", "origin")]
     [('U2210+', 'fold')]
     """
+    energy = options.get("energy", (0.0, math.inf))
+    return [item.followed(**options) for item in beginnings(mode, turns, impacts, periodic=periodic, energy=energy)]
+
+
+def beginnings(
+    mode: LinearMode, turns: int, impacts: int, *, periodic: bool = True, energy: tuple[float, float] = (0.0, math.inf)
+) -> list[Neighbour]:
+    """The same as `families_at`, each with its first orbit `beside` the mode, and not followed.
+
+    Parameters
+    ----------
+    mode, turns, impacts, periodic
+        As for `families_at`.
+    energy : (float, float)
+        Where the mode grazes outside there are none.
+
+    Raises
+    ------
+    ValueError
+        For turns or impacts out of range.
+    """
     if turns < 1 or impacts < 1:
         raise ValueError(f"turns is {turns} and impacts {impacts}, expected 1 or more of each")
     if turns >= EVERY:
         raise ValueError(f"turns is {turns}: families are enumerated up to {EVERY - 1} turns of a linear mode")
-    low, high = options.get("energy", (0.0, math.inf))
+    low, high = energy
     if not low <= mode.energies[1] <= high:
         return []
     orbit = mode.touching(turns)
@@ -242,7 +263,7 @@ def families_at(mode: LinearMode, turns: int, impacts: int, *, periodic: bool = 
         choice = candidate(orbit, mask)
         if choice.turns > 1 or (choice.ends == ("periodic", "periodic") and not periodic):
             continue
-        family = follow(orbit, choice, False, **options)
-        if family.branch is not None:
+        family = meet(orbit, choice, False)
+        if family.beside is not None:
             found.append(family)
     return sorted(found, key=lambda item: (item.impacts, item.ends, item.word))

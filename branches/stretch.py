@@ -36,6 +36,13 @@ class Stretch(NamedTuple):
     nodes: np.ndarray
     times: np.ndarray
 
+    @property
+    def quarter_period(self) -> float:
+        """A quarter of the period of the orbit."""
+        first, last = self.ends
+        quarters = 4 if first == "periodic" else 1 if (first == "origin") != (last == "origin") else 2
+        return float(np.sum(self.times)) / quarters
+
     def unknowns(self, problem: MultipointProblem) -> np.ndarray:
         """The stretch as unknowns of a problem with its ends and word."""
         return problem.pack(self.start, self.nodes, self.times)

@@ -46,6 +46,9 @@ TIE = 1e-8
 _FOLD, _GUARDS = (0,), (2, 3, 4)
 """Places of the tests for folds and for grazing among the tests of a `Family`."""
 
+_SLACK = 1e-3
+"""Part by which limits are widened beyond the points of a coarse curve."""
+
 _REACH = 1e-7
 """Arclength over which a located end is polished."""
 
@@ -70,12 +73,41 @@ class Whole:
     closed : bool
     others : tuple of Piece
         The other pieces into which the branch's range of energies cuts the family.
+    h, alpha : (m,) float
+        Energies and quarter periods along the whole family.
     """
 
     ids: tuple[str, ...]
     marks: tuple[Mark, ...]
     closed: bool
     others: tuple[Piece, ...]
+    h: np.ndarray
+    alpha: np.ndarray
+
+    def reach(self, energy: tuple[float, float], quarter_period: float) -> tuple[tuple[float, float], float] | None:
+        """The limits within which the family hangs together, where it leaves those given and comes back into them.
+
+        Parameters
+        ----------
+        energy : (float, float)
+        quarter_period : float
+            The longest.
+
+        Returns
+        -------
+        ((float, float), float) or None
+            Energies and the longest quarter period; None where the family is in one piece.
+        """
+        inside = (self.h >= energy[0]) & (self.h <= energy[1]) & (self.alpha <= quarter_period)
+        places = np.flatnonzero(inside)
+        if not places.size or np.all(inside[places[0] : places[-1] + 1]):
+            return None
+        if self.closed and _runs(inside) - int(inside[0] and inside[-1]) < 2:
+            return None
+        part = slice(places[0], places[-1] + 1)
+        h, alpha = self.h[part], self.alpha[part]
+        low, high = min(energy[0], float(h.min()) * (1.0 - _SLACK)), max(energy[1], float(h.max()) * (1.0 + _SLACK))
+        return (low, high), max(quarter_period, float(alpha.max()) * (1.0 + _SLACK))
 
     def words(self) -> str:
         """That a range of energies cut the family into pieces, and where the others are; empty where it did not."""
@@ -160,7 +192,12 @@ def whole(branch: Branch) -> Whole:
     marks = _marks(_Ends(problem, window), curve)
     word, ends = canonical(problem.word, problem.ends, odd_symmetry=branch.system.has_odd_symmetry)
     ids = tuple(join_family_id(ends, word, digest) for digest in digests(marks))
-    return Whole(ids, marks, curve.closed, _others(curve, branch.energy))
+    return Whole(ids, marks, curve.closed, _others(curve, branch.energy), curve.h, curve.alpha)
+
+
+def _runs(inside: np.ndarray) -> int:
+    """How many unbroken runs of true there are."""
+    return int(np.sum(inside[1:] & ~inside[:-1])) + int(inside[0])
 
 
 def _plain(branch: Branch) -> list[int]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -29,8 +31,11 @@ def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Execu
         Where Dask is not installed, or no scheduler answers at the address.
     """
     if dask is None:
+        # One thread a worker: small matrices gain nothing from more, and workers that share cores lose much.
+        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+            os.environ.setdefault(name, "1")
         # A fresh process: one that was forked while kernels are compiled in another thread may wait for ever.
-        pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+        pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_leave_interrupts_to_the_parent)
         try:
             yield pool, workers
         finally:
@@ -46,3 +51,8 @@ def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Execu
         raise BadInput(f"no Dask scheduler answers at {dask!r}: {error}; expected an address such as tcp://127.0.0.1:8786") from error
     with client:
         yield client.get_executor(), max(1, sum(client.nthreads().values()))
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    """Ctrl-C reaches every process of a terminal: the parent ends the work, and the workers say nothing."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

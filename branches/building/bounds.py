@@ -1,12 +1,17 @@
-"""Up to which energies, quarter periods and impacts families are followed."""
+"""Up to which energies, quarter periods and impacts families are followed, and which of them further."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["Bounds"]
+__all__ = ["Bounds", "Plan"]
+
+GENERATIONS = 0
+"""Families without a reversal that come of such a family, and of those again, so many times. Nothing bounds their number: where they graze,
+others of their kind meet them."""
 
 
 @dataclass(frozen=True)
@@ -60,3 +65,42 @@ class Bounds:
         """The inverse of `plain`."""
         low, high = plain["energy"]
         return cls((float(low), float(high)), float(plain["quarter_period"]), int(plain["impacts"]))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a build looks for.
+
+    Parameters
+    ----------
+    bounds : Bounds
+        In which everything is followed.
+    named : Bounds
+        Wider ones, in which the families that have names are followed, and their direct neighbours.
+    names : tuple of str
+    pins : mapping
+        Cited points that choose among the matches of a name.
+    generations : int
+        How often families without a reversal give rise to further ones.
+    """
+
+    bounds: Bounds
+    named: Bounds
+    names: tuple[str, ...] = ()
+    pins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    generations: int = GENERATIONS
+
+    @classmethod
+    def within(cls, bounds: Bounds) -> Plan:
+        """Everything inside the bounds, and no names."""
+        return cls(bounds, bounds)
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {
+            "bounds": self.bounds.plain(),
+            "named": self.named.plain(),
+            "names": list(self.names),
+            "pins": {name: dict(pin) for name, pin in self.pins.items()},
+            "generations": self.generations,
+        }

@@ -10,24 +10,30 @@ import json
 import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.building.bounds import Bounds
+from branches.building.bounds import Plan
 from branches.building.frontier import Frontier
-from branches.building.known import KnownFamilies
+from branches.building.grazings import KnownGrazings
+from branches.building.known import KnownFamilies, Place
+from branches.building.seeds import plain_seed, read_seed
 from branches.building.work import Answer, Link, Seed, work
-from branches.catalogue.closures import presented, unknowns_of
+from branches.catalogue.closures import event_orbit, unknowns_of
+from branches.catalogue.errors import CatalogueError
 from branches.catalogue.rows import Edge, EventOrbit, Node
+from branches.identity import canonical_orbit, presentations
 from branches.linear_modes import linear_modes
-from branches.words import Ends, Word, parse_ends, parse_word
+from branches.words import parse_word
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
+    from branches.branch import Branch
     from branches.catalogue.store import Catalogue
+    from branches.stretch import Stretch
 
 __all__ = ["Progress", "build"]
 
@@ -35,9 +41,14 @@ COARSE = 0.5
 """Step in log h of the first energies searched; halved until a whole level finds no new family."""
 
 LEVELS = 8
-"""Halvings at most."""
+"""Levels at most."""
+
+AHEAD = 6
+"""Seeds that are worked on or wait for a worker, for each worker."""
 
 _SAME = 1e-6
+
+_UNFOLDED = "unfolded "
 
 _JOINS = ("GR", "BP", "SB", "PD", "RT")
 
@@ -55,18 +66,19 @@ class Progress:
 
 def build(
     catalogue: Catalogue,
-    bounds: Bounds,
+    plan: Plan,
     executor: Executor,
     workers: int = 2,
     on_progress: Callable[[Progress], object] | None = None,
 ) -> dict[str, Any]:
-    """Find and follow every family inside the bounds, and keep them in a catalogue.
+    """Find and follow every family of a plan, and keep them in a catalogue.
 
     Parameters
     ----------
     catalogue : Catalogue
-        Opened to add to. What it holds of an earlier build with the same bounds is gone on from.
-    bounds : Bounds
+        Opened to add to. What it holds of an earlier build with the same plan is gone on from; families that were saved into it by
+        themselves are followed anew, within the plan's limits.
+    plan : Plan
     executor : concurrent.futures.Executor
         Where the work is done.
     workers : int
@@ -77,70 +89,70 @@ def build(
     -------
     dict
         ``families``, ``points``, ``events``, ``edges``, ``levels`` (energies searched and families new at each), ``settled`` (whether the
-        last level found nothing new), ``beyond`` (neighbours outside the bounds), ``failed`` (what could not be done, in words).
+        last level found nothing new and its searches settled), ``unsettled`` (energies at which a search did not settle), ``beyond``
+        (neighbours outside the limits), ``failed`` (what could not be done, in words).
+
+    Raises
+    ------
+    CatalogueError
+        For a catalogue that was built with another plan.
     """
-    return _Build(catalogue, bounds, executor, workers, on_progress).run()
+    return _Build(catalogue, plan, executor, workers, on_progress).run()
 
 
 class _Build:
     def __init__(
         self,
         catalogue: Catalogue,
-        bounds: Bounds,
+        plan: Plan,
         executor: Executor,
         workers: int,
         on_progress: Callable[[Progress], object] | None,
     ) -> None:
         self.catalogue = catalogue
-        self.bounds = bounds
+        self.plan = plan
         self.system = catalogue.system
         self.on_progress = on_progress
         self.known = KnownFamilies()
+        self.grazings = KnownGrazings()
+        self.joins: dict[str, list[tuple[float, str]]] = {}
         self.problems: dict[tuple[Any, ...], MultipointProblem] = {}
-        self.places: dict[str, tuple[int, str | None]] = {}
+        self.places: dict[str, tuple[int, Place | None]] = {}
+        self.images: dict[str, tuple[Stretch, ...]] = {}
+        self.last: list[tuple[str, Seed]] = []
         self.points = self.events = 0
-        self.beyond = 0
-        self.failed: list[str] = []
-        self.levels: list[dict[str, Any]] = []
+        self.told: dict[str, Any] = {"beyond": 0, "failed": [], "unsettled": [], "levels": []}
         description = json.dumps(self.system.describe(), sort_keys=True)
         self.frontier: Frontier[tuple[str, Seed], Answer] = Frontier(
-            executor, partial(_named, description), self._is_known, lambda item: item[0], 3 * workers
+            executor, partial(_named, description), self._is_known, lambda item: item[0], AHEAD * workers
         )
         self.count = 0
 
     def run(self) -> dict[str, Any]:
         """Everything, from the first level of energies to the one that adds nothing."""
-        for row in self.catalogue.families():
-            self._remember(row.id, self.catalogue.branch(row.id))
-        self._take_up()
-        for mode in linear_modes(self.system):
-            if mode.label:
-                self.catalogue.add_node(Node(mode.label, "linear mode", mode.label, mode.energies, mode.alpha))
-        self._queue([("mode", (mode.index, turns)) for mode in linear_modes(self.system) for turns in self._turns(mode.alpha)])
-        for level in range(len(self.levels), LEVELS):
+        if not self._take_up():
+            self._begin()
+        levels = self.told["levels"]
+        for level in range(len(levels), LEVELS):
+            if level > 1 and not levels[-1]["new"]:
+                break
             energies = self._energies(level)
             before = len(self.known)
-            self._queue([("energy", energy) for energy in energies])
+            self._queue(("energy", energy) for energy in energies)
             self._empty(level)
-            found = len(self.known) - before
-            self.levels.append({"energies": len(energies), "new": found})
-            self.catalogue.note("levels", self.levels)
-            if level > 1 and not found and not self.levels[-2]["new"]:
-                break
-        settled = len(self.levels) > 1 and self.levels[-1]["new"] == 0
+            levels.append({"energies": len(energies), "new": len(self.known) - before})
+            self._note()
+        self._connect_last()
         report = {
             "families": len(self.known), "points": self.points, "events": self.events, "edges": len(self.catalogue.edges()),
-            "levels": self.levels, "settled": settled, "beyond": self.beyond, "failed": self.failed,
+            "settled": levels[-1]["new"] == 0 and not self.told["unsettled"], **self.told,
         }  # fmt: skip
-        self.catalogue.note("built", {"bounds": self.bounds.plain(), **report})
+        self.catalogue.note("built", report)
         return report
-
-    def _turns(self, alpha: float) -> range:
-        return range(1, math.floor(self.bounds.quarter_period / alpha * (1.0 + 1e-12)) + 1)
 
     def _energies(self, level: int) -> list[float]:
         """Energies of a level: those of all levels together are even in log h. None is at a bound."""
-        low, high = np.log(self.bounds.energy)
+        low, high = np.log(self.plan.bounds.energy)
         count = max(2, math.ceil((high - low) / COARSE))
         if level == 0:
             parts = (np.arange(count) + 0.5) / count
@@ -149,48 +161,120 @@ class _Build:
             parts = np.arange(1, fine) / fine if level == 1 else (np.arange(fine) + 0.5) / fine
         return [float(energy) for energy in np.exp(low + parts * (high - low))]
 
+    # -- where it starts ------------------------------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        """The first seeds: names, linear modes, and families that were saved before."""
+        plan = self.plan
+        with self.catalogue.transaction():
+            self.catalogue.note("plan", plan.plain())
+            self._note()
+            saved = [self.catalogue.branch(row.id) for row in self.catalogue.families()]
+            for branch in saved:
+                self.catalogue.remove(branch.id)
+            modes = linear_modes(self.system)
+            for mode in modes:
+                if mode.label:
+                    self.catalogue.add_node(Node(mode.label, "linear mode", mode.label, mode.energies, mode.alpha))
+            turns = [
+                (mode.index, turn)
+                for mode in modes
+                for turn in range(1, math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12)) + 1)
+            ]
+            orbits = [event_orbit(*canonical_orbit(branch.problem, branch.unknowns(branch.start))) for branch in saved]
+            self._queue(
+                [("name", name) for name in plan.names] + [("mode", value) for value in turns] + [("orbit", orbit) for orbit in orbits]
+            )
+
+    def _take_up(self) -> bool:
+        """Go on with what an earlier run left; False where there was none."""
+        earlier = self.catalogue.progress("plan")
+        if earlier is None:
+            return False
+        if earlier != json.loads(json.dumps(self.plan.plain())):
+            raise CatalogueError(
+                f"{self.catalogue.path} was built with other bounds or names: {_told(earlier)}; received {_told(self.plan.plain())}; "
+                "expected the same, or another file"
+            )
+        self.told = self.catalogue.progress("told")
+        for row in self.catalogue.families():
+            self._remember(row.id, self.catalogue.branch(row.id))
+        for mark, wide, further in self.catalogue.notes(_UNFOLDED):
+            self.grazings.add(None if mark is None else tuple(mark), (wide, further))
+        pending = [(key, read_seed(value, self.plan)) for key, value in self.catalogue.work()]
+        self.count = 1 + max((int(key) for key, _ in pending), default=-1)
+        self.last = [(key, seed) for key, seed in pending if _is_last(seed)]
+        self.frontier.extend((key, seed) for key, seed in pending if not _is_last(seed))
+        return True
+
     # -- the queue ------------------------------------------------------------------------------------------------------------
 
     def _queue(self, found: Iterable[tuple[str, Any]]) -> None:
         with self.catalogue.transaction():
-            self._extend(Seed(kind, value, self.bounds) for kind, value in found)
+            self._extend(Seed(kind, value, self.plan) for kind, value in found)
 
     def _extend(self, seeds: Iterable[Seed]) -> None:
+        """Connect the seeds of families that are known, and queue the others."""
         named = []
         for seed in seeds:
-            named.append((f"{self.count:07d}", seed))
+            place = self.known.place(self.system, seed.images) if seed.images else None
+            if place is not None:
+                self._connect(seed.link, place.id)
+                continue
+            name = f"{self.count:07d}"
             self.count += 1
-        self.catalogue.add_work((name, _plain(seed)) for name, seed in named)
-        self.frontier.extend(named)
-
-    def _take_up(self) -> None:
-        """Go on with what an earlier run left."""
-        self.levels = self.catalogue.progress("levels") or []
-        done, pending = self.catalogue.work("done"), self.catalogue.work("pending")
-        self.count = 1 + max((int(key) for key, _, _ in (*done, *pending)), default=-1)
-        self.frontier.extend((key, _seed(value)) for key, value, _ in pending)
+            named.append((name, seed))
+            if seed.images:
+                self.places[name] = (self.known.count(seed.images), None)
+        self.catalogue.add_work((name, plain_seed(seed)) for name, seed in named)
+        self.frontier.extend(item for item in named if not _is_last(item[1]))
+        self.last += [item for item in named if _is_last(item[1])]
 
     def _empty(self, level: int) -> None:
         for (name, seed), answer in self.frontier:
             with self.catalogue.transaction():
-                self._take(seed, answer)
+                self._take(name, seed, answer)
                 self.catalogue.finish(name)
             if self.on_progress is not None:
                 self.on_progress(Progress(len(self.known), len(self.frontier), self.points, self.events, level))
+
+    def _connect_last(self) -> None:
+        """Connect what is not followed, where it is known in the end."""
+        with self.catalogue.transaction():
+            for name, seed in self.last:
+                place = self.known.place(self.system, self._images(name, seed))
+                if place is None:
+                    self.told["beyond"] += 1
+                else:
+                    self._connect(seed.link, place.id)
+                self.catalogue.finish(name)
+            self.last = []
+            self._note()
+
+    def _note(self) -> None:
+        self.catalogue.note("told", self.told)
 
     # -- one seed -------------------------------------------------------------------------------------------------------------
 
     def _is_known(self, item: tuple[str, Seed]) -> bool:
         name, seed = item
+        if seed.kind == "grazing":
+            return self.grazings.has(seed.value.mark, _asked(seed))
         if seed.kind != "orbit":
             return False
-        count, id = self.places.get(name, (-1, None))
-        if id is None and count < len(self.known):
-            problem, y = self._solved(seed.value)
-            place = self.known.find(problem, y)
-            id = None if place is None else place.id
-            self.places[name] = (len(self.known), id)
-        return id is not None
+        count, place = self.places.get(name, (0, None))
+        images = self._images(name, seed)
+        if place is None and count < self.known.count(images):
+            place = self.known.place(self.system, images, count)
+            self.places[name] = (self.known.count(images), place)
+        return place is not None
+
+    def _images(self, name: str, seed: Seed) -> tuple[Stretch, ...]:
+        if seed.images:
+            return seed.images
+        if name not in self.images:  # of a build that is gone on with
+            self.images[name] = tuple(presentations(*self._solved(seed.value)))
+        return self.images[name]
 
     def _solved(self, orbit: EventOrbit) -> tuple[MultipointProblem, np.ndarray]:
         key = (orbit.ends, orbit.word)
@@ -198,58 +282,56 @@ class _Build:
             self.problems[key] = MultipointProblem(self.system, orbit.ends, parse_word(orbit.word))
         return self.problems[key], unknowns_of(self.problems[key], orbit)
 
-    def _take(self, seed: Seed, answer: Answer | None) -> None:
-        if answer is None:
-            problem, y = self._solved(seed.value)
-            place = self.known.find(problem, y)
+    def _take(self, name: str, seed: Seed, answer: Answer | None) -> None:
+        _, place = self.places.pop(name, (0, None))
+        self.images.pop(name, None)
+        if seed.kind == "grazing":
+            if answer is None:
+                return
+            self.grazings.add(seed.value.mark, _asked(seed))
+            self.catalogue.note(f"{_UNFOLDED}{name}", [seed.value.mark, *_asked(seed)])
+        elif answer is None:
             assert place is not None
-            if seed.link is not None:
-                self._connect(seed.link, place.id)
+            self._connect(seed.link, place.id)
             return
-        self.beyond += answer.beyond
-        self.failed += answer.failed
-        if answer.branch is not None:
-            id = answer.branch.id
-            if id not in self.catalogue:
-                self.catalogue.add(answer.branch)
+        if answer.beyond or answer.failed or answer.unsettled:
+            self.told["beyond"] += answer.beyond
+            self.told["failed"] += answer.failed
+            self.told["unsettled"] += answer.unsettled
+            self._note()
+        if answer.branch is not None and answer.packed is not None:
+            id = next((id for id in answer.branch.whole.ids if id in self.catalogue), None)
+            if id is not None:
+                # The same family, of which the seed's orbit was not recognised: that is told, and its other seeds are the same.
+                at = float(answer.branch.points["h"][answer.branch.start])
+                self.told["failed"].append(f"{id}: an orbit at h = {at:.10g} was followed again")
+                self._note()
+            else:
+                id = self.catalogue.add(answer.packed)
                 self._remember(id, answer.branch)
-                self._extend(answer.seeds)
                 for link in answer.ends:
-                    self._connect(link, None)
-            if seed.link is not None:
-                self._connect(seed.link, id)
+                    self._connect(link, link.target)
+                self._extend(answer.seeds)
+            self._connect(seed.link, id)
         else:
+            for link in answer.ends:
+                self._connect(link, link.target)
             self._extend(answer.seeds)
 
-    def _remember(self, id: str, branch: Any) -> None:
+    def _remember(self, id: str, branch: Branch) -> None:
         self.known.add(id, branch)
+        self.joins[id] = [(event.h, event.id) for event in branch.events if event.type in _JOINS]
         self.points += len(branch)
         self.events += len(branch.events)
 
-    def _as_orbit_of(self, link: Link, ends: Ends, word: Word) -> EventOrbit | None:
-        """The event's orbit as the family with these ends and word has it."""
-        for orbit in (link.there, link.here):
-            if orbit is not None:
-                found = presented(*self._solved(orbit), ends, word)
-                if found is not None:
-                    return found
-        return None
-
-    def _connect(self, link: Link, target: str | None) -> None:
-        event = ""
-        if target is None and link.kind == "linear mode":
-            labels = [mode.label for mode in linear_modes(self.system) if mode.label]
-            target = next((label for label in labels if label in (link.note or "")), None)
-        elif target is not None:
-            there = [event for event in self.catalogue.events(target) if event.type in _JOINS]
-            same = [(abs(event.h / link.h - 1.0), event.id) for event in there if abs(event.h / link.h - 1.0) < _SAME]
-            event = min(same)[1] if same else ""
-            row = self.catalogue.family(target)
-            link = replace(link, there=self._as_orbit_of(link, parse_ends(row.ends), parse_word(row.word)))
+    def _connect(self, link: Link | None, target: str | None) -> None:
+        if link is None:
+            return
+        same = [(abs(h / link.h - 1.0), event) for h, event in self.joins.get(target or "", []) if abs(h / link.h - 1.0) < _SAME]
         self.catalogue.connect(
             Edge(
-                link.source, link.event, link.type, link.kind, target, link.h, link.alpha, event, link.stop, link.note,
-                link.here, link.there,
+                link.source, link.event, link.type, link.kind, target, link.h, link.alpha, min(same)[1] if same else "", link.stop,
+                link.note, link.here, link.there,
             )  # fmt: skip
         )
 
@@ -258,30 +340,17 @@ def _named(description: str, item: tuple[str, Seed]) -> Answer:
     return work(description, item[1])
 
 
-def _plain(seed: Seed) -> dict[str, Any]:
-    """A seed as JSON values."""
-    value: Any = list(seed.value) if seed.kind == "mode" else seed.value
-    return {
-        "kind": seed.kind,
-        "value": asdict(value) if seed.kind == "orbit" else value,
-        "bounds": seed.bounds.plain(),
-        "link": None if seed.link is None else asdict(seed.link),
-    }
+def _asked(seed: Seed) -> tuple[bool, int]:
+    """In which limits a grazing orbit is unfolded, and how many generations of families without a reversal may come of it."""
+    return seed.wide, (seed.further or 0) if seed.is_closed else seed.plan.generations + 1
 
 
-def _seed(plain: dict[str, Any]) -> Seed:
-    """The inverse of `_plain`."""
-    kind, value, link = plain["kind"], plain["value"], plain["link"]
-    if kind == "orbit":
-        value = _orbit(value)
-    elif kind == "mode":
-        value = tuple(value)
-    if link is not None:
-        link = replace(Link(**link), here=_orbit(link["here"]), there=_orbit(link["there"]))
-    return Seed(kind, value, Bounds.of(plain["bounds"]), link)
+def _is_last(seed: Seed) -> bool:
+    """Whether a seed is only connected, in the end."""
+    return seed.further is not None and seed.further < 0
 
 
-def _orbit(plain: dict[str, Any] | None) -> EventOrbit | None:
-    if plain is None:
-        return None
-    return EventOrbit(tuple(plain["ends"]), plain["word"], tuple(plain["start"]), tuple(plain["flight_times"]))
+def _told(plan: dict[str, Any]) -> str:
+    bounds = plan["bounds"]
+    low, high = bounds["energy"]
+    return f"h {low:g}:{high:g}, quarter period {bounds['quarter_period']:g}, {bounds['impacts']} impacts, {len(plan['names'])} names"

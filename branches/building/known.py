@@ -6,6 +6,7 @@ through the orbit, on the curve to within the error of both.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from bvp.multipoint import MultipointProblem
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.stretch import Stretch
+    from bvp.system import ImpactSystem
 
 __all__ = ["KnownFamilies", "Place"]
 
@@ -129,27 +131,32 @@ class KnownFamilies:
 
     def find(self, problem: MultipointProblem, y: np.ndarray) -> Place | None:
         """The known family that an orbit lies on; None where it lies on none."""
-        return self.place(problem, presentations(problem, y))
+        return self.place(problem.system, presentations(problem, y))
 
-    def place(self, problem: MultipointProblem, images: list[Stretch]) -> Place | None:
-        """The known family on which one of an orbit's images lies; None where there is none."""
-        curves = self._curves.get((images[0].ends, images[0].word), [])
+    def count(self, images: Sequence[Stretch]) -> int:
+        """How many families have the ends and word of an orbit's images."""
+        return len(self._curves.get((images[0].ends, images[0].word), []))
+
+    def place(self, system: ImpactSystem, images: Sequence[Stretch], first: int = 0) -> Place | None:
+        """The known family on which one of an orbit's images lies; None where there is none.
+
+        Parameters
+        ----------
+        system : ImpactSystem
+        images : sequence of Stretch
+            Its `presentations`.
+        first : int
+            How many of the families with these ends and this word are left out: in the order in which they were added.
+        """
+        curves = self._curves.get((images[0].ends, images[0].word), [])[first:]
         if not curves:
             return None
+        weights = np.concatenate([system.modes.squares, np.ones(len(system.modes.squares))])
         for image in images:
-            energy = 0.5 * float(np.sum(problem.segment.weights * image.start**2))
-            alpha = float(np.sum(image.times)) / _quarters(image)
-            position = np.concatenate([image.start / np.sqrt(2.0 * energy), [np.log(energy), np.log(alpha)]])
+            energy = 0.5 * float(np.sum(weights * image.start**2))
+            position = np.concatenate([image.start / np.sqrt(2.0 * energy), [np.log(energy), np.log(image.quarter_period)]])
             for id, curve in curves:
                 at = curve.arclength(position, image.times)
                 if at is not None:
                     return Place(id, at)
         return None
-
-
-def _quarters(image: Stretch) -> int:
-    """How many quarters of the period a segment is."""
-    first, last = image.ends
-    if first == "periodic":
-        return 4
-    return 1 if (first == "origin") != (last == "origin") else 2

@@ -1,7 +1,8 @@
 """What is done for one seed: a pure function of plain data, which runs in any process.
 
-A seed is one of three. ``energy``: find every orbit at an energy. ``mode``: find the families that begin at a linear mode. ``orbit``:
-follow the family of an orbit, and find the families that meet it at its events.
+A seed is one of five. ``energy``: find every orbit at an energy. ``mode``: find the families that begin at a linear mode. ``name``: find
+the family that has a name. ``orbit``: follow the family of an orbit, and find the families that are born at its bifurcations.
+``grazing``: find the families that meet at a grazing orbit.
 """
 
 from __future__ import annotations
@@ -12,46 +13,78 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from branches.branch import Branch, BranchEvent
-from branches.building.bounds import Bounds
-from branches.catalogue.closures import event_orbit, orbit_of_event, seen_from, unknowns_of
+from branches.building.bounds import Bounds, Plan
+from branches.catalogue.closures import event_orbit, orbit_of_event, presented, unknowns_of
+from branches.catalogue.packing import PackedFamily, pack
 from branches.catalogue.rows import EventOrbit
 from branches.discovery.search import discover
-from branches.grazing import neighbours
-from branches.identity import canonical_orbit
-from branches.linear_modes import families_at, linear_modes
+from branches.grazing.following import leaves_upward, meetings_at
+from branches.grazing.touching import touching
+from branches.identity import canonical_among, presentations
+from branches.linear_modes import beginnings, linear_modes
+from branches.name_search import Limits
 from branches.switching import TYPES, births
 from branches.tracing import follow_family
-from branches.words import impacts_per_period
+from branches.words import PERIODIC, impacts_per_period, parse_word
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from branches.stretch import Stretch
     from bvp.system import ImpactSystem
 
-__all__ = ["Answer", "Link", "Seed", "work"]
-
-_FEW = 3
-"""Points followed of a family that is only looked at, to follow it later from its own seed."""
-
+__all__ = ["Answer", "Grazing", "Link", "Seed", "work"]
 
 class Seed(NamedTuple):
     """A piece of work.
 
-    kind: "energy", "mode" or "orbit". value: the energy; (index of the mode, its turns); or the orbit as an `EventOrbit`.
-    bounds: `Bounds`. link: how the orbit's family was reached, None where it was found by itself.
+    kind: "energy", "mode", "name", "orbit" or "grazing". value: the energy; (index of the mode, its turns); the name; the orbit as an
+    `EventOrbit`; or a `Grazing`. plan: how far to go. wide: whether the family is followed, and its neighbours looked for, in the wider
+    limits of the plan. further: how many more generations of neighbours come of it, None without a limit; below 0 its family is not
+    followed, but connected if it is known from elsewhere in the end. link: how the orbit's family was reached, None where it was found by
+    itself. images: the orbit's presentations (`branches.identity.presentations`), by which it is recognised; empty where they are not at
+    hand.
     """
 
     kind: str
     value: Any
-    bounds: Bounds
+    plan: Plan
+    wide: bool = False
+    further: int | None = None
     link: Link | None = None
+    images: tuple[Stretch, ...] = ()
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it is of a family without a reversal."""
+        orbit = self.value.orbit if self.kind == "grazing" else self.value
+        return isinstance(orbit, EventOrbit) and orbit.ends == PERIODIC
+
+    @property
+    def bounds(self) -> Bounds:
+        """The limits in which the family is followed."""
+        return self.plan.named if self.wide else self.plan.bounds
+
+
+class Grazing(NamedTuple):
+    """A grazing orbit, to be unfolded once for all the families that meet there.
+
+    orbit: as the family has it that it was reached on. rising: whether that family leaves it upward in energy. mark: numbers that it has
+    for each of the families (`Touching.mark`), None where it is unfolded for each of them.
+    """
+
+    orbit: EventOrbit
+    rising: bool
+    mark: tuple[float, float, float] | None
 
 
 @dataclass(frozen=True)
 class Link:
     """Where two nodes of the graph meet, before it is known which family is on the other side.
 
-    source: id of the family or linear mode. event, type: of the event there. kind: of the edge. note: in words. here, there: the event's
-    orbit as the two families have it.
+    source: id of the family or linear mode. event, type: of the event there. kind: of the edge. note: in words. target: id of the node on
+    the other side, where it is known without a search. here, there: the event's orbit as the two families have it.
     """
 
     source: str
@@ -62,6 +95,7 @@ class Link:
     alpha: float
     stop: str | None = None
     note: str | None = None
+    target: str | None = None
     here: EventOrbit | None = None
     there: EventOrbit | None = None
 
@@ -69,18 +103,18 @@ class Link:
 class Answer(NamedTuple):
     """What came of a seed.
 
-    branch: the family that was followed, with its `whole` known. seeds: what is to be followed next. ends: links without a family on
-    the other side, with the reason as their note. beyond: how many neighbours lie outside the bounds. failed: what could not be done, in
-    words.
-    counts: of the stages of a search.
+    seeds: what is to be done next. branch: the family that was followed, with its `whole` known. packed: its rows for the catalogue.
+    ends: links without a family on the other side, with the reason as their note. beyond: how many neighbours lie outside the limits.
+    failed: what could not be done, in words. unsettled: energies at which the search did not settle.
     """
 
-    branch: Branch | None
     seeds: tuple[Seed, ...]
+    branch: Branch | None = None
+    packed: PackedFamily | None = None
     ends: tuple[Link, ...] = ()
     beyond: int = 0
     failed: tuple[str, ...] = ()
-    counts: dict[str, Any] | None = None
+    unsettled: tuple[float, ...] = ()
 
 
 @lru_cache(maxsize=4)
@@ -103,17 +137,33 @@ def work(description: str, seed: Seed) -> Answer:
     """
     system = _system(description)
     if seed.kind == "energy":
-        return _at_energy(system, float(seed.value), seed.bounds)
+        return _at_energy(system, float(seed.value), seed.plan)
     if seed.kind == "mode":
-        index, turns = seed.value
-        return _at_mode(system, index, turns, seed.bounds)
+        return _at_mode(system, seed)
+    if seed.kind == "name":
+        return _of_name(system, str(seed.value), seed.plan)
+    if seed.kind == "grazing":
+        return _across_grazing(system, seed)
     return _follow(system, seed)
 
 
-def _at_energy(system: ImpactSystem, energy: float, bounds: Bounds) -> Answer:
+def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
+    bounds = plan.bounds
     found = discover(system, energy, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
-    seeds = [Seed("orbit", event_orbit(*canonical_orbit(orbit.problem, orbit.solution.y)), bounds) for orbit in found.orbits]
-    return Answer(None, tuple(seeds), counts={"energy": energy, "settled": found.settled, **found.counts})
+    seeds = [_seed(orbit.problem, orbit.solution.y, plan) for orbit in found.orbits]
+    return Answer(tuple(seeds), unsettled=() if found.settled else (energy,))
+
+
+def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:
+    from branches.name_errors import NameNotFound
+    from branches.names import AmbiguousName, resolve
+
+    limits = Limits(plan.named.energy, plan.named.quarter_period, plan.named.impacts)
+    try:
+        found, _ = resolve(name, system, pins=plan.pins, limits=limits, energy=limits.energy)
+    except (NameNotFound, AmbiguousName) as error:
+        return Answer((), failed=(str(error),))
+    return Answer((_seed(found.problem, found.solution.y, plan)._replace(wide=True, further=1),))
 
 
 def ends_of(system: ImpactSystem) -> tuple[str, ...]:
@@ -122,92 +172,113 @@ def ends_of(system: ImpactSystem) -> tuple[str, ...]:
     return ("origin-origin", *reversed_) if system.has_odd_symmetry else reversed_
 
 
-def _at_mode(system: ImpactSystem, index: int, turns: int, bounds: Bounds) -> Answer:
+def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
+    (index, turns), plan = source.value, source.plan
     mode = linear_modes(system)[index]
     seeds = []
-    for found in families_at(mode, turns, bounds.impacts, points=_FEW, energy=bounds.energy):
-        assert found.branch is not None
-        there = None if found.there is None else event_orbit(found.there.problem, found.there.y)
-        note = f"{turns} turns: {found.kind}"
-        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), note, None, there)
-        seeds.append(_seed(found.branch, link, bounds))
-    return Answer(None, tuple(seeds))
+    for found in beginnings(mode, turns, plan.bounds.impacts, energy=plan.bounds.energy):
+        assert found.there is not None and found.beside is not None
+        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{turns} turns: {found.kind}")
+        seed = _seed(found.beside.problem, found.beside.y, plan)
+        seeds.append(_reached(seed, link, source, found.there.problem, found.there.y))
+    return Answer(tuple(seeds))
 
 
-def _seed(branch: Branch, link: Link | None, bounds: Bounds) -> Seed:
-    """The seed of a family from a short branch of it."""
-    plain = [i for i in range(len(branch)) if all(event.point != i for event in branch.events)]
-    problem, y = canonical_orbit(branch.problem, branch.unknowns(plain[-1] if plain else branch.start))
-    return Seed("orbit", event_orbit(problem, y), bounds, link)
+def _seed(problem: MultipointProblem, y: np.ndarray, plan: Plan) -> Seed:
+    """The seed of the family of an orbit, in its canonical presentation."""
+    images = presentations(problem, y)
+    return Seed("orbit", event_orbit(*canonical_among(problem.system, images)), plan, images=tuple(images))
+
+
+def _reached(seed: Seed, link: Link, source: Seed, problem: MultipointProblem, y: np.ndarray) -> Seed:
+    """A seed that was reached from another one, where the orbit y is one of both families."""
+    plan, image = seed.plan, seed.images[0]
+    inside = plan.bounds.holds(alpha=image.quarter_period, impacts=impacts_per_period(image.word, image.ends))
+    if inside and image.ends != PERIODIC:
+        further = None
+    elif inside and not source.is_closed:
+        further = plan.generations
+    else:
+        further = -1 if source.further is None else source.further - 1
+    there = presented(problem, y, image.ends, image.word)
+    return seed._replace(link=replace(link, there=there), wide=source.wide and not inside, further=further)
 
 
 def _follow(system: ImpactSystem, seed: Seed) -> Answer:
     bounds = seed.bounds
     orbit: EventOrbit = seed.value
-    problem = MultipointProblem(system, orbit.ends, tuple(orbit.word) if len(system.stops) == 1 else _letters(orbit.word))
+    problem = MultipointProblem(system, orbit.ends, parse_word(orbit.word))
     y = unknowns_of(problem, orbit)
     try:
         branch = follow_family(problem, y, energy=bounds.energy, quarter_period=bounds.quarter_period)
+        wider = branch.whole.reach(bounds.energy, bounds.quarter_period)
+        if wider is not None:
+            branch = follow_family(problem, y, energy=wider[0], quarter_period=wider[1])
     except (RuntimeError, NotConverged) as error:
-        return Answer(None, (), failed=(f"{'-'.join(orbit.ends)}:{orbit.word}: {error}",))
-    source = branch.id
+        return Answer((), failed=(f"{'-'.join(orbit.ends)}:{orbit.word}: {error}",))
     seeds: list[Seed] = []
     ends: list[Link] = []
-    failed: list[str] = []
     beyond = 0
     for event in branch.events:
+        if not bounds.energy[0] <= event.h <= bounds.energy[1]:
+            continue
         if event.type == "GR":
-            some, over, dead = _across_grazing(branch, event, bounds)
-        elif event.type in TYPES:
+            seeds.append(_grazing(branch, event, seed))
+            continue
+        if event.type in TYPES:
             times = {"PD": 2, "RT": event.p_q[1] if event.p_q else 1}.get(event.type, 1)
             if not bounds.holds(alpha=times * event.alpha, impacts=times * impacts_per_period(branch.problem.word, branch.ends)):
                 beyond += 1
                 continue
-            some, over, dead = _across_bifurcation(branch, event, bounds)
+            some, over, dead = _across_bifurcation(branch, event, seed)
         else:
             continue
         seeds += some
         ends += dead
         beyond += over
-    for end in branch.ended:
-        if end.reason not in ("EVENT", "CLOSED"):
-            failed.append(f"{source}: {end.reason}: {end.text}")
-    return Answer(branch, tuple(seeds), tuple(ends), beyond, tuple(failed))
+    failed = tuple(f"{branch.id}: {end.reason}: {end.text}" for end in branch.ended if end.reason not in ("EVENT", "CLOSED"))
+    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed)
 
 
-def _letters(word: str) -> tuple[str, ...]:
-    from branches.words import parse_word
-
-    return parse_word(word)
-
-
-def _across_grazing(branch: Branch, event: BranchEvent, bounds: Bounds) -> tuple[list[Seed], int, list[Link]]:
-    """The families that meet the branch at a grazing: seeds, how many are outside the bounds, and dead ends."""
-    seeds, dead, beyond = [], [], 0
+def _grazing(branch: Branch, event: BranchEvent, source: Seed) -> Seed:
+    """The seed of a grazing orbit that a family ends at."""
     here = orbit_of_event(branch, event)
-    found = neighbours(branch, event, points=_FEW, energy=_wider(bounds.energy))
+    mark = touching(branch.problem, branch.unknowns(event.point)).mark()
+    link = Link(branch.id, event.id, "GR", "", event.h, event.alpha, event.stop, here=here)
+    return source._replace(kind="grazing", value=Grazing(here, leaves_upward(branch, event.point), mark), link=link, images=())
+
+
+def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
+    """The families that meet at a grazing orbit: seeds, how many are outside the limits, and dead ends."""
+    seeds, dead, beyond = [], [], 0
+    template, orbit = source.link, source.value.orbit
+    assert template is not None
+    problem = MultipointProblem(system, orbit.ends, parse_word(orbit.word))
+
+    def accept(alpha: float, impacts: int) -> bool:
+        nonlocal beyond
+        inside = source.bounds.holds(alpha=alpha, impacts=impacts)
+        beyond += not inside
+        return inside
+
+    found = meetings_at(problem, unknowns_of(problem, orbit), source.value.rising, accept=accept)
     for item in found:
-        link = Link(branch.id, event.id, "GR", item.kind, event.h, event.alpha, event.stop, item.reason or None, here)
-        if item.branch is None:
-            if item.kind == "linear mode":
-                dead.append(link)
-            continue
-        if not bounds.holds(alpha=item.alpha, impacts=item.impacts):
-            beyond += 1
-            continue
-        assert item.there is not None
-        there = event_orbit(item.there.problem, item.there.y)
-        seeds.append(_seed(item.branch, replace(link, there=there), bounds))
+        link = replace(template, kind=item.kind, note=item.reason or None)
+        if item.beside is not None:
+            assert item.there is not None
+            seed = _seed(item.beside.problem, item.beside.y, source.plan)
+            seeds.append(_reached(seed, link, source, item.there.problem, item.there.y))
+        elif item.kind == "linear mode":
+            dead.append(replace(link, target=item.label or None))
     if not seeds and not beyond and not dead:
         reasons = "; ".join(dict.fromkeys(item.reason for item in found if item.reason)) or "no other word fits"
-        dead.append(Link(branch.id, event.id, "GR", "dead end", event.h, event.alpha, event.stop, reasons, here))
-    return seeds, beyond, dead
+        dead.append(replace(template, kind="dead end", note=reasons))
+    return Answer(tuple(seeds), ends=tuple(dead), beyond=beyond)
 
 
-def _across_bifurcation(branch: Branch, event: BranchEvent, bounds: Bounds) -> tuple[list[Seed], int, list[Link]]:
+def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tuple[list[Seed], int, list[Link]]:
     """The families that are born or cross at a bifurcation."""
-    here = orbit_of_event(branch, event)
-    link = Link(branch.id, event.id, event.type, "switch", event.h, event.alpha, None, event.note, here)
+    link = Link(branch.id, event.id, event.type, "switch", event.h, event.alpha, None, event.note, here=orbit_of_event(branch, event))
     try:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always", RuntimeWarning)
@@ -217,20 +288,13 @@ def _across_bifurcation(branch: Branch, event: BranchEvent, bounds: Bounds) -> t
     seeds, beyond = [], 0
     dead = [replace(link, kind="dead end", note=str(warning.message)) for warning in told]
     for birth in found:
-        problem, y = canonical_orbit(birth.problem, birth.step.y)
-        if not bounds.holds(alpha=problem.quarter_period(y), impacts=impacts_per_period(problem.word, problem.ends)):
+        seed = _seed(birth.problem, birth.step.y, source.plan)
+        image = seed.images[0]
+        if not source.bounds.holds(alpha=image.quarter_period, impacts=impacts_per_period(image.word, image.ends)):
             beyond += 1
             continue
+        seed = _reached(seed, link, source, branch.problem, branch.unknowns(event.point))
         # Where a family of more symmetry, or of several turns, is crossed, the equations are singular and the crossing has the square root
         # of their accuracy: the same event on that family is regular, and the edge is made from there.
-        crossed = None
-        if not birth.turns:
-            there = seen_from(branch.problem, branch.unknowns(event.point), problem.ends, tuple(problem.word))
-            crossed = replace(link, there=there)
-        seeds.append(Seed("orbit", event_orbit(problem, y), bounds, crossed))
+        seeds.append(seed._replace(link=None) if birth.turns else seed)
     return seeds, beyond, dead
-
-
-def _wider(energy: tuple[float, float]) -> tuple[float, float]:
-    """A range in which the first orbits beyond an event at a bound are found too."""
-    return 0.5 * energy[0], 2.0 * energy[1]

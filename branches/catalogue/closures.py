@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from branches.catalogue.rows import Edge, EventOrbit
 from branches.identity import closed_presentations, presentations
-from branches.stretch import embed, solved
+from branches.stretch import Stretch, embed, run_backwards, solved, stretch_of
 from branches.words import Ends, Word, mirror, mirror_ends
 from bvp.cycle import cycle_of
 from bvp.kernels.flight import flow_state
@@ -18,6 +19,7 @@ from bvp.multipoint import MultipointProblem, NotConverged
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.events import BranchEvent
+    from bvp.system import ImpactSystem
 
 __all__ = ["distance", "event_orbit", "orbit_of_event", "presented", "seen_from", "switch_edge", "unknowns_of"]
 
@@ -30,10 +32,12 @@ _SAMPLES = 48
 
 def event_orbit(problem: MultipointProblem, y: np.ndarray) -> EventOrbit:
     """The orbit y of a problem, as an edge keeps it."""
-    start = problem.modes.to_state @ problem.start(y)
-    return EventOrbit(
-        problem.ends, "".join(problem.word), tuple(start.tolist()), tuple(problem.flight_times(y).tolist())
-    )
+    return _kept(problem.system, stretch_of(problem, y))
+
+
+def _kept(system: ImpactSystem, stretch: Stretch) -> EventOrbit:
+    start = system.modes.to_state @ stretch.start
+    return EventOrbit(stretch.ends, "".join(stretch.word), tuple(start.tolist()), tuple(map(float, stretch.times)))
 
 
 def orbit_of_event(branch: Branch, event: BranchEvent) -> EventOrbit:
@@ -64,8 +68,11 @@ def seen_from(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word)
 
 
 def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word) -> EventOrbit | None:
-    """The orbit y as an orbit of the problem with other ends and word, in whatever presentation: as `seen_from`, started at another
-    impact, or the primitive orbit that it repeats; None where it has none."""
+    """The orbit y as an orbit of the problem with other ends and word, in whatever presentation: mirrored or run backwards, as
+    `seen_from`, started at another impact, or the primitive orbit that it repeats; None where it has none."""
+    for image in _images(problem, y):
+        if (image.ends, tuple(image.word)) == (ends, tuple(word)):
+            return _kept(problem.system, image)
     found = seen_from(problem, y, ends, word)
     if found is not None:
         return found
@@ -78,6 +85,17 @@ def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word)
             except NotConverged:
                 return None
     return None
+
+
+def _images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Stretch]:
+    """The solved segment as it stands, mirrored, run backwards, and both; of a closed orbit, those from all its impacts."""
+    if problem.periodic:
+        yield from closed_presentations(problem, y)
+        return
+    own = stretch_of(problem, y)
+    signs = (1, -1) if problem.system.has_odd_symmetry else (1,)
+    for stretch in (own, run_backwards(problem.system, own)):
+        yield from (stretch if sign > 0 else stretch.mirrored() for sign in signs)
 
 
 def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event: str = "") -> Edge:

@@ -44,8 +44,7 @@ CREATE TABLE edges (
     source_crc INTEGER, target_problem TEXT, target_states BLOB, target_crc INTEGER, crc INTEGER NOT NULL,
     UNIQUE (source, source_event, kind, target, target_event));
 CREATE INDEX edges_to ON edges (target);
-CREATE TABLE work (key TEXT PRIMARY KEY, state TEXT NOT NULL, payload TEXT NOT NULL, result TEXT) WITHOUT ROWID;
-CREATE INDEX work_left ON work (state);
+CREATE TABLE work (key TEXT PRIMARY KEY, payload TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE progress (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 """
 

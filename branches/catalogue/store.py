@@ -69,9 +69,8 @@ class Catalogue(WorkQueue):
     """
 
     def counts(self) -> dict[str, int]:
-        """How many families, points, events and edges it holds, and how many pieces of work are pending and done."""
-        tables = {"families": "families", "points": "points", "events": "events", "edges": "edges"}
-        tables |= {state: f"work WHERE state = '{state}'" for state in ("pending", "done")}
+        """How many families, points, events and edges it holds, and how many pieces of work are left."""
+        tables = {"families": "families", "points": "points", "events": "events", "edges": "edges", "pending": "work"}
         with translated(self.path):
             return {name: self._connection.execute(f"SELECT count(*) FROM {rows}").fetchone()[0] for name, rows in tables.items()}
 
@@ -279,6 +278,17 @@ class Catalogue(WorkQueue):
                 ((number, position, *values, crc_of(values)) for position, values in enumerate(family.events)),
             )
         return row.id
+
+    def remove(self, id: str) -> None:
+        """Take a family out, with its events and the edges at it."""
+        row = self.family(id)
+        with self.transaction():
+            self._connection.execute(
+                "DELETE FROM points WHERE number >= ? AND number < ?", (row.first_point, row.first_point + row.points)
+            )
+            self._connection.execute("DELETE FROM events WHERE family = ?", (row.number,))
+            self._connection.execute("DELETE FROM edges WHERE source = ? OR target = ?", (id, id))
+            self._connection.execute("DELETE FROM families WHERE number = ?", (row.number,))
 
     def connect(self, edge: Edge) -> Edge:
         """Keep an edge; one between the same events is kept already, and stays as it is. An edge without a target is given a dead

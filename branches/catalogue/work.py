@@ -25,27 +25,29 @@ class WorkQueue(CatalogueFile):
         with self.transaction():
             before = self._connection.total_changes
             self._connection.executemany(
-                "INSERT OR IGNORE INTO work (key, state, payload) VALUES (?, 'pending', ?)",
+                "INSERT OR IGNORE INTO work (key, payload) VALUES (?, ?)",
                 ((key, json.dumps(value, sort_keys=True)) for key, value in items),
             )
             return self._connection.total_changes - before
 
-    def finish(self, key: str, result: Any = None) -> None:
-        """Mark a piece of work as done: in one transaction with what came of it."""
+    def finish(self, key: str) -> None:
+        """Strike a piece of work off: in one transaction with what came of it."""
         with self.transaction():
-            self._connection.execute(
-                "UPDATE work SET state = 'done', result = ? WHERE key = ?", (json.dumps(result, sort_keys=True), key)
-            )
+            self._connection.execute("DELETE FROM work WHERE key = ?", (key,))
 
-    def work(self, state: str = "pending") -> list[tuple[str, Any, Any]]:
-        """Pieces of work, ``pending`` or ``done``: (key, value, result) in the order of their keys."""
-        rows = self._select("work", ("key", "payload", "result"), "WHERE state = ? ORDER BY key", (state,))
-        return [(key, json.loads(value), None if result is None else json.loads(result)) for key, value, result in rows]
+    def work(self) -> list[tuple[str, Any]]:
+        """Pieces of work that are left: (key, value) in the order of their keys."""
+        return [(key, json.loads(value)) for key, value in self._select("work", ("key", "payload"), "ORDER BY key")]
 
     def progress(self, key: str) -> Any:
         """What was last noted under a key, None where nothing was."""
         rows = self._select("progress", ("value",), "WHERE key = ?", (key,))
         return json.loads(rows[0][0]) if rows else None
+
+    def notes(self, beginning: str) -> list[Any]:
+        """All that is noted under keys with this beginning, in the order of the keys."""
+        rows = self._select("progress", ("value",), "WHERE substr(key, 1, ?) = ? ORDER BY key", (len(beginning), beginning))
+        return [json.loads(value) for (value,) in rows]
 
     def note(self, key: str, value: Any) -> None:
         """Note a JSON value under a key, in place of what was there."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,10 +22,13 @@ from continuation.switching import SwitchError, branch_directions
 if TYPE_CHECKING:
     from continuation.problem import Step
 
-__all__ = ["Closure", "Neighbour", "follow", "neighbours"]
+__all__ = ["Closure", "Neighbour", "leaves_upward", "meet", "meetings", "meetings_at", "neighbours"]
 
 PROBES = (1e-5, 1e-4, 1e-3, 1e-2)
 """Arclengths from the grazing orbit at which a candidate has to be an orbit. The nearest decides; the family is followed from the last."""
+
+_SOLVED = 1e-15
+"""Residual, scaled by the state, from which on a correction has nothing left to correct."""
 
 _SINGULAR = 1e-10
 """Singular values below this part of the largest are zero: two families of one word cross at the grazing orbit."""
@@ -69,11 +73,13 @@ class Neighbour:
     reason : str
         Why there are no orbits, where there are none; else "".
     branch : Branch or None
-        The neighbour, followed both ways from an orbit next to the grazing one.
+        The neighbour, followed both ways from an orbit next to the grazing one; None before it is.
     event : BranchEvent or None
         The same grazing on the neighbour; None where it was not reached within the options.
     here, there : Closure or None
         The grazing orbit as a solution of the problem of the family that it was reached on, and of the neighbour's.
+    beside : Closure or None
+        An orbit of the neighbour next to the grazing one; None where there are no admissible ones.
     """
 
     kind: str
@@ -90,6 +96,20 @@ class Neighbour:
     event: BranchEvent | None = None
     here: Closure | None = None
     there: Closure | None = None
+    beside: Closure | None = None
+
+    def followed(self, **options: Any) -> Neighbour:
+        """The same with its family followed, where there is one.
+
+        Parameters
+        ----------
+        **options
+            As for `branches.tracing.follow_family`.
+        """
+        if self.beside is None or self.there is None:
+            return self
+        branch = follow_family(self.beside.problem, self.beside.y, direction="both", **options)
+        return replace(self, label=branch.label, branch=branch, event=_same_event(branch, self.there.problem, self.there.y))
 
 
 def neighbours(branch: Branch, event: BranchEvent | str, *, turns: int = 1, **options: Any) -> list[Neighbour]:
@@ -125,6 +145,26 @@ def neighbours(branch: Branch, event: BranchEvent | str, *, turns: int = 1, **op
     >>> [(item.kind, item.label) for item in neighbours(branch, "GR2", points=60) if item.label]
     [('fold', 'U1302+'), ('fold', 'S13O11+')]
     """
+    return [item.followed(**options) for item in meetings(branch, event, turns=turns)]
+
+
+def meetings(
+    branch: Branch, event: BranchEvent | str, *, turns: int = 1, accept: Callable[[float, int], bool] | None = None
+) -> list[Neighbour]:
+    """The same as `neighbours`, each with the first orbit `beside` the grazing one, and not followed.
+
+    Parameters
+    ----------
+    branch, event, turns
+        As for `neighbours`.
+    accept : callable, optional
+        (quarter period at the grazing orbit, impacts in a period) -> whether such neighbours are asked for; others are left out unsolved.
+
+    Raises
+    ------
+    ValueError
+        As `neighbours` does.
+    """
     if isinstance(event, str):
         event = branch.event(event)
     if event.type != "GR":
@@ -132,28 +172,49 @@ def neighbours(branch: Branch, event: BranchEvent | str, *, turns: int = 1, **op
     if turns < 1:
         raise ValueError(f"turns is {turns}, expected 1 or more")
     solution = branch.orbit(event.point).solution
-    rising = _leaves_upward(branch, event.point)
     here = Closure(branch.problem, solution.y, solution["residual"])
+    found = meetings_at(branch.problem, solution.y, leaves_upward(branch, event.point), turns=turns, accept=accept)
+    return [replace(item, here=here) for item in found]
+
+
+def meetings_at(
+    problem: MultipointProblem, y: np.ndarray, rising: bool, *, turns: int = 1, accept: Callable[[float, int], bool] | None = None
+) -> list[Neighbour]:
+    """`meetings` of the grazing orbit y of a problem, without `here`.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    y : (u,) float
+    rising : bool
+        Whether the family that it was reached on leaves it upward in energy.
+    turns, accept
+        As for `meetings`.
+    """
     try:
-        swapped = merged(branch.problem, solution)
+        swapped = merged(problem, y)
     except CannotMerge as error:
-        return [Neighbour("dead end", (), "", "", event.h, event.alpha, (), 0, 1, str(error), here=here)]
+        return [Neighbour("dead end", (), "", "", problem.energy(y), problem.quarter_period(y), (), 0, 1, str(error))]
     if swapped is not None:
-        problem, y, stops = swapped
-        impacts = impacts_per_period(problem.word, problem.ends)
-        return [replace(_meet(problem, y, stops, impacts, 1, rising, options), here=here)]
-    orbit = touching(branch.problem, solution.y)
+        other, start, stops = swapped
+        return [_meet(other, start, stops, impacts_per_period(other.word, other.ends), 1, rising)]
+    orbit = touching(problem, y)
     if not orbit.hard:
-        return [replace(_linear(orbit), here=here)]
+        return [_linear(orbit)]
     orbit = orbit.repeated(turns)
     own = orbit.smallest(orbit.kept)
-    choices = (candidate(orbit, mask) for mask in orbit.choices() if mask != own)
-    found = [replace(follow(orbit, choice, rising, **options), here=here) for choice in choices]
-    return sorted(found, key=lambda item: (item.branch is None, item.turns, item.ends, item.word))
+    found = []
+    for mask in orbit.choices():
+        if mask == own:
+            continue
+        choice = candidate(orbit, mask)
+        if accept is None or not choice.impacts or accept(0.25 * orbit.period / choice.turns, choice.impacts):
+            found.append(meet(orbit, choice, rising))
+    return sorted(found, key=lambda item: (item.beside is None, item.turns, item.ends, item.word))
 
 
-def follow(orbit: Touching, choice: Candidate, rising: bool, **options: Any) -> Neighbour:
-    """The family of a candidate at a grazing orbit, followed if it has orbits.
+def meet(orbit: Touching, choice: Candidate, rising: bool) -> Neighbour:
+    """The family of a candidate at a grazing orbit, not followed yet.
 
     Parameters
     ----------
@@ -166,19 +227,16 @@ def follow(orbit: Touching, choice: Candidate, rising: bool, **options: Any) -> 
         return _linear(orbit)
     problem = choice.problem(orbit)
     y = problem.pack(choice.start, choice.nodes, choice.times)
-    return _meet(problem, y, orbit.stops, choice.impacts, choice.turns, rising, options)
+    return _meet(problem, y, orbit.stops, choice.impacts, choice.turns, rising)
 
 
-def _meet(
-    problem: MultipointProblem, y: np.ndarray, stops: tuple[str, ...], impacts: int, turns: int, rising: bool, options: dict[str, Any]
-) -> Neighbour:
-    """Solve a problem at the grazing orbit y, and follow it to its admissible sides."""
+def _meet(problem: MultipointProblem, y: np.ndarray, stops: tuple[str, ...], impacts: int, turns: int, rising: bool) -> Neighbour:
+    """Solve a problem at the grazing orbit y, and look for its admissible sides."""
 
     def neighbour(kind: str, **more: Any) -> Neighbour:
         return Neighbour(
-            kind, problem.ends, format_word(problem.word), more.pop("label", ""), problem.energy(y), problem.quarter_period(y),
-            stops, impacts, turns, **more,
-        )  # fmt: skip
+            kind, problem.ends, format_word(problem.word), "", problem.energy(y), problem.quarter_period(y), stops, impacts, turns, **more
+        )
 
     y, residual, directions = _solve(problem, y)
     if not residual < 1e-12:
@@ -188,12 +246,9 @@ def _meet(
     sides: list[str] = []
     for direction in directions:
         steps = _first(family, y, direction, sides)
-        if not steps:
-            continue
-        kind = "fold" if (steps[0].parameter > problem.energy(y)) == rising else "passage"
-        branch = follow_family(problem, steps[-1].y, direction="both", **options)
-        event = _same_event(branch, problem, y)
-        return neighbour(kind, label=branch.label, branch=branch, event=event, there=there)
+        if steps:
+            kind = "fold" if (steps[0].parameter > problem.energy(y)) == rising else "passage"
+            return neighbour(kind, there=there, beside=Closure(problem, steps[-1].y, steps[-1].extra["residual"]))
     return neighbour("dead end", reason="; ".join(dict.fromkeys(sides)), there=there)
 
 
@@ -208,13 +263,15 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
     nodes = np.tile(size, (problem.inner, 1))
     scale = np.abs(problem.pack(size + problem.segment.start_offset, nodes, np.full(len(times), np.sum(times))))
     scale[scale == 0.0] = 1.0
-    start = y
-    for _ in range(3):
-        jacobian = problem.jacobian(y) * scale
-        left, singular, right = np.linalg.svd(jacobian)
+    start, largest = y, float(np.max(size))
+    for attempt in range(4):
+        error = problem.residual(y)
+        residual = float(np.max(np.abs(error))) / largest
+        if attempt and (attempt == 3 or residual < _SOLVED):
+            break
+        left, singular, right = np.linalg.svd(problem.jacobian(y) * scale)
         keep = singular > _SINGULAR * singular[0]
-        y = y - scale * (right[: len(singular)][keep].T @ ((left.T @ problem.residual(y))[keep] / singular[keep]))
-    residual = float(np.max(np.abs(problem.residual(y)))) / float(np.max(size))
+        y = y - scale * (right[: len(singular)][keep].T @ ((left.T @ error)[keep] / singular[keep]))
     if not np.all(np.abs(y - start) <= _MOVED * scale):
         residual = np.inf
     null = right[-1] * scale
@@ -274,7 +331,7 @@ def _same_event(branch: Branch, problem: MultipointProblem, y: np.ndarray) -> Br
     return None
 
 
-def _leaves_upward(branch: Branch, point: int) -> bool:
+def leaves_upward(branch: Branch, point: int) -> bool:
     """Whether a branch that ends at a point leaves it upward in energy: by its tangent there, as a fold may be next to it."""
     inside = point + 1 if point + 1 < len(branch) else point - 1
     problem = branch.problem

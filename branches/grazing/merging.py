@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bvp.multipoint import MultipointProblem, Solution
+from bvp.multipoint import MultipointProblem
 
 __all__ = ["CannotMerge", "merged"]
 
@@ -16,7 +16,7 @@ class CannotMerge(ValueError):
     """Impacts that merge without a family behind; the message says why."""
 
 
-def merged(problem: MultipointProblem, solution: Solution) -> tuple[MultipointProblem, np.ndarray, tuple[str, str]] | None:
+def merged(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray, tuple[str, str]] | None:
     """The family behind a flight that has vanished: the two impacts around it in the other order.
 
     Returns
@@ -30,11 +30,11 @@ def merged(problem: MultipointProblem, solution: Solution) -> tuple[MultipointPr
     CannotMerge
         Where the order matters, because the impulse of one stop changes the speed at the other, or where an impact comes to an end.
     """
-    times = problem.flight_times(solution.y)
+    times = problem.flight_times(y)
     flight = int(np.argmin(times))
     if times[flight] > _SHORT * float(np.sum(times)):
         return None
-    word, states, start = list(problem.word), problem.nodes(solution.y), problem.start(solution.y)
+    word, states, start = list(problem.word), problem.nodes(y), problem.start(y)
     if problem.periodic:
         # Impacts are numbered from the start, and turned so that the start is another one than the two.
         turned = [(i + flight - 1) % len(word) for i in range(len(word))]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from branches.identity import pattern_of
 from bvp.cycle import cycle_of
 from bvp.kernels.flight import flow_state
 from bvp.kernels.scan import crossings
@@ -105,6 +106,13 @@ class Touching:
         weights = np.concatenate([modes.squares, np.ones(len(modes.squares))])
         return float(0.5 * np.sum(weights * self.after[0] ** 2))
 
+    def mark(self) -> tuple[float, float, float] | None:
+        """Energy, quarter period and pattern of all instants (`branches.identity.pattern_of`): the same for every family that reaches
+        the orbit with this period. None where not all choices of the grazing instants are looked at."""
+        if np.sum(self.grazing) > EVERY:
+            return None
+        return self.h, 0.25 * self.period, pattern_of(self.system, self.times / self.period, self.contact)
+
     def state(self, time: float) -> np.ndarray:
         """Modal state (N,) at a time, after the impact if there is one."""
         local = time % self.period
@@ -177,13 +185,25 @@ class Touching:
             groups = [[1 << i for i in free]]
         else:
             groups = [sorted({1 << i | 1 << image[i] for i in free}) for image in self._reversals()]
-        seen = set()
+        seen: set[int] = set()
         for parts in groups:
-            for mask in _unions(self.hard, parts) if len(parts) <= EVERY else _flips(self.kept, parts):
-                mask = self.smallest(mask)
-                if mask not in seen:
-                    seen.add(mask)
-                    yield mask
+            sets = _unions(self.hard, parts) if len(parts) <= EVERY else _flips(self.kept, parts)
+            yield from self._classes(list(sets), seen)
+
+    def _classes(self, masks: list[int], seen: set[int]) -> Iterator[int]:
+        """The smallest image of each set that is none of those seen, in the order of the sets."""
+        dtype = np.int64 if len(self.times) < 63 else object
+        sets = np.array(masks, dtype=dtype)
+        smallest = sets.copy()
+        for symmetry in self.symmetries:
+            moved = np.zeros_like(sets)
+            for i, j in enumerate(symmetry.image):
+                moved |= (sets >> i & 1) << j
+            smallest = np.minimum(smallest, moved)
+        for mask in smallest.tolist():
+            if mask not in seen:
+                seen.add(mask)
+                yield mask
 
     def _reversals(self) -> list[tuple[int, ...]]:
         """Reversals as permutations, one of each class of those that a symmetry carries into each other."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
     from pathlib import Path
 
-    from branches.building.bounds import Bounds
+    from branches.building.bounds import Plan
     from branches.building.build import Progress
     from saltus.progress import ProgressBar
     from saltus.scene import Scene
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = scene_arguments.from_arguments(arguments)
     place = catalogue_arguments.place_to_save(arguments, scene)
 
-    from branches.building.bounds import Bounds
+    from branches.building.bounds import Bounds, Plan
     from branches.building.work import ends_of
     from branches.discovery.search import check
     from saltus.executors import open_executor
@@ -54,13 +54,17 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.max_quarter_period or complete["quarter_period"],
         arguments.max_impacts or complete["impacts"],
     )
+    if arguments.energy is None and arguments.max_quarter_period is None and arguments.max_impacts is None:
+        plan = Plan(bounds, Bounds(bounds.energy, scene.quarter_period, scene.impacts), tuple(scene.pins), scene.pins)
+    else:
+        plan = Plan.within(bounds)
     check(scene.system, bounds.energy[0], bounds.quarter_period, bounds.impacts, ends_of(scene.system))
     workers = arguments.workers or os.cpu_count() or 1
     with open_executor(workers, arguments.dask) as (executor, count):
-        return _build(arguments, scene, place, bounds, executor, count)
+        return _build(arguments, scene, place, plan, executor, count)
 
 
-def _build(arguments: argparse.Namespace, scene: Scene, place: Path, bounds: Bounds, executor: Executor, workers: int) -> int:
+def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan, executor: Executor, workers: int) -> int:
     from branches.building.build import build
     from branches.catalogue import Catalogue
     from saltus import __version__
@@ -68,6 +72,7 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, bounds: Bou
     from saltus.progress import ProgressBar
 
     words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
+    bounds = plan.bounds
     print(
         f"build  {place}: h {bounds.energy[0]:g} to {bounds.energy[1]:g}, quarter period up to {bounds.quarter_period:g}, "
         f"up to {bounds.impacts} impacts in half a period",
@@ -76,11 +81,13 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, bounds: Bou
     prepare(discovery=True)
     provenance = {"saltus": __version__, "built": bounds.plain()}
     with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue, ProgressBar(None, "families") as bar:
-        report = build(catalogue, bounds, executor, workers, lambda progress: _show(bar, progress))
+        report = build(catalogue, plan, executor, workers, lambda progress: _show(bar, progress))
     for text in report["failed"]:
         print(f"FAILS  {text}", file=words)
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
     settled = "settled: the last energies gave no new family" if report["settled"] else "not settled"
+    if report["unsettled"]:
+        print(f"       the search did not settle at h = {', '.join(f'{energy:.6g}' for energy in sorted(report['unsettled']))}", file=words)
     print(
         f"done   {report['families']} families, {report['points']} points, {report['events']} events, {report['edges']} edges; "
         f"{report['beyond']} neighbours lie beyond the bounds",

@@ -255,7 +255,7 @@ def at_one_instant(system, ends=("origin", "rest")):
 def test_impacts_at_independent_stops_change_their_order():
     """Oracle: M is diagonal, so the impulses do not interact: b+ first gives the same motion."""
     problem, solution, before = at_one_instant(two_stops(False))
-    other, y, stops = merged(problem, solution)
+    other, y, stops = merged(problem, solution.y)
     assert other.word == ("b+", "a+") and stops == ("a+", "b+")
     modes = problem.modes
     b = modes.contact_letters.index("b+")
@@ -269,7 +269,7 @@ def test_impacts_that_interact_do_not_merge():
     """Oracle: the impulse at b changes the speed at a."""
     problem, solution, _ = at_one_instant(two_stops(True))
     with pytest.raises(CannotMerge, match="act on each other"):
-        merged(problem, solution)
+        merged(problem, solution.y)
 
 
 def test_other_events_are_refused():

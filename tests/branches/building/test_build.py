@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.building.bounds import Bounds
+from branches.building.bounds import Bounds, Plan
 from branches.building.build import build
 from branches.building.known import KnownFamilies
 from branches.catalogue import Catalogue
@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[3]
 def built(path, executor, workers=1):
     """A catalogue of the small bounds and the report of its build."""
     with Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
-        return build(catalogue, BOUNDS, executor, workers)
+        return build(catalogue, Plan.within(BOUNDS), executor, workers)
 
 
 @pytest.fixture(scope="module")

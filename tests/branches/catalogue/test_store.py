@@ -210,14 +210,13 @@ def test_work_is_done_once(tmp_path):
         assert catalogue.add_work([("b", None), ("c", None)]) == 1
         with catalogue.transaction():
             catalogue.add(real()[0])
-            catalogue.finish("b", {"found": 3})
+            catalogue.finish("b")
         catalogue.note("settled", {"energy": [0.05, 1.0]})
     with saltus.Catalogue(path) as catalogue:
-        assert catalogue.work() == [("a", [1, 2], None), ("c", None, None)]
+        assert catalogue.work() == [("a", [1, 2]), ("c", None)]
         assert catalogue.counts() == {
-            "families": 1, "points": len(real()[0]), "events": len(real()[0].events), "edges": 0, "pending": 2, "done": 1
+            "families": 1, "points": len(real()[0]), "events": len(real()[0].events), "edges": 0, "pending": 2
         }  # fmt: skip
-        assert catalogue.work("done") == [("b", {"h": 1.0}, {"found": 3})]
         assert catalogue.progress("settled") == {"energy": [0.05, 1.0]} and catalogue.progress("nothing") is None
 
 
