@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from branches.catalogue.store import Catalogue
     from branches.stretch import Stretch
 
-__all__ = ["Progress", "build"]
+__all__ = ["Progress", "build", "refuse_other_plan"]
 
 COARSE = 0.5
 """Step in log h of the first energies searched; halved until a whole level finds no new family."""
@@ -98,6 +98,24 @@ def build(
         For a catalogue that was built with another plan.
     """
     return _Build(catalogue, plan, executor, workers, on_progress).run()
+
+
+def refuse_other_plan(catalogue: Catalogue, plan: Plan) -> bool:
+    """Whether a build of this plan was begun in a catalogue.
+
+    Raises
+    ------
+    CatalogueError
+        Where one of another plan was.
+    """
+    earlier = catalogue.progress("plan")
+    if earlier is None:
+        return False
+    if earlier != json.loads(json.dumps(plan.plain())):
+        raise CatalogueError(
+            f"{catalogue.path} was built for {_told(earlier)}; received {_told(plan.plain())}; expected the same, or another file"
+        )
+    return True
 
 
 class _Build:
@@ -188,14 +206,8 @@ class _Build:
 
     def _take_up(self) -> bool:
         """Go on with what an earlier run left; False where there was none."""
-        earlier = self.catalogue.progress("plan")
-        if earlier is None:
+        if not refuse_other_plan(self.catalogue, self.plan):
             return False
-        if earlier != json.loads(json.dumps(self.plan.plain())):
-            raise CatalogueError(
-                f"{self.catalogue.path} was built with other bounds or names: {_told(earlier)}; received {_told(self.plan.plain())}; "
-                "expected the same, or another file"
-            )
         self.told = self.catalogue.progress("told")
         for row in self.catalogue.families():
             self._remember(row.id, self.catalogue.branch(row.id))
@@ -353,4 +365,5 @@ def _is_last(seed: Seed) -> bool:
 def _told(plan: dict[str, Any]) -> str:
     bounds = plan["bounds"]
     low, high = bounds["energy"]
-    return f"h {low:g}:{high:g}, quarter period {bounds['quarter_period']:g}, {bounds['impacts']} impacts, {len(plan['names'])} names"
+    within = f"h {low:g}:{high:g}, quarter period up to {bounds['quarter_period']:g}, up to {bounds['impacts']} impacts"
+    return f"{within}, {len(plan['names'])} names"

@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan, executor: Executor, workers: int) -> int:
-    from branches.building.build import build
+    from branches.building.build import build, refuse_other_plan
     from branches.catalogue import Catalogue
     from saltus import __version__
     from saltus.first_run import prepare
@@ -73,15 +73,17 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
 
     words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
     bounds = plan.bounds
-    print(
-        f"build  {place}: h {bounds.energy[0]:g} to {bounds.energy[1]:g}, quarter period up to {bounds.quarter_period:g}, "
-        f"up to {bounds.impacts} impacts in half a period",
-        file=words, flush=True,
-    )  # fmt: skip
-    prepare(discovery=True)
-    provenance = {"saltus": __version__, "built": bounds.plain()}
-    with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue, ProgressBar(None, "families") as bar:
-        report = build(catalogue, plan, executor, workers, lambda progress: _show(bar, progress))
+    provenance = {"saltus": __version__, "built": plan.plain()}
+    with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue:
+        refuse_other_plan(catalogue, plan)
+        print(
+            f"build  {place}: h {bounds.energy[0]:g} to {bounds.energy[1]:g}, quarter period up to {bounds.quarter_period:g}, "
+            f"up to {bounds.impacts} impacts in half a period" + (f", and {len(plan.names)} names" if plan.names else ""),
+            file=words, flush=True,
+        )  # fmt: skip
+        prepare(discovery=True)
+        with ProgressBar(None, "families") as bar:
+            report = build(catalogue, plan, executor, workers, lambda progress: _show(bar, progress))
     for text in report["failed"]:
         print(f"FAILS  {text}", file=words)
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])

@@ -27,6 +27,9 @@ def test_a_small_build_is_browsed(tmp_path, capsys):
     assert said(f"check {path}", capsys)[0] == 0
     code, out, err = said(f"build {SMALL} --catalogue {path}", capsys)
     assert code == 0 and f"done   {report['families']} families" in out
+    other = SMALL.replace("impacts 2", "impacts 3")
+    code, out, err = said(f"build {other} --catalogue {path}", capsys)
+    assert code == 2 and not out and err.count("\n") == 1 and "up to 2 impacts" in err and "up to 3 impacts" in err
 
 
 @pytest.mark.parametrize(

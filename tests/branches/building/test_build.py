@@ -16,6 +16,7 @@ from branches.building.build import build
 from branches.building.known import KnownFamilies
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check
+from branches.catalogue.errors import CatalogueError
 from branches.discovery.search import discover
 from tests.branches.building.test_frontier import Serial
 
@@ -120,6 +121,42 @@ def test_a_killed_build_goes_on(small, tmp_path):
     built(path, Serial())
     assert [id for id, _ in content(path)[0]] == [id for id, _ in content(small[0])[0]]
     assert content(path)[2] == content(small[0])[2]
+
+
+def test_another_plan_is_refused(small):
+    """Oracle: the catalogue stays as it was, and the message names both."""
+    other = Plan.within(Bounds((0.06, 3.0), 2.0, 4))
+    before = content(small[0])
+    with Catalogue(small[0], "a", scene=saltus.load_scene()) as catalogue, pytest.raises(CatalogueError, match="3 impacts.*4 impacts"):
+        build(catalogue, other, Serial())
+    after = content(small[0])
+    assert after[0] == before[0] and after[2:] == before[2:]
+
+
+def test_families_that_were_saved_are_followed_anew(small, tmp_path):
+    """Oracle: the catalogue of a build into a new file. The saved branch covers a part of its family."""
+    path = tmp_path / "saved.sqlite"
+    with Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
+        catalogue.add(saltus.trace("S13O00+", saltus.load_scene().system, energy=(0.3, 0.5)))
+    built(path, Serial())
+    with Catalogue(path) as catalogue, Catalogue(small[0]) as other:
+        assert {row.id for row in catalogue.families()} == {row.id for row in other.families()}
+        ranges = [next(row.h for row in each.families() if row.label == "S13O00+") for each in (catalogue, other)]
+        np.testing.assert_allclose(*ranges, rtol=1e-9)
+
+
+def test_named_families_are_followed_beyond_the_bounds(tmp_path):
+    """Oracle: the name's own search. U2211- has two impacts in half a period, the bounds one; its neighbours have more than one, too."""
+    plan = Plan(Bounds((0.06, 0.9), 1.9, 1), Bounds((0.06, 0.9), 1.9, 5), ("U2211-",))
+    with Catalogue(tmp_path / "named.sqlite", "a", scene=saltus.load_scene()) as catalogue:
+        report = build(catalogue, plan, Serial())
+        assert not report["failed"]
+        named = catalogue.find("U2211-")
+        expected = saltus.trace("U2211-", saltus.load_scene().system, energy=(0.06, 0.9))
+        assert named.id == expected.id
+        beyond = {row.id for row in catalogue.families() if row.impacts > 1} - {named.id}
+        joined = {id for edge in catalogue.edges(named.id) for id in (edge.source, edge.target)}
+        assert beyond and beyond <= joined
 
 
 @pytest.mark.parametrize(
