@@ -35,8 +35,8 @@ def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
     """Where a kernel without a result, compiled for such arguments, stands in memory, for `call_at`."""
     types = tuple(nb.typeof(argument) for argument in arguments)
     function.compile(types)
-    compiled = function.overloads[types]
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name))
+    code, description = (getattr(function.overloads[types], name) for name in ("library", "fndesc"))
+    return int(code.get_pointer_to_function(description.llvm_cfunc_wrapper_name))
 
 
 def _call_at(typing_context, address, arguments):
