@@ -26,8 +26,8 @@ def allocating(function: Any) -> Any:
 
 
 def part(function: Any) -> Any:
-    """Compile a function as part of the kernel that calls it. For what is called from one place: a function of its own costs about a
-    second to compile, however short it is."""
+    """Compile a function as part of the kernel that calls it. For what is called from one place, a function of its own costing about a
+    second to compile, however short it is; and for a few lines inside a loop, where a call would cost more than they do."""
     return nb.njit(cache=True, error_model="numpy", inline="always")(function)
 
 
