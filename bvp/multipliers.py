@@ -1,8 +1,8 @@
 """Floquet multipliers of impacting orbits: from the saddle-point matrix, and from the product of saltation matrices.
 
-The saddle-point route reduces the linearised multipoint problem by orthogonal transformations to a product pencil and never
-forms the monodromy (`bvp.kernels.pencil`); the saltation route is the textbook product, kept as the second method. Which
-orbits are stable is decided apart from both, from the half map: see `bvp.stability`.
+The saddle-point route reduces the linearised multipoint problem by orthogonal transformations to a product pencil
+(`bvp.kernels.pencil`) and sweeps round it (`bvp.kernels.sweep`), never forming the monodromy; the saltation route is the textbook
+product, kept as the second method. Which orbits are stable is decided apart from both, from the half map: see `bvp.stability`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ import numpy as np
 
 from bvp.cycle import Cycle
 from bvp.kernels.flight import flow_matrix
-from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
+from bvp.kernels.pencil import landings, pencil
+from bvp.kernels.sweep import sweep
+from bvp.kernels.trivial import trivial_directions
 from bvp.system import ImpactSystem
 
 __all__ = [

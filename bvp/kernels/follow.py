@@ -14,7 +14,8 @@ from numba import int64
 from bvp.kernels.compiled import kernel
 from bvp.kernels.extrema import refine, safe_step
 from bvp.kernels.flight import circular
-from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
+from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact
+from bvp.kernels.restitution import restitute
 
 __all__ = [
     "ACCELERATION", "CLEARANCE", "COLUMNS", "CONTACT", "DERIVATIVE", "DURATION", "FREE", "Flow", "MISS", "SECOND", "SPEED", "STUCK",
