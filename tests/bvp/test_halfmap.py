@@ -10,8 +10,8 @@ import pytest
 
 from bvp.cycle import cycle_of
 from bvp.kernels.halfmap import half_map
-from bvp.multipliers import reduced_monodromy, saltation_multipliers
 from bvp.multipoint import MultipointProblem
+from bvp.saltation import reduced_monodromy, saltation_multipliers
 from bvp.stability import ERROR_FACTOR, balance, decide, half_map_of, stability, velocity_scale
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import backbone
