@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.grazing_notes import describe_merging, describe_touch, describe_vanishing
 from branches.kernels.march import Block, march
 from branches.labels import ImpossibleLabelError, Label, label_of
 from branches.markers import COMMON, NOISE, common_tests, is_orbit, planar_tests
@@ -22,14 +23,18 @@ from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
 from continuation.control import Control, kinds_of
 from continuation.problem import EventDetails, Marched, Point, Step, Test
+from continuation.settings import Settings
 
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["Family", "RESONANCES", "label_at", "label_text", "multiplication"]
+__all__ = ["Family", "RESONANCES", "SETTINGS", "label_at", "label_text", "multiplication"]
 
 RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 """Rotation numbers p/q of the full period whose q-tuplings are reported."""
+
+SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
+"""How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
 
 _I = RESULT_INDEX
 _BRANCHING = 1
@@ -37,10 +42,11 @@ _SINGULAR = 1e-4
 _SHORT = 1e-3
 
 _GRAZING = (
-    Test("GR", "guard", True, "a flight touches a stop"),
-    Test("GR", "guard", True, "the speed of an impact reaches zero"),
-    Test("GR", "guard", True, "a flight time reaches zero"),
+    (Test("GR", "guard", True, "a flight touches a stop"), "touches", describe_touch),
+    (Test("GR", "guard", True, "the speed of an impact reaches zero"), "vanishes", describe_vanishing),
+    (Test("GR", "guard", True, "a flight time reaches zero"), "merge", describe_merging),
 )
+"""The three ways of grazing: the test function, the word that tells the way's notes, and what describes it."""
 
 
 def multiplication(p: int, q: int) -> float:
@@ -93,7 +99,7 @@ class Family:
         tests = [
             Test("SN", "crossing", False, "fold in the energy", True),
             Test("BP", "crossing", False, "branch point", True, ("SN",)),
-            *_GRAZING,
+            *(test for test, _, _ in _GRAZING),
             Test("EP", "guard", True, "lowest energy asked for"),
             Test("EP", "guard", True, "highest energy asked for"),
             Test("EP", "guard", True, "longest quarter period asked for"),
@@ -251,7 +257,8 @@ class Family:
         if code in ("SN", "SB") and self._meets_branch_point(before, at, after):
             return None
         if code == "GR":
-            self._grazing(test.label, solution, data)
+            describe = next(describe for way, _, describe in _GRAZING if way == test)
+            data.update(describe(self.problem, solution))
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
         elif code == "RT":
@@ -303,41 +310,11 @@ class Family:
 
     def grazing(self, note: str, solution: Solution) -> dict[str, Any]:
         """What `classify` says of the grazing of an orbit, where the same was noted of an image of it."""
-        words = ("touches", "vanishes", "merge")
         data: dict[str, Any] = {"stop": None, "note": note}
-        for word, test in zip(words, _GRAZING, strict=True):
+        for _, word, describe in _GRAZING:
             if word in note:
-                self._grazing(test.label, solution, data)
+                data.update(describe(self.problem, solution))
         return data
-
-    def _grazing(self, which: str, solution: Solution, data: dict[str, Any]) -> None:
-        problem = self.problem
-        letters = problem.modes.contact_letters
-        inner = problem.inner
-        if which == _GRAZING[0].label:
-            stop = int(solution["clearance_stop"])
-            side = solution["clearance_side"]
-            letter = next(
-                letters[c] for c in range(len(letters)) if problem.modes.contact_stop[c] == stop and problem.modes.contact_side[c] == side
-            )
-            data["stop"] = letter
-            data["note"] = (
-                f"flight {int(solution['clearance_flight']) + 1} of {inner + 1} touches stop {letter} "
-                f"at {solution['clearance_time']:.6g} after its start: a new impact becomes possible"
-            )
-            data["graze"] = ("touch", int(solution["clearance_flight"]), float(solution["clearance_time"]))
-        elif which == _GRAZING[1].label:
-            node = int(solution["speed_node"])
-            data["stop"] = letters[problem.contacts[node]]
-            place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
-            data["note"] = f"the impact {place} (stop {data['stop']}) vanishes: its speed reaches zero"
-            data["graze"] = ("vanish", node, 0.0)
-        else:
-            flight = int(solution["flight_index"])
-            here = f"impact {flight}" if flight else "the start"
-            there = f"impact {flight + 1}" if flight < inner else "the far end"
-            data["note"] = f"{here} and {there} merge: the flight between them has no duration"
-            data["graze"] = ("merge", flight, 0.0)
 
 
 _PICKED = np.array([TURN, CONTRACTION, ITERATIONS, RESIDUAL, ENERGY, SLOPE])

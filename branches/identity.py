@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.stretch import SLACK, Stretch, closed_stretch, run_backwards, solved, stretch_between
+from branches.stretch import SLACK, Stretch, closed_stretch, run_backwards, solved, stretch_between, stretch_of
 from branches.words import canonical
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Mark", "canonical_among", "canonical_orbit", "closed_presentations", "digests", "mark_of", "pattern_of", "presentations",
-    "same_orbit", "symmetries", "turns",
+    "same_orbit", "same_segment", "symmetries", "turns",
 ]  # fmt: skip
 
 SAME = 1e-7
@@ -200,17 +200,39 @@ def same_orbit(
     tolerance : float
         Of states and times, relative to the largest.
     """
-    # The period is compared first: it is cheap, and tells most orbits apart.
-    mine, theirs = canonical_orbit(*a), presentations(*b)
-    if (mine[0].ends, mine[0].word) != (theirs[0].ends, theirs[0].word):
-        return False
-    start, nodes, times = mine[0].start(mine[1]), mine[0].nodes(mine[1]), mine[0].flight_times(mine[1])
-    size, longest = max(float(np.max(np.abs(part))) for part in (start, nodes) if part.size), float(np.max(times))
+    return _is_among(stretch_of(*canonical_orbit(*a)), presentations(*b), tolerance)
+
+
+def same_segment(
+    a: tuple[MultipointProblem, np.ndarray], b: tuple[MultipointProblem, np.ndarray], tolerance: float = SAME
+) -> bool:
+    """`same_orbit` for two orbits that each stand between neighbouring reversals of theirs: one can then only be the other one's mirror
+    image, or run from its other end, and no symmetry has to be looked for.
+
+    Parameters
+    ----------
+    a, b : (problem, y)
+        With ends that are not periodic.
+    tolerance : float
+        Of states and times, relative to the largest.
+    """
+    forward = stretch_of(*b)
+    images = [forward, run_backwards(b[0].system, forward)]
+    if b[0].system.has_odd_symmetry:
+        images += [image.mirrored() for image in images]
+    return _is_among(stretch_of(*a), images, tolerance)
+
+
+def _is_among(stretch: Stretch, images: Iterable[Stretch], tolerance: float) -> bool:
+    """Whether a stretch is one of several."""
+    size = max(float(np.max(np.abs(part))) for part in (stretch.start, stretch.nodes) if part.size)
+    longest = float(np.max(stretch.times))
     return any(
-        np.allclose(other.times, times, rtol=0.0, atol=tolerance * longest)
-        and np.allclose(other.start, start, rtol=0.0, atol=tolerance * size)
-        and np.allclose(other.nodes[: len(nodes)], nodes, rtol=0.0, atol=tolerance * size)
-        for other in theirs
+        (image.ends, image.word) == (stretch.ends, stretch.word)
+        and np.allclose(image.times, stretch.times, rtol=0.0, atol=tolerance * longest)
+        and np.allclose(image.start, stretch.start, rtol=0.0, atol=tolerance * size)
+        and np.allclose(image.nodes, stretch.nodes, rtol=0.0, atol=tolerance * size)
+        for image in images
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from branches.discovery.found import Found, accept, from_other_end
+from branches.discovery.scope import require_conservative
 from branches.labels import Label, Name, parse_name
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
 from branches.name_search import LEVELS, Limits, Search, passes, search_bounds
@@ -42,9 +43,7 @@ def resolve(
     ValueError
         For a system on which names cannot be searched.
     """
-    reason = system.why_not_conservative()
-    if reason is not None:
-        raise ValueError(f"families of periodic orbits need a conservative system: {reason}")
+    require_conservative(system, "families of periodic orbits")
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(_linear_mode(system, name.label))

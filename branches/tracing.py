@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.branch import Branch, BranchEvent, Ended
-from branches.family import Family
+from branches.family import SETTINGS, Family
+from branches.finished import branch_of, event_of
 from branches.orbit import Orbit
-from bvp.multipoint import MultipointProblem, Solution
-from continuation.ends import EndReason
+from bvp.multipoint import MultipointProblem
 from continuation.problem import Event, Point, Step
-from continuation.run import Run
 from continuation.run import trace as follow_both
 from continuation.settings import Settings
 
@@ -24,14 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["SETTINGS", "TraceError", "follow_family", "trace"]
 
-SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
-"""How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
-
 EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 """Types of events, see `branches.family`."""
-
-UNDECIDED_AT = ("SN", "BP", "SB", "PD")
-"""Events at which a multiplier is at its bound: stability there is decided by the location error alone, so it is not given."""
 
 OPTIONS = ("points", "direction", "stop_at", "stop_when", "on_event", "on_end", "on_point", "settings")
 """Options of `follow_family` that a named family may be traced with."""
@@ -211,7 +204,7 @@ def follow_family(
         raise
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
-    branch = _branch(problem, run, energy)
+    branch = branch_of(problem, run, energy)
     if on_end is not None:
         for ended in dict.fromkeys(branch.ended):
             on_end(ended)
@@ -282,7 +275,7 @@ class _Collector:
         self.types[event.code] = self.types.get(event.code, 0) + 1
         number = self.sign * event.index
         columns = orbit.described.columns
-        self.on_event(_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
+        self.on_event(event_of(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
 
     def partial(self, reason: str, text: str) -> Branch | None:
         if self.begin is None:
@@ -295,104 +288,3 @@ class _Collector:
         return Branch.from_solutions(
             self.problem, [p.step.extra for p in points], arclength, lambda columns: (), (ended, ended), len(first) - 1, self.energy
         )
-
-
-def _along(event: Event, backward: bool) -> tuple[str, int, str | None]:
-    """Label and half-waves just below an event in arclength, and its note, read in the order of arclength.
-
-    Events found `backward`, against the arclength of the finished branch, have their sides in the other order.
-    """
-    details = event.details
-    label, half_waves, note = details["label"], details["half_waves"], details.get("note")
-    if "sides" in details:
-        (label, half_waves), (above, _) = details["sides"][::-1] if backward else details["sides"]
-        becomes = f"{label or 'no label'} becomes {above or 'no label'}"
-        if event.code == "LB":
-            note = becomes
-        elif label != above:
-            note = f"{note}: {becomes}"
-    if event.status == "bracketed":
-        low, high = event.bracket
-        note = f"{note}; only bracketed, in {high - low:.1e} of arclength: {_why_bracketed(details)}"
-    return label, half_waves, note
-
-
-def _why_bracketed(details: Mapping[str, Any]) -> str:
-    """Why an event could not be brought nearer than its bracket."""
-    if details.get("kind") == "pole":
-        return "its test function grows without bound there"
-    if details.get("kind") == "jump":
-        return "its test function changes sign without passing zero, as far as steps can be told apart"
-    return f"nearer steps fail, as where two families nearly touch ({details.get('reason') or 'no reason given'})"
-
-
-def _event(
-    event: Event, name: str, point: int, number: int, columns: Mapping[str, np.ndarray], index: int, *, backward: bool
-) -> BranchEvent:
-    details = event.details
-    label, _, note = _along(event, backward)
-    stable = -1 if event.code in UNDECIDED_AT else int(columns["stable"][index])
-    largest = float(np.max(np.abs(columns["multipliers"][index]))) if columns["multipliers"].shape[1] else math.nan
-    return BranchEvent(
-        name,
-        event.code,
-        point,
-        number,
-        float(columns["h"][index]),
-        float(columns["alpha"][index]),
-        event.arclength,
-        event.status,
-        (float(event.bracket[0]), float(event.bracket[1])),
-        event.residual,
-        label,
-        details.get("stop"),
-        details.get("p_q"),
-        details.get("breaks"),
-        note,
-        None if stable < 0 else bool(stable),
-        largest if math.isfinite(largest) else None,
-    )
-
-
-def _branch(problem: MultipointProblem, run: Run, energy: tuple[float, float]) -> Branch:
-    solutions: list[Solution] = [point.step.extra for point in run.points]
-    arclength = np.array([point.arclength for point in run.points])
-
-    def backward(event: Event) -> bool:
-        """Whether it was found against the arclength; what lies on the seam of a closed family is read along it."""
-        return event.index < run.start and not (run.closed and event.index == 0)
-
-    def labelled(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """At an event a velocity can be zero to rounding, so its counts are those of the branch just before it."""
-        labels = columns["label"].astype(object)
-        for event in run.events:
-            if event.code in UNDECIDED_AT:
-                columns["stable"][event.index] = -1
-            label, half_waves, _ = _along(event, backward(event))
-            labels[event.index] = label
-            columns["half_waves"][event.index] = max(1, half_waves)
-        columns["label"] = labels.astype(str)
-        columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
-        return columns
-
-    def events(columns: dict[str, np.ndarray]) -> tuple[BranchEvent, ...]:
-        columns = labelled(columns)
-        counts: dict[str, int] = {}
-        out = []
-        for event in run.events:
-            counts[event.code] = counts.get(event.code, 0) + 1
-            name = f"{event.code}{counts[event.code]}"
-            number = event.index - run.start
-            out.append(_event(event, name, event.index, number, columns, event.index, backward=backward(event)))
-        return tuple(out)
-
-    ended = []
-    for k, end in enumerate(run.ends):
-        place = run.points[0] if k == 0 else run.points[-1]
-        event = place.event
-        if end.reason is EndReason.EVENT and event is not None:
-            orbit = f"h = {place.parameter:.12g}, alpha = {place.step.extra['quarter_period']:.12g}"
-            ended.append(Ended(end.reason.name, f"{event.code} at {orbit}: {event.details.get('note')}"))
-        else:
-            ended.append(Ended(end.reason.name, end.text))
-    return Branch.from_solutions(problem, solutions, arclength, events, (ended[0], ended[1]), run.start, energy)

@@ -14,19 +14,18 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.family import Family
+from branches.family import SETTINGS, Family
 from branches.identity import Mark, canonical_orbit, digests, mark_of, symmetries
 from branches.words import canonical, join_family_id
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.ends import EndReason
-from continuation.problem import Step, Test
+from continuation.problem import Marched, Step, Test
 from continuation.run import trace
-from continuation.settings import Settings
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -36,9 +35,6 @@ __all__ = ["Piece", "Whole", "energy_scale", "whole"]
 
 WINDOW = (1e-3, 1e5)
 """Energies, in units of `energy_scale`, at which a family's ends are looked for."""
-
-SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
-"""As branches are followed, so that both see the same ends."""
 
 TIE = 1e-8
 """Relative difference of energies, and of quarter periods, below which they are equal."""
@@ -143,11 +139,18 @@ class _Ends(Family):
         """See `continuation.Problem`."""
         return super().tests[: self.COUNT]
 
-    march = None
-    """Few families are followed for their ends alone, and a march would stop at every event of the others."""
+    def __init__(self, problem: MultipointProblem, energy: tuple[float, float]):
+        super().__init__(problem, energy)
+        self._kinds = self._kinds[: self.COUNT]  # a march watches no more
 
     def _step(self, solution: Solution | None) -> Step:
-        step = super()._step(solution)
+        return self._cut(super()._step(solution))
+
+    def _march(self, *arguments: Any) -> Marched:
+        marched = super()._march(*arguments)
+        return marched._replace(ahead=[(self._cut(step), length, arclength) for step, length, arclength in marched.ahead])
+
+    def _cut(self, step: Step) -> Step:
         return step._replace(tests=step.tests[: self.COUNT])
 
 
@@ -240,7 +243,7 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     One that cannot be followed is known by the orbit alone.
     """
     family = _Ends(problem, window)
-    run = trace(family, y, SETTINGS)
+    run = trace(family, y, SETTINGS)  # as branches are followed, so that both see the same ends
     if run.points and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends):
         # Beside a branch point the corrector can fail; steps that come from afar pass over it.
         length = run.points[-1].arclength

@@ -11,6 +11,7 @@ import numpy as np
 
 from bvp.kernels import impact as kernels
 from bvp.kernels.flight import flow_state
+from bvp.kernels.restitution import restitute as restitute_modes
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -129,7 +130,7 @@ def restitute(system: ImpactSystem, contact: str, v: Any) -> np.ndarray:
     index = contact_index(system, contact)
     if index < 0:
         raise ValueError(f"no contact was given; the system has {', '.join(modes.contact_letters)}")
-    kernels.restitute(modes.contact_rate, modes.contact_push, modes.contact_restitution, index, z, z)
+    restitute_modes(modes.contact_rate, modes.contact_push, modes.contact_restitution, index, z, z)
     return (modes.to_state @ z)[n:]
 
 

@@ -1,8 +1,9 @@
-"""Floquet multipliers of impacting orbits: from the saddle-point matrix, and from the product of saltation matrices.
+"""Floquet multipliers of impacting orbits from the saddle-point matrix.
 
-The saddle-point route reduces the linearised multipoint problem by orthogonal transformations to a product pencil and never
-forms the monodromy (`bvp.kernels.pencil`); the saltation route is the textbook product, kept as the second method. Which
-orbits are stable is decided apart from both, from the half map: see `bvp.stability`.
+The linearised multipoint problem is reduced by orthogonal transformations to a product pencil (`bvp.kernels.pencil`), whose
+eigenvalues are found by sweeps round it (`bvp.kernels.sweep`); the monodromy is never formed. The textbook product of saltation
+matrices is the second method: see `bvp.saltation`. Which orbits are stable is decided apart from both, from the half map: see
+`bvp.stability`.
 """
 
 from __future__ import annotations
@@ -13,20 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from bvp.cycle import Cycle
-from bvp.kernels.flight import flow_matrix
-from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
-from bvp.system import ImpactSystem
+from bvp.kernels.pencil import landings, pencil
+from bvp.kernels.sweep import sweep
+from bvp.kernels.trivial import trivial_directions
 
 __all__ = [
     "GRAZING_LIMIT",
     "Multipliers",
     "Quality",
-    "monodromy",
     "nearest_grazing",
-    "reduced_monodromy",
     "saddle_point_multipliers",
-    "saltation_matrix",
-    "saltation_multipliers",
+    "scaled_arguments",
     "sort_multipliers",
 ]
 
@@ -128,7 +126,7 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
     cycle = _from_impact(cycle).cut(pieces)
     modes = cycle.system.modes
     conservative = cycle.system.is_conservative
-    (before, after, duration, row, scale, weights), nodes, size = _arguments(cycle)
+    (before, after, duration, row, scale, weights), nodes, size = scaled_arguments(cycle)
     dimension = size - 1 - int(conservative)
     unbounded = np.full(dimension, complex(math.nan, math.nan))
     unpaired = math.nan if conservative else None
@@ -179,7 +177,7 @@ def _from_impact(cycle: Cycle) -> Cycle:
     return Cycle(cycle.system, before, after, duration, contact, lead)
 
 
-def _arguments(cycle: Cycle) -> tuple[tuple[np.ndarray, ...], int, int]:
+def scaled_arguments(cycle: Cycle) -> tuple[tuple[np.ndarray, ...], int, int]:
     """(before, after, duration, row, scale, weights) as the kernels take them, the number of nodes, and N."""
     modes = cycle.system.modes
     nodes, size = cycle.after.shape
@@ -298,105 +296,3 @@ def _pairing(values: np.ndarray) -> float:
         worst = max(worst, float(defects[best]))
         left.pop(best)
     return worst
-
-
-def saltation_matrix(system: ImpactSystem, contact: int, before: np.ndarray) -> np.ndarray:
-    """What an impact makes of a perturbation, in modal coordinates.
-
-    S = R + (f+ - R f-) g / (g . f-), with R = I - (1 + r) d g' the map of the states, f+- = B z+- the flow on either side and
-    g the gradient of the gap (Mueller, Chaos, Solitons & Fractals 5 (1995) 1671).
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    contact : int
-        Row of the contact arrays of `Modes`.
-    before : (2n,) float
-        Modal state before the impact.
-
-    Returns
-    -------
-    (2n, 2n) float
-
-    Raises
-    ------
-    ValueError
-        For an impact at zero speed.
-
-    Examples
-    --------
-    >>> from bvp.system import vibro_impact_nes
-    >>> S = saltation_matrix(vibro_impact_nes(rho=0.7), 1, np.array([1.0, 0.2, 0.3, 0.4]))
-    >>> bool(abs(np.linalg.det(S) - 0.7**2) < 1e-14)
-    True
-    """
-    modes = system.modes
-    before = np.asarray(before, dtype=float)
-    gap, rate = modes.contact_gap[contact], modes.contact_rate[contact]
-    restitution = 1.0 + modes.contact_restitution[contact]
-    impact = np.eye(before.size) - restitution * np.outer(modes.contact_push[contact], rate)
-    flow_before = modes.matrix @ before
-    flow_after = modes.matrix @ (impact @ before)
-    speed = float(gap @ flow_before)
-    if speed == 0.0:
-        raise ValueError(f"the impact on {modes.contact_letters[contact]!r} has zero speed: it has no saltation matrix")
-    return impact + np.outer(flow_after - impact @ flow_before, gap) / speed
-
-
-def monodromy(cycle: Cycle) -> np.ndarray:
-    """Product of saltation matrices and exponentials once round a cycle, (2n, 2n), in modal coordinates.
-
-    It carries a perturbation from just after the first node of the cycle to just after its return there. For another section,
-    to_state M from_state is the same map of (u, v).
-
-    Raises
-    ------
-    ValueError
-        For an impact at zero speed.
-    """
-    modes = cycle.system.modes
-    nodes, size = cycle.after.shape
-    product = np.eye(size)
-    flow = np.empty((size, size))
-    for i in range(nodes):
-        j = (i + 1) % nodes
-        flow_matrix(*modes.blocks, float(cycle.duration[i]), flow)
-        product = flow @ product
-        if cycle.contact[j] >= 0:
-            product = saltation_matrix(cycle.system, int(cycle.contact[j]), cycle.before[j]) @ product
-    return product
-
-
-def reduced_monodromy(cycle: Cycle) -> np.ndarray:
-    """The monodromy without its trivial directions, in orthonormal coordinates of the states divided by their size.
-
-    (2n - 2, 2n - 2) for a conservative system: perpendicular to the flow and tangent to the energy level; else
-    (2n - 1, 2n - 1), perpendicular to the flow.
-
-    Raises
-    ------
-    ValueError
-        For an impact at zero speed.
-    """
-    arguments, _, size = _arguments(cycle)
-    _, after, _, _, scale, weights = arguments
-    scaled = monodromy(cycle) * scale / scale[:, None]
-    directions = [(cycle.system.modes.matrix @ after[0]) / scale]
-    if cycle.system.is_conservative:
-        directions.append(weights * after[0] * scale)
-    columns = np.column_stack([*(x / np.linalg.norm(x) for x in directions), np.eye(size)])
-    rest = np.linalg.qr(columns)[0][:, len(directions) :]
-    return rest.T @ scaled @ rest
-
-
-def saltation_multipliers(cycle: Cycle) -> np.ndarray:
-    """Nontrivial multipliers from the monodromy, in the same order: the cross-check of `saddle_point_multipliers`.
-
-    They are right to rounding times |M|, so a small multiplier beside a large one is lost.
-
-    Raises
-    ------
-    ValueError
-        For an impact at zero speed.
-    """
-    return sort_multipliers(np.linalg.eigvals(reduced_monodromy(cycle)))

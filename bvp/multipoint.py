@@ -6,7 +6,6 @@ solution at a given energy or quarter period, and the step along the family with
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,27 +15,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.drift import free_translation, translation_text
+from bvp.ends import EndsError, contact_of, end_condition, parse_end, start_states
 from bvp.kernels.compiled import address_of
-from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import evaluate, fill, make_factor
 from bvp.kernels.newton import correct
 from bvp.kernels.observe import orbit_observe
 from bvp.kernels.result import RESULT
-from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP, Segment, pack
+from bvp.kernels.segment import ORIGIN, PERIODIC, Segment, pack
 from bvp.kernels.stability import orbit_stability
 from bvp.kernels.step import end_states, orbit_step
-from bvp.system import ImpactSystem, Stop
+from bvp.observed import observed_of
+from bvp.system import ImpactSystem
 
 __all__ = ["EndsError", "MultipointProblem", "NotConverged", "RESULT_INDEX", "Solution"]
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
-
-KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
-
-
-class EndsError(ValueError):
-    """The ends asked for do not fit the system; the message names what is missing."""
-
 
 class NotConverged(RuntimeError):
     """Newton's corrections did not reach a solution; the message says how far they came."""
@@ -103,12 +96,11 @@ class MultipointProblem:
         self.modes = modes = system.modes
         self.size = size = 2 * system.degrees_of_freedom
         self.half = size // 2
-        letters = {letter: index for index, letter in enumerate(modes.contact_letters)}
-        kinds = [self._kind(end, letters) for end in self.ends]
+        kinds = [parse_end(system, end) for end in self.ends]
         periodic = kinds[0][0] == PERIODIC
         if periodic != (kinds[1][0] == PERIODIC):
             raise EndsError(f"the ends {self.ends[0]}, {self.ends[1]} do not go together: a periodic orbit has two periodic ends")
-        contacts = [self._contact(letter, letters) for letter in self.word]
+        contacts = [contact_of(system, letter) for letter in self.word]
         if periodic:
             if not contacts:
                 raise EndsError("a periodic orbit needs at least one impact, where it starts; received an empty word")
@@ -132,8 +124,8 @@ class MultipointProblem:
         def array(values: np.ndarray) -> np.ndarray:
             return np.ascontiguousarray(values, dtype=np.float64)
 
-        start_map, start_offset = self._end_map(self.kinds[0], opening)
-        end_rows, end_offset = self._end_condition(self.kinds[1], closing)
+        start_map, start_offset = start_states(modes, self.kinds[0], opening)
+        end_rows, end_offset = end_condition(modes, self.kinds[1], closing)
         weights = np.concatenate([modes.squares, np.ones(self.half)])
         self.segment = Segment(
             modes.pairs,
@@ -165,25 +157,6 @@ class MultipointProblem:
         self._bounds = np.array([observed.lower, observed.upper])
         self._planar = self.half == 2
 
-    # -- ends -----------------------------------------------------------------------------------------------------------------
-
-    def _contact(self, letter: str, letters: dict[str, int]) -> int:
-        if letter not in letters:
-            raise EndsError(f"the word has an impact {letter!r}, but this system's stops are {', '.join(letters)}")
-        return letters[letter]
-
-    def _kind(self, end: str, letters: dict[str, int]) -> tuple[int, int]:
-        match = re.fullmatch(r"(origin|rest|periodic|stop)([a-z]?[+-])?", end)
-        if match is None or (match[1] == "stop") != (match[2] is not None):
-            raise EndsError(f"unknown end {end!r}; expected origin, rest, periodic or one of " + ", ".join("stop" + s for s in letters))
-        if match[1] == "origin" and not self.system.has_odd_symmetry:
-            raise EndsError(
-                "an origin end needs odd symmetry (two-sided stops with equal gaps); this system has "
-                + " and ".join(_bounds_text(stop, self.system.coordinates) for stop in self.system.stops if not stop.is_symmetric)
-                + "; expected rest or stop ends"
-            )
-        return KINDS[match[1]], self._contact(match[2], letters) if match[2] else -1
-
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system which can move as a whole: an orbit between them is not determined.
 
@@ -200,48 +173,6 @@ class MultipointProblem:
             f"the ends {self.ends[0]}, {self.ends[1]} leave the system free to drift: no spring or stop resists a motion of "
             f"{translation_text(direction, self.system.coordinates)}; expected {instead}"
         )
-
-    def _transverse(self, contact: int) -> tuple[np.ndarray, np.ndarray]:
-        """Unit normal (n,) of a contact in modal coordinates, and an orthonormal basis (n, n - 1) of its complement."""
-        normal = self.modes.contact_gap[contact, : self.half]
-        basis = np.linalg.qr(np.column_stack([normal, np.eye(self.half)]))[0][:, 1:]
-        return normal / np.linalg.norm(normal), basis
-
-    def _end_map(self, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
-        """Z, c of the start states z = Z s + c."""
-        n, size = self.half, self.size
-        if kind == PERIODIC:
-            return np.eye(size), np.zeros(size)
-        start_map = np.zeros((size, n))
-        offset = np.zeros(size)
-        if kind == ORIGIN:
-            start_map[n:] = np.eye(n)
-        elif kind == REST:
-            start_map[:n] = np.eye(n)
-        else:
-            normal, basis = self._transverse(contact)
-            start_map[:n, : n - 1] = basis
-            start_map[n:, n - 1] = normal
-            offset[:n] = normal * self.modes.contact_bound[contact] / np.linalg.norm(self.modes.contact_gap[contact, :n])
-        return start_map, offset
-
-    def _end_condition(self, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
-        """L, l of the end condition L z = l."""
-        n, size = self.half, self.size
-        if kind == PERIODIC:
-            return np.zeros((0, size)), np.zeros(0)
-        rows = np.zeros((n, size))
-        offset = np.zeros(n)
-        if kind == ORIGIN:
-            rows[:, :n] = np.eye(n)
-        elif kind == REST:
-            rows[:, n:] = np.eye(n)
-        else:
-            _, basis = self._transverse(contact)
-            rows[0, :n] = self.modes.contact_gap[contact, :n]
-            offset[0] = self.modes.contact_bound[contact]
-            rows[1:, n:] = basis.T
-        return rows, offset
 
     # -- unknowns -------------------------------------------------------------------------------------------------------------
 
@@ -410,42 +341,3 @@ class MultipointProblem:
 
 
 _ENTRIES = len(RESULT)
-
-
-def _bounds_text(stop: Stop, coordinates: tuple[str, ...]) -> str:
-    """The bounds of a stop as an inequality, such as -1 <= u1 - 2*u2 <= 3."""
-    terms: list[str] = []
-    for c, name in zip(stop.gap, coordinates, strict=True):
-        if c:
-            size = name if abs(c) == 1.0 else f"{abs(c):g}*{name}"
-            terms.append(("-" if c < 0.0 else "") + size if not terms else f"{'-' if c < 0.0 else '+'} {size}")
-    low = f"{stop.lower:g} <= " if np.isfinite(stop.lower) else ""
-    return low + " ".join(terms) + (f" <= {stop.upper:g}" if np.isfinite(stop.upper) else "")
-
-
-def observed_of(system: ImpactSystem) -> Observed:
-    """The functionals that are watched along each flight: the gap of every stop, and the velocities of absorber and primary."""
-    modes = system.modes
-    size = 2 * system.degrees_of_freedom
-    n = system.degrees_of_freedom
-    gap = np.array([modes.to_state[:n].T @ np.asarray(stop.gap) for stop in system.stops]).reshape(-1, size)
-    velocity = np.zeros((0, size))
-    if system.absorber is not None and system.primary is not None:
-        velocity = modes.to_state[[n + system.absorber, n + system.primary]]
-
-    def derivative(rows: np.ndarray, times: int) -> np.ndarray:
-        for _ in range(times):
-            rows = rows @ modes.matrix
-        return np.ascontiguousarray(rows)
-
-    return Observed(
-        derivative(gap, 0),
-        derivative(gap, 1),
-        derivative(gap, 2),
-        derivative(gap, 3),
-        np.array([stop.lower for stop in system.stops], dtype=float),
-        np.array([stop.upper for stop in system.stops], dtype=float),
-        derivative(velocity, 0),
-        derivative(velocity, 1),
-        derivative(velocity, 2),
-    )

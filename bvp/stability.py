@@ -17,8 +17,9 @@ import numpy as np
 from bvp.cycle import cycle_of
 from bvp.kernels.halfmap import half_map
 from bvp.kernels.segment import ORIGIN
-from bvp.multipliers import nearest_grazing, reduced_monodromy, saddle_point_multipliers
+from bvp.multipliers import nearest_grazing, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.saltation import reduced_monodromy
 
 __all__ = ["ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "stability", "velocity_scale"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from branches.discovery.found import Found, labelled, objection
 from branches.discovery.scan import Passage, follow_start
 from branches.discovery.starts import Curve
+from branches.identity import same_segment
 from branches.words import canonical, format_word, impacts_per_period, mirror, mirror_ends
-from bvp.kernels.segment import ORIGIN, STOP
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
@@ -191,37 +191,8 @@ def preference(orbit: Found) -> tuple[Any, ...]:
     return crossed, orbit.problem.ends, orbit.problem.word, tuple(np.round(-start, 9))
 
 
-def end_states(orbit: Found) -> list[np.ndarray]:
-    """The states at both ends as a motion leaves them: an origin's velocity, a rest's displacement, a stop's state after the impact."""
-    problem = orbit.problem
-    first = problem.start(orbit.solution.y)
-    last = orbit.solution.ends[-1].copy()
-    half = problem.half
-    if problem.kinds[1] == STOP:
-        last[half:] *= -1.0
-    return [first, last]
-
-
 def is_same(orbit: Found, other: Found) -> bool:
-    """Whether two solutions are one orbit, up to mirror image, exchange of ends and reversal."""
-    length, length_other = orbit.alpha, other.alpha
-    if abs(length / length_other - 1.0) > SAME_STATE:
+    """Whether two solutions are one orbit. Their quarter periods are compared first: that is cheap, and tells most orbits apart."""
+    if abs(orbit.alpha / other.alpha - 1.0) > SAME_STATE:
         return False
-    signs = (1.0, -1.0) if orbit.problem.system.has_odd_symmetry else (1.0,)
-    images = [sign * state for state in end_states(other) for sign in signs]
-    kinds = orbit.problem.kinds
-    mine = end_states(orbit)
-    size = float(np.max(np.abs(mine)))
-    pairs = [(mine[0], mine[1])] + ([(mine[1], mine[0])] if kinds[0] == kinds[1] else [])
-    count = len(signs)
-    for first, last in pairs:
-        for i in range(count):
-            for j in range(count):
-                # An origin's two ends may carry opposite signs only together with their word's; the words agree already.
-                if i != j and ORIGIN not in kinds:
-                    continue
-                if np.allclose(first, images[i], rtol=0.0, atol=SAME_STATE * size) and np.allclose(
-                    last, images[count + j], rtol=0.0, atol=SAME_STATE * size
-                ):
-                    return True
-    return False
+    return same_segment((orbit.problem, orbit.solution.y), (other.problem, other.solution.y), SAME_STATE)

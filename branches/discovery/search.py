@@ -12,6 +12,7 @@ import numpy as np
 
 from branches.discovery.orbits import Collector, Unpolished, first_passages, is_one_sided, preference
 from branches.discovery.scan import Opening, Passage, follow_start, scan
+from branches.discovery.scope import START_FROM_A_STATE, require_conservative, require_one_stop, require_two_degrees
 from branches.discovery.starts import curves
 from branches.labels import nearest
 from branches.orbit import Orbit
@@ -205,16 +206,9 @@ def _limits(first: str, far: str, quarter_period: float, impacts: int | None) ->
 
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str]) -> None:
     """Refuse what cannot be searched, in one line."""
-    reason = system.why_not_conservative()
-    if reason is not None:
-        raise ValueError(f"families of periodic orbits need a conservative system: {reason}")
-    if system.degrees_of_freedom != 2:
-        raise ValueError(
-            f"orbits are discovered for two degrees of freedom; this system has {system.degrees_of_freedom}: "
-            "start its families from a given state"
-        )
-    if len(system.stops) != 1:
-        raise ValueError(f"orbits are discovered for a system with one stop; this one has {len(system.stops)}")
+    require_conservative(system, "families of periodic orbits")
+    require_two_degrees(system, "orbits are discovered for", START_FROM_A_STATE)
+    require_one_stop(system, "orbits are discovered for")
     if not 0.0 < energy < math.inf:
         raise ValueError(f"the energy is {energy!r}, expected a finite number above 0")
     if not 0.0 < quarter_period < math.inf:

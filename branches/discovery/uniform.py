@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.discovery.found import Found, accept
+from branches.discovery.scope import START_FROM_A_STATE, require_one_stop, require_two_degrees
 from bvp.kernels.impact import work_array
 from bvp.kernels.scan import scan
 from bvp.kernels.segment import ORIGIN, REST, STOP
@@ -46,13 +47,8 @@ class Scanner:
     """
 
     def __init__(self, system: ImpactSystem, end: str, quarter_period: float):
-        if system.degrees_of_freedom != 2:
-            raise ValueError(
-                f"orbits are found by their names on two degrees of freedom; this system has {system.degrees_of_freedom}: "
-                "start its families from a given state"
-            )
-        if len(system.stops) != 1:
-            raise ValueError(f"orbits are found by their names on a system with one stop; this one has {len(system.stops)}")
+        require_two_degrees(system, "orbits are found by their names on", START_FROM_A_STATE)
+        require_one_stop(system, "orbits are found by their names on")
         self.system = system
         self.end = end
         self.kind = {"origin": ORIGIN, "rest": REST, "stop": STOP}[end]

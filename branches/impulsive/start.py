@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from branches.discovery.scope import require_conservative
+
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
@@ -26,9 +28,7 @@ def check_system(system: ImpactSystem) -> tuple[int, int]:
             "an impulsive orbit starts with the velocity of the primary alone, and this system names no absorber and primary "
             "(in a scene NES and LO under [coordinates])"
         )
-    reason = system.why_not_conservative()
-    if reason is not None:
-        raise ValueError(f"impulsive orbits at an energy need a conservative system: {reason}")
+    require_conservative(system, "impulsive orbits at an energy")
     return system.absorber, system.primary
 
 

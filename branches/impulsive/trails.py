@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from branches.discovery.scope import require_two_degrees
 from branches.impulsive.start import check_system, impulsive_state
 from bvp.kernels import trail as kernel
 from bvp.kernels.impact import work_array
@@ -65,11 +66,7 @@ class Trails:
 
     def __init__(self, system: ImpactSystem, longest: float):
         check_system(system)
-        if system.degrees_of_freedom != 2:
-            raise ValueError(
-                f"periodic impulsive orbits are found by one scan over energy on two degrees of freedom; this system has "
-                f"{system.degrees_of_freedom}"
-            )
+        require_two_degrees(system, "periodic impulsive orbits are found by one scan over energy on")
         if len(system.stops) != 1 or not system.has_odd_symmetry:
             raise ValueError("periodic impulsive orbits need one stop with equal gaps on both sides: they pass through the origin")
         self.system = system

@@ -3,9 +3,7 @@ root."""
 
 import math
 
-import numba as nb
-
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 
 __all__ = ["amplitudes", "block_growth", "dot", "envelope", "free_step", "growth_rate"]
 
@@ -25,7 +23,7 @@ def dot(rows, c, z):
     return total
 
 
-@nb.njit(cache=True, inline="always", error_model="numpy")
+@part
 def growth_rate(pairs, mean, delta, matrix):
     """(steady, growth): steady where no block damps or grows; growth >= 0 bounds the rate of every block."""
     steady = True

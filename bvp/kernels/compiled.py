@@ -26,8 +26,8 @@ def allocating(function: Any) -> Any:
 
 
 def part(function: Any) -> Any:
-    """Compile a function as part of the kernel that calls it. For what is called from one place: a function of its own costs about a
-    second to compile, however short it is."""
+    """Compile a function as part of the kernel that calls it. For what is called from one place, a function of its own costing about a
+    second to compile, however short it is; and for a few lines inside a loop, where a call would cost more than they do."""
     return nb.njit(cache=True, error_model="numpy", inline="always")(function)
 
 
@@ -35,8 +35,8 @@ def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
     """Where a kernel without a result, compiled for such arguments, stands in memory, for `call_at`."""
     types = tuple(nb.typeof(argument) for argument in arguments)
     function.compile(types)
-    compiled = function.overloads[types]
-    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name))
+    code, description = (getattr(function.overloads[types], name) for name in ("library", "fndesc"))
+    return int(code.get_pointer_to_function(description.llvm_cfunc_wrapper_name))
 
 
 def _call_at(typing_context, address, arguments):

@@ -19,12 +19,11 @@ Layout of the arrays, shared by all kernels
 
 import math
 
-import numba as nb
 import numpy as np
 
-from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.compiled import allocating, kernel, part
 
-__all__ = ["apply_flow", "circular", "flow_block", "flow_matrix", "flow_pair", "flow_state", "rate"]
+__all__ = ["block_product", "circular", "flow_block", "flow_matrix", "flow_pair", "flow_state"]
 
 SERIES_LIMIT = 0.03
 """|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
@@ -36,7 +35,7 @@ TAYLOR_TERMS = 18
 """Degree of the Taylor polynomial of a larger block at a norm of 1/2: truncation below 1e-22."""
 
 
-@nb.njit(cache=True, inline="always", error_model="numpy")
+@part
 def circular(delta, t):
     """C = cosh(sqrt(delta) t) and S = sinh(sqrt(delta) t)/sqrt(delta), continued through delta <= 0."""
     x = delta * t * t
@@ -51,7 +50,7 @@ def circular(delta, t):
     return math.cosh(w * t), math.sinh(w * t) / w
 
 
-@nb.njit(cache=True, inline="always", error_model="numpy")
+@part
 def flow_pair(mean, delta, b11, b12, b21, b22, t):
     """The four entries of exp(B t) for one 2 x 2 block."""
     if mean != 0.0 and delta * t * t > APART_LIMIT:
@@ -174,29 +173,8 @@ def flow_matrix(pairs, mean, delta, matrix, t, out):
 
 
 @kernel
-def apply_flow(pairs, flow, z, out):
-    """out = flow z, where `flow` is of `flow_matrix`."""
-    for k in range(pairs.shape[0]):
-        i = pairs[k, 0]
-        j = pairs[k, 1]
-        if j >= 0:
-            a = z[i]
-            b = z[j]
-            out[i] = flow[i, i] * a + flow[i, j] * b
-            out[j] = flow[j, i] * a + flow[j, j] * b
-        elif j == -1:
-            out[i] = flow[i, i] * z[i]
-        else:
-            for r in range(i, i - j):
-                total = 0.0
-                for c in range(i, i - j):
-                    total += flow[r, c] * z[c]
-                out[r] = total
-
-
-@kernel
-def rate(pairs, matrix, z, out):
-    """out = B z (out is another array than z)."""
+def block_product(pairs, matrix, z, out):
+    """out = matrix z for a matrix that is zero outside the blocks: B itself, or exp(B t) of `flow_matrix` (out is another array than z)."""
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]

@@ -14,7 +14,8 @@ from numba import int64
 from bvp.kernels.compiled import kernel
 from bvp.kernels.extrema import refine, safe_step
 from bvp.kernels.flight import circular
-from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
+from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact
+from bvp.kernels.restitution import restitute
 
 __all__ = [
     "ACCELERATION", "CLEARANCE", "COLUMNS", "CONTACT", "DERIVATIVE", "DURATION", "FREE", "Flow", "MISS", "SECOND", "SPEED", "STUCK",
@@ -240,8 +241,8 @@ def nearest_turns(flow, row, horizon, work):
         now = 1 if f_after > 0.0 else -1 if f_after < 0.0 else sign
         if sign * now < 0:
             turn = refine(
-                flow.pairs, flow.mean, flow.delta, flow.matrix, False, rows[1], rows[2], rows[3], z, t, after, 0.5 * (t + after),
-                sign > 0, 1e-10 * duration, work[13, :4],
+                flow.pairs, flow.mean, flow.delta, flow.matrix, False, rows[1, :4], rows[2, :4], rows[3, :4], z, t, after,
+                0.5 * (t + after), sign > 0, 1e-10 * duration, work[13, :4],
             )  # fmt: skip
             advance(flow.squares, turn, z, dz, y, dy)
             w = 0.0

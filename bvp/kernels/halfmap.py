@@ -12,9 +12,11 @@ import math
 import numpy as np
 from numba import int64
 
+from bvp.kernels.bounds import dot
 from bvp.kernels.compiled import allocating, kernel
-from bvp.kernels.flight import apply_flow, flow_matrix, rate
+from bvp.kernels.flight import block_product, flow_matrix
 from bvp.kernels.pencil import complement
+from bvp.kernels.restitution import strike
 from bvp.kernels.segment import ORIGIN, REST, STOP, start_state
 
 __all__ = ["half_map", "section_basis"]
@@ -122,26 +124,17 @@ def half_map(segment, y, ends, work, phi):
         jump = segment.jump[i] if i < k else 0.0  # at the far end the orbit is cut, not reflected
         through = 0.0
         if hit:
-            rate(segment.pairs, segment.matrix, ends[i], field)
-            speed = 0.0
-            for r in range(size):
-                speed += segment.gap_rate[i, r] * field[r]
-            for r in range(size):
-                field[r] -= jump * speed * segment.push[i, r]
-                through += segment.gap[i, r] * field[r]
+            block_product(segment.pairs, segment.matrix, ends[i], field)
+            strike(segment.gap_rate, segment.push, i, jump, field, field)
+            through = dot(segment.gap, i, field)
         if i < k:
             magnified = max(magnified, magnification(segment, i, ends[i], reach))
         for column in range(columns):
             v = work[5 + column, :size]
-            apply_flow(segment.pairs, flow, v, x)
-            along = 0.0
+            block_product(segment.pairs, flow, v, x)
             if hit:
-                speed = 0.0
-                for r in range(size):
-                    speed += segment.gap_rate[i, r] * x[r]
-                for r in range(size):
-                    x[r] -= jump * speed * segment.push[i, r]
-                    along += segment.gap[i, r] * x[r]
+                strike(segment.gap_rate, segment.push, i, jump, x, x)
+                along = dot(segment.gap, i, x)
                 for r in range(size):
                     x[r] = x[r] - along / through * field[r] if through != 0.0 else math.inf
             for r in range(size):

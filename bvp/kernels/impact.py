@@ -1,4 +1,4 @@
-"""The next impact of an exact flight, by bounds and never by sampling; restitution.
+"""The next impact of an exact flight, by bounds and never by sampling.
 
 A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `bounds.amplitudes`
 bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows
@@ -16,11 +16,10 @@ Only the contact just left is treated apart, and only until its distance is well
 
 import math
 
-import numba as nb
 import numpy as np
 
 from bvp.kernels.bounds import amplitudes, dot, free_step, growth_rate
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
 from bvp.kernels.near import SERIES_REACH, SERIES_TERMS, near_return, series
 
@@ -34,7 +33,6 @@ __all__ = [
     "TOUCH",
     "contact_level",
     "next_impact",
-    "restitute",
     "rounding_level",
     "work_array",
 ]
@@ -95,15 +93,7 @@ def rounding_level(pairs, matrix, rows, c, z):
     return ROUNDING * total
 
 
-@kernel
-def restitute(rate_rows, push, restitution, c, z, out):
-    """out = z - (1 + r) push (rate . z), Newton's restitution of contact c along M^-1 c (out may be z)."""
-    change = (1.0 + restitution[c]) * dot(rate_rows, c, z)
-    for r in range(z.shape[0]):
-        out[r] = z[r] - change * push[c, r]
-
-
-@nb.njit(cache=True, inline="always", error_model="numpy")
+@part
 def gauge(gap, rate_rows, acceleration, side, bound, c, z):
     """(d, d', d'', contact tolerance) of contact c at the state z."""
     w = 0.0
@@ -119,7 +109,7 @@ def gauge(gap, rate_rows, acceleration, side, bound, c, z):
     return side[c] * (bound[c] - w), -side[c] * slope, -side[c] * bend, CONTACT_TOLERANCE * size
 
 
-@nb.njit(cache=True, inline="always", error_model="numpy")
+@part
 def quadratic_step(d, slope, bend):
     """Zero of d + d' h + d'' h^2/2 nearest to h = 0, for d' < 0; Newton's step where there is none."""
     square = slope * slope - 2.0 * bend * d

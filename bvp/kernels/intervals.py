@@ -66,6 +66,14 @@ def push(stack, top, low, high, kind, x_a, x_b, i_a, i_b, k, depth, verdict):
 
 
 @kernel
+def push_between(stack, top, low, high, kind, theta_a, theta_b, i_a, i_b, k, depth, verdict):
+    """`push` an interval by the starts at its ends."""
+    x_a = unplace(low, high, int64(kind), theta_a)
+    x_b = unplace(low, high, int64(kind), theta_b)
+    return push(stack, top, low, high, kind, x_a, x_b, i_a, i_b, k, depth, verdict)
+
+
+@kernel
 def third(one, two, first):
     """The first of three records from `first` on that is neither of two."""
     for slot in range(first, first + 3):
@@ -168,9 +176,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
     levels[1] = follow(flow, high, longest, most, records[1], work)
     spare = 2
     counts[STARTS] += 2
-    x_a = unplace(ends[0], ends[1], int64(ends[2]), low)
-    x_b = unplace(ends[0], ends[1], int64(ends[2]), high)
-    top = push(stack, 0, ends[0], ends[1], ends[2], x_a, x_b, 0, 1, 0, 0, SPLIT)
+    top = push_between(stack, 0, ends[0], ends[1], ends[2], low, high, 0, 1, 0, 0, SPLIT)
     used = 0
     while top > 0:
         top -= 1
@@ -268,24 +274,14 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             if two != i_b and theta_b > theta_2:
                 # The square root starts at grazing itself, and at an end where an earlier one did.
                 new_low = theta_2 if early_one else edge_1
-                new_high = theta_b
-                code = 0 if early_one else 1
-                if root_b:
-                    new_high = map_high
-                    code += 2
-                new_a = unplace(new_low, new_high, int64(code), theta_2)
-                new_b = unplace(new_low, new_high, int64(code), theta_b)
-                top = push(stack, top, new_low, new_high, code, new_a, new_b, two, i_b, k, depth + 1, verdict)
+                new_high = map_high if root_b else theta_b
+                code = (0 if early_one else 1) + (2 if root_b else 0)
+                top = push_between(stack, top, new_low, new_high, code, theta_2, theta_b, two, i_b, k, depth + 1, verdict)
             if one != i_a and theta_1 > theta_a:
-                new_low = theta_a
+                new_low = map_low if root_a else theta_a
                 new_high = edge_2 if early_one else theta_1
-                code = 2 if early_one else 0
-                if root_a:
-                    new_low = map_low
-                    code += 1
-                new_a = unplace(new_low, new_high, int64(code), theta_a)
-                new_b = unplace(new_low, new_high, int64(code), theta_1)
-                top = push(stack, top, new_low, new_high, code, new_a, new_b, i_a, one, k, depth + 1, verdict)
+                code = (2 if early_one else 0) + (1 if root_a else 0)
+                top = push_between(stack, top, new_low, new_high, code, theta_a, theta_1, i_a, one, k, depth + 1, verdict)
             continue
         top = push(stack, top, map_low, map_high, kind, x_m, x_b, i_m, i_b, k, depth + 1, verdict)
         top = push(stack, top, map_low, map_high, kind, x_a, x_m, i_a, i_m, k, depth + 1, verdict)

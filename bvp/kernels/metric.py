@@ -7,7 +7,7 @@ import numpy as np
 
 from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.segment import start_state
+from bvp.kernels.segment import start_state, total_time
 
 __all__ = ["Metric", "constraint_row", "locate", "metric_direction"]
 
@@ -27,12 +27,7 @@ def locate(segment, y, out):
     energy = 0.0
     for r in range(size):
         energy += 0.5 * segment.weights[r] * out[r] * out[r]
-    total = 0.0
-    at = segment.start_map.shape[1]
-    for _ in range(segment.shape[0] + 1):
-        total += y[at]
-        at += size + 1
-    alpha = total / segment.shape[2]
+    alpha = total_time(segment.matrix, segment.start_map, segment.shape, y) / segment.shape[2]
     speed = math.sqrt(2.0 * energy)
     for r in range(size):
         out[r] /= speed
@@ -56,13 +51,8 @@ def metric_direction(segment, y, position, energy, alpha, tangent, out):
         change += segment.weights[r] * position[r] * speed * total
     for r in range(size):
         out[r] -= position[r] * change / (2.0 * energy)
-    total = 0.0
-    at = s
-    for _ in range(segment.shape[0] + 1):
-        total += tangent[at]
-        at += size + 1
     out[size] = change / energy
-    out[size + 1] = total / segment.shape[2] / alpha
+    out[size + 1] = total_time(segment.matrix, segment.start_map, segment.shape, tangent) / segment.shape[2] / alpha
     length = 0.0
     for r in range(size + 2):
         length += out[r] * out[r]

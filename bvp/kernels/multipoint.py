@@ -16,7 +16,8 @@ import numpy as np
 
 from bvp.kernels.arrays import set_2
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.flight import apply_flow, flow_matrix, rate
+from bvp.kernels.flight import block_product, flow_matrix
+from bvp.kernels.restitution import strike, strike_columns
 from bvp.kernels.segment import start_state
 
 __all__ = ["Factor", "evaluate", "fill", "make_factor"]
@@ -69,21 +70,18 @@ def evaluate(segment, y, before, flights, z, residual):
             z = y[at : at + size]
             at += size
         flow_matrix(segment.pairs, segment.mean, segment.delta, segment.matrix, y[at], flights[i])
-        apply_flow(segment.pairs, flights[i], z, before[i])
+        block_product(segment.pairs, flights[i], z, before[i])
         at += 1
         row = i * (size + 1)
         if i < k or segment.shape[1] == 1:
-            speed = 0.0
-            for r in range(size):
-                speed += segment.gap_rate[i, r] * before[i, r]
-            speed *= segment.jump[i]
+            strike(segment.gap_rate, segment.push, i, segment.jump[i], before[i], residual[row : row + size])
             gap = -segment.bound[i]
             for r in range(size):
                 if i < k:
                     target = y[at + r]
                 else:
                     target = y[r]
-                residual[row + r] = before[i, r] - speed * segment.push[i, r] - target
+                residual[row + r] -= target
                 gap += segment.gap[i, r] * target
             if i == k:
                 for r in range(size):
@@ -104,22 +102,10 @@ def jacobian_blocks(segment, i, factor, landing, push_rate):
     for r in range(size):
         for c in range(size):
             landing[r, c] = factor.flights[i, r, c]
-    rate(segment.pairs, segment.matrix, factor.before[i], push_rate)
+    block_product(segment.pairs, segment.matrix, factor.before[i], push_rate)
     if i < segment.shape[0] or segment.shape[1] == 1:
-        speed = 0.0
-        for r in range(size):
-            speed += segment.gap_rate[i, r] * push_rate[r]
-        speed *= segment.jump[i]
-        for r in range(size):
-            push_rate[r] -= speed * segment.push[i, r]
-        for c in range(size):
-            total = 0.0
-            for r in range(size):
-                total += segment.gap_rate[i, r] * landing[r, c]
-            total *= segment.jump[i]
-            if total != 0.0:
-                for r in range(size):
-                    landing[r, c] -= total * segment.push[i, r]
+        strike(segment.gap_rate, segment.push, i, segment.jump[i], push_rate, push_rate)
+        strike_columns(segment.gap_rate, segment.push, i, segment.jump[i], landing)
 
 
 @part

@@ -8,7 +8,7 @@ import math
 
 from bvp.kernels.bounds import dot, free_step
 from bvp.kernels.compiled import kernel
-from bvp.kernels.flight import rate
+from bvp.kernels.flight import block_product
 
 __all__ = ["SERIES_REACH", "SERIES_TERMS", "near_return", "near_slope", "series"]
 
@@ -24,7 +24,7 @@ def series(pairs, matrix, gap, side, c, z, coefficients, state, other):
         state[r] = z[r]
     factor = 1.0
     for k in range(1, SERIES_TERMS + 1):
-        rate(pairs, matrix, state, other)
+        block_product(pairs, matrix, state, other)
         factor /= k
         coefficients[k] = -side[c] * dot(gap, c, other) * factor
         for r in range(z.shape[0]):

@@ -26,7 +26,7 @@ from bvp.kernels.result import (
     WAVES_ABSORBER,
     WAVES_PRIMARY,
 )
-from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP, start_state, unpack
+from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP, start_state, total_time, unpack
 
 __all__ = ["orbit_observe"]
 
@@ -53,6 +53,18 @@ def bends(segment, observed, stop, i, end):
 
 
 @part
+def turns_of(segment, observed, coordinate, z, duration, sign, scratch, result):
+    """`sign_changes` of one observed velocity along a flight; a search that gives up is noted in `result`."""
+    found, last = sign_changes(
+        segment.pairs, segment.mean, segment.delta, segment.matrix, observed.velocity[coordinate],
+        observed.velocity_rate[coordinate], observed.velocity_second[coordinate], z, duration, sign, scratch,
+    )  # fmt: skip
+    if found < 0:
+        result[GAVE_UP] = 1.0
+    return found, last
+
+
+@part
 def observe(segment, observed, y, ends, work, result):
     """Admissibility, impact speeds, flight times and half-waves of the orbit at y (`ends`: states at the end of each flight)."""
     size = segment.matrix.shape[0]
@@ -72,11 +84,7 @@ def observe(segment, observed, y, ends, work, result):
     changes_primary = 0
     sign_absorber = int64(0)
     sign_primary = int64(0)
-    total = 0.0
-    at = s
-    for _ in range(k + 1):
-        total += y[at]
-        at += size + 1
+    total = total_time(segment.matrix, segment.start_map, segment.shape, y)
     middle = 0.5 * total if segment.shape[2] == 2 else total
     elapsed = 0.0
     early = 0
@@ -130,20 +138,10 @@ def observe(segment, observed, y, ends, work, result):
                     result[CLEARANCE_SIDE] = side
                     result[CLEARANCE_TIME] = time
             if half_waves:
-                found, sign_absorber = sign_changes(
-                    segment.pairs, segment.mean, segment.delta, segment.matrix, observed.velocity[0],
-                    observed.velocity_rate[0], observed.velocity_second[0], z, duration, sign_absorber, scratch,
-                )
+                found, sign_absorber = turns_of(segment, observed, 0, z, duration, sign_absorber, scratch, result)
                 changes_absorber += found
-                if found < 0:
-                    result[GAVE_UP] = 1.0
-                found, sign_primary = sign_changes(
-                    segment.pairs, segment.mean, segment.delta, segment.matrix, observed.velocity[1],
-                    observed.velocity_rate[1], observed.velocity_second[1], z, duration, sign_primary, scratch,
-                )
+                found, sign_primary = turns_of(segment, observed, 1, z, duration, sign_primary, scratch, result)
                 changes_primary += found
-                if found < 0:
-                    result[GAVE_UP] = 1.0
         at += size + 1
     result[CLEARANCE] = best
     result[SPEED] = slowest

@@ -4,7 +4,7 @@ import math
 
 from numba import int64
 
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.follow import CONTACT, DURATION, MISS, TIME, advance, amplitude, follow
 from bvp.kernels.segment import ORIGIN, REST, STOP
 
@@ -77,29 +77,30 @@ def approaches(flow, kind, row, along, r, tube, window, found, work):
         else:
             if inside:
                 inside = False
-                verdict, time = passage(flow, kind, row, along, r, tube, entered, t, best_time, y, dy)
-                if verdict < 0:
+                count = gather(flow, kind, row, along, r, tube, entered, t, best_time, y, dy, found, count)
+                if count < 0:
                     return -1
-                if verdict > 0:
-                    if count == found.shape[0]:
-                        return -1
-                    found[count] = time
-                    count += 1
                 advance(flow.squares, t, row[:4], along, y, dy)
             t += (size - reach) / lipschitz
     if inside:
-        verdict, time = passage(flow, kind, row, along, r, tube, entered, window, best_time, y, dy)
-        if verdict < 0:
-            return -1
-        if verdict > 0:
-            if count == found.shape[0]:
-                return -1
-            found[count] = time
-            count += 1
+        count = gather(flow, kind, row, along, r, tube, entered, window, best_time, y, dy, found, count)
     return count
 
 
 @kernel
+def gather(flow, kind, row, along, r, tube, entered, left, nearest, y, dy, found, count):
+    """Add the time of one passage to the first `count` in `found` where it can hold an orbit. Returns their number, -1 where it is
+    undecided or there is no room."""
+    verdict, time = passage(flow, kind, row, along, r, tube, entered, left, nearest, y, dy)
+    if verdict == 0:
+        return count
+    if verdict < 0 or count == found.shape[0]:
+        return -1
+    found[count] = time
+    return count + 1
+
+
+@part
 def passage(flow, kind, row, along, r, tube, entered, left, nearest, y, dy):
     """Whether one passage by zero can hold an orbit: 0 no, 1 one at most, -1 undecided; and the time of the least distance."""
     at = 0 if kind == ORIGIN else 2

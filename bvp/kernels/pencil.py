@@ -1,4 +1,4 @@
-"""The saddle-point matrix of a closed orbit, reduced by orthogonal transformations to a product pencil, and its multipliers.
+"""The saddle-point matrix of a closed orbit, reduced by orthogonal transformations to a product pencil.
 
 Linearised about an orbit with impacts i = 0 .. P-1 (states z_i after each, free times t_i), the problem reads
 
@@ -10,9 +10,8 @@ turn it into
 
     E_i y_{i+1} = A_i y_i,     A_i = Q_i J_i N_i,     E_i = Q_i N_{i+1}
 
-whose cyclic product has the nontrivial Floquet multipliers as eigenvalues. E_i is singular only where an impact grazes; no
-inverse is formed: an orthogonal sweep (periodic QR without shifts; Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J.
-Bifurcation Chaos 11 (2001) 2389) keeps every factor triangular, so that small multipliers survive beside large ones.
+whose cyclic product has the nontrivial Floquet multipliers as eigenvalues: `bvp.kernels.sweep` finds them. E_i is singular only where an
+impact grazes; no inverse is formed.
 
 A node may also be a plain cut of a flight (no contact): it constrains nothing and its duration is fixed. The pencil is then
 rectangular there; `cuts` marks such nodes.
@@ -22,11 +21,11 @@ import math
 
 import numpy as np
 
-from bvp.kernels.arrays import set_2
 from bvp.kernels.compiled import allocating, kernel, part
-from bvp.kernels.flight import flow_matrix, rate
+from bvp.kernels.flight import block_product, flow_matrix
+from bvp.kernels.restitution import strike, strike_columns
 
-__all__ = ["complement", "landing_map", "landings", "pencil", "sweep", "trivial_directions"]
+__all__ = ["complement", "landing_map", "landings", "pencil"]
 
 
 @kernel
@@ -70,23 +69,14 @@ def complement(vectors, count, out, factor):
 
 
 @part
-def landing_map(pairs, mean, delta, matrix, gap_rate, push, jump, duration, before, scale, landing, along):
+def landing_map(pairs, mean, delta, matrix, gap_rate, push, contact, jump, duration, before, scale, landing, along):
     """landing = R exp(B t), along = R B z(t), in states divided by `scale`; jump = 0 leaves the impact out."""
     size = matrix.shape[0]
     flow_matrix(pairs, mean, delta, matrix, duration, landing)
-    rate(pairs, matrix, before, along)
+    block_product(pairs, matrix, before, along)
     if jump != 0.0:
-        speed = 0.0
-        for r in range(size):
-            speed += gap_rate[r] * along[r]
-        for r in range(size):
-            along[r] -= jump * speed * push[r]
-        for c in range(size):
-            total = 0.0
-            for r in range(size):
-                total += gap_rate[r] * landing[r, c]
-            for r in range(size):
-                landing[r, c] -= jump * total * push[r]
+        strike(gap_rate, push, contact, jump, along, along)
+        strike_columns(gap_rate, push, contact, jump, landing)
     for r in range(size):
         along[r] /= scale[r]
         for c in range(size):
@@ -117,9 +107,9 @@ def landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration,
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         landing_map(
-            pairs, mean, delta, matrix, gap_rate[contact], push[contact], 0.0 if row[j] < 0 else jump[contact], duration[i],
+            pairs, mean, delta, matrix, gap_rate, push, contact, 0.0 if row[j] < 0 else jump[contact], duration[i],
             before[j], scale, maps[i], along[i],
-        )
+        )  # fmt: skip
 
 
 @allocating
@@ -173,186 +163,3 @@ def pencil(weights, gap, conservative, after, row, scale, maps, along, left, rig
                 right[i, a, b] = total
         dimension = next_dimension
         basis, following = following, basis
-
-
-@kernel
-def _rotation(a, b):
-    """c, s with c a + s b = r, -s a + c b = 0."""
-    if b == 0.0:
-        return 1.0, 0.0
-    r = math.hypot(a, b)
-    return a / r, b / r
-
-
-@kernel
-def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
-    """One orthogonal sweep round the cycle, which runs through the given factors `turns` times. scratch (4, N, N).
-
-    frame (d_0, w): orthonormal columns at node 0, replaced by those that node P is reached with. height[i], width[i] = (m_i, d_{i+1}).
-    product (w, w): upper triangular product of the factors U_i^-1 T_i, scaled by 2^-exponent[j] in row j. Returns the number of
-    singular factors met (grazing impacts)."""
-    w = frame.shape[1]
-    nodes = left.shape[0]
-    singular = 0
-    scaled = False
-    top = scratch[0]
-    e = scratch[1]
-    y = scratch[2]
-    current = scratch[3]
-    set_2(product, 0.0)
-    for c in range(w):
-        product[c, c] = 1.0
-        exponent[c] = 0.0
-    here = frame.shape[0]
-    for r in range(here):
-        for c in range(w):
-            current[r, c] = frame[r, c]
-    for count in range(turns * nodes):
-        i = count % nodes
-        m = height[i]
-        d = width[i]
-        for a in range(m):
-            for c in range(w):
-                total = 0.0
-                for r in range(here):
-                    total += right[i, a, r] * current[r, c]
-                top[a, c] = total
-            for b in range(d):
-                e[a, b] = left[i, a, b]
-        for c in range(w):
-            for r in range(m - 1, c, -1):
-                if top[r, c] == 0.0:
-                    continue
-                cs, sn = _rotation(top[r - 1, c], top[r, c])
-                for b in range(c, w):
-                    p = top[r - 1, b]
-                    q = top[r, b]
-                    top[r - 1, b] = cs * p + sn * q
-                    top[r, b] = cs * q - sn * p
-                for b in range(d):
-                    p = e[r - 1, b]
-                    q = e[r, b]
-                    e[r - 1, b] = cs * p + sn * q
-                    e[r, b] = cs * q - sn * p
-        for a in range(d):
-            for b in range(d):
-                y[a, b] = 1.0 if a == b else 0.0
-        for r in range(d - 1, -1, -1):
-            for c in range(r):
-                if e[r, c] == 0.0:
-                    continue
-                cs, sn = _rotation(e[r, r], e[r, c])
-                for a in range(m):
-                    p = e[a, r]
-                    q = e[a, c]
-                    e[a, r] = cs * p + sn * q
-                    e[a, c] = cs * q - sn * p
-                for a in range(d):
-                    p = y[a, r]
-                    q = y[a, c]
-                    y[a, r] = cs * p + sn * q
-                    y[a, c] = cs * q - sn * p
-        for a in range(d):
-            for c in range(w):
-                current[a, c] = y[a, c]
-        here = d
-        for c in range(w):
-            for b in range(c, w):
-                total = 0.0
-                for a in range(c, b + 1):
-                    total += top[c, a] * product[a, b] * (2.0 ** (exponent[a] - exponent[c]) if scaled else 1.0)
-                product[c, b] = total
-        for c in range(w - 1, -1, -1):
-            if e[c, c] == 0.0:
-                singular += 1
-                continue
-            for b in range(c, w):
-                total = product[c, b]
-                for a in range(c + 1, b + 1):
-                    total -= e[c, a] * product[a, b] * (2.0 ** (exponent[a] - exponent[c]) if scaled else 1.0)
-                product[c, b] = total / e[c, c]
-            largest = 0.0
-            for b in range(c, w):
-                largest = max(largest, abs(product[c, b]))
-            if largest > 1e100 or (0.0 < largest < 1e-100):
-                shift = math.floor(math.log2(largest))
-                exponent[c] += shift
-                scaled = True
-                for b in range(c, w):
-                    product[c, b] *= 2.0**-shift
-    for r in range(here):
-        for c in range(w):
-            frame[r, c] = current[r, c]
-    return singular
-
-
-@allocating
-def trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along):
-    """How well the product of saltation matrices, `turns` times round the given nodes, keeps the flow and the energy:
-    (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|)."""
-    nodes, size = after.shape
-    first = np.empty(size)
-    flow = np.empty(size)
-    work = np.empty(size)
-    field = np.empty(size)
-    rate(pairs, matrix, after[0], first)
-    for r in range(size):
-        first[r] /= scale[r]
-        flow[r] = first[r]
-    for count in range(turns * nodes):
-        i = count % nodes
-        j = i + 1 if i + 1 < nodes else 0
-        contact = max(row[j], 0)
-        cut = row[j] < 0
-        for a in range(size):
-            total = 0.0
-            for r in range(size):
-                total += maps[i, a, r] * flow[r]
-            work[a] = total
-        if not cut:
-            rate(pairs, matrix, after[j], field)
-            hit = 0.0
-            speed = 0.0
-            for r in range(size):
-                hit += gap[contact, r] * scale[r] * work[r]
-                speed += gap[contact, r] * scale[r] * along[i, r]
-            for r in range(size):
-                work[r] += (field[r] / scale[r] - along[i, r]) * hit / speed
-        for r in range(size):
-            flow[r] = work[r]
-    length = 0.0
-    defect = 0.0
-    for r in range(size):
-        length += first[r] ** 2
-        defect += (flow[r] - first[r]) ** 2
-    kept_flow = math.sqrt(defect / length)
-    for r in range(size):
-        first[r] = weights[r] * after[0, r] * scale[r]
-        flow[r] = first[r]
-    for count in range(turns * nodes - 1, -1, -1):
-        i = count % nodes
-        j = i + 1 if i + 1 < nodes else 0
-        contact = max(row[j], 0)
-        cut = row[j] < 0
-        if not cut:
-            rate(pairs, matrix, after[j], field)
-            turned = 0.0
-            speed = 0.0
-            for r in range(size):
-                turned += flow[r] * (field[r] / scale[r] - along[i, r])
-                speed += gap[contact, r] * scale[r] * along[i, r]
-            for r in range(size):
-                flow[r] += turned / speed * gap[contact, r] * scale[r]
-        for c in range(size):
-            total = 0.0
-            for r in range(size):
-                total += flow[r] * maps[i, r, c]
-            work[c] = total
-        for r in range(size):
-            flow[r] = work[r]
-    length = 0.0
-    defect = 0.0
-    for r in range(size):
-        length += first[r] ** 2
-        defect += (flow[r] - first[r]) ** 2
-    return kept_flow, math.sqrt(defect / length)

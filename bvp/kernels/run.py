@@ -10,7 +10,8 @@ stops.
 
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_state
-from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, restitute, rounding_level
+from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
+from bvp.kernels.restitution import restitute
 
 __all__ = ["CHATTERING", "FULL", "GAVE_UP", "REACHED", "SIMULTANEOUS", "STARTED_OUTSIDE", "STICKING", "run", "sample"]
 

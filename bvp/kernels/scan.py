@@ -13,7 +13,8 @@ from numba import int64
 from bvp.kernels.compiled import allocating, kernel
 from bvp.kernels.extrema import dot, look, refine, safe_step, separate
 from bvp.kernels.flight import flow_state
-from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
+from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact
+from bvp.kernels.restitution import restitute
 from bvp.kernels.segment import STOP
 
 __all__ = ["scan", "crossings"]

@@ -6,7 +6,7 @@ import numpy as np
 
 from bvp.kernels.compiled import kernel, part
 
-__all__ = ["ORIGIN", "PERIODIC", "REST", "STOP", "Segment", "pack", "start_state", "unpack"]
+__all__ = ["ORIGIN", "PERIODIC", "REST", "STOP", "Segment", "pack", "start_state", "total_time", "unpack"]
 
 ORIGIN, REST, STOP, PERIODIC = 0, 1, 2, 3
 """Kinds of an end."""
@@ -42,6 +42,17 @@ def start_state(start_map, start_offset, y, out):
         for j in range(start_map.shape[1]):
             total += start_map[r, j] * y[j]
         out[r] = total
+
+
+@kernel
+def total_time(matrix, start_map, shape, y):
+    """Sum of the flight times in the unknowns y, or in a change of them."""
+    total = 0.0
+    at = start_map.shape[1]
+    for _ in range(shape[0] + 1):
+        total += y[at]
+        at += matrix.shape[0] + 1
+    return total
 
 
 @part

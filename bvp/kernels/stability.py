@@ -8,7 +8,7 @@ from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import allocating, part
 from bvp.kernels.cycle import count_impacts, unfold
 from bvp.kernels.halfmap import half_map
-from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
+from bvp.kernels.pencil import landings, pencil
 from bvp.kernels.result import (
     DETERMINANT,
     HALF_A,
@@ -25,6 +25,8 @@ from bvp.kernels.result import (
     TRIVIAL,
 )
 from bvp.kernels.segment import unpack
+from bvp.kernels.sweep import sweep
+from bvp.kernels.trivial import trivial_directions
 
 __all__ = ["orbit_stability"]
 

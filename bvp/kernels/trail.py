@@ -10,8 +10,9 @@ from numba import int64
 
 from bvp.kernels.compiled import allocating, kernel
 from bvp.kernels.extrema import dot
-from bvp.kernels.flight import flow_state, rate
-from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact, restitute
+from bvp.kernels.flight import block_product, flow_state
+from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact
+from bvp.kernels.restitution import restitute
 from bvp.kernels.scan import crossings
 
 __all__ = ["FAILED", "FULL", "TURN", "ZERO", "trail"]
@@ -31,7 +32,7 @@ def event(pairs, mean, delta, matrix, row, z, change, time, state, state_change,
     derivative of the time."""
     flow_state(pairs, mean, delta, matrix, z, time, state)
     flow_state(pairs, mean, delta, matrix, change, time, state_change)
-    rate(pairs, matrix, state, velocity)
+    block_product(pairs, matrix, state, velocity)
     shift = -dot(row, state_change) / dot(row, velocity)
     for r in range(z.shape[0]):
         state_change[r] += shift * velocity[r]

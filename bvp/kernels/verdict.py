@@ -65,6 +65,15 @@ def positive(value_a, rate_a, value_m, rate_m, value_b, rate_b, r, noise):
 
 
 @kernel
+def stays_positive(column, a, m, b, jac_a, jac_m, jac_b, r, grain, noise):
+    """`positive` for one column of three records and the next one, its derivative; `noise`: besides what the grain of the starts makes."""
+    return positive(
+        a[column], a[column + 1] * jac_a, m[column], m[column + 1] * jac_m, b[column], b[column + 1] * jac_b, r,
+        noise + 8.0 * grain * abs(m[column + 1]),
+    )  # fmt: skip
+
+
+@kernel
 def touching(flow, row):
     """Distance to a stop, anywhere in a flight, below which a touch cannot be told from a hit."""
     size = 1.0
@@ -174,29 +183,11 @@ def flight_verdict(
             nearest_turns(flow, ra, 1.05 * longest - ra[TIME], work)
         if rb[CLEARANCE] != rb[CLEARANCE]:
             nearest_turns(flow, rb, 1.05 * longest - rb[TIME], work)
-        if not positive(
-            ra[CLEARANCE],
-            ra[CLEARANCE + 1] * jac_a,
-            rm[CLEARANCE],
-            rm[CLEARANCE + 1] * jac_m,
-            rb[CLEARANCE],
-            rb[CLEARANCE + 1] * jac_b,
-            r,
-            touching(flow, rm) + 8.0 * grain * abs(rm[CLEARANCE + 1]),
-        ):
+        if not stays_positive(CLEARANCE, ra, rm, rb, jac_a, jac_m, jac_b, r, grain, touching(flow, rm)):
             return TOUCHES
     # -- the impact is a transversal one, and its arrival is known over the interval
     if not last:
-        if not positive(
-            ra[SPEED],
-            ra[SPEED + 1] * jac_a,
-            rm[SPEED],
-            rm[SPEED + 1] * jac_m,
-            rb[SPEED],
-            rb[SPEED + 1] * jac_b,
-            r,
-            8.0 * grain * abs(rm[SPEED + 1]),
-        ):
+        if not stays_positive(SPEED, ra, rm, rb, jac_a, jac_m, jac_b, r, grain, 0.0):
             return SLOW
         if rm[ACCELERATION] > 0.0 and rm[SPEED] * rm[SPEED] <= 2.0 * rm[ACCELERATION] * wide:
             return SKIMS

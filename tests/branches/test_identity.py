@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.identity import BORDER, Mark, canonical_orbit, digests, same_orbit, symmetries
+from branches.identity import BORDER, Mark, canonical_orbit, digests, mark_of, same_orbit, symmetries
 from branches.stretch import embed, solved
 from branches.tracing import follow_family
 from branches.whole import energy_scale
@@ -147,6 +147,15 @@ def test_the_lowest_end_identifies():
     for name, grazing in (("S13O00+", 0.118507810593582), ("S11O00-", 0.0864921894064179)):
         (mark,) = traced(name).whole.marks
         assert mark.kind == "GR" and math.isclose(mark.h, grazing, rel_tol=1e-13)
+
+
+def test_the_pattern_of_two_impacts():
+    """Oracle by hand: S13O00+ hits the two sides half a period apart; of the four pairs two are an impact with itself, same side (3 e),
+    and two are opposite sides at opposite phase (1/e)."""
+    branch = traced("S13O00+")
+    for point in (0, len(branch) // 2):
+        mark = mark_of("GR", branch.problem, branch.orbit(point).solution.y)
+        assert math.isclose(mark.pattern, 1.5 * math.e + 0.5 / math.e, rel_tol=1e-9)
 
 
 def test_numbers_near_a_border_of_rounding_have_both_hashes():

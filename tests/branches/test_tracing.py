@@ -13,9 +13,9 @@ import saltus
 from branches.labels import label_of
 from branches.tracing import HIGHEST, TraceError, follow_family
 from bvp.cycle import cycle_of
-from bvp.multipliers import monodromy as saltation_monodromy
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
+from bvp.saltation import monodromy as saltation_monodromy
 from tests.branches.traced import EPS, count_label, monodromy, spread, traced
 
 NAMES = "S13O00+", "S11O00-", "S73O33-", "U8353-", "S11E11+@h=3.0", "S35O22+@h=1.0,alpha=4.91349"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bvp.cycle import cycle_of
-from bvp.multipliers import monodromy
 from bvp.multipoint import MultipointProblem
+from bvp.saltation import monodromy
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import backbone
 from tests.bvp.flow_twin import Twin

@@ -10,7 +10,8 @@ import pytest
 
 from branches.tracing import follow_family
 from bvp.drift import free_translation
-from bvp.multipoint import EndsError, MultipointProblem
+from bvp.ends import EndsError
+from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from bvp.kernels.extrema import amplitude_bound, clearance, sign_changes
-from bvp.multipoint import observed_of
+from bvp.observed import observed_of
 from bvp.system import ImpactSystem, Stop
 
 SAMPLES = 20001

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.kernels.flight import circular, flow_block, flow_matrix, flow_state, rate
+from bvp.kernels.flight import block_product, circular, flow_block, flow_matrix, flow_state
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_modes import exceptional_point
 from tests.bvp.twins import chain, exact_flow_matrix, first_order, flow
@@ -172,5 +172,5 @@ def test_states_and_rates_agree_with_the_plain_twins(seed, t, size):
     z, out = modes.from_state @ np.concatenate([u, v]), np.empty(6)
     flow_state(*modes.blocks, z, t, out)
     np.testing.assert_allclose(modes.to_state @ out, flow(system, u, v, t), rtol=0, atol=1e-10)
-    rate(modes.pairs, modes.matrix, z, out)
+    block_product(modes.pairs, modes.matrix, z, out)
     np.testing.assert_allclose(modes.to_state @ out, first_order(system) @ np.concatenate([u, v]), rtol=0, atol=1e-10)

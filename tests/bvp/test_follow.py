@@ -17,6 +17,7 @@ from bvp.kernels.follow import (
     SPEED,
     TIME,
     TURNS,
+    amplitude,
     follow,
     nearest_turns,
 )
@@ -182,3 +183,21 @@ def test_positive_is_said_only_of_what_is():
             said += 1
             wrong += bool(f.min() <= 0.0)
     assert said > 150 and wrong == 0
+
+
+@pytest.mark.parametrize("square", [2.3, 0.0, -0.7])
+def test_amplitudes_bound_a_mode_and_its_derivatives(square):
+    """Oracle: the mode in closed form, sampled: cosine, straight line or hyperbolic cosine. They are reached
+    where no part cancels another."""
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, 4.0, 4001)
+    root = np.sqrt(abs(square))
+    c, s = {2.3: (np.cos, np.sin), 0.0: (np.ones_like, np.copy), -0.7: (np.cosh, np.sinh)}[square]
+    for q, p in rng.normal(size=(20, 2)):
+        cosine, sine = c(root * t), s(root * t) / root if root else t
+        path = (q * cosine + p * sine, p * cosine - square * q * sine)
+        for order, values in enumerate((*path, -square * path[0])):
+            bound, largest = amplitude(square, q, p, 4.0, order), np.max(np.abs(values))
+            assert largest <= bound * (1.0 + 1e-12)
+            if square > 0.0 or q * p > 0.0:
+                assert largest >= 0.99 * bound

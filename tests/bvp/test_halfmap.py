@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from bvp.cycle import cycle_of
-from bvp.kernels.halfmap import half_map
-from bvp.multipliers import reduced_monodromy, saltation_multipliers
+from bvp.kernels.halfmap import half_map, section_basis
+from bvp.kernels.segment import ORIGIN
 from bvp.multipoint import MultipointProblem
+from bvp.saltation import reduced_monodromy, saltation_multipliers
 from bvp.stability import ERROR_FACTOR, balance, decide, half_map_of, stability, velocity_scale
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import backbone
 from tests.bvp.high_precision import Exact
-from tests.bvp.orbits import backbone_segment, chains, collection
+from tests.bvp.orbits import backbone_segment, chain, chains, collection
 
 EPS = np.finfo(float).eps
 FOLD = 1.13584395619551
@@ -203,3 +204,19 @@ def test_units_of_time_do_not_change_the_decision():
             results.append(stability(problem, problem.solve(y, quarter_period=t)))
         assert abs(results[0].tau[0] - results[1].tau[0]) < 1e-12 * max(1.0, abs(results[0].tau[0]))
         assert results[0].stable == results[1].stable and results[0].stable is not None
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+def test_bases_of_a_section_are_turned_one_way(n):
+    """Orthonormal, perpendicular to the velocity, and with it of one orientation whatever that is: no determinant taken with them
+    changes its sign between two orbits but through zero."""
+    rng = np.random.default_rng(n)
+    problem = MultipointProblem(chain(rng, n), ("origin", "origin"), ("+", "-"))
+    signs = set()
+    for velocity in rng.normal(size=(40, n)):
+        basis = np.empty((n - 1, n))
+        section_basis(problem.segment, 0, ORIGIN, np.concatenate([np.zeros(n), velocity]), np.empty((2, n)), basis)
+        np.testing.assert_allclose(basis @ basis.T, np.eye(n - 1), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(basis @ velocity, 0.0, rtol=0, atol=1e-13)
+        signs.add(float(np.sign(np.linalg.det(np.vstack([velocity, basis])))))
+    assert len(signs) == 1

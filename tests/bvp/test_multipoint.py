@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bvp.cycle import cycle_of
+from bvp.ends import EndsError
 from bvp.kernels.multipoint import evaluate, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
-from bvp.multipoint import EndsError, MultipointProblem, NotConverged
+from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import backbone
 from tests.bvp.flow_twin import Twin

@@ -208,7 +208,7 @@ def test_a_stiffness_too_large_to_compute_with(size):
 @pytest.mark.parametrize("sigma", [0.0, 5e-324, 1e-320, 1e-300, 1e-25, 1.0, 1e25])
 def test_no_number_of_the_modes_overflows_in_the_range(mu, sigma):
     """Oracle: floating-point errors raise; what the kernels watch (to the third derivative) and its squares are finite."""
-    from bvp.multipoint import observed_of
+    from bvp.observed import observed_of
 
     with np.errstate(all="raise", under="ignore"):
         system = vibro_impact_nes(mu=mu, sigma=sigma)

@@ -10,7 +10,8 @@ import pytest
 
 import saltus
 from branches.tracing import follow_family
-from bvp.multipoint import EndsError, MultipointProblem, NotConverged
+from bvp.ends import EndsError
+from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.stability import stability
 from bvp.system import ImpactSystem, Stop
 from tests.branches.traced import EPS, monodromy

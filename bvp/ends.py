@@ -1,0 +1,116 @@
+"""The two ends of a solved segment: what they are called, the states that begin at one, the condition that holds at the other."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP
+
+if TYPE_CHECKING:
+    from bvp.modes import Modes
+    from bvp.system import ImpactSystem, Stop
+
+__all__ = ["EndsError", "contact_of", "end_condition", "parse_end", "start_states"]
+
+KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
+
+
+class EndsError(ValueError):
+    """The ends asked for do not fit the system; the message names what is missing."""
+
+
+def contact_of(system: ImpactSystem, letter: str) -> int:
+    """Index of the contact with a letter.
+
+    Raises
+    ------
+    EndsError
+        Where the system has none.
+    """
+    letters = system.modes.contact_letters
+    if letter not in letters:
+        raise EndsError(f"the word has an impact {letter!r}, but this system's stops are {', '.join(letters)}")
+    return letters.index(letter)
+
+
+def parse_end(system: ImpactSystem, end: str) -> tuple[int, int]:
+    """Kind and contact (-1: none) of an end "origin", "rest", "periodic" or "stop" with the contact's letter.
+
+    Raises
+    ------
+    EndsError
+        For ends that the system does not have.
+    """
+    match = re.fullmatch(r"(origin|rest|periodic|stop)([a-z]?[+-])?", end)
+    if match is None or (match[1] == "stop") != (match[2] is not None):
+        letters = system.modes.contact_letters
+        raise EndsError(f"unknown end {end!r}; expected origin, rest, periodic or one of " + ", ".join("stop" + s for s in letters))
+    if match[1] == "origin" and not system.has_odd_symmetry:
+        raise EndsError(
+            "an origin end needs odd symmetry (two-sided stops with equal gaps); this system has "
+            + " and ".join(_bounds_text(stop, system.coordinates) for stop in system.stops if not stop.is_symmetric)
+            + "; expected rest or stop ends"
+        )
+    return KINDS[match[1]], contact_of(system, match[2]) if match[2] else -1
+
+
+def _bounds_text(stop: Stop, coordinates: tuple[str, ...]) -> str:
+    """The bounds of a stop as an inequality, such as -1 <= u1 - 2*u2 <= 3."""
+    terms: list[str] = []
+    for c, name in zip(stop.gap, coordinates, strict=True):
+        if c:
+            size = name if abs(c) == 1.0 else f"{abs(c):g}*{name}"
+            terms.append(("-" if c < 0.0 else "") + size if not terms else f"{'-' if c < 0.0 else '+'} {size}")
+    low = f"{stop.lower:g} <= " if np.isfinite(stop.lower) else ""
+    return low + " ".join(terms) + (f" <= {stop.upper:g}" if np.isfinite(stop.upper) else "")
+
+
+def _transverse(modes: Modes, contact: int) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normal (n,) of a contact in modal coordinates, and an orthonormal basis (n, n - 1) of its complement."""
+    half = modes.contact_gap.shape[1] // 2
+    normal = modes.contact_gap[contact, :half]
+    basis = np.linalg.qr(np.column_stack([normal, np.eye(half)]))[0][:, 1:]
+    return normal / np.linalg.norm(normal), basis
+
+
+def start_states(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
+    """Z (2 n, s), c (2 n,) of the states z = Z s + c that begin at an end."""
+    size = modes.matrix.shape[0]
+    n = size // 2
+    if kind == PERIODIC:
+        return np.eye(size), np.zeros(size)
+    start_map = np.zeros((size, n))
+    offset = np.zeros(size)
+    if kind == ORIGIN:
+        start_map[n:] = np.eye(n)
+    elif kind == REST:
+        start_map[:n] = np.eye(n)
+    else:
+        normal, basis = _transverse(modes, contact)
+        start_map[:n, : n - 1] = basis
+        start_map[n:, n - 1] = normal
+        offset[:n] = normal * modes.contact_bound[contact] / np.linalg.norm(modes.contact_gap[contact, :n])
+    return start_map, offset
+
+
+def end_condition(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
+    """L (n, 2 n), l (n,) of the condition L z = l that holds at an end."""
+    size = modes.matrix.shape[0]
+    n = size // 2
+    if kind == PERIODIC:
+        return np.zeros((0, size)), np.zeros(0)
+    rows = np.zeros((n, size))
+    offset = np.zeros(n)
+    if kind == ORIGIN:
+        rows[:, :n] = np.eye(n)
+    elif kind == REST:
+        rows[:, n:] = np.eye(n)
+    else:
+        _, basis = _transverse(modes, contact)
+        rows[0, :n] = modes.contact_gap[contact, :n]
+        offset[0] = modes.contact_bound[contact]
+        rows[1:, n:] = basis.T
+    return rows, offset

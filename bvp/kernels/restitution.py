@@ -1,0 +1,34 @@
+"""Newton's restitution along M^-1 c. It is linear, so it maps a perturbation as it maps a state."""
+
+from bvp.kernels.bounds import dot
+from bvp.kernels.compiled import kernel
+
+__all__ = ["restitute", "strike", "strike_columns"]
+
+
+@kernel
+def restitute(rate_rows, push, restitution, c, z, out):
+    """out = z - (1 + r) push (rate . z), the impact at contact c (out may be z)."""
+    strike(rate_rows, push, c, 1.0 + restitution[c], z, out)
+
+
+@kernel
+def strike(rate_rows, push, c, jump, z, out):
+    """`restitute` by jump = 1 + r; 0 leaves the impact out."""
+    change = jump * dot(rate_rows, c, z)
+    for r in range(z.shape[0]):
+        out[r] = z[r] - change * push[c, r]
+
+
+@kernel
+def strike_columns(rate_rows, push, c, jump, matrix):
+    """`strike` each column of a matrix (N, N), in place."""
+    size = matrix.shape[0]
+    for column in range(size):
+        change = 0.0
+        for r in range(size):
+            change += rate_rows[c, r] * matrix[r, column]
+        change *= jump
+        if change != 0.0:
+            for r in range(size):
+                matrix[r, column] -= change * push[c, r]

@@ -1,0 +1,83 @@
+"""How well the linearised motion round an orbit keeps what it must keep: the direction of the flow, and the energy."""
+
+import math
+
+import numpy as np
+
+from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.flight import block_product
+
+__all__ = ["trivial_directions"]
+
+
+@kernel
+def departure(first, last):
+    """|last - first|/|first|."""
+    length = 0.0
+    defect = 0.0
+    for r in range(first.shape[0]):
+        length += first[r] ** 2
+        defect += (last[r] - first[r]) ** 2
+    return math.sqrt(defect / length)
+
+
+@allocating
+def trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along):
+    """How well the product of saltation matrices, `turns` times round the given nodes, keeps the flow and the energy:
+    (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|)."""
+    nodes, size = after.shape
+    first = np.empty(size)
+    flow = np.empty(size)
+    work = np.empty(size)
+    field = np.empty(size)
+    block_product(pairs, matrix, after[0], first)
+    for r in range(size):
+        first[r] /= scale[r]
+        flow[r] = first[r]
+    for count in range(turns * nodes):
+        i = count % nodes
+        j = i + 1 if i + 1 < nodes else 0
+        contact = max(row[j], 0)
+        cut = row[j] < 0
+        for a in range(size):
+            total = 0.0
+            for r in range(size):
+                total += maps[i, a, r] * flow[r]
+            work[a] = total
+        if not cut:
+            block_product(pairs, matrix, after[j], field)
+            hit = 0.0
+            speed = 0.0
+            for r in range(size):
+                hit += gap[contact, r] * scale[r] * work[r]
+                speed += gap[contact, r] * scale[r] * along[i, r]
+            for r in range(size):
+                work[r] += (field[r] / scale[r] - along[i, r]) * hit / speed
+        for r in range(size):
+            flow[r] = work[r]
+    kept_flow = departure(first, flow)
+    for r in range(size):
+        first[r] = weights[r] * after[0, r] * scale[r]
+        flow[r] = first[r]
+    for count in range(turns * nodes - 1, -1, -1):
+        i = count % nodes
+        j = i + 1 if i + 1 < nodes else 0
+        contact = max(row[j], 0)
+        cut = row[j] < 0
+        if not cut:
+            block_product(pairs, matrix, after[j], field)
+            turned = 0.0
+            speed = 0.0
+            for r in range(size):
+                turned += flow[r] * (field[r] / scale[r] - along[i, r])
+                speed += gap[contact, r] * scale[r] * along[i, r]
+            for r in range(size):
+                flow[r] += turned / speed * gap[contact, r] * scale[r]
+        for c in range(size):
+            total = 0.0
+            for r in range(size):
+                total += flow[r] * maps[i, r, c]
+            work[c] = total
+        for r in range(size):
+            flow[r] = work[r]
+    return kept_flow, departure(first, flow)

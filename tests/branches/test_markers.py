@@ -1,0 +1,57 @@
+"""The test functions of a family of two degrees of freedom, from made-up result entries.
+
+Oracles: the return map of a reversible orbit as a product of matrices, R phi^-1 R phi with R = diag(1, -1), and its square where a quarter
+is solved; logarithms by hand.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from branches.family import RESONANCES, multiplication
+from branches.markers import COMMON, common_tests, planar_tests
+from bvp.kernels.result import ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, TRACE
+
+TARGETS = [multiplication(p, q) for p, q in RESONANCES]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_traces_are_those_of_the_return_map(seed):
+    rng = np.random.default_rng(seed)
+    a, b, c = rng.normal(size=3)
+    phi = np.array([[a, b], [c, (1.0 + b * c) / a]])
+    result = np.zeros(len(RESULT))
+    result[[HALF_A, HALF_B, HALF_C, HALF_D]] = phi.ravel()
+    reversal = np.diag([1.0, -1.0])
+    closed = reversal @ np.linalg.inv(phi) @ reversal @ phi
+    half, quarter = np.zeros(14 + len(TARGETS)), np.zeros(15 + len(TARGETS))
+    planar_tests(result, 2, TARGETS, half)
+    planar_tests(result, 1, TARGETS, quarter)
+    np.testing.assert_allclose(half[14:], np.trace(closed) - TARGETS, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(quarter[14], np.trace(closed), rtol=1e-12)
+    np.testing.assert_allclose(quarter[15:], np.trace(closed @ closed) - TARGETS, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("tau", [-2.5, -2.0, -1.5, 2.0])
+def test_periodic_orbits_have_the_trace_itself(tau):
+    """Doubling at tau = -2, q-tupling at tau = 2 cos(2 pi p/q)."""
+    result = np.zeros(len(RESULT))
+    result[TRACE] = tau
+    out = np.zeros(12 + len(TARGETS))
+    planar_tests(result, 4, TARGETS, out)
+    assert (out[11] > 0.0, out[11] == 0.0) == (tau > -2.0, tau == -2.0)
+    np.testing.assert_allclose(out[12:], [tau - 2.0 * math.cos(2.0 * math.pi * p / q) for p, q in RESONANCES], atol=1e-15)
+
+
+def test_bounds_are_left_where_they_are_passed():
+    """The guards of the bounds are positive inside and vanish at them; without a bound they stay positive."""
+    for h, alpha, signs in ((1.0, 3.0, (1, 1, 1)), (0.1, 3.0, (-1, 1, 1)), (9.0, 3.0, (1, -1, 1)), (1.0, 6.0, (1, 1, -1))):
+        result = np.zeros(len(RESULT))
+        result[[ENERGY, QUARTER_PERIOD]] = h, alpha
+        out = np.zeros(COMMON)
+        common_tests(result, math.log(0.2), math.log(8.0), math.log(5.0), out)
+        np.testing.assert_allclose(out[5:8], [math.log(h / 0.2), math.log(8.0 / h), math.log(5.0 / alpha)], rtol=0, atol=1e-14)
+        assert tuple(np.sign(out[5:8])) == signs
+        common_tests(result, -math.inf, math.inf, math.inf, out)
+        assert (out[5:8] > 0.0).all()
