@@ -20,7 +20,18 @@ from branches.words import canonical
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["Mark", "canonical_orbit", "closed_presentations", "digests", "mark_of", "presentations", "same_orbit", "symmetries", "turns"]
+__all__ = [
+    "Mark",
+    "all_presentations",
+    "canonical_orbit",
+    "closed_presentations",
+    "digests",
+    "mark_of",
+    "presentations",
+    "same_orbit",
+    "symmetries",
+    "turns",
+]
 
 SAME = 1e-7
 """Difference of states and times, relative to the largest, below which two orbits are one."""
@@ -88,14 +99,21 @@ def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
 
     Images under mirror and reversal in time count as the same orbit. There are several where the word is its own image.
     """
+    images = all_presentations(problem, y)
+    word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=problem.system.has_odd_symmetry)
+    return [image for image in images if image.ends == ends and image.word == word]
+
+
+def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
+    """All presentations of an orbit, or of the primitive one that it repeats: from each instant of reversal to the next, from each impact
+    where it has none, forwards and backwards in time, and mirrored where the system has odd symmetry."""
     cycle = cycle_of(problem, y)
     found = symmetries(cycle)
     cycle = _primitive(cycle, found.turns)
     images = list(_between_reversals(cycle, found) if found.reversals else _closed(cycle))
     if problem.system.has_odd_symmetry:
         images += [image.mirrored() for image in images]
-    word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=problem.system.has_odd_symmetry)
-    return [image for image in images if image.ends == ends and image.word == word]
+    return images
 
 
 def closed_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:

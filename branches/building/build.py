@@ -18,9 +18,9 @@ import numpy as np
 
 from branches.building.bounds import Bounds
 from branches.building.frontier import Frontier
-from branches.building.known import KnownFamilies
 from branches.building.work import Answer, Link, Seed, work
 from branches.catalogue.closures import presented, unknowns_of
+from branches.catalogue.known import KnownFamilies
 from branches.catalogue.rows import Edge, EventOrbit, Node
 from branches.linear_modes import linear_modes
 from branches.words import Ends, Word, parse_ends, parse_word

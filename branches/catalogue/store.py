@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch
     from branches.catalogue.find import Match
+    from branches.catalogue.identify import KeptFamilies
     from branches.catalogue.packing import PackedFamily
     from branches.events import BranchEvent
     from branches.orbit import Orbit
@@ -206,10 +207,16 @@ class Catalogue(WorkQueue):
         return find(self, name, self.scene.pins if pins is None else pins)
 
     def identify(self, orbit: Orbit) -> str | None:
-        """The id of the family that passes through an orbit, however it is started, mirrored or run; None where none does."""
-        from branches.catalogue.identify import identify
+        """The id of the family that passes through an orbit, however it is started, mirrored or run; None where none does.
 
-        return identify(self, orbit.problem, orbit.solution.y)
+        Raises
+        ------
+        CatalogueError
+            For an orbit of another system.
+        """
+        self.require_system(orbit.system.describe())
+        place = self._kept.find(orbit.problem, orbit.solution.y)
+        return None if place is None else place.id
 
     # -- the graph ------------------------------------------------------------------------------------------------------------
 
@@ -308,6 +315,12 @@ class Catalogue(WorkQueue):
     # -- inside ---------------------------------------------------------------------------------------------------------------
 
     @cached_property
+    def _kept(self) -> KeptFamilies:
+        from branches.catalogue.identify import KeptFamilies
+
+        return KeptFamilies(self)
+
+    @cached_property
     def _families(self) -> list[FamilyRow]:
         return [self._family(row) for row in self._select("families", ("number", *FAMILY_COLUMNS), "ORDER BY impacts, h_low, id")]
 
@@ -317,4 +330,5 @@ class Catalogue(WorkQueue):
 
     def _changed(self) -> None:
         # What was read of the families may no longer be all of them.
-        self.__dict__.pop("_families", None)
+        for name in ("_families", "_kept"):
+            self.__dict__.pop(name, None)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.identity import presentations
+from branches.identity import all_presentations
 from bvp.kernels.metric import locate, metric_direction
 from bvp.multipoint import MultipointProblem
 
@@ -98,7 +98,7 @@ class _Curve:
 
 
 class KnownFamilies:
-    """The families found so far, sorted by their canonical ends and word.
+    """The families found so far, sorted by their ends and word.
 
     Examples
     --------
@@ -129,14 +129,14 @@ class KnownFamilies:
 
     def find(self, problem: MultipointProblem, y: np.ndarray) -> Place | None:
         """The known family that an orbit lies on; None where it lies on none."""
-        return self.place(problem, presentations(problem, y))
+        return self.place(problem, all_presentations(problem, y))
 
     def place(self, problem: MultipointProblem, images: list[Stretch]) -> Place | None:
         """The known family on which one of an orbit's images lies; None where there is none."""
-        curves = self._curves.get((images[0].ends, images[0].word), [])
-        if not curves:
-            return None
         for image in images:
+            curves = self._curves.get((image.ends, image.word), [])
+            if not curves:
+                continue
             energy = 0.5 * float(np.sum(problem.segment.weights * image.start**2))
             alpha = float(np.sum(image.times)) / _quarters(image)
             position = np.concatenate([image.start / np.sqrt(2.0 * energy), [np.log(energy), np.log(alpha)]])
