@@ -31,14 +31,15 @@ class WorkQueue(CatalogueFile):
             return self._connection.total_changes - before
 
     def finish(self, key: str, result: Any = None) -> None:
-        """Mark a piece of work as done: in one transaction with what came of it."""
+        """Mark a piece of work as done: in one transaction with what came of it. Its value is not kept any longer."""
         with self.transaction():
             self._connection.execute(
-                "UPDATE work SET state = 'done', result = ? WHERE key = ?", (json.dumps(result, sort_keys=True), key)
+                "UPDATE work SET state = 'done', payload = 'null', result = ? WHERE key = ?",
+                (None if result is None else json.dumps(result, sort_keys=True), key),
             )
 
     def work(self, state: str = "pending") -> list[tuple[str, Any, Any]]:
-        """Pieces of work, ``pending`` or ``done``: (key, value, result) in the order of their keys."""
+        """Pieces of work, ``pending`` or ``done``: (key, value, result) in the order of their keys. What is done has no value."""
         rows = self._select("work", ("key", "payload", "result"), "WHERE state = ? ORDER BY key", (state,))
         return [(key, json.loads(value), None if result is None else json.loads(result)) for key, value, result in rows]
 
