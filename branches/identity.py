@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Mark", "canonical_among", "canonical_orbit", "closed_presentations", "digests", "mark_of", "pattern_of", "presentations",
-    "same_orbit", "same_segment", "symmetries", "turns",
+    "Mark", "all_presentations", "canonical_among", "canonical_orbit", "closed_presentations", "digests", "mark_of", "pattern_of",
+    "presentations", "same_orbit", "same_segment", "symmetries", "turns",
 ]  # fmt: skip
 
 SAME = 1e-7
@@ -94,14 +94,21 @@ def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
 
     Images under mirror and reversal in time count as the same orbit. There are several where the word is its own image.
     """
+    images = all_presentations(problem, y)
+    word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=problem.system.has_odd_symmetry)
+    return [image for image in images if image.ends == ends and image.word == word]
+
+
+def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
+    """All presentations of an orbit, or of the primitive one that it repeats: from each instant of reversal to the next, from each impact
+    where it has none, forwards and backwards in time, and mirrored where the system has odd symmetry."""
     cycle = cycle_of(problem, y)
     found = symmetries(cycle)
     cycle = _primitive(cycle, found.turns)
     images = list(_between_reversals(cycle, found) if found.reversals else _closed(cycle))
     if problem.system.has_odd_symmetry:
         images += [image.mirrored() for image in images]
-    word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=problem.system.has_odd_symmetry)
-    return [image for image in images if image.ends == ends and image.word == word]
+    return images
 
 
 def closed_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:

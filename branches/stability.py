@@ -14,7 +14,7 @@ from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multiplie
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import ERROR_FACTOR, balance, decide, stability
 
-__all__ = ["Described", "describe"]
+__all__ = ["Described", "describe", "impact_speeds"]
 
 GRAZING = 1e-8
 """An impact slower than this, relative to sqrt(2 h), grazes: multipliers are unbounded there and given as NaN."""
@@ -59,7 +59,7 @@ def describe(problem: MultipointProblem, solutions: Sequence[Solution], arclengt
     labels = np.array([label_text(problem, result) for result in results])
     waves = entry("waves_absorber").astype(int)
     at_origin = problem.kinds[0] == kernel.ORIGIN
-    speeds = _speeds(problem, starts, ends)
+    speeds = impact_speeds(problem, starts, ends)
     slowest = np.min(np.abs(speeds), axis=1) if speeds.shape[1] else np.full(count, np.inf)
     grazing = slowest < GRAZING * np.sqrt(2.0 * entry("energy"))
     columns = {
@@ -84,8 +84,21 @@ def describe(problem: MultipointProblem, solutions: Sequence[Solution], arclengt
     return Described(columns)
 
 
-def _speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Speeds of approach at the impacts of the segment in order of time, the ends' own included."""
+def impact_speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Speeds of approach at the impacts of the segment in order of time, the ends' own included.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    starts : (N, 2 n) float
+        States at the start of the segment.
+    ends : (N, k + 1, 2 n) float
+        States at the end of each flight.
+
+    Returns
+    -------
+    (N, number of impacts) float
+    """
     segment = problem.segment
     columns = []
     if problem.kinds[0] == kernel.STOP:

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue.store import Catalogue
-    from branches.discovery.search import Discovery, discover
+    from branches.discovery.search import Discovery
     from branches.orbit import Orbit
     from branches.record import read_branch
     from bvp.run import run
     from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+    from saltus.discovery import discover
     from saltus.scene import Scene, load_scene
     from saltus.tracing import trace
 
@@ -49,7 +50,7 @@ _HOME = {
     "Orbit": "branches.orbit",
     "Scene": "saltus.scene",
     "Stop": "bvp.system",
-    "discover": "branches.discovery.search",
+    "discover": "saltus.discovery",
     "load_scene": "saltus.scene",
     "read_branch": "branches.record",
     "run": "bvp.run",

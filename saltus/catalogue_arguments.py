@@ -23,6 +23,7 @@ __all__ = [
     "add_json",
     "default_path",
     "from_arguments",
+    "given",
     "lookup",
     "open_file",
     "place_to_save",
@@ -100,11 +101,14 @@ def open_file(path: str | Path, scene: Scene | None = None) -> Catalogue:
     return Catalogue(path, scene=scene)
 
 
+def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
+    """The catalogue that is given, to read; None where none is."""
+    return nullcontext() if arguments.catalogue is None else open_file(arguments.catalogue, scene)
+
+
 def lookup(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
     """The catalogue where a name is looked up: that which is given, unless it is given to save in."""
-    if arguments.catalogue is None or arguments.save:
-        return nullcontext()
-    return open_file(arguments.catalogue, scene)
+    return nullcontext() if arguments.save else given(arguments, scene)
 
 
 def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:

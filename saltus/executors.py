@@ -5,13 +5,18 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import socket
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
-from saltus.errors import BadInput
+from branches.files import reason
+from saltus.errors import BadInput, one_line
 
 __all__ = ["open_executor"]
+
+_PATIENCE = 10.0
+"""Seconds to wait for a scheduler."""
 
 
 @contextmanager
@@ -28,7 +33,9 @@ def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Execu
     Raises
     ------
     BadInput
-        Where Dask is not installed, or no scheduler answers at the address.
+        Where Dask is not installed, no scheduler answers at the address, or it has no workers that can do the work.
+    RuntimeError
+        Where the cluster is lost while it works.
     """
     if dask is None:
         # One thread a worker: small matrices gain nothing from more, and workers that share cores lose much.
@@ -42,15 +49,46 @@ def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Execu
             pool.shutdown(wait=True, cancel_futures=True)
         return
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
+        from distributed.comm import CommClosedError
     except ImportError:
         raise BadInput("--dask needs the package distributed, which is not installed; expected pip install 'saltus[dask]'") from None
     try:
-        client = Client(dask, timeout=10)
+        _knock(dask)
+        client = Client(dask, timeout=_PATIENCE)
     except (OSError, ValueError) as error:
-        raise BadInput(f"no Dask scheduler answers at {dask!r}: {error}; expected an address such as tcp://127.0.0.1:8786") from error
+        said = reason(error) if isinstance(error, OSError) else error
+        raise BadInput(f"no Dask scheduler answers at {dask!r}: {said}; expected an address such as tcp://127.0.0.1:8786") from error
     with client:
-        yield client.get_executor(), max(1, sum(client.nthreads().values()))
+        count = sum(client.nthreads().values())
+        if not count:
+            raise BadInput(f"the Dask scheduler at {dask} has no workers; expected one at least: start some with dask worker {dask}")
+        try:
+            versions = set(client.run(_version).values())
+        except Exception as error:
+            raise BadInput(f"the workers of the Dask scheduler at {dask} cannot run saltus: {one_line(error)}") from error
+        if versions != {_version()}:
+            theirs = ", ".join(sorted(versions))
+            raise BadInput(f"the workers of the Dask scheduler at {dask} have saltus {theirs}, expected {_version()}, as here")
+        try:
+            yield client.get_executor(), count
+        except (CancelledError, CommClosedError, KilledWorker) as error:
+            raise RuntimeError(f"the Dask cluster at {dask} was lost; what was finished is kept, and the same command goes on") from error
+
+
+def _knock(address: str) -> None:
+    """Raise for what is no address, or where nothing answers: at once, where a client would try again and again."""
+    from distributed.comm.addressing import get_address_host_port, parse_address, resolve_address
+
+    if parse_address(resolve_address(address))[0] in ("tcp", "tls"):
+        with socket.create_connection(get_address_host_port(address), timeout=_PATIENCE):
+            pass
+
+
+def _version() -> str:
+    from saltus import __version__
+
+    return __version__
 
 
 def _leave_interrupts_to_the_parent() -> None:

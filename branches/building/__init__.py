@@ -1,4 +1,4 @@
 """Building the graph of all families of a system: seeds are followed, what is found gives new seeds, until none is left.
 
-`frontier` is the queue of work on executors, `work` what is done for one seed, `known` which families are there already, `build` the whole.
+`frontier` is the queue of work on executors, `work` what is done for one seed, `build` the whole.
 """

@@ -19,11 +19,11 @@ import numpy as np
 from branches.building.bounds import Plan
 from branches.building.frontier import Frontier
 from branches.building.grazings import KnownGrazings
-from branches.building.known import KnownFamilies, Place
 from branches.building.seeds import plain_seed, read_seed
 from branches.building.work import Answer, Link, Seed, work
 from branches.catalogue.closures import event_orbit, unknowns_of
 from branches.catalogue.errors import CatalogueError
+from branches.catalogue.known import KnownFamilies, Place
 from branches.catalogue.rows import Edge, EventOrbit, Node
 from branches.identity import canonical_orbit, presentations
 from branches.linear_modes import linear_modes

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 from branches.catalogue import schema
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
 from branches.catalogue.lock import WriterLock
-from branches.catalogue.opening import open_to_read, open_to_write, settle
+from branches.catalogue.opening import open_settled, open_to_read, open_to_write, settle
 from branches.catalogue.rows import crc_of
 from branches.catalogue.scene import SceneRecord, difference
 from branches.files import WriteFailure
@@ -43,6 +43,8 @@ class CatalogueFile:
             self.path = Path(os.path.realpath(path))
             self._lock = WriterLock(self.path)
         try:
+            if mode == "a":
+                self._look_before_writing()
             self._connection = open_to_write(self.path) if mode == "a" else open_to_read(self.path)
         except BaseException:
             if self._lock is not None:
@@ -145,6 +147,18 @@ class CatalogueFile:
                 for key, value in content.items():
                     row = (key, json.dumps(value, allow_nan=False))
                     self._insert(table, ("key", "value"), row, crc_of(row))
+
+    def _look_before_writing(self) -> None:
+        """Refuse a file of another kind or schema while it is as it was: opening it to write already changes it."""
+        connection = open_settled(self.path)
+        if connection is None:
+            return
+        try:
+            with translated(self.path):
+                if not schema.is_empty(connection):
+                    schema.require(connection, self.path)
+        finally:
+            connection.close()
 
     def _changed(self) -> None:
         """Forget what was read before a transaction."""

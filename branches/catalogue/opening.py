@@ -9,11 +9,13 @@ from pathlib import Path
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
 from branches.files import WriteFailure, reason
 
-__all__ = ["open_to_read", "open_to_write", "settle"]
+__all__ = ["open_settled", "open_to_read", "open_to_write", "settle"]
 
 _MAGIC = b"SQLite format 3\0"
 _BUSY = 5.0
 """Seconds to wait for a reader or writer of the same file."""
+_FREE = 0.1
+"""Part of a file's pages that may stay free when it is closed."""
 
 
 def open_to_read(path: Path) -> sqlite3.Connection:
@@ -46,6 +48,16 @@ def open_to_read(path: Path) -> sqlite3.Connection:
             return _probe(_connect(path, "mode=ro&immutable=1"))
 
 
+def open_settled(path: Path) -> sqlite3.Connection | None:
+    """A connection to a file that nothing belongs to, which leaves it and its directory as they are; None where there is none."""
+    beside = [path.with_name(path.name + ending) for ending in ("-wal", "-journal")]
+    if not path.exists() or path.stat().st_size == 0 or any(file.exists() and file.stat().st_size for file in beside):
+        return None
+    _look(path)
+    with translated(path):
+        return _probe(_connect(path, "mode=ro&immutable=1"))
+
+
 def open_to_write(path: Path) -> sqlite3.Connection:
     """A connection for the one writer; the file is made if it does not exist.
 
@@ -71,10 +83,13 @@ def open_to_write(path: Path) -> sqlite3.Connection:
 
 
 def settle(connection: sqlite3.Connection) -> None:
-    """Bring everything into the one file and leave nothing beside it; where a reader or a full disk prevents that, what was committed
-    stays in the log beside the file."""
+    """Bring everything into the one file, without the space that is free in it, and leave nothing beside it; where a reader or a full disk
+    prevents that, what was committed stays in the log beside the file, or the free space in it."""
     try:
         connection.execute("PRAGMA journal_mode = DELETE").fetchone()
+        free, all = (connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("freelist_count", "page_count"))
+        if free > _FREE * all:
+            connection.execute("VACUUM")
     except sqlite3.Error:
         pass
     connection.close()

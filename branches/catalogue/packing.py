@@ -29,13 +29,18 @@ class PackedFamily:
         The description of its system.
     row : FamilyRow
         With the numbers of its rows still 0.
-    points, events : list of tuple
-        In the orders of `POINT_COLUMNS` and `EVENT_COLUMNS`.
+    points : list of tuple
+        In the order of `POINT_COLUMNS`.
+    blobs : tuple of bytes
+        In the order of `BLOBS`.
+    events : list of tuple
+        In the order of `EVENT_COLUMNS`.
     """
 
     system: dict[str, Any]
     row: FamilyRow
     points: list[tuple[Any, ...]]
+    blobs: tuple[bytes, ...]
     events: list[tuple[Any, ...]]
 
 
@@ -49,15 +54,15 @@ def pack(branch: Branch) -> PackedFamily:
     """
     columns = branch.points
     layout = layout_of(columns, branch.ends)
-    points, columns_crc = rows_of(columns, layout)
+    packed = rows_of(columns, layout, branch.problem)
     row = FamilyRow.make(
         id=branch.id, label=branch.label, ends=format_ends(branch.ends), word=branch.word,
         impacts=0.5 * impacts_per_period(branch.problem.word, branch.ends), h=_range(columns["h"]), alpha=_range(columns["alpha"]),
         points=len(branch), events=len(branch.events), start=int(branch.start), labels=label_intervals(columns, branch.events),
         stability=stability_intervals(columns, branch.events), ended=tuple((str(end.reason), end.text) for end in branch.ended),
-        layout=layout, first_point=0, columns_crc=columns_crc, number=0,
+        layout=layout, first_point=0, columns_crc=packed.columns_crc, number=0,
     )  # fmt: skip
-    return PackedFamily(branch.system.describe(), row, points, [event_values(event) for event in branch.events])
+    return PackedFamily(branch.system.describe(), row, packed.rows, packed.blobs, [event_values(event) for event in branch.events])
 
 
 def _range(values: np.ndarray) -> tuple[float, float]:

@@ -1,28 +1,43 @@
-"""The points of a family as rows: columns for what is asked for in queries, blobs of float64 for the rest, and back, bit for bit.
+"""The points of a family: a row each, with columns for what is asked for in queries, and three blobs for all of them together.
 
-``layout`` tells what the blobs of a family's points hold: ``states`` is a list of [name, width] (width null for a column of one number
-a point), all little-endian float64 one behind the other; ``multipliers`` their number, as (re, im). ``derived`` names the
-columns that are not stored because others give them exactly.
+``layout`` tells what the blobs hold, as lists of [name, width] (width null for a column of one number a point): ``states``, from which the
+orbits are solved again; ``others``; ``multipliers`` is their number, as (re, im). ``derived`` names the columns that are not stored
+because others give them exactly. Multipliers are stored as differences from what tau gives, impact speeds as differences from those of an
+exact flight over the flight times.
 """
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from branches.catalogue.coding import decode, encode
 from branches.catalogue.errors import CatalogueDamaged
 
-__all__ = ["POINT_COLUMNS", "columns_of", "layout_of", "rows_of"]
+if TYPE_CHECKING:
+    from bvp.multipoint import MultipointProblem
 
-NUMBERS = ("h", "alpha", "arclength", "tau", "tau_half", "residual", "trivial", "pairing")
-WHOLE = {"stable": np.int8, "reliable": bool, "half_waves": int}
+__all__ = ["BLOBS", "POINT_COLUMNS", "Packed", "columns_of", "layout_of", "rows_of"]
 
-POINT_COLUMNS = (*NUMBERS, *WHOLE, "label", "states", "states_crc", "multipliers", "multipliers_crc")
+NUMBERS = ("h", "alpha", "arclength", "tau")
+POINT_COLUMNS = (*NUMBERS, "stable", "label")
+BLOBS = ("states", "multipliers", "others")
+STATES = ("start_u", "start_v", "flight_times")
+TYPES = {"reliable": bool, "half_waves": int}
+"""Columns of `others` that are no float64."""
 
 Columns = dict[str, np.ndarray]
+
+
+class Packed(NamedTuple):
+    """The points of a family as they are stored: rows in the order of `POINT_COLUMNS`, their checksum, blobs in the order of `BLOBS`."""
+
+    rows: list[tuple[Any, ...]]
+    columns_crc: int
+    blobs: tuple[bytes, ...]
 
 
 def layout_of(columns: Columns, ends: tuple[str, str]) -> dict[str, Any]:
@@ -35,73 +50,84 @@ def layout_of(columns: Columns, ends: tuple[str, str]) -> dict[str, Any]:
     """
     given = _derived(columns, ends)
     derived = [name for name, values in given.items() if name in columns and _same(values, columns[name])]
-    states: list[list[Any]] = []
+    layout: dict[str, Any] = {"states": [], "multipliers": columns["multipliers"].shape[1], "others": [], "derived": derived}
     for name, values in columns.items():
-        if name in (*NUMBERS, *WHOLE, "label", "multipliers") or name in derived:
+        if name in (*POINT_COLUMNS, "multipliers") or name in derived:
             continue
-        if values.dtype != np.float64 or values.ndim > 2:
+        if (values.dtype != np.float64 and name not in TYPES) or values.ndim > 2:
             raise ValueError(f"column {name!r} of the points has the type {values.dtype} {values.shape}, expected float64, one or two axes")
-        states.append([name, values.shape[1] if values.ndim == 2 else None])
-    return {"states": states, "multipliers": columns["multipliers"].shape[1], "derived": derived}
+        layout["states" if name in STATES else "others"].append([name, values.shape[1] if values.ndim == 2 else None])
+    return layout
 
 
-def rows_of(columns: Columns, layout: dict[str, Any]) -> tuple[list[tuple[Any, ...]], int]:
-    """The rows of the points, in the order of `POINT_COLUMNS`, and the checksum of their columns."""
+def rows_of(columns: Columns, layout: dict[str, Any], problem: MultipointProblem) -> Packed:
+    """The points as they are stored."""
     count = len(columns["h"])
-    parts = [columns[name].reshape(count, -1) for name, _ in layout["states"]]
-    states = np.ascontiguousarray(np.concatenate(parts, axis=1) if parts else np.empty((count, 0)), "<f8")
-    multipliers = np.ascontiguousarray(columns["multipliers"], "<c16")
     lists: list[Sequence[Any]] = [_nulls(columns[name]) for name in NUMBERS]
-    lists += [[int(value) for value in columns[name]] for name in WHOLE]
+    lists.append([int(value) for value in columns["stable"]])
     lists.append([str(label) for label in columns["label"]])
-    for values in (states, multipliers):
-        blobs = [row.tobytes() for row in values]
-        lists += [blobs, [zlib.crc32(blob) for blob in blobs]]
-    return list(zip(*lists, strict=True)), _crc(lists[: len(NUMBERS) + len(WHOLE) + 1])
+    blobs = []
+    for name in BLOBS:
+        if name == "multipliers":
+            values = np.ascontiguousarray(columns[name], complex).view(float)
+        else:
+            parts = [columns[part].reshape(count, -1).astype(float) for part, _ in layout[name]]
+            values = np.concatenate(parts, axis=1) if parts else np.empty((count, 0))
+        blobs.append(encode(values, _predicted(name, columns, layout, problem)))
+    return Packed(list(zip(*lists, strict=True)), _crc(lists), tuple(blobs))
 
 
-def columns_of(
-    rows: Iterable[tuple[Any, ...]], layout: dict[str, Any], ends: tuple[str, str], columns_crc: int, where: str
-) -> Columns:
-    """The inverse of `rows_of`.
+def columns_of(packed: Packed, layout: dict[str, Any], problem: MultipointProblem, where: str) -> Columns:
+    """The inverse of `rows_of`; that the blobs fit their own checksums was seen before.
 
     Parameters
     ----------
-    rows : iterable of tuple
-        In the order of `POINT_COLUMNS`.
-    layout, ends, columns_crc
-        Of their family.
+    packed : Packed
+    layout : dict
+        Of the family.
+    problem : MultipointProblem
+        Of the family's orbits.
     where : str
         File and family, for messages.
 
     Raises
     ------
     CatalogueDamaged
-        Naming the point and the part whose checksum does not fit.
+        Naming the part that does not fit.
     """
-    lists = dict(zip(POINT_COLUMNS, zip(*rows, strict=True), strict=True))
-    if _crc([lists[name] for name in (*NUMBERS, *WHOLE, "label")]) != columns_crc:
+    lists = dict(zip(POINT_COLUMNS, zip(*packed.rows, strict=True), strict=True))
+    try:
+        fits = _crc([lists[name] for name in POINT_COLUMNS]) == packed.columns_crc
+    except (TypeError, ValueError):
+        # A text where a number was, or the other way round.
+        fits = False
+    if not fits:
         raise CatalogueDamaged(f"{where}: the columns of its points do not fit their checksum")
-    for name in ("states", "multipliers"):
-        for i, (blob, crc) in enumerate(zip(lists[name], lists[f"{name}_crc"], strict=True)):
-            if zlib.crc32(blob) != crc:
-                raise CatalogueDamaged(f"{where}: the {name} of point {i} do not fit their checksum")
     count = len(lists["h"])
     columns: Columns = {name: np.array(lists[name], dtype=float) for name in NUMBERS}
-    columns |= {name: np.array(lists[name], dtype=kind) for name, kind in WHOLE.items()}
+    columns["stable"] = np.array(lists["stable"], dtype=np.int8)
     columns["label"] = np.array(lists["label"], dtype=str)
-    width = sum(1 if size is None else size for _, size in layout["states"])
-    states = np.frombuffer(b"".join(lists["states"]), "<f8").reshape(count, width)
-    at = 0
-    for name, size in layout["states"]:
-        part = states[:, at : at + (1 if size is None else size)]
-        columns[name] = np.ascontiguousarray(part[:, 0] if size is None else part, float)
-        at += part.shape[1]
-    columns["multipliers"] = np.frombuffer(b"".join(lists["multipliers"]), "<c16").reshape(count, layout["multipliers"]).astype(complex)
-    derived = _derived(columns, ends)
+    for name, blob in zip(BLOBS, packed.blobs, strict=True):
+        try:
+            width = 2 * layout[name] if name == "multipliers" else sum(1 if size is None else size for _, size in layout[name])
+            values = decode(blob, count, width, _predicted(name, columns, layout, problem))
+        except ValueError as error:
+            raise CatalogueDamaged(f"{where}: the {name} of its points: {error}") from error
+        if name == "multipliers":
+            columns[name] = values.view(complex)
+            continue
+        at = 0
+        for part, size in layout[name]:
+            block = values[:, at : at + (1 if size is None else size)]
+            columns[part] = np.ascontiguousarray(block[:, 0] if size is None else block).astype(TYPES.get(part, float))
+            at += block.shape[1]
+    derived = _derived(columns, problem.ends)
     for name in layout["derived"]:
         columns[name] = derived[name]
     return columns
+
+
+# -- what columns say of others -----------------------------------------------------------------------------------------------
 
 
 def _derived(columns: Columns, ends: tuple[str, str]) -> Columns:
@@ -115,6 +141,53 @@ def _derived(columns: Columns, ends: tuple[str, str]) -> Columns:
     }
 
 
+def _predicted(name: str, columns: Columns, layout: dict[str, Any], problem: MultipointProblem) -> np.ndarray | None:
+    """Numbers near those of a blob, from columns that are read before it; NaN where there are none."""
+    if name == "multipliers" and layout[name] == 2:
+        return _multipliers(columns["tau"])
+    if name == "others" and any(part == "impact_speeds" for part, _ in layout[name]):
+        parts = [
+            _speeds(columns, problem) if part == "impact_speeds" else np.full((len(columns["h"]), size or 1), np.nan)
+            for part, size in layout[name]
+        ]
+        return np.concatenate(parts, axis=1)
+    return None
+
+
+def _multipliers(tau: np.ndarray) -> np.ndarray:
+    """Real and imaginary parts, (N, 4), of the pair of multipliers whose product is 1 and whose sum is tau."""
+    half = 0.5 * tau
+    with np.errstate(all="ignore"):
+        root = np.sqrt(np.abs((half - 1.0) * (half + 1.0)))
+        outer = half + np.copysign(root, half)
+        circle, zero = np.abs(half) < 1.0, np.zeros(len(tau))
+        return np.stack(
+            [
+                np.where(circle, half, outer), np.where(circle, root, zero),
+                np.where(circle, half, 1.0 / outer), np.where(circle, -root, zero),
+            ], axis=1,
+        )  # fmt: skip
+
+
+def _speeds(columns: Columns, problem: MultipointProblem) -> np.ndarray:
+    """Impact speeds of exact flights from the start over the flight times."""
+    from branches.branch import propagate
+    from branches.stability import impact_speeds
+    from bvp.kernels.flight import flow_state
+
+    states = np.concatenate([columns["start_u"], columns["start_v"]], axis=1)
+    # Term by term: what a matrix product gives to the last bit is not the same everywhere.
+    starts = np.array([sum(states[:, j] * row[j] for j in range(problem.size)) for row in problem.modes.from_state]).T
+    times = columns["flight_times"]
+    ends = np.empty((len(starts), problem.inner + 1, problem.size))
+    with np.errstate(all="ignore"):
+        for i, start in enumerate(starts):
+            begins = [start, *propagate(problem, start, times[i])]
+            for j, begin in enumerate(begins):
+                flow_state(*problem.modes.blocks, np.ascontiguousarray(begin), float(times[i, j]), ends[i, j])
+        return impact_speeds(problem, starts, ends)
+
+
 def _same(one: np.ndarray, other: np.ndarray) -> bool:
     return one.shape == other.shape and one.dtype == other.dtype and one.tobytes() == other.tobytes()
 
@@ -126,7 +199,7 @@ def _nulls(values: np.ndarray) -> list[float | None]:
 
 def _crc(lists: Sequence[Sequence[Any]]) -> int:
     crc = 0
-    for name, values in zip((*NUMBERS, *WHOLE, "label"), lists, strict=True):
+    for name, values in zip(POINT_COLUMNS, lists, strict=True):
         if name == "label":
             data = "\n".join(values).encode()
         else:

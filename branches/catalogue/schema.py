@@ -1,7 +1,8 @@
 """The tables of a catalogue. ``docs/catalogue.md`` says what each column means.
 
 Columns of numbers have no declared type: SQLite then keeps every float64 as it is, the sign of a zero too. NaN is stored as NULL.
-A family's points stand in consecutive rows, so that they are found without an index.
+A family's points stand in consecutive rows, so that they are found without an index; what is not asked for in queries stands in one row
+for all of them (see `branches.catalogue.points`).
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from branches.catalogue.errors import CatalogueDamaged, CatalogueError
 
 __all__ = ["APPLICATION", "SCHEMA", "create", "is_empty", "require"]
 
-SCHEMA = 1
+SCHEMA = 2
+"""Schema 1, with all numbers of a point in its row, was never released: nothing is migrated."""
 
 APPLICATION = int.from_bytes(b"SLTS", "big")
 """SQLite's application_id of a catalogue."""
@@ -27,9 +29,10 @@ CREATE TABLE families (
     stable_fraction, label_names TEXT NOT NULL, details TEXT NOT NULL,
     first_point INTEGER NOT NULL, columns_crc INTEGER NOT NULL, crc INTEGER NOT NULL);
 CREATE TABLE points (
-    number INTEGER PRIMARY KEY, family INTEGER NOT NULL, h, alpha, arclength, tau, tau_half, residual, trivial, pairing,
-    stable INTEGER, reliable INTEGER, half_waves INTEGER, label TEXT,
-    states BLOB NOT NULL, states_crc INTEGER NOT NULL, multipliers BLOB NOT NULL, multipliers_crc INTEGER NOT NULL);
+    number INTEGER PRIMARY KEY, family INTEGER NOT NULL, h, alpha, arclength, tau, stable INTEGER, label TEXT);
+CREATE TABLE blobs (
+    family INTEGER PRIMARY KEY, states BLOB NOT NULL, states_crc INTEGER NOT NULL, multipliers BLOB NOT NULL,
+    multipliers_crc INTEGER NOT NULL, others BLOB NOT NULL, others_crc INTEGER NOT NULL);
 CREATE TABLE events (
     family INTEGER NOT NULL, position INTEGER NOT NULL, id TEXT NOT NULL, type TEXT NOT NULL, point INTEGER NOT NULL,
     number INTEGER NOT NULL, h, alpha, arclength, status TEXT NOT NULL, bracket_low, bracket_high, residual, label TEXT NOT NULL,
@@ -75,8 +78,14 @@ def require(connection: sqlite3.Connection, path: Path) -> None:
     if connection.execute("PRAGMA application_id").fetchone()[0] != APPLICATION:
         raise CatalogueError(f"{path} is no catalogue: it is an SQLite file of something else")
     version = connection.execute("PRAGMA user_version").fetchone()[0]
-    if version != SCHEMA:
-        raise CatalogueError(f"{path} is a catalogue of schema {version}; this version of saltus reads schema {SCHEMA}: build it again")
+    if version > SCHEMA:
+        raise CatalogueError(
+            f"{path} is a catalogue of schema {version}, of a later saltus; this one reads schema {SCHEMA}: expected that later version"
+        )
+    if version < SCHEMA:
+        raise CatalogueError(
+            f"{path} is a catalogue of schema {version}, from before the first release; this saltus reads schema {SCHEMA}: build it again"
+        )
     missing = _names() - {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if missing:
         raise CatalogueDamaged(f"{path} is damaged: it has no table {sorted(missing)[0]}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -27,9 +28,11 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch
     from branches.catalogue.find import Match
+    from branches.catalogue.identify import KeptFamilies
     from branches.catalogue.packing import PackedFamily
     from branches.events import BranchEvent
     from branches.orbit import Orbit
+    from bvp.multipoint import MultipointProblem
 
 __all__ = ["Catalogue"]
 
@@ -140,19 +143,8 @@ class Catalogue(WorkQueue):
         CatalogueDamaged
             Where a checksum does not fit.
         """
-        from branches.catalogue.points import POINT_COLUMNS, columns_of
-        from branches.words import parse_ends
-
         row = self.family(id)
-        with translated(self.path):
-            found = self._connection.execute(
-                f"SELECT {', '.join(POINT_COLUMNS)} FROM points WHERE number >= ? AND number < ? ORDER BY number",
-                (row.first_point, row.first_point + row.points),
-            ).fetchall()
-        where = f"{self.path} is damaged: family {id}"
-        if len(found) != row.points:
-            raise CatalogueDamaged(f"{where}: it has {len(found)} of {row.points} points")
-        return columns_of(found, row.layout, parse_ends(row.ends), row.columns_crc, where)
+        return self._points(row, self._problem(row))
 
     def track(self, row: FamilyRow) -> list[tuple[float, float, str]]:
         """Energy, quarter period and label at each point of a family, without arrays; checksums are not compared."""
@@ -178,13 +170,11 @@ class Catalogue(WorkQueue):
     def branch(self, id: str) -> Branch:
         """A family as the branch that was added, bit for bit."""
         from branches.branch import Branch, Ended
-        from branches.words import parse_ends, parse_word
-        from bvp.multipoint import MultipointProblem
 
         row = self.family(id)
-        problem = MultipointProblem(self.system, parse_ends(row.ends), parse_word(row.word))
+        problem = self._problem(row)
         first, last = (Ended(*ended) for ended in row.ended)
-        return Branch(problem, self.points(id), self.events(id), (first, last), row.start)
+        return Branch(problem, self._points(row, problem), self.events(id), (first, last), row.start)
 
     def find(self, name: str, *, pins: Mapping[str, Mapping[str, float]] | None = None) -> Match:
         """The one family, or linear mode, that a name stands for.
@@ -205,10 +195,16 @@ class Catalogue(WorkQueue):
         return find(self, name, self.scene.pins if pins is None else pins)
 
     def identify(self, orbit: Orbit) -> str | None:
-        """The id of the family that passes through an orbit, however it is started, mirrored or run; None where none does."""
-        from branches.catalogue.identify import identify
+        """The id of the family that passes through an orbit, however it is started, mirrored or run; None where none does.
 
-        return identify(self, orbit.problem, orbit.solution.y)
+        Raises
+        ------
+        CatalogueError
+            For an orbit of another system.
+        """
+        self.require_system(orbit.system.describe())
+        place = self._kept.find(orbit.problem, orbit.solution.y)
+        return None if place is None else place.id
 
     # -- the graph ------------------------------------------------------------------------------------------------------------
 
@@ -253,7 +249,7 @@ class Catalogue(WorkQueue):
             Where the file cannot be written; what it held stays.
         """
         from branches.catalogue.packing import PackedFamily, pack
-        from branches.catalogue.points import POINT_COLUMNS
+        from branches.catalogue.points import BLOBS, POINT_COLUMNS
 
         self._writable()
         family = branch if isinstance(branch, PackedFamily) else pack(branch)
@@ -271,6 +267,11 @@ class Catalogue(WorkQueue):
             self._connection.executemany(
                 f"INSERT INTO points (number, family, {', '.join(POINT_COLUMNS)}) VALUES ({marks})",
                 ((first + i, number, *values) for i, values in enumerate(family.points)),
+            )
+            names = ", ".join(f"{name}, {name}_crc" for name in BLOBS)
+            self._connection.execute(
+                f"INSERT INTO blobs (family, {names}) VALUES (?, {', '.join('?' * (2 * len(BLOBS)))})",
+                (number, *(value for blob in family.blobs for value in (blob, zlib.crc32(blob)))),
             )
             marks = ", ".join("?" * (len(EVENT_COLUMNS) + 3))
             self._connection.executemany(
@@ -317,6 +318,38 @@ class Catalogue(WorkQueue):
 
     # -- inside ---------------------------------------------------------------------------------------------------------------
 
+    def _problem(self, row: FamilyRow) -> MultipointProblem:
+        from branches.words import parse_ends, parse_word
+        from bvp.multipoint import MultipointProblem
+
+        return MultipointProblem(self.system, parse_ends(row.ends), parse_word(row.word))
+
+    def _points(self, row: FamilyRow, problem: MultipointProblem) -> dict[str, np.ndarray]:
+        from branches.catalogue.points import BLOBS, POINT_COLUMNS, Packed, columns_of
+
+        names = ", ".join(f"{name}, {name}_crc" for name in BLOBS)
+        with translated(self.path):
+            found = self._connection.execute(
+                f"SELECT {', '.join(POINT_COLUMNS)} FROM points WHERE number >= ? AND number < ? ORDER BY number",
+                (row.first_point, row.first_point + row.points),
+            ).fetchall()
+            blobs = self._connection.execute(f"SELECT {names} FROM blobs WHERE family = ?", (row.number,)).fetchone()
+        where = f"{self.path} is damaged: family {row.id}"
+        if len(found) != row.points:
+            raise CatalogueDamaged(f"{where}: it has {len(found)} of {row.points} points")
+        if blobs is None:
+            raise CatalogueDamaged(f"{where}: the states of its points are missing")
+        for name, blob, crc in zip(BLOBS, blobs[::2], blobs[1::2], strict=True):
+            if not isinstance(blob, bytes) or zlib.crc32(blob) != crc:
+                raise CatalogueDamaged(f"{where}: the {name} of its points do not fit their checksum")
+        return columns_of(Packed(found, row.columns_crc, blobs[::2]), row.layout, problem, where)
+
+    @cached_property
+    def _kept(self) -> KeptFamilies:
+        from branches.catalogue.identify import KeptFamilies
+
+        return KeptFamilies(self)
+
     @cached_property
     def _families(self) -> list[FamilyRow]:
         return [self._family(row) for row in self._select("families", ("number", *FAMILY_COLUMNS), "ORDER BY impacts, h_low, id")]
@@ -327,4 +360,5 @@ class Catalogue(WorkQueue):
 
     def _changed(self) -> None:
         # What was read of the families may no longer be all of them.
-        self.__dict__.pop("_families", None)
+        for name in ("_families", "_kept"):
+            self.__dict__.pop(name, None)

@@ -131,7 +131,8 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         drawn = draw_insets(axes, insets, everything, content, keep_off)
         keep_off += [box for detail in drawn for box in (detail.box, detail.letter_box)]
         of_modes = _mode_names(axes, modes)
-        written = label_curves(axes, [*of_modes, *named], everything, keep_off, most=names + len(of_modes))
+        lines = [*everything, *(detail.frame for detail in drawn)]
+        written = label_curves(axes, [*of_modes, *named], lines, keep_off, most=names + len(of_modes))
         for detail in drawn:
             spots = [*mark_boxes(detail.axes, modes, stars), detail.inner_letter_box]
             inside = names_of(curves, detail.axes)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.placement import Cover, Place, even_points, overlapping, place_texts
+from branches.diagram.placement import Cover, Place, crossing_boxes, even_points, overlapping, place_texts
 from branches.diagram.style import BLACK, GREY, SMALL
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ __all__ = ["Named", "label_curves", "names_of"]
 _SPACING = 7.0  # points between the places on a curve that a name may point to
 _ROOM = 13.0  # half the width of the surroundings that count as crowded
 _POOL, _ROUNDS = 4, 3  # names that wait for a place, for each that gets one; times that those without room give way
+_HIDDEN = 6.0  # point lengths of curves that a name may hide
 FAR = 48.0
 """Points: a name that would stand further off than this is left out, as leaders across the picture tell nothing."""
 
@@ -130,7 +131,8 @@ def label_curves(
     frame = np.array(axes.bbox.extents) * to_points
     boxes = np.array(list(keep_off), dtype=float).reshape(-1, 4)
     paths = [axes.transData.transform(curve) * to_points for curve in curves]
-    waiting = _candidates(axes, names[: _POOL * most], boxes, Cover(frame.tolist(), paths), far)
+    cover = Cover(frame.tolist(), paths)
+    waiting = _candidates(axes, names[: _POOL * most], boxes, cover, far)
     bounds = (frame + np.array([4.0, 4.0, -4.0, -4.0])).tolist()
 
     def placed(chosen: Sequence[_Candidate], slack: float = 1.0) -> list[tuple[_Candidate, Place]]:
@@ -152,9 +154,28 @@ def label_curves(
             break
     else:
         done = placed(chosen, 1.5)
+    done = _readable(done, cover)
     for item, place in done:
         _write(axes, item, place, to_points)
     return {item.named.key for item, _ in done}
+
+
+def _readable(done: Sequence[tuple[_Candidate, Place]], cover: Cover) -> list[tuple[_Candidate, Place]]:
+    """Those of the names, the most important first, that no leader strikes out and that hide no curve; a pinned one may touch a curve."""
+    kept: list[tuple[_Candidate, Place]] = []
+    boxes, starts, ends = np.empty((0, 4)), np.empty((0, 2)), np.empty((0, 2))
+    for item, place in done:
+        corner = np.array([place.left, place.bottom])
+        box = np.concatenate([corner, corner + item.size])[None]
+        pinned = item.named.curve is None or item.named.curve.pinned
+        if not pinned and cover.within(box)[0] > _HIDDEN:
+            continue
+        start, end = item.at[None], np.array([place.leader or item.at])
+        if crossing_boxes(starts, ends, box).any() or (place.leader and crossing_boxes(start, end, boxes).any()):
+            continue
+        kept.append((item, place))
+        boxes, starts, ends = np.concatenate([boxes, box]), np.concatenate([starts, start]), np.concatenate([ends, end])
+    return kept
 
 
 def _candidates(axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Cover, far: float) -> list[_Candidate]:

@@ -37,12 +37,14 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Detail:
-    """A detail that was drawn: its axes, and in points the box that it takes with its ticks, and those of its letter outside and inside."""
+    """A detail that was drawn: its axes, and in points the box that it takes with its ticks, and those of its letter outside and inside;
+    the frame (5, 2) around what it shows, in data coordinates."""
 
     axes: Axes
     box: Box
     letter_box: Box
     inner_letter_box: Box
+    frame: np.ndarray
 
 
 def parse_inset(text: str) -> Inset:
@@ -148,6 +150,7 @@ def draw_insets(
                 (float(box[0]), float(box[1]), float(box[2]), float(box[3])),
                 (corner[0], corner[1] - 8.0, corner[0] + 8.0, corner[1] + 2.0),
                 (inner[0], inner[3] - 12.0, inner[0] + 10.0, inner[3]),
+                np.array([[left, low], [right, low], [right, high], [left, high], [left, low]]),
             )
         )
     return out

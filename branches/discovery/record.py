@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 from branches.words import impacts_per_period
@@ -42,7 +43,7 @@ def to_record(found: Discovery) -> dict[str, Any]:
         "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
         "settled": found.settled,
         "counts": found.counts,
-        "orbits": [_orbit(orbit) for orbit in found.orbits],
+        "orbits": [_orbit(*item) for item in zip(found.orbits, found.families or repeat(None), strict=False)],
         "unpolished": [
             {
                 "ends": list(item.ends),
@@ -69,11 +70,11 @@ def to_json(found: Discovery) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _orbit(orbit: Orbit) -> Mapping[str, Any]:
+def _orbit(orbit: Orbit, family: str | None) -> Mapping[str, Any]:
     velocities = orbit.velocities
     return {
         "label": orbit.label or None,
-        "family": None,
+        "family": family,
         "ends": list(orbit.ends),
         "word": orbit.word,
         "impacts": half_period_impacts(orbit),

@@ -62,6 +62,8 @@ class Discovery:
         ``over_budget``; ``grazings`` located; ``crossings`` of far ends; ``repeated`` (several turns, known from the start), ``polished``,
         ``unpolished``, ``inadmissible``, ``without_impacts``, ``multiple_turns``, ``duplicates``, ``one_sided`` (found from one of two
         ends alone), ``beyond_bounds``, ``orbits``.
+    families : tuple of (str or None)
+        Where a catalogue was asked: the id of each orbit's family in it, None where none lies there. Else empty.
     """
 
     system: ImpactSystem
@@ -73,6 +75,7 @@ class Discovery:
     unpolished: list[Unpolished]
     open: list[Opening]
     counts: dict[str, int]
+    families: tuple[str | None, ...] = ()
 
     @property
     def settled(self) -> bool:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from saltus import scene_arguments
+from saltus import catalogue_arguments, scene_arguments
 from saltus.arguments import positive, whole, whole_above_zero
 from saltus.errors import DONE
 from saltus.events_table import stability_word
@@ -33,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--max-starts", metavar="N", type=whole_above_zero, help="most starts followed (default: a million)")
     parser.add_argument("--json", metavar="FILE", help="write all data as JSON; - is standard output, which then carries nothing else")
+    catalogue_arguments.add_file(parser, "tell which family of this catalogue each orbit lies on")
     scene_arguments.add_arguments(parser)
 
 
@@ -47,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         for line in explain_search(scene.system):
             print(f"model  {line}", file=files.words, flush=True)
 
-    from branches.discovery.search import check, discover
+    from branches.discovery.search import check
 
     longest = scene.quarter_period if arguments.max_quarter_period is None else arguments.max_quarter_period
     options: dict[str, Any] = {"quarter_period": longest, "impacts": arguments.max_impacts, "ends": tuple(arguments.ends.split(","))}
@@ -55,10 +57,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.max_starts is not None:
         options["budget"] = arguments.max_starts
 
+    from saltus.discovery import discover
     from saltus.first_run import prepare
 
-    prepare(discovery=True)
-    found = discover(scene.system, arguments.energy, **options)
+    with catalogue_arguments.given(arguments, scene) as catalogue:
+        prepare(discovery=True)
+        found = discover(scene.system, arguments.energy, catalogue=catalogue, **options)
     _print_table(found, files.words)
     for line in summary(found):
         print(line, file=files.words, flush=True)
@@ -90,7 +94,9 @@ def _print_table(found: Discovery, stream: Any) -> None:
         ("stable", "left", "ellipsis"),
     ):
         table.add_column(title, justify=justify, overflow=fold)  # type: ignore[arg-type]
-    for orbit in found.orbits:
+    if found.families:
+        table.add_column("family", overflow="fold")
+    for orbit, family in zip(found.orbits, found.families or repeat(None), strict=False):
         velocities = orbit.velocities
         table.add_row(
             orbit.label,
@@ -102,6 +108,7 @@ def _print_table(found: Discovery, stream: Any) -> None:
             f"{min(orbit.impact_speeds):.4g}",
             f"{orbit.tau:.6g}",
             stability_word(orbit.stable),
+            *([family or "-"] if found.families else []),
         )
     Console(file=stream, highlight=False, markup=False, width=None if stream.isatty() else 140).print(table)
 
@@ -133,6 +140,9 @@ def summary(found: Discovery) -> list[str]:
         f"angle = {item.parameter:.15g}: {item.reason}"
         for item in found.unpolished
     ]
+    unknown = sum(family is None for family in found.families)
+    if found.families:
+        lines.append(f"families {len(set(found.families) - {None})} of the catalogue; {unknown} orbits lie on none of it")
     if found.settled:
         lines.append("settled  within these bounds the scan leaves nothing undecided")
         return lines

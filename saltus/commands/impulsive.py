@@ -9,12 +9,13 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus import outputs, scene_arguments
+from saltus import catalogue_arguments, outputs, scene_arguments
 from saltus.arguments import energy_range, positive, whole_above_zero
 from saltus.errors import DONE, FAILED
 from saltus.events_table import stability_word
 
 if TYPE_CHECKING:
+    from branches.catalogue import Catalogue
     from branches.impulsive import ImpulsiveOrbits, Manifold
 
 __all__ = ["add_arguments", "run"]
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: any number)")
     parser.add_argument("--density", metavar="N", type=whole_above_zero, default=100, help="energies a decade of the curve (default: 100)")
+    catalogue_arguments.add_file(parser, "tell which family of this catalogue each periodic orbit lies on")
     outputs.add_arguments(parser)
     scene_arguments.add_arguments(parser)
 
@@ -51,14 +53,16 @@ def run(arguments: argparse.Namespace) -> int:
     from saltus.first_run import prepare
     from saltus.progress import ProgressBar
 
-    prepare()
     longest = arguments.max_quarter_period or scene.quarter_period
-    found = impulsive_orbits(scene.system, arguments.energy, quarter_period=longest, impacts=arguments.max_impacts)
-    print(HEADER, file=files.words)
-    for entry in records(found):
+    with catalogue_arguments.given(arguments, scene) as catalogue:
+        prepare()
+        found = impulsive_orbits(scene.system, arguments.energy, quarter_period=longest, impacts=arguments.max_impacts)
+        entries = records(found, catalogue)
+    print(HEADER + ("  family" if arguments.catalogue is not None else ""), file=files.words)
+    for entry in entries:
         print(
             f"{entry['label']:<20} {entry['other_label']:<20} {entry['h']:>16.11g} {entry['alpha']:>16.11g} "
-            f"{entry['u2_velocity']:>14.9g} {entry['impacts']:>7}  {stability_word(entry['stable'])}",
+            f"{entry['u2_velocity']:>14.9g} {entry['impacts']:>7}  {stability_word(entry['stable']):<6}  {entry['family'] or ''}".rstrip(),
             file=files.words,
         )
     for line in remarks(found):
@@ -81,16 +85,16 @@ def run(arguments: argparse.Namespace) -> int:
 
         draw_atlas(atlas_of(scene.system, (), manifold=curve, impulsive=found), path)
 
-    code = files.write(json=lambda: to_json(found, curve), csv=lambda: to_csv(found), draw=draw)
+    code = files.write(json=lambda: to_json(found, entries, curve), csv=lambda: to_csv(entries), draw=draw)
     return max(code, FAILED if found.unpolished else DONE)
 
 
-def records(found: ImpulsiveOrbits) -> list[dict[str, Any]]:
-    """Return the orbits as plain data."""
+def records(found: ImpulsiveOrbits, catalogue: Catalogue | None = None) -> list[dict[str, Any]]:
+    """Return the orbits as plain data, with the ids of their families in a catalogue."""
     return [
         {
             "label": orbit.label,
-            "family": None,
+            "family": None if catalogue is None else catalogue.identify(orbit.orbit),
             "h": orbit.h,
             "alpha": orbit.alpha,
             "u2_velocity": orbit.velocity,
@@ -119,8 +123,8 @@ def remarks(found: ImpulsiveOrbits) -> list[str]:
     return lines
 
 
-def to_json(found: ImpulsiveOrbits, curve: Manifold | None) -> str:
-    """Return the JSON text."""
+def to_json(found: ImpulsiveOrbits, entries: list[dict[str, Any]], curve: Manifold | None) -> str:
+    """Return the JSON text: `entries` are the `records` of what was found."""
     record = {
         "schema": SCHEMA,
         "system": found.system.describe(),
@@ -129,22 +133,21 @@ def to_json(found: ImpulsiveOrbits, curve: Manifold | None) -> str:
         "settled": found.settled,
         "counts": found.counts,
     }
-    orbits = ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in records(found))
+    orbits = ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in entries)
     apart = [{"h": [gone.low, gone.high], "ends": list(gone.ends), "reason": gone.reason} for gone in found.unpolished]
     head = json.dumps(record, allow_nan=False)[:-1]
     tail = {"unpolished": apart, "open": [list(pair) for pair in found.open], "manifold": None if curve is None else curve.record()}
     return f'{head},\n  "orbits": [\n    {orbits}\n  ],\n  {json.dumps(tail, allow_nan=False)[1:]}\n'
 
 
-def to_csv(found: ImpulsiveOrbits) -> str:
-    """Return the CSV text: a line of names, a line for each orbit."""
+def to_csv(entries: list[dict[str, Any]]) -> str:
+    """Return the CSV text of `records`: a line of names, a line for each orbit."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for entry in records(found):
-        entry["ends"] = "-".join(entry["ends"])
-        entry["stable"] = {True: "true", False: "false", None: ""}[entry["stable"]]
-        writer.writerow([_cell(entry[name]) for name in COLUMNS])
+    for entry in entries:
+        row = {**entry, "ends": "-".join(entry["ends"]), "stable": {True: "true", False: "false", None: ""}[entry["stable"]]}
+        writer.writerow([_cell(row[name]) for name in COLUMNS])
     return text.getvalue()
 
 

@@ -11,6 +11,7 @@ import pytest
 import saltus
 from saltus.__main__ import main
 from saltus.commands.discover import ENDS, summary
+from tests.branches.catalogue.families import real
 
 WORDS = ("discover", "--energy", "1", "--max-quarter-period", "2", "--max-impacts", "5")
 
@@ -49,6 +50,45 @@ def test_the_parameters_of_the_scene(capsys):
     same = saltus.discover(saltus.vibro_impact_nes(0.37, 0.81), 0.5, quarter_period=10.0, impacts=2)
     assert record["bounds"]["quarter_period"] == 10.0
     assert [entry["alpha"] for entry in record["orbits"]] == [orbit.alpha for orbit in same.orbits]
+
+
+def test_families_of_a_catalogue(catalogue, capsys, tmp_path):
+    """Oracle: at h = 0.5 three of the catalogue's branches are crossed, at their own quarter periods; the other orbits, which discovery
+    finds just the same, lie on none of it. Python says the same."""
+    words = ["discover", "--energy", "0.5", "--max-quarter-period", "2", "--max-impacts", "4", "--catalogue", str(catalogue)]
+    assert main([*words, "--json", str(tmp_path / "found.json")]) == 0
+    out = capsys.readouterr().out
+    record = json.loads((tmp_path / "found.json").read_text())
+    crossed = {}
+    for branch in real():
+        for orbit in branch.orbits_at(energy=0.5):
+            crossed[round(orbit.alpha, 9)] = branch.id
+    assert len(crossed) == 3
+    told = {round(entry["alpha"], 9): entry["family"] for entry in record["orbits"]}
+    assert crossed.items() <= told.items() and set(told.values()) - {None} == set(crossed.values())
+    assert all(id in out for id in crossed.values()) and f"{len(told) - 3} orbits lie on none" in out
+    with saltus.Catalogue(catalogue) as kept:
+        found = saltus.discover(kept.system, 0.5, quarter_period=2.0, impacts=4, catalogue=kept)
+        assert list(found.families) == [entry["family"] for entry in record["orbits"]]
+        with pytest.raises(ValueError, match="mu is 0.1, not 0.2"):
+            saltus.discover(saltus.vibro_impact_nes(mu=0.2), 0.5, catalogue=kept)
+        with pytest.raises(ValueError, match="mu is 0.1, not 0.2"):
+            kept.identify(saltus.trace("S11O00-", saltus.vibro_impact_nes(mu=0.2), energy=(0.2, 0.3)).orbit(2))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--mu", "0.2"], "belongs to another system: there mu is 0.1, not 0.2"),
+        (["--catalogue", "no/such.sqlite"], "there is no catalogue no/such.sqlite"),
+    ],
+)
+@pytest.mark.parametrize("command", [["discover", "--energy", "1"], ["impulsive", "--energy", "1:2"]])
+def test_a_catalogue_that_cannot_tell_families(catalogue, capsys, command, words, said):
+    """Oracle: exit code 2 and one line, before any search."""
+    assert main([*command, "--catalogue", str(catalogue), *words]) == 2
+    out, err = capsys.readouterr()
+    assert not out and len(err.splitlines()) == 1 and said in err
 
 
 def test_all_kinds_of_ends(capsys):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from saltus.__main__ import main
+from tests.branches.catalogue.families import real
 
 NAMES = ["label", "family", "h", "alpha", "u2_velocity", "impacts"]
 
@@ -38,6 +39,18 @@ def test_json_has_the_fields():
     assert len(curve["h"]) == len(curve["frequency"]) == len(curve["samples_per_period"]) > 1
     assert curve["window"] == "Hann" and curve["periods"] == 200
     assert "U4122-" in err and "settled" in err and "Hann" in err
+
+
+def test_families_of_a_catalogue(catalogue):
+    """Oracle: the events IO of the catalogue's traced branches, one to one; what is found besides lies on no family of it."""
+    expected = {round(event.h, 9): branch.id for branch in real() for event in branch.events if event.type == "IO" and 0.5 < event.h < 2.0}
+    assert real()[3].id in expected.values()
+    words = f"impulsive --energy 0.5:2 --max-quarter-period 2 --density 2 --catalogue {catalogue}"
+    code, out, err = told(f"{words} --json -")
+    assert code == 0
+    told_of = {round(orbit["h"], 9): orbit["family"] for orbit in json.loads(out)["orbits"]}
+    assert {h: id for h, id in told_of.items() if id is not None} == expected and None in told_of.values()
+    assert all(id in err for id in expected.values())
 
 
 def test_files(tmp_path):

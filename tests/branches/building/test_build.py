@@ -13,10 +13,10 @@ import pytest
 import saltus
 from branches.building.bounds import Bounds, Plan
 from branches.building.build import build
-from branches.building.known import KnownFamilies
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check
 from branches.catalogue.errors import CatalogueError
+from branches.catalogue.known import KnownFamilies
 from branches.discovery.search import discover
 from tests.branches.building.test_frontier import Serial
 

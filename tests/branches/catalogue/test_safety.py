@@ -359,12 +359,45 @@ def test_what_is_no_catalogue_is_refused(good, tmp_path):
     assert "something else" in refused(path)
 
 
-def test_another_schema_is_refused_by_name(good):
-    """Oracle: both numbers."""
+@pytest.mark.parametrize(("version", "said"), [(7, "of a later saltus"), (1, "build it again")])
+def test_another_schema_is_refused_by_name(good, version, said):
+    """Oracle: both numbers, and what to do; a writer is refused as a reader is, and nothing is changed."""
     connection = sqlite3.connect(good)
-    connection.execute("PRAGMA user_version = 7")
+    connection.execute(f"PRAGMA user_version = {version}")
     connection.close()
-    assert "schema 7" in refused(good) and "schema 1" in refused(good)
+    before = good.read_bytes()
+    assert f"is a catalogue of schema {version}" in refused(good) and "reads schema 2" in refused(good) and said in refused(good)
+    with pytest.raises(CatalogueError, match=said):
+        saltus.Catalogue(good, "a", scene=scene())
+    assert good.read_bytes() == before and [entry.name for entry in good.parent.iterdir()] == [good.name]
+
+
+def test_a_file_of_something_else_is_left_as_it_is(tmp_path):
+    """Oracle: its bytes, after a writer was refused."""
+    path = tmp_path / "other.sqlite"
+    connection = sqlite3.connect(path)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("CREATE TABLE t (x)")
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(CatalogueError, match="something else"):
+        saltus.Catalogue(path, "a", scene=scene())
+    assert path.read_bytes() == before and [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+def test_space_that_is_free_is_given_back(tmp_path):
+    """Oracle: the size of a file that never held the work that was finished; both can be read."""
+    sizes = []
+    for k, count in enumerate((0, 400)):
+        path = tmp_path / f"{k}.sqlite"
+        with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+            catalogue.add_work((f"{i:05d}", {"seed": "x" * 1000}) for i in range(count))
+            catalogue.add(real()[0])
+            for i in range(count):
+                catalogue.finish(f"{i:05d}")
+        assert whole(path, 1)
+        sizes.append(path.stat().st_size)
+    assert sizes[1] < sizes[0] + 40 * 400
 
 
 @pytest.mark.parametrize("part", [0.999, 0.9, 0.5, 0.1, 0.001])
@@ -384,11 +417,15 @@ def test_a_missing_table_is_refused(good):
 
 
 CHANGES = {
-    "UPDATE points SET states = zeroblob(length(states)) WHERE number = 7": "the states of point 6",
-    "UPDATE points SET multipliers = zeroblob(length(multipliers)) WHERE number = 9": "the multipliers of point 8",
+    "UPDATE blobs SET states = zeroblob(length(states)) WHERE family = 1": "the states of its points do not fit their checksum",
+    "UPDATE blobs SET multipliers = 7 WHERE family = 3": "the multipliers of its points do not fit their checksum",
+    "UPDATE blobs SET others = substr(others, 2) WHERE family = 2": "the others of its points do not fit their checksum",
+    "DELETE FROM blobs WHERE family = 2": "the states of its points are missing",
     "UPDATE points SET h = h * (1 + 1e-15) WHERE number = 7": "the columns of its points",
     "UPDATE points SET stable = 1 - stable WHERE number = 150": "the columns of its points",
     "UPDATE points SET label = 'S11O00-' WHERE number = 7": "the columns of its points",
+    "UPDATE points SET label = NULL WHERE number = 7": "the columns of its points",
+    "UPDATE points SET alpha = 'wide' WHERE number = 7": "the columns of its points",
     "DELETE FROM points WHERE number = 7": "202 of 203 points",
     "DELETE FROM events WHERE family = 1 AND position = 0": "of 5 events",
     "UPDATE events SET h = 1.0 WHERE family = 1 AND position = 1": "event SB1",
@@ -424,7 +461,7 @@ def test_all_that_is_damaged_is_told(good):
     connection = sqlite3.connect(good)
     for change in (
         "UPDATE families SET h_low = 0.0 WHERE number IN (1, 2)",
-        "UPDATE points SET states = zeroblob(8) WHERE family = 3",
+        "UPDATE blobs SET states = zeroblob(8) WHERE family = 3",
         "UPDATE points SET family = 9 WHERE number = 1",
         "UPDATE edges SET h = 1.0",
         "UPDATE nodes SET h_high = 1.0 WHERE id = 'L11+'",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.identity import presentations
+from branches.identity import all_presentations
 from bvp.kernels.metric import locate, metric_direction
 from bvp.multipoint import MultipointProblem
 
@@ -100,7 +100,7 @@ class _Curve:
 
 
 class KnownFamilies:
-    """The families found so far, sorted by their canonical ends and word.
+    """The families found so far, sorted by their ends and word.
 
     Examples
     --------
@@ -131,7 +131,7 @@ class KnownFamilies:
 
     def find(self, problem: MultipointProblem, y: np.ndarray) -> Place | None:
         """The known family that an orbit lies on; None where it lies on none."""
-        return self.place(problem.system, presentations(problem, y))
+        return self.place(problem.system, all_presentations(problem, y))
 
     def count(self, images: Sequence[Stretch]) -> int:
         """How many families have the ends and word of an orbit's images."""
@@ -148,11 +148,11 @@ class KnownFamilies:
         first : int
             How many of the families with these ends and this word are left out: in the order in which they were added.
         """
-        curves = self._curves.get((images[0].ends, images[0].word), [])[first:]
-        if not curves:
-            return None
         weights = np.concatenate([system.modes.squares, np.ones(len(system.modes.squares))])
         for image in images:
+            curves = self._curves.get((image.ends, image.word), [])[first:]
+            if not curves:
+                continue
             energy = 0.5 * float(np.sum(weights * image.start**2))
             position = np.concatenate([image.start / np.sqrt(2.0 * energy), [np.log(energy), np.log(image.quarter_period)]])
             for id, curve in curves:
