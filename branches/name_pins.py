@@ -38,7 +38,7 @@ def pin_of(text: str, label: Label | None, pins: Mapping[str, Pin]) -> Pin | Non
 
 
 def fits_otherwise(asked: Label, label: Label) -> bool:
-    """Whether a label is of the same kind as the one asked for and has its impacts, as far as these are given; half-waves and sign may differ."""
+    """Whether a label has the kind and, as far as they are given, the impacts of the one asked for; half-waves and sign may differ."""
     one, other = canonical(asked), canonical(label)
     fields = ((one.kind, other.kind), (one.parity, other.parity), (one.p, other.p), (one.q, other.q))
     return all(wanted is None or wanted == given for wanted, given in fields)

@@ -155,9 +155,8 @@ def _with_number(families: list[tuple[Found, Branch]], pin: Mapping[str, float])
     """The families at the energy, or with the quarter period, of a pin that has only one of the two."""
     if "h" in pin and "alpha" in pin:
         return []
-    return [
-        (found, branch) for found, branch in families if (branch.orbits_at(energy=pin["h"]) if "h" in pin else branch.orbits_at(alpha=pin["alpha"]))
-    ]
+    where = {"energy": pin["h"]} if "h" in pin else {"alpha": pin["alpha"]}
+    return [(found, branch) for found, branch in families if branch.orbits_at(**where)]
 
 
 def _at_pin(search: Search, label: Label, pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
