@@ -1,19 +1,22 @@
 """Names to families: a label is searched by discovery over energies, and what is found is sorted into families by tracing.
 
-A pin never starts a search: it only chooses among the families that were found.
+A pin never starts a family: it chooses among what was found, and its energy is one of those at which is searched. At that one energy
+`branches.discovery` lists every orbit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from branches.discovery.found import Found, accept, from_other_end
 from branches.discovery.scope import require_conservative
-from branches.labels import Label, Name, parse_name
+from branches.discovery.search import discover
+from branches.labels import Label, Name, matches, parse, parse_name
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
+from branches.name_pins import fits_otherwise, pin_of
 from branches.name_search import LEVELS, Limits, Search, passes, search_bounds
 
 if TYPE_CHECKING:
@@ -53,16 +56,15 @@ def resolve(
             f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
             "expected absorber and primary (in a scene NES and LO under [coordinates])"
         )
-    families = search.families(search.run(LEVELS)) or _passing(system, name, limits, energy)
+    pin = pin_of(text, name.label, pins) if name.h is None and name.alpha is None else None
+    families = _at_pin(search, name.label, pin) if pin is not None and name.label is not None else []
+    families = families or search.families(search.run(LEVELS)) or _passing(system, name, limits, energy)
     found_without = families
     families = _select(name, families)
     if not families:
         raise NameNotFound(_elsewhere(name, found_without) if found_without else search.nothing())
-    if len(families) > 1 and name.h is None and name.alpha is None:
-        bare = str(name.label) if name.label is not None else name.family
-        pin = pins.get(text) or pins.get(str(bare))
-        if pin is not None:
-            families = _pinned(families, pin) or families
+    if len(families) > 1 and pin is not None:
+        families = _with_number(families, pin) or families
     if len(families) > 1:
         listed = " ".join(f"{text.split('@')[0]}@h={f.h:.6g},alpha={f.alpha:.6g}" for f, _ in families)
         raise AmbiguousName(f"{text} is {len(families)} families; expected one of {listed}")
@@ -93,12 +95,23 @@ def _passing(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[flo
     if not 0.0 < low < high < math.inf or (low <= limits.energy[0] and high >= limits.energy[1]):
         return []
     wide = Search(system, name, limits, limits.energy)
+    return _inside(wide.families(wide.run(LEVELS[:1])), energy, wide.fits)
+
+
+def _inside(
+    families: list[tuple[Found, Branch]], energy: tuple[float, float], fits: Callable[[Found], bool]
+) -> list[tuple[Found, Branch]]:
+    """The families with an orbit that fits in a range of energies, each with that one."""
+    low, high = energy
     out = []
-    for _, branch in wide.families(wide.run(LEVELS[:1])):
+    for found, branch in families:
+        if low <= found.h <= high:
+            out.append((found, branch))
+            continue
         least, most = max(low, float(branch.points["h"].min())), min(high, float(branch.points["h"].max()))
         for part in (0.5, 0.1, 0.9) if least < most else ():
             candidates = branch.orbits_at(energy=least ** (1.0 - part) * most**part)
-            orbits = [orbit for orbit in (accept(c.problem, c.solution) for c in candidates) if orbit is not None and wide.fits(orbit)]
+            orbits = [orbit for orbit in (accept(c.problem, c.solution) for c in candidates) if orbit is not None and fits(orbit)]
             if orbits:
                 out.append((orbits[0], branch))
                 break
@@ -137,18 +150,34 @@ def _elsewhere(name: Name, families: list[tuple[Found, Branch]]) -> str:
     return f"{text}; followed over {key} = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in sorted(ranges)[:5])
 
 
-def _pinned(families: list[tuple[Found, Branch]], pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
-    """The family that passes nearest to the pin, if one passes near; those at its energy or quarter period where it has only one."""
+def _with_number(families: list[tuple[Found, Branch]], pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
+    """The families at the energy, or with the quarter period, of a pin that has only one of the two."""
+    if "h" in pin and "alpha" in pin:
+        return []
+    where = {"energy": pin["h"]} if "h" in pin else {"alpha": pin["alpha"]}
+    return [(found, branch) for found, branch in families if branch.orbits_at(**where)]
+
+
+def _at_pin(search: Search, label: Label, pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
+    """The family through the orbit that a pin with two numbers chooses, among all at its energy, with an orbit in the range of energies.
+
+    Those with the label come first, then those that have its impacts with other half-waves."""
     if "h" not in pin or "alpha" not in pin:
-        return [
-            (found, branch)
-            for found, branch in families
-            if (branch.orbits_at(energy=pin["h"]) if "h" in pin else branch.orbits_at(alpha=pin["alpha"]))
-        ]
-    best, chosen = PIN_TOLERANCE, []
-    for found, branch in families:
-        for orbit in branch.orbits_at(energy=pin["h"]):
-            miss = abs(orbit.alpha / pin["alpha"] - 1.0)
-            if miss < best:
-                best, chosen = miss, [(found, branch)]
-    return chosen
+        return []
+    longest = min(search.limits.quarter_period, (1.0 + PIN_TOLERANCE) * pin["alpha"])
+    most = search.limits.impacts
+    if label.p is not None and label.q is not None:
+        most = label.p + label.q + (label.parity == "O")
+    orbits = discover(search.system, pin["h"], quarter_period=longest, impacts=most).orbits
+    near = [(abs(orbit.alpha / pin["alpha"] - 1.0), orbit) for orbit in orbits if orbit.label]
+    for fits in (matches, fits_otherwise):
+        fitting = [(miss, orbit) for miss, orbit in near if miss < PIN_TOLERANCE and fits(label, parse(orbit.label))]
+        if not fitting:
+            continue
+        _, orbit = min(fitting, key=lambda item: item[0])
+        found = Found(orbit.problem, orbit.solution, parse(orbit.label))
+        assert found.label is not None
+        if label.kind == "U" and label.p is not None and label.p != found.label.p:
+            found = from_other_end(found)
+        return _inside(search.families([found]), search.range, lambda other: other.label is not None and fits_otherwise(label, other.label))
+    return []

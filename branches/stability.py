@@ -12,7 +12,7 @@ from bvp.cycle import cycle_of
 from bvp.kernels import segment as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
-from bvp.stability import ERROR_FACTOR, balance, decide, stability
+from bvp.stability import balance, decide, roundings, stability
 
 __all__ = ["Described", "describe", "impact_speeds"]
 
@@ -128,7 +128,7 @@ def _planar(
     tau_half = np.full(len(results), np.nan)
     if problem.quarters == 4:
         tau = trace
-        error = np.finfo(float).eps * ERROR_FACTOR * (problem.inner + 2) * (1.0 + np.abs(trace)) + trivial + pairing
+        error = roundings(problem.inner, entry("branching")) * (1.0 + np.abs(trace)) + trivial + pairing
         stable = np.where(np.abs(tau) < 2.0 - error, 1, np.where(np.abs(tau) > 2.0 + error, 0, -1))
         agreed = np.ones(len(results), bool)
     else:
@@ -142,7 +142,7 @@ def _planar(
         rate = np.max(sizes[:, 2:], axis=1) / np.max(sizes[:, :2], axis=1)
         factors = balance(problem, rate)
         a, b, c, d = (value * factor for value, factor in zip((a, b, c, d), factors, strict=True))
-        stable = decide(a, b, c, d, entry("magnified"), problem.inner)
+        stable = decide(a, b, c, d, entry("magnified"), problem.inner, entry("branching"))
         agreed = np.abs(tau - trace) <= 1e-6 * (1.0 + np.abs(tau))
     bounded = ~grazing & np.isfinite(trace)
     largest = np.maximum(1.0, np.abs(multipliers[:, 0]))

@@ -62,7 +62,7 @@ def trace(
         ``LABEL[@h=..][,alpha=..]`` or a family's id.
     system : ImpactSystem
     pins : mapping of str to {"h", "alpha"}
-        Bare names that stand for the family through a cited orbit; used only to choose among matches.
+        Bare names that stand for the family through a cited orbit; used only to choose among orbits that a search finds.
     bounds : mapping
         ``energy`` (lo, hi), ``quarter_period``, ``impacts`` (in the half period): where names are searched.
     energy : (float, float), optional
@@ -90,6 +90,8 @@ def trace(
     >>> [(event.type, round(event.h, 10)) for event in branch.events if event.type == "SN"]
     [('SN', 0.06911645)]
     """
+    from branches.labels import parse_name
+    from branches.name_pins import note
     from branches.names import resolve, search_bounds
 
     for option in options:
@@ -108,9 +110,10 @@ def trace(
         )
     if on_start is not None:
         problem = found.problem
+        told = note(parse_name(name).label, found.label)
         on_start(
             f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, word {''.join(problem.word) or '(no inner impact)'}, "
-            f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}"
+            f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}{told and '; ' + told}"
         )
     return follow_family(found.problem, found.solution.y, energy=energy, rising=rising, **options)
 

@@ -21,12 +21,12 @@ from bvp.multipliers import nearest_grazing, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.saltation import reduced_monodromy
 
-__all__ = ["ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "stability", "velocity_scale"]
+__all__ = ["ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "roundings", "stability", "velocity_scale"]
 
 EPSILON = float(np.finfo(float).eps)
 
 ERROR_FACTOR = 64.0
-"""Rounding errors, in units of eps, that one flight with its impact and the solution itself add to an entry of the half map."""
+"""Rounding errors, in units of eps, that one flight with its impact, and the solution itself, add to an entry of the half map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +86,18 @@ def balance(problem: MultipointProblem, rate: np.ndarray | float) -> tuple[Any, 
     return kept_start / kept_end, turned_start / kept_end, kept_start / turned_end, turned_start / turned_end
 
 
+def roundings(impacts: np.ndarray | float, pivot: np.ndarray | float) -> np.ndarray:
+    """Error of a number of size 1 that is computed over the flights of a segment from a solution with that smallest pivot.
+
+    Examples
+    --------
+    >>> float(roundings(0, -0.5)) == 3.0 * ERROR_FACTOR * EPSILON
+    True
+    """
+    with np.errstate(divide="ignore"):
+        return ERROR_FACTOR * EPSILON * (np.asarray(impacts) + 1.0 + 1.0 / np.abs(pivot))
+
+
 def decide(
     a: np.ndarray | float,
     b: np.ndarray | float,
@@ -93,6 +105,7 @@ def decide(
     d: np.ndarray | float,
     magnified: np.ndarray | float,
     impacts: np.ndarray | float,
+    pivot: np.ndarray | float = 1.0,
 ) -> np.ndarray:
     """Stability of orbits with two degrees of freedom from the entries of their half maps: 1 stable, 0 unstable, -1 undecided.
 
@@ -104,6 +117,8 @@ def decide(
         Largest factor by which an impact magnifies rounding.
     impacts : int or (N,) int
         Inner impacts of the segment.
+    pivot : float or (N,) float
+        The smallest pivot of the equations that were solved, relative to its column (`branching` of a solution, of either sign).
 
     Returns
     -------
@@ -111,10 +126,10 @@ def decide(
 
     Notes
     -----
-    Each entry of the balanced map is right to e = 64 eps (k + 2) magnified max|entries|: rounding enters once a flight, the
-    solution is known to rounding, and an impact at an angle to the stop divides both by the sine of that angle. Stable where
-    b c < 0 and a d > 0, each by more than its error: |b c| > e (|b| + |c|) + e^2, |a d| likewise; unstable where one of them is
-    as surely of the other sign.
+    Each entry of the balanced map is right to e = 64 eps (k + 1 + 1/|pivot|) magnified max|entries|: rounding enters once a flight, the
+    solution is known to rounding over the smallest pivot - next to a branch point it slides towards the other family -, and an impact
+    at an angle to the stop divides both by the sine of that angle. Stable where b c < 0 and a d > 0, each by more than its error:
+    |b c| > e (|b| + |c|) + e^2, |a d| likewise; unstable where one of them is as surely of the other sign.
 
     Examples
     --------
@@ -122,9 +137,9 @@ def decide(
     array([ 1,  0, -1], dtype=int8)
     """
     a, b, c, d = (np.asarray(x, dtype=float) for x in (a, b, c, d))
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         size = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.maximum(np.abs(c), np.abs(d)))
-        error = ERROR_FACTOR * EPSILON * (np.asarray(impacts) + 2.0) * magnified * size
+        error = roundings(impacts, pivot) * magnified * size
         lower, lower_error = b * c, error * (np.abs(b) + np.abs(c)) + error * error
         upper, upper_error = a * d, error * (np.abs(a) + np.abs(d)) + error * error
         inside = (lower < -lower_error) & (upper > upper_error)
@@ -186,7 +201,7 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     factors = balance(problem, velocity_scale(problem, solution))
     blocks = (phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:])
     a, b, c, d = (block * factor for block, factor in zip(blocks, factors, strict=True))
-    entry_error = ERROR_FACTOR * EPSILON * (problem.inner + 2) * magnified * float(np.max(np.abs([a, b, c, d])))
+    entry_error = float(roundings(problem.inner, solution["branching"])) * magnified * float(np.max(np.abs([a, b, c, d])))
     nu, vectors, error = _eigenvalues(b.T @ c, b, c, entry_error)
     above, _, above_error = _eigenvalues(d.T @ a, a, d, entry_error)
     krein = _krein(a.T @ c, vectors, nu, entry_error * (_size(a) + _size(c)) + entry_error**2)
@@ -260,7 +275,7 @@ def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
         return Stability(unknown, None, None, none, unknown, unknown, multipliers.note)
     matrix = reduced_monodromy(cycle)
     sine = nearest_grazing(cycle)[1]
-    spread = ERROR_FACTOR * EPSILON * (len(cycle.contact) + 2) / sine * _size(matrix)
+    spread = float(roundings(len(cycle.contact), solution["branching"])) / sine * _size(matrix)
     stable: bool | None
     if m == 1:
         tau = np.array([multipliers.trace])

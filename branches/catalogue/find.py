@@ -12,6 +12,7 @@ from branches.catalogue.errors import CatalogueError
 from branches.catalogue.rows import FamilyRow
 from branches.labels import Label, LabelSyntaxError, Name, canonical, matches, nearest, parse, parse_name, roots
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
+from branches.name_pins import fits_otherwise, note, pin_of
 
 if TYPE_CHECKING:
     from branches.catalogue.store import Catalogue
@@ -128,42 +129,30 @@ def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]
     pattern = name.label
     fits = cache(lambda label: bool(label) and matches(pattern, parse(label)))
     having = [row for row in families if any(map(fits, row.label_names))]
-    found = _select(catalogue, name, having, fits)
-    if not having and name.h is None and name.alpha is None:
-        found = _counted_otherwise(catalogue, text, pattern, families, pins)
+    pin = pin_of(text, pattern, pins) if name.h is None and name.alpha is None else None
+    found = []
+    if pin is not None and "h" in pin and "alpha" in pin:
+        at_pin = Name(pattern, None, pin["h"], pin["alpha"])
+        found = _select(catalogue, at_pin, having, fits) or _counted_otherwise(catalogue, at_pin, families)
+    found = found or _select(catalogue, name, having, fits)
     if not found:
         raise NameNotFound(_nothing(catalogue, name, families, having))
-    if len(found) > 1 and name.h is None and name.alpha is None:
-        pin = pins.get(text) or pins.get(str(name.label))
-        if pin is not None:
-            asked = Name(name.label, None, pin.get("h"), pin.get("alpha"))
-            found = _select(catalogue, asked, having, None) or found
+    if len(found) > 1 and pin is not None and len(pin) == 1:
+        found = _select(catalogue, Name(pattern, None, pin.get("h"), pin.get("alpha")), having, None) or found
     if len(found) > 1:
         more = f" and {len(found) - 12} more" if len(found) > 12 else ""
         raise AmbiguousName(f"{text} is {len(found)} families; expected one of {' '.join(_suffixed(head, found)[:12])}{more}")
     return found[0]
 
 
-def _counted_otherwise(
-    catalogue: Catalogue, text: str, label: Label, families: Sequence[FamilyRow], pins: Mapping[str, Mapping[str, float]]
-) -> list[Match]:
-    """The family that a pin means by a label that no family has: one with the label's impacts, where the half-waves that are counted, or
-    the sign, are others than the literature prints."""
-    pin = pins.get(text) or pins.get(str(label))
-    if pin is None or "h" not in pin or "alpha" not in pin or label.p is None:
-        return []
-    asked = canonical(label)
-
-    @cache
-    def fits(known: str) -> bool:
-        other = canonical(parse(known)) if known else None
-        return other is not None and (other.kind, other.parity, other.p, other.q) == (asked.kind, asked.parity, asked.p, asked.q)
-
+def _counted_otherwise(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow]) -> list[Match]:
+    """The family that a pin means by a label that has the impacts of its orbits, where the half-waves that are counted, or the sign, are
+    others than the literature prints."""
+    label = name.label
+    assert label is not None
+    fits = cache(lambda known: bool(known) and fits_otherwise(label, parse(known)))
     having = [row for row in families if any(map(fits, row.label_names))]
-    found = _select(catalogue, Name(label, None, pin["h"], pin["alpha"]), having, fits)
-    where = f"h = {pin['h']:.8g}, alpha = {pin['alpha']:.8g}"
-    note = f"{label} is the scene's name of the orbit at {where}; its half-waves are counted otherwise"
-    return [match._replace(note=note) for match in found]
+    return [match._replace(note=note(label, None)) for match in _select(catalogue, name, having, fits)]
 
 
 def _suffixed(head: str, found: Sequence[Match]) -> list[str]:

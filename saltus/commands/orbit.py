@@ -95,7 +95,7 @@ def _select(branch: Branch, name: Name, energy: float | None, alpha: float | Non
     assert value is not None
     found = branch.orbits_at(energy=value) if key == "h" else branch.orbits_at(alpha=value)
     # A family carries several labels: where some of its orbits here have the label asked for, the others are not meant.
-    found = [orbit for orbit in found if _has_label(orbit, name)] or found
+    found = _distinct([orbit for orbit in found if _has_label(orbit, name)] or found)
     if not found:
         values = branch.points[key]
         raise BadInput(
@@ -109,6 +109,18 @@ def _select(branch: Branch, name: Name, energy: float | None, alpha: float | Non
     if len(found) > 1:
         raise BadInput(f"{len(found)} orbits of {name} have {key} = {value:.10g}, expected one of {_list(found)}")
     return found[0]
+
+
+def _distinct(orbits: list[Orbit]) -> list[Orbit]:
+    """Each orbit once: a family that turns back on itself passes through the same orbit twice, the second time from its other end."""
+    from branches.identity import same_orbit
+
+    kept: list[Orbit] = []
+    for orbit in orbits:
+        mine = (orbit.problem, orbit.solution.y)
+        if not any(abs(other.alpha / orbit.alpha - 1.0) < 1e-9 and same_orbit((other.problem, other.solution.y), mine) for other in kept):
+            kept.append(orbit)
+    return kept
 
 
 def _has_label(orbit: Orbit, name: Name) -> bool:

@@ -132,11 +132,11 @@ def test_stability_is_decided_close_to_the_fold_and_never_wrongly():
 
 def test_vectorised_decision_is_the_same():
     orbits = [orbit for orbit in collection() if np.isfinite(orbit.solution["a"])]
-    columns = {name: np.array([orbit.solution[name] for orbit in orbits]) for name in ("a", "b", "c", "d", "magnified")}
+    columns = {name: np.array([orbit.solution[name] for orbit in orbits]) for name in ("a", "b", "c", "d", "magnified", "branching")}
     impacts = np.array([orbit.problem.inner for orbit in orbits])
     units = np.array([balance(orbit.problem, velocity_scale(orbit.problem, orbit.solution)) for orbit in orbits])
     entries = [columns[name] * units[:, i] for i, name in enumerate("abcd")]
-    decided = decide(*entries, columns["magnified"], impacts)
+    decided = decide(*entries, columns["magnified"], impacts, columns["branching"])
     assert decided.dtype == np.int8
     expected = [{True: 1, False: 0, None: -1}[stability(orbit.problem, orbit.solution).stable] for orbit in orbits]
     assert list(decided) == expected
