@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Mark", "all_presentations", "canonical_among", "canonical_orbit", "closed_presentations", "digests", "mark_of", "pattern_of",
-    "presentations", "same_orbit", "same_segment", "symmetries", "turns",
+    "Mark", "all_presentations", "canonical_orbit", "closed_presentations", "digests", "first_of", "mark_of", "pattern_of",
+    "presentations", "same_orbit", "same_segment", "segment_images", "symmetries", "turns", "with_canonical_word",
 ]  # fmt: skip
 
 SAME = 1e-7
@@ -68,22 +68,25 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
     def close(a: np.ndarray, b: np.ndarray) -> bool:
         return bool(np.all(np.abs(a - b) <= tolerance * sizes))
 
-    def as_long(other: np.ndarray) -> bool:
-        return bool(np.all(np.abs(cycle.duration - other) <= tolerance * longest))
+    # The flight times tell most shifts and reversals apart, all at once: row j of `index` numbers the flights from j on.
+    index = (np.arange(count)[:, None] + np.arange(count)) % count
+    times = cycle.duration[index]
+    as_long = np.all(np.abs(times - cycle.duration) <= tolerance * longest, axis=1)
+    backwards = np.all(np.abs(times - cycle.duration[::-1]) <= tolerance * longest, axis=1)
 
     def shifted(by: int, sign: int) -> bool:
-        return as_long(np.roll(cycle.duration, -by)) and close(np.roll(cycle.after, -by, axis=0), sign * cycle.after)
+        return bool(as_long[by % count]) and close(cycle.after[index[by % count]], sign * cycle.after)
 
     length = next(d for d in range(1, count + 1) if count % d == 0 and (d == count or shifted(d, 1)))
     period = cycle.period * length / count
-    times = cycle.times[:length]
+    instants = cycle.times[:length]
     found = []
-    for j, e in itertools.product(range(length), (-1, 1) if odd else (1,)):
-        image = (j - np.arange(count)) % count
-        flip = np.repeat([float(e), -float(e)], half)
-        if as_long(cycle.duration[(image - 1) % count]) and close(cycle.after[image], flip * cycle.before):
-            middle = 0.5 * (times[0] + times[j])
-            found += [(float(c % period), e) for c in (middle, middle + 0.5 * period)]
+    for j in (j for j in range(length) if backwards[j]):
+        for e in (-1, 1) if odd else (1,):
+            flip = np.repeat([float(e), -float(e)], half)
+            if close(cycle.after[(j - np.arange(count)) % count], flip * cycle.before):
+                middle = 0.5 * (instants[0] + instants[j])
+                found += [(float(c % period), e) for c in (middle, middle + 0.5 * period)]
     # An instant at the very start may come out at the end of the period by rounding.
     found = sorted((0.0 if period - c < SLACK * period else c, e) for c, e in found)
     return Symmetries(count // length, odd and length % 2 == 0 and shifted(length // 2, -1), tuple(found))
@@ -94,8 +97,13 @@ def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
 
     Images under mirror and reversal in time count as the same orbit. There are several where the word is its own image.
     """
-    images = all_presentations(problem, y)
-    word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=problem.system.has_odd_symmetry)
+    return with_canonical_word(problem.system, all_presentations(problem, y))
+
+
+def with_canonical_word(system: ImpactSystem, images: Iterable[Stretch]) -> list[Stretch]:
+    """Those of an orbit's presentations that have its canonical ends and word."""
+    images = list(images)
+    word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=system.has_odd_symmetry)
     return [image for image in images if image.ends == ends and image.word == word]
 
 
@@ -117,6 +125,19 @@ def closed_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stre
     if problem.system.has_odd_symmetry:
         images += [image.mirrored() for image in images]
     return images
+
+
+def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Stretch]:
+    """The solved segment as it stands, mirrored where the system has odd symmetry, run backwards, and both; of a closed orbit, those from
+    all its impacts. All `all_presentations` of an orbit that is primitive and has no more reversals than its ends."""
+    if problem.periodic:
+        yield from closed_presentations(problem, y)
+        return
+    own = stretch_of(problem, y)
+    for stretch in (own, run_backwards(problem.system, own)):
+        yield stretch
+        if problem.system.has_odd_symmetry:
+            yield stretch.mirrored()
 
 
 def _primitive(cycle: Cycle, turns: int) -> Cycle:
@@ -174,17 +195,18 @@ def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[Multipoi
     >>> canonical_orbit(problem, solution.y)[0].ends
     ('origin', 'stop+')
     """
-    return canonical_among(problem.system, presentations(problem, y))
+    best = first_of(presentations(problem, y))
+    found = MultipointProblem(problem.system, best.ends, best.word)
+    return found, solved(found, best.unknowns(found)).y
 
 
-def canonical_among(system: ImpactSystem, stretches: list[Stretch]) -> tuple[MultipointProblem, np.ndarray]:
+def first_of(stretches: Sequence[Stretch]) -> Stretch:
     """The canonical one of an orbit's `presentations`."""
     best = stretches[0]
     for other in stretches[1:]:
         if _comes_before(other, best):
             best = other
-    found = MultipointProblem(system, best.ends, best.word)
-    return found, solved(found, best.unknowns(found)).y
+    return best
 
 
 def _comes_before(a: Stretch, b: Stretch) -> bool:

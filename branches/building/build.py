@@ -48,6 +48,9 @@ AHEAD = 6
 
 _SAME = 1e-6
 
+_INSIDE = 1e-6
+"""Part of the range of log h by which the outermost energies are inside the bounds."""
+
 _UNFOLDED = "unfolded "
 
 _JOINS = ("GR", "BP", "SB", "PD", "RT")
@@ -169,11 +172,12 @@ class _Build:
         return report
 
     def _energies(self, level: int) -> list[float]:
-        """Energies of a level: those of all levels together are even in log h. None is at a bound."""
+        """Energies of a level: those of all levels together are even in log h. The first has two just inside the bounds, too: they meet
+        all the families that lie across these, however little of them is inside."""
         low, high = np.log(self.plan.bounds.energy)
         count = max(2, math.ceil((high - low) / COARSE))
         if level == 0:
-            parts = (np.arange(count) + 0.5) / count
+            parts = np.concatenate([[_INSIDE], (np.arange(count) + 0.5) / count, [1.0 - _INSIDE]])
         else:
             fine = count * 2 ** (level - 1)
             parts = np.arange(1, fine) / fine if level == 1 else (np.arange(fine) + 0.5) / fine

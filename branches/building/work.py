@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from branches.branch import Branch, BranchEvent
 from branches.building.bounds import Bounds, Plan
-from branches.catalogue.closures import event_orbit, orbit_of_event, presented, unknowns_of
+from branches.catalogue.closures import kept_orbit, orbit_of_event, presented, unknowns_of
 from branches.catalogue.packing import PackedFamily, pack
 from branches.catalogue.rows import EventOrbit
 from branches.discovery.search import discover
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.grazing.touching import touching
-from branches.identity import canonical_among, presentations
+from branches.identity import first_of, presentations, segment_images, with_canonical_word
 from branches.linear_modes import beginnings, linear_modes
 from branches.name_search import Limits
 from branches.switching import TYPES, births
@@ -150,7 +150,9 @@ def work(description: str, seed: Seed) -> Answer:
 def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
     bounds = plan.bounds
     found = discover(system, energy, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
-    seeds = [_seed(orbit.problem, orbit.solution.y, plan) for orbit in found.orbits]
+    # What is found is primitive, and between its own reversals.
+    images = [with_canonical_word(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
+    seeds = [_seed_of(system, some, plan) for some in images]
     return Answer(tuple(seeds), unsettled=() if found.settled else (energy,))
 
 
@@ -186,8 +188,11 @@ def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
 
 def _seed(problem: MultipointProblem, y: np.ndarray, plan: Plan) -> Seed:
     """The seed of the family of an orbit, in its canonical presentation."""
-    images = presentations(problem, y)
-    return Seed("orbit", event_orbit(*canonical_among(problem.system, images)), plan, images=tuple(images))
+    return _seed_of(problem.system, presentations(problem, y), plan)
+
+
+def _seed_of(system: ImpactSystem, images: list[Stretch], plan: Plan) -> Seed:
+    return Seed("orbit", kept_orbit(system, first_of(images)), plan, images=tuple(images))
 
 
 def _reached(seed: Seed, link: Link, source: Seed, problem: MultipointProblem, y: np.ndarray) -> Seed:

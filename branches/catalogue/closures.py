@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from branches.catalogue.rows import Edge, EventOrbit
-from branches.identity import closed_presentations, presentations
-from branches.stretch import Stretch, embed, run_backwards, solved, stretch_of
+from branches.identity import closed_presentations, presentations, segment_images
+from branches.stretch import Stretch, embed, solved, stretch_of
 from branches.words import Ends, Word, mirror, mirror_ends
 from bvp.cycle import cycle_of
 from bvp.kernels.flight import flow_state
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from branches.events import BranchEvent
     from bvp.system import ImpactSystem
 
-__all__ = ["distance", "event_orbit", "orbit_of_event", "presented", "seen_from", "switch_edge", "unknowns_of"]
+__all__ = ["distance", "event_orbit", "kept_orbit", "orbit_of_event", "presented", "seen_from", "switch_edge", "unknowns_of"]
 
 _LONGEST = 20
 """Segments of an orbit that a segment of a family born from it may span: half a period of a quintupled quarter-period orbit has ten."""
@@ -32,10 +31,11 @@ _SAMPLES = 48
 
 def event_orbit(problem: MultipointProblem, y: np.ndarray) -> EventOrbit:
     """The orbit y of a problem, as an edge keeps it."""
-    return _kept(problem.system, stretch_of(problem, y))
+    return kept_orbit(problem.system, stretch_of(problem, y))
 
 
-def _kept(system: ImpactSystem, stretch: Stretch) -> EventOrbit:
+def kept_orbit(system: ImpactSystem, stretch: Stretch) -> EventOrbit:
+    """An orbit in one presentation, as an edge keeps it."""
     start = system.modes.to_state @ stretch.start
     return EventOrbit(stretch.ends, "".join(stretch.word), tuple(start.tolist()), tuple(map(float, stretch.times)))
 
@@ -70,9 +70,9 @@ def seen_from(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word)
 def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word) -> EventOrbit | None:
     """The orbit y as an orbit of the problem with other ends and word, in whatever presentation: mirrored or run backwards, as
     `seen_from`, started at another impact, or the primitive orbit that it repeats; None where it has none."""
-    for image in _images(problem, y):
+    for image in segment_images(problem, y):
         if (image.ends, tuple(image.word)) == (ends, tuple(word)):
-            return _kept(problem.system, image)
+            return kept_orbit(problem.system, image)
     found = seen_from(problem, y, ends, word)
     if found is not None:
         return found
@@ -85,17 +85,6 @@ def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word)
             except NotConverged:
                 return None
     return None
-
-
-def _images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Stretch]:
-    """The solved segment as it stands, mirrored, run backwards, and both; of a closed orbit, those from all its impacts."""
-    if problem.periodic:
-        yield from closed_presentations(problem, y)
-        return
-    own = stretch_of(problem, y)
-    signs = (1, -1) if problem.system.has_odd_symmetry else (1,)
-    for stretch in (own, run_backwards(problem.system, own)):
-        yield from (stretch if sign > 0 else stretch.mirrored() for sign in signs)
 
 
 def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event: str = "") -> Edge:

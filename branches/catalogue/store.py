@@ -287,7 +287,8 @@ class Catalogue(WorkQueue):
             self._connection.execute(
                 "DELETE FROM points WHERE number >= ? AND number < ?", (row.first_point, row.first_point + row.points)
             )
-            self._connection.execute("DELETE FROM events WHERE family = ?", (row.number,))
+            for table in ("blobs", "events"):
+                self._connection.execute(f"DELETE FROM {table} WHERE family = ?", (row.number,))
             self._connection.execute("DELETE FROM edges WHERE source = ? OR target = ?", (id, id))
             self._connection.execute("DELETE FROM families WHERE number = ?", (row.number,))
 
