@@ -19,8 +19,11 @@ def test_changes_of_label_read_along_the_branch(name, low, high):
     told = {}
     for event in branch.events:
         if event.type in ("LB", "IO"):
-            below, above = labels[event.point - 1], labels[event.point + 1]
-            assert event.label == labels[event.point] == below
+            below, above = labels[event.point], labels[event.point + 1]
+            assert event.label == below
+            # No other point may lie between two changes.
+            before = told.get(event.point - 1)
+            assert before.note.endswith(f"becomes {below}") if before else labels[event.point - 1] == below
             if below != above:
                 assert event.note.endswith(f"{below} becomes {above}") and event.note.count("becomes") == 1
                 told[event.point] = event
