@@ -128,8 +128,8 @@ def flight_verdict(
         if ra[CONTACT] != rm[CONTACT] or ra[CONTACT] == FREE:
             return DIFFERENT
         # The same stop, but one flight goes on past the impact that ends the other.
-        most = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
-        if r * jac_m < 1e-4 and abs(rb[DURATION] - ra[DURATION]) > 20.0 * r * most + 1e-9:
+        steepest = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
+        if r * jac_m < 1e-4 and abs(rb[DURATION] - ra[DURATION]) > 20.0 * r * steepest + 1e-9:
             return JUMP
     if onward and not last and k == most:
         return ENDLESS
@@ -164,8 +164,8 @@ def flight_verdict(
         first = (flow.gap[0, 0] * ra[DERIVATIVE + c] + flow.gap[0, 1] * ra[DERIVATIVE + c + 1]) * jac_a
         second = (flow.gap[0, 0] * rb[DERIVATIVE + c] + flow.gap[0, 1] * rb[DERIVATIVE + c + 1]) * jac_b
         middle = (flow.gap[0, 0] * rm[DERIVATIVE + c] + flow.gap[0, 1] * rm[DERIVATIVE + c + 1]) * jac_m
-        most = abs(middle) + 0.5 * abs(second - first) + abs(0.5 * (first + second) - middle)
-        near += most if c == 0 else most * window
+        largest = abs(middle) + 0.5 * abs(second - first) + abs(0.5 * (first + second) - middle)
+        near += largest if c == 0 else largest * window
     wide = MARGIN * r * min(wide, near)
     tube_q = MARGIN * math.sqrt(tube_q)
     tube_p = MARGIN * math.sqrt(tube_p)
@@ -192,8 +192,8 @@ def flight_verdict(
         if rm[ACCELERATION] > 0.0 and rm[SPEED] * rm[SPEED] <= 2.0 * rm[ACCELERATION] * wide:
             return SKIMS
         mean = (ra[DURATION + 1] * jac_a + 4.0 * rm[DURATION + 1] * jac_m + rb[DURATION + 1] * jac_b) * r / 3.0
-        most = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
-        if abs(rb[DURATION] - ra[DURATION] - mean) > 0.1 * r * most + SLACK * (1.0 + longest) + 8.0 * grain / jac_m * most:
+        steepest = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
+        if abs(rb[DURATION] - ra[DURATION] - mean) > 0.1 * r * steepest + SLACK * (1.0 + longest) + 8.0 * grain / jac_m * steepest:
             return UNEVEN
         if onward and (k + 1 < levels_a and k + 1 < levels_b and k + 1 < levels_m):
             off = 0.0

@@ -7,6 +7,7 @@ are found by sampling the gaps and their rates and by bisection; tests keep away
 import numpy as np
 
 from tests.bvp.backbone import modes_of
+from tests.bvp.twins import first_order
 
 
 class Twin:
@@ -15,9 +16,7 @@ class Twin:
     def __init__(self, system, samples=60, restitution_sign=1.0):
         self.system = system
         self.n = system.degrees_of_freedom
-        n = self.n
-        inverse = np.linalg.inv(system.mass)
-        self.matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ system.stiffness, -inverse @ system.damping]])
+        self.matrix = first_order(system)
         self.damped = bool(np.any(system.damping))
         if self.damped:
             self.rates, self.vectors = np.linalg.eig(self.matrix)
