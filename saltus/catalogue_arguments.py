@@ -79,14 +79,15 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
     BadInput
         Where there is none.
     CatalogueError
-        For a file that is none, or that belongs to another system than the scene that is named.
+        For a file that is none, or that belongs to another system than the scene that is named, with the parameters that are given.
     """
-    path = default_path(arguments.scene) if arguments.catalogue is None else Path(arguments.catalogue)
+    parameters = scene_arguments.parameters(arguments)
+    path = default_path(arguments.scene, parameters) if arguments.catalogue is None else Path(arguments.catalogue)
     scene: Any = None
-    if arguments.scene is not None:
+    if arguments.scene is not None or parameters:
         from saltus.scene import load_scene
 
-        scene = load_scene(arguments.scene)
+        scene = load_scene(arguments.scene, **parameters)
     if arguments.catalogue is None and not path.exists():
         raise BadInput(
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"
