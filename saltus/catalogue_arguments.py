@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ __all__ = [
     "given",
     "lookup",
     "open_file",
+    "opened",
     "place_to_save",
     "save",
 ]
@@ -93,6 +95,15 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"
         )
     return open_file(path, scene)
+
+
+@contextmanager
+def opened(arguments: argparse.Namespace) -> Iterator[Catalogue]:
+    """The catalogue asked for, to read, after looking whether the data that are asked for can be written."""
+    if arguments.json is not None:
+        check_writable(arguments.json)
+    with from_arguments(arguments) as catalogue:
+        yield catalogue
 
 
 def open_file(path: str | Path, scene: Scene | None = None) -> Catalogue:
