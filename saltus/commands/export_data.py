@@ -14,7 +14,7 @@ from saltus.files import STANDARD_OUTPUT, check_writable, replacing, write_data
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-    from branches.catalogue.table_files import Table
+    from branches.export.table_files import Table
     from branches.orbit import Orbit
 
 __all__ = ["add_arguments", "run"]
@@ -151,7 +151,7 @@ def _distance_to(h: float, alpha: float) -> Callable[[Orbit], float]:
 
 
 def _write(arguments: argparse.Namespace, kind: str, table: Table, name: str) -> None:
-    from branches.catalogue.table_files import BINARY, table_text, write_binary
+    from branches.export.table_files import BINARY, table_text, write_binary
 
     if kind not in BINARY:
         write_data(arguments.out, table_text(table, kind, "samples" if arguments.samples else name))
