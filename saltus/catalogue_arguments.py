@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ __all__ = [
     "given",
     "lookup",
     "open_file",
+    "opened",
     "place_to_save",
     "save",
 ]
@@ -79,19 +81,29 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
     BadInput
         Where there is none.
     CatalogueError
-        For a file that is none, or that belongs to another system than the scene that is named.
+        For a file that is none, or that belongs to another system than the scene that is named, with the parameters that are given.
     """
-    path = default_path(arguments.scene) if arguments.catalogue is None else Path(arguments.catalogue)
+    parameters = scene_arguments.parameters(arguments)
+    path = default_path(arguments.scene, parameters) if arguments.catalogue is None else Path(arguments.catalogue)
     scene: Any = None
-    if arguments.scene is not None:
+    if arguments.scene is not None or parameters:
         from saltus.scene import load_scene
 
-        scene = load_scene(arguments.scene)
+        scene = load_scene(arguments.scene, **parameters)
     if arguments.catalogue is None and not path.exists():
         raise BadInput(
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"
         )
     return open_file(path, scene)
+
+
+@contextmanager
+def opened(arguments: argparse.Namespace) -> Iterator[Catalogue]:
+    """The catalogue asked for, to read, after looking whether the data that are asked for can be written."""
+    if arguments.json is not None:
+        check_writable(arguments.json)
+    with from_arguments(arguments) as catalogue:
+        yield catalogue
 
 
 def open_file(path: str | Path, scene: Scene | None = None) -> Catalogue:

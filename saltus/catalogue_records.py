@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
+
+from saltus.files import STANDARD_OUTPUT, write_data
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge, FamilyRow, Node
     from branches.events import BranchEvent
 
-__all__ = ["SCHEMA", "edge_record", "event_record", "family_record", "impacts_text", "json_text", "node_record", "range_text"]
+__all__ = [
+    "SCHEMA",
+    "edge_record",
+    "event_record",
+    "family_record",
+    "impacts_text",
+    "json_text",
+    "node_record",
+    "range_text",
+    "tell",
+]
 
 SCHEMA = 1
 
@@ -82,6 +95,26 @@ def range_text(ends: tuple[float, float]) -> str:
     ('0.11851:14.554', '1:1')
     """
     return f"{ends[0]:.5g}:{ends[1]:.5g}"
+
+
+def tell(path: str | None, lines: Iterable[str], record: Callable[[], dict[str, Any]]) -> None:
+    """Print lines, and write a record as JSON where it is asked for; on standard output it stands alone.
+
+    Parameters
+    ----------
+    path : str or None
+        Of the JSON file, ``-`` for standard output.
+    lines : iterable of str
+    record : callable
+        Gives the record without its schema.
+    """
+    if path != STANDARD_OUTPUT:
+        for line in lines:
+            print(line)
+    if path is not None:
+        write_data(path, json_text({"schema": SCHEMA, **record()}))
+        if path != STANDARD_OUTPUT:
+            print(f"wrote  {path}")
 
 
 def impacts_text(impacts: float) -> str:

@@ -49,7 +49,9 @@ def check_writable(path: str) -> None:
             raise BadInput(f"cannot write {path}: {Path(path).parent} is not a directory")
         special = target.exists() and not target.is_file()
         if not special and not os.access(target.parent, os.W_OK | os.X_OK):
-            raise BadInput(f"cannot write {path}: permission is denied in the directory {Path(path).parent}")
+            read_only = hasattr(os, "statvfs") and os.statvfs(target.parent).f_flag & os.ST_RDONLY
+            why = "the file system is read-only" if read_only else f"permission is denied in the directory {Path(path).parent}"
+            raise BadInput(f"cannot write {path}: {why}")
         if target.exists() and not os.access(target, os.W_OK):
             raise BadInput(f"cannot write {path}: permission is denied")
         if not special:

@@ -37,4 +37,4 @@ def from_arguments(arguments: argparse.Namespace) -> Scene:
 
 def parameters(arguments: argparse.Namespace) -> dict[str, float]:
     """Return the parameters of the model that were given in place of the scene's."""
-    return {name: getattr(arguments, name) for name in _PARAMETERS if getattr(arguments, name) is not None}
+    return {name: getattr(arguments, name) for name in _PARAMETERS if getattr(arguments, name, None) is not None}

@@ -170,22 +170,37 @@ def _multipliers(tau: np.ndarray) -> np.ndarray:
 
 
 def _speeds(columns: Columns, problem: MultipointProblem) -> np.ndarray:
-    """Impact speeds of exact flights from the start over the flight times."""
-    from branches.branch import propagate
+    """Impact speeds of exact flights from the start over the flight times, of all points at once; NaN for a system with damping."""
     from branches.stability import impact_speeds
-    from bvp.kernels.flight import flow_state
 
-    states = np.concatenate([columns["start_u"], columns["start_v"]], axis=1)
+    segment, (_, mean, _, _) = problem.segment, problem.modes.blocks
+    start = np.concatenate([columns["start_u"], columns["start_v"]], axis=1)
     # Term by term: what a matrix product gives to the last bit is not the same everywhere.
-    starts = np.array([sum(states[:, j] * row[j] for j in range(problem.size)) for row in problem.modes.from_state]).T
-    times = columns["flight_times"]
-    ends = np.empty((len(starts), problem.inner + 1, problem.size))
+    state = np.array([sum(start[:, j] * row[j] for j in range(problem.size)) for row in problem.modes.from_state]).T
+    starts, times = state, columns["flight_times"]
+    ends = np.full((len(state), problem.inner + 1, problem.size), np.nan)
     with np.errstate(all="ignore"):
-        for i, start in enumerate(starts):
-            begins = [start, *propagate(problem, start, times[i])]
-            for j, begin in enumerate(begins):
-                flow_state(*problem.modes.blocks, np.ascontiguousarray(begin), float(times[i, j]), ends[i, j])
+        for i in range(problem.inner + 1) if not mean.any() else ():
+            ends[:, i] = _flown(problem, state, times[:, i])
+            if i < problem.inner:
+                rate = sum(ends[:, i, j] * segment.gap_rate[i, j] for j in range(problem.size))
+                state = ends[:, i] - (segment.jump[i] * rate)[:, None] * segment.push[i]
         return impact_speeds(problem, starts, ends)
+
+
+def _flown(problem: MultipointProblem, states: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Where undamped free flights over times (N,) lead from states (N, 2 n): the formulas of `bvp.kernels.flight`."""
+    pairs, _, delta, matrix = problem.modes.blocks
+    out = np.full(states.shape, np.nan)
+    for (i, j), square in zip(pairs, delta, strict=True):
+        if j < 0:
+            continue
+        rate = np.sqrt(abs(square))
+        c, s = (np.cos(rate * times), np.sin(rate * times) / rate) if square < 0.0 else (np.ones(len(times)), times)
+        x, y = states[:, i], states[:, j]
+        out[:, i] = (c + s * matrix[i, i]) * x + s * matrix[i, j] * y
+        out[:, j] = s * matrix[j, i] * x + (c + s * matrix[j, j]) * y
+    return out
 
 
 def _same(one: np.ndarray, other: np.ndarray) -> bool:

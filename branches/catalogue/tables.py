@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.catalogue.table_files import Table
+from branches.export.table_files import Table
 
 if TYPE_CHECKING:
     from branches.catalogue.rows import FamilyRow

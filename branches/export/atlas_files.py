@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.export.atlas_table import COLUMNS, NUMBERS, TEXTS, WHOLE, from_table, to_table
+from branches.export.table_files import Table, csv_text, plain_columns, write_binary
 from branches.files import reason, replacing, write_text
 from branches.labels import nearest
 
@@ -63,24 +64,17 @@ def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
         near = nearest(Path(path).suffix[1:], DATA_FORMATS, 1)
         raise ExportError(f"unknown format of {os.fspath(path)!r}: expected {', '.join(DATA_FORMATS)}; nearest: {near[0]}")
     about, columns = to_table(atlas)
+    head = json.dumps(about, allow_nan=False)
+    table: Table = {name: columns[name] for name in (*COLUMNS, "velocities")}
     if kind == "csv":
-        write_text(path, _csv_text(about, columns))
+        write_text(path, f"# {head}\n{csv_text(table, codes=True)}")
     elif kind == "json":
-        plain = {name: [_plain(value) for value in column.tolist()] for name, column in columns.items()}
+        plain = plain_columns(dict(columns), codes=True)
         lines = ",\n".join(f"    {json.dumps(name)}: {json.dumps(values, allow_nan=False)}" for name, values in plain.items())
-        head = json.dumps(about, allow_nan=False)[:-1]
-        write_text(path, f'{head},\n  "columns": {{\n{lines}\n  }}\n}}\n')
+        write_text(path, f'{head[:-1]},\n  "columns": {{\n{lines}\n  }}\n}}\n')
     else:
         with replacing(path) as beside, beside.open("wb") as file:
-            if kind == "npz":
-                arrays: dict[str, Any] = {"about": np.array(json.dumps(about, allow_nan=False)), **columns}
-                np.savez_compressed(file, **arrays)
-            else:
-                from scipy.io import savemat
-
-                # Texts as rows of a character matrix, filled up with spaces: cells of strings are slow to read.
-                filled = {name: np.char.add(columns[name], " ") if name in TEXTS else columns[name] for name in columns}
-                savemat(file, {"about": json.dumps(about, allow_nan=False), **filled}, do_compression=True, oned_as="column")
+            write_binary(dict(columns), kind, file, about=head, cells=False)
 
 
 def read_atlas(path: str | os.PathLike[str]) -> Atlas:
@@ -124,24 +118,6 @@ def _check(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> None:
     for name in NUMBERS:
         if not np.issubdtype(columns[name].dtype, np.number):
             raise ValueError(f"the column {name} holds what is no number")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _csv_text(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> str:
-    text = io.StringIO()
-    text.write(f"# {json.dumps(about, allow_nan=False)}\n")
-    writer = csv.writer(text, lineterminator="\n")
-    velocities = columns["velocities"]
-    writer.writerow([*COLUMNS, *(f"velocities.{k + 1}" for k in range(velocities.shape[1]))])
-    for i in range(len(velocities)):
-        cells = [columns[name][i].item() for name in COLUMNS] + velocities[i].tolist()
-        writer.writerow([("" if not math.isfinite(cell) else repr(cell)) if isinstance(cell, float) else cell for cell in cells])
-    return text.getvalue()
 
 
 def _from_csv(content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

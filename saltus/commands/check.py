@@ -6,7 +6,7 @@ import argparse
 
 from saltus import catalogue_arguments
 from saltus.errors import DONE, FAILED
-from saltus.files import STANDARD_OUTPUT, check_writable, write_data
+from saltus.files import check_writable
 
 __all__ = ["add_arguments", "run"]
 
@@ -23,7 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
         check_writable(arguments.json)
 
     from branches.catalogue import Catalogue
-    from saltus.catalogue_records import SCHEMA, json_text
+    from saltus.catalogue_records import tell
     from saltus.first_run import prepare
     from saltus.progress import ProgressBar
 
@@ -34,12 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         with ProgressBar(len(catalogue), "families") as bar:
             counts, failures = check(catalogue, bar.update)
-    if arguments.json != STANDARD_OUTPUT:
-        for failure in failures:
-            print(f"FAILS  {failure.where}: {failure.text}")
-        looked = ", ".join(f"{count} {name}" for name, count in counts.items())
-        print(f"{looked} looked at: " + (f"{len(failures)} failures" if failures else "all hold"))
-    if arguments.json is not None:
-        record = {"schema": SCHEMA, "counts": counts, "failures": [failure._asdict() for failure in failures]}
-        write_data(arguments.json, json_text(record))
+    looked = ", ".join(f"{count} {name}" for name, count in counts.items())
+    lines = [f"FAILS  {failure.where}: {failure.text}" for failure in failures]
+    lines.append(f"{looked} looked at: " + (f"{len(failures)} failures" if failures else "all hold"))
+    tell(arguments.json, lines, lambda: {"counts": counts, "failures": [failure._asdict() for failure in failures]})
     return FAILED if failures else DONE

@@ -14,7 +14,7 @@ from saltus.files import STANDARD_OUTPUT, check_writable, replacing, write_data
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-    from branches.catalogue.table_files import Table
+    from branches.export.table_files import Table
     from branches.orbit import Orbit
 
 __all__ = ["add_arguments", "run"]
@@ -66,14 +66,19 @@ def _format(arguments: argparse.Namespace) -> str:
     known = FORMATS[arguments.what]
     suffix = arguments.format if arguments.format is not None else Path(arguments.out).suffix.lstrip(".")
     if arguments.out == STANDARD_OUTPUT and arguments.format is None:
-        raise BadInput(f"which format for standard output? expected --format {' or '.join(dict.fromkeys(known.values()))}")
+        raise BadInput(f"which format for standard output? expected --format {' or '.join(_texts(known))}")
     kind = known.get(suffix.lower())
     if kind is None:
         listed = ", ".join(dict.fromkeys(known.values()))
         raise BadInput(f"unknown format {suffix!r} of {arguments.what}, expected one of {listed}{nearest(suffix, known)}")
     if arguments.out == STANDARD_OUTPUT and kind in ("npz", "mat"):
-        raise BadInput(f"{kind} cannot go to standard output: expected a file, or csv or json")
+        raise BadInput(f"{kind} cannot go to standard output: expected a file, or {' or '.join(_texts(known))}")
     return kind
+
+
+def _texts(known: dict[str, str]) -> list[str]:
+    """The formats that can go to standard output."""
+    return [kind for kind in dict.fromkeys(known.values()) if kind not in ("npz", "mat")]
 
 
 def _columns(arguments: argparse.Namespace) -> tuple[str, ...]:
@@ -124,7 +129,9 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
     if arguments.names:
         for name in arguments.names:
             match = catalogue.find(name)
-            if match.kind != "family" or "@" not in name:
+            if match.kind != "family":
+                raise BadInput(f"{match.id} is a {match.kind}, which has no orbit with impacts; expected the name of an impacting family")
+            if "@" not in name:
                 raise BadInput(f"which orbit of {name}? expected {name}@h=.. or @alpha=..")
             branch = catalogue.branch(match.id)
             assert match.h is not None and match.alpha is not None
@@ -144,7 +151,7 @@ def _distance_to(h: float, alpha: float) -> Callable[[Orbit], float]:
 
 
 def _write(arguments: argparse.Namespace, kind: str, table: Table, name: str) -> None:
-    from branches.catalogue.table_files import BINARY, table_text, write_binary
+    from branches.export.table_files import BINARY, table_text, write_binary
 
     if kind not in BINARY:
         write_data(arguments.out, table_text(table, kind, "samples" if arguments.samples else name))

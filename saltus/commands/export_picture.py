@@ -12,7 +12,9 @@ from saltus.errors import DONE, FAILED, BadInput, nearest, say
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_writable, replacing
 
 if TYPE_CHECKING:
+    from branches.branch import Branch
     from branches.diagram.atlas_data import Atlas, Bound
+    from saltus.scene import Scene
 
 __all__ = ["add_arguments", "run"]
 
@@ -81,14 +83,23 @@ def run(arguments: argparse.Namespace) -> int:
     return DONE
 
 
+def _require_system(scene: Scene, branch: Branch, path: str) -> None:
+    """Refuse a branch of another system than the one that was asked for."""
+    from branches.catalogue.scene import difference
+
+    told = difference(branch.system.describe(), scene.system.describe())
+    if told is not None:
+        raise BadInput(f"{path} belongs to another system: there {told}")
+
+
 def _atlas(arguments: argparse.Namespace) -> Atlas:
     from branches.diagram.atlas_data import atlas_of, regime_bounds, rescaled
 
     if arguments.data is not None:
         from branches.export import read_atlas
 
-        for option in ("impulsive", "regimes", "energy"):
-            if getattr(arguments, option):
+        for option in ("impulsive", "regimes", "energy", "scene", *scene_arguments.parameters(arguments)):
+            if getattr(arguments, option) not in (None, False):
                 raise BadInput(f"--{option} chooses what is in the data, and {arguments.data} holds them already; give it without --data")
         atlas = read_atlas(arguments.data)
         if (arguments.clearance, arguments.natural_frequency) == (1.0, 1.0):
@@ -100,6 +111,8 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     scene = scene_arguments.from_arguments(arguments)
     if arguments.branches:
         branches = [read_branch(path) for path in arguments.branches]
+        if arguments.scene is not None or scene_arguments.parameters(arguments):
+            _require_system(scene, branches[0], arguments.branches[0])
     else:
         with catalogue_arguments.from_arguments(arguments) as catalogue:
             branches = [catalogue.branch(row.id) for row in catalogue.families()]

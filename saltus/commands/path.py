@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments
 from saltus.errors import DONE, FAILED, say
-from saltus.files import STANDARD_OUTPUT, check_writable, write_data
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
@@ -25,21 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code: 1 where no chain exists."""
-    from saltus.catalogue_records import SCHEMA, json_text
+    from saltus.catalogue_records import tell
 
-    if arguments.json is not None:
-        check_writable(arguments.json)
-    with catalogue_arguments.from_arguments(arguments) as catalogue:
+    with catalogue_arguments.opened(arguments) as catalogue:
         first, last = catalogue.find(arguments.first).id, catalogue.find(arguments.last).id
         chain = _chain(catalogue, first, last)
-    if arguments.json != STANDARD_OUTPUT and chain is not None:
-        for line in _lines(*chain):
-            print(line)
-    if arguments.json is not None:
-        nodes, edges = chain or (None, None)
-        write_data(arguments.json, json_text({"schema": SCHEMA, "from": first, "to": last, "nodes": nodes, "edges": edges}))
-        if arguments.json != STANDARD_OUTPUT:
-            print(f"wrote  {arguments.json}")
+    nodes, edges = chain or (None, None)
+    tell(arguments.json, _lines(*chain) if chain else [], lambda: {"from": first, "to": last, "nodes": nodes, "edges": edges})
     if chain is None:
         say(f"no chain of events joins {arguments.first} and {arguments.last} in this catalogue")
         return FAILED

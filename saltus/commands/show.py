@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments
 from saltus.errors import DONE, BadInput
-from saltus.files import STANDARD_OUTPUT, check_picture, check_writable, replacing, write_data
+from saltus.files import STANDARD_OUTPUT, check_picture, replacing
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge, FamilyRow
@@ -27,23 +27,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    if arguments.json is not None:
-        check_writable(arguments.json)
+    from saltus.catalogue_records import tell
+
     if arguments.orbit is not None:
         check_picture(arguments.orbit)
     words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
-    with catalogue_arguments.from_arguments(arguments) as catalogue:
+    with catalogue_arguments.opened(arguments) as catalogue:
         match = catalogue.find(arguments.name)
         record = _record(catalogue, match)
-        if arguments.json != STANDARD_OUTPUT:
-            for line in _lines(catalogue, match, record):
-                print(line)
-        if arguments.json is not None:
-            from saltus.catalogue_records import json_text
-
-            write_data(arguments.json, json_text(record))
-            if arguments.json != STANDARD_OUTPUT:
-                print(f"wrote  {arguments.json}")
+        tell(arguments.json, _lines(catalogue, match, record), lambda: record)
         if arguments.orbit is not None:
             _draw(catalogue, match, arguments.orbit)
             print(f"wrote  {arguments.orbit}", file=words)
@@ -52,14 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _record(catalogue: Catalogue, match: Match) -> dict[str, Any]:
     """All that there is to say, as plain data."""
-    from saltus.catalogue_records import SCHEMA, event_record, family_record, node_record
+    from saltus.catalogue_records import event_record, family_record, node_record
 
     neighbours = [_neighbour(catalogue, edge, match.id) for edge in catalogue.edges(match.id)]
     if match.kind != "family":
-        return {"schema": SCHEMA, "node": node_record(catalogue, match.id), "neighbours": neighbours}
+        return {"node": node_record(catalogue, match.id), "neighbours": neighbours}
     row = catalogue.family(match.id)
     events = [event_record(event) for event in catalogue.events(row.id)]
-    return {"schema": SCHEMA, "family": family_record(row), "model": _model(catalogue, row), "events": events, "neighbours": neighbours}
+    return {"family": family_record(row), "model": _model(catalogue, row), "events": events, "neighbours": neighbours}
 
 
 def _model(catalogue: Catalogue, row: FamilyRow) -> list[str]:

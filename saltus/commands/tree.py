@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from saltus import catalogue_arguments
 from saltus.arguments import whole_above_zero
 from saltus.errors import DONE
-from saltus.files import STANDARD_OUTPUT, check_writable, write_data
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge
@@ -38,22 +37,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    from saltus.catalogue_records import SCHEMA, json_text
+    from saltus.catalogue_records import tell
     from saltus.listing import width_of
 
-    if arguments.json is not None:
-        check_writable(arguments.json)
-    with catalogue_arguments.from_arguments(arguments) as catalogue:
+    with catalogue_arguments.opened(arguments) as catalogue:
         root = catalogue.find(arguments.name).id
         tree = _Tree(catalogue, root, arguments.depth)
-    if arguments.json != STANDARD_OUTPUT:
-        width = width_of(sys.stdout)
-        for line in tree.lines():
-            print(line if width is None or len(line) <= width else line[: width - 1] + "…")
-    if arguments.json is not None:
-        write_data(arguments.json, json_text({"schema": SCHEMA, "depth": arguments.depth, "tree": tree.record(root)}))
-        if arguments.json != STANDARD_OUTPUT:
-            print(f"wrote  {arguments.json}")
+    width = width_of(sys.stdout)
+    lines = (line if width is None or len(line) <= width else line[: width - 1] + "…" for line in tree.lines())
+    tell(arguments.json, lines, lambda: {"depth": arguments.depth, "tree": tree.record(root)})
     return DONE
 
 

@@ -142,7 +142,8 @@ def test_check_tells_what_fails(catalogue, capsys, tmp_path):
         orbit = EventOrbit(("origin", "rest"), "", linear_mode(0.2).start, linear_mode(0.2).flight_times)
         filled.connect(Edge("L11+", "", "GR", "fold", before.id, 0.1, 1.84, "GR1", source_orbit=orbit, target_orbit=None))
     code, out, _ = run(capsys, "check", path, "--json", tmp_path / "check.json")
-    assert code == 1 and "h = 0.2" in out and out.splitlines()[-1].endswith("failures")
+    *_, last, wrote = out.splitlines()
+    assert code == 1 and "h = 0.2" in out and last.endswith("failures") and wrote == f"wrote  {tmp_path / 'check.json'}"
     assert len(json.loads((tmp_path / "check.json").read_text())["failures"]) == out.count("FAILS")
 
 

@@ -58,6 +58,7 @@ def test_regimes_and_impulsive_motions(folder):
     [
         ("export fap --out a.png --branches 0.json", ["'fap'", "fep"]),
         ("export fep --out a.jpg --branches 0.json", ["jpg", "png"]),
+        ("export fep --out a.png --branches {folder}/0.json --mu 0.2", ["0.json belongs to another system", "mu is 0.1, not 0.2"]),
         ("export fep --out - --branches 0.json", ["'-'"]),
         ("export fep --branches 0.json", ["--out"]),
         ("export fep --out a.png", ["there is no catalogue", "saltus continue NAME --save"]),

@@ -4,6 +4,7 @@ import errno
 import os
 import stat
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -106,6 +107,14 @@ def test_missing_permission_is_refused(tmp_path, monkeypatch):
     else:
         tmp_path.chmod(0o500)
     with pytest.raises(BadInput, match="permission is denied"):
+        check_writable(str(tmp_path / "a.json"))
+
+
+def test_a_read_only_file_system_is_named(tmp_path, monkeypatch):
+    """Oracle: its flag, as the operating system tells it (by a stand-in, as mounting needs privileges)."""
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    monkeypatch.setattr(os, "statvfs", lambda path: SimpleNamespace(f_flag=os.ST_RDONLY | os.ST_NOSUID))
+    with pytest.raises(BadInput, match=r"cannot write .*a\.json: the file system is read-only"):
         check_writable(str(tmp_path / "a.json"))
 
 

@@ -61,6 +61,24 @@ def test_a_worker_packs_what_the_writer_keeps(path, tmp_path):
     assert dumps[0] == dumps[1]
 
 
+def test_every_field_of_an_event_survives(path):
+    """Oracle: the events that were added, field by field, among them impulsive orbits; one with every field set, and one
+    without any that may be missing."""
+    from branches.catalogue.events import event_values, read_event
+    from branches.events import BranchEvent
+
+    with saltus.Catalogue(path) as catalogue:
+        kept = [(event, back) for branch in real() for event, back in zip(branch.events, catalogue.events(branch.id), strict=True)]
+    assert {"IO", "GR", "SB", "EP"} <= {back.type for _, back in kept}
+    located = ("located", (2.4, 2.6), 1e-13)
+    full = BranchEvent("RT2", "RT", 7, -3, 0.5, 1.7, 2.5, *located, "S13O00+", "+", [1, 5], "half", "a note", False, 1.0)
+    bare = full._replace(stop=None, p_q=None, breaks=None, note=None, stable=None, multiplier=None)
+    for event, back in (*kept, (full, read_event(event_values(full))), (bare, read_event(event_values(bare)))):
+        for name, value in event._asdict().items():
+            assert getattr(back, name) == value or value != value, name
+        assert isinstance(back.bracket, tuple) and (back.stable is None or isinstance(back.stable, bool))
+
+
 def test_odd_numbers_survive(tmp_path):
     """Oracle: the bits: a negative zero, an infinity, a NaN, the smallest number, and a column that nothing else gives."""
     branch = real()[0]

@@ -1,7 +1,8 @@
-"""Tables of many families as files: CSV, JSON, NPZ, MAT.
+"""Tables as files: CSV, JSON, NPZ, MAT.
 
 A table is a dict of columns of equal length: arrays (N,), arrays (N, k), or lists of N arrays of any lengths. What has no finite value is
-an empty cell, null, or NaN. ``stable`` is 1, 0 or -1 (undecided) in NPZ and MAT; true, false or empty in CSV and JSON.
+an empty cell, null, or NaN. ``stable`` is 1, 0 or -1 (undecided) in NPZ and MAT; true, false or empty in CSV and JSON, but where codes are
+asked for.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import IO, Any
 
 import numpy as np
 
-__all__ = ["BINARY", "TABLE_FORMATS", "Table", "table_text", "write_binary"]
+__all__ = ["BINARY", "TABLE_FORMATS", "Table", "csv_text", "plain_columns", "table_text", "write_binary"]
 
 TABLE_FORMATS = ("csv", "json", "npz", "mat")
 
@@ -35,20 +36,34 @@ def table_text(table: Table, format: str, name: str) -> str:
     name : str
         Of the list of rows in JSON.
     """
-    columns = {key: [_plain(value, key) for value in values] for key, values in table.items()}
+    if format == "csv":
+        return csv_text(table)
+    columns = plain_columns(table)
     count = len(next(iter(columns.values()))) if columns else 0
-    if format == "json":
-        rows = [json.dumps({key: values[i] for key, values in columns.items()}, allow_nan=False) for i in range(count)]
-        listed = "[\n    " + ",\n    ".join(rows) + "\n  ]" if rows else "[]"
-        return f'{{\n  "schema": 1,\n  {json.dumps(name)}: {listed}\n}}\n'
+    rows = [json.dumps({key: values[i] for key, values in columns.items()}, allow_nan=False) for i in range(count)]
+    listed = "[\n    " + ",\n    ".join(rows) + "\n  ]" if rows else "[]"
+    return f'{{\n  "schema": 1,\n  {json.dumps(name)}: {listed}\n}}\n'
+
+
+def csv_text(table: Table, *, codes: bool = False) -> str:
+    """CSV text of a table: a line of names, a line for each row; `codes` leaves ``stable`` as 1, 0, -1."""
     titled: dict[str, list[str]] = {}
-    for key, values in columns.items():
+    for key, values in plain_columns(table, codes=codes).items():
         titled |= _cells(key, values, table[key])
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(titled)
     writer.writerows(zip(*titled.values(), strict=True))
     return text.getvalue()
+
+
+def plain_columns(table: Table, *, codes: bool = False) -> dict[str, list[Any]]:
+    """The columns as JSON has them: None for what is not finite, [re, im] for a complex number."""
+    return {key: [_plain(value, "" if codes else key) for value in _listed(values)] for key, values in table.items()}
+
+
+def _listed(values: np.ndarray | list[np.ndarray]) -> list[Any]:
+    return [value.tolist() for value in values] if isinstance(values, list) else values.tolist()
 
 
 def _cells(name: str, values: list[Any], column: np.ndarray | list[np.ndarray]) -> dict[str, list[str]]:
@@ -64,13 +79,14 @@ def _cells(name: str, values: list[Any], column: np.ndarray | list[np.ndarray]) 
     return {f"{name}.{part}": [_cell(pair[k]) for pair in pairs] for k, part in enumerate(("re", "im"))}
 
 
-def write_binary(table: Table, format: str, file: IO[bytes]) -> None:
+def write_binary(table: Table, format: str, file: IO[bytes], *, about: str | None = None, cells: bool = True) -> None:
     """Write NPZ or MAT.
 
     In NPZ a list of arrays is one flat array and `name_offsets` (N + 1,), where each begins; in MAT, where texts and lists of arrays are
-    cells, the variables are named as the columns, dots become underscores.
+    cells, the variables are named as the columns, dots become underscores. `about` is a text of its own. Without `cells`, texts in MAT are
+    rows of a character matrix, filled up with spaces: cells of many texts are slow to read.
     """
-    arrays: dict[str, Any] = {}
+    arrays: dict[str, Any] = {} if about is None else {"about": np.array(about) if format == "npz" else about}
     if format == "npz":
         for name, values in table.items():
             if isinstance(values, list):
@@ -83,7 +99,9 @@ def write_binary(table: Table, format: str, file: IO[bytes]) -> None:
     from scipy.io import savemat
 
     for name, values in table.items():
-        if isinstance(values, list) or values.dtype.kind == "U":
+        if not cells and not isinstance(values, list) and values.dtype.kind == "U":
+            values = np.char.add(values, " ")
+        elif isinstance(values, list) or values.dtype.kind == "U":
             cell = np.empty((len(values), 1), dtype=object)
             for i, value in enumerate(values):
                 cell[i, 0] = str(value) if isinstance(value, str) else value
@@ -91,24 +109,18 @@ def write_binary(table: Table, format: str, file: IO[bytes]) -> None:
         elif values.ndim == 1:
             values = values[:, None]
         arrays[name.replace(".", "_")] = values
-    savemat(file, arrays, do_compression=True, long_field_names=True)
+    savemat(file, arrays, do_compression=True, long_field_names=True, oned_as="column")
 
 
 def _plain(value: Any, name: str) -> Any:
     """A value as JSON has it."""
-    if isinstance(value, np.ndarray):
+    if isinstance(value, list):
         return [_plain(entry, name) for entry in value]
-    if isinstance(value, np.str_ | str):
-        return str(value)
     if name == "stable":
         return None if value < 0 else bool(value)
-    if isinstance(value, np.bool_ | bool):
-        return bool(value)
-    if isinstance(value, np.integer | int):
-        return int(value)
-    if isinstance(value, np.complexfloating | complex):
-        return [float(value.real), float(value.imag)] if np.isfinite(value) else None
-    return float(value) if math.isfinite(value) else None
+    if isinstance(value, complex):
+        return [value.real, value.imag] if math.isfinite(value.real) and math.isfinite(value.imag) else None
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _cell(value: Any) -> str:
