@@ -134,7 +134,7 @@ def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Stretc
         yield from closed_presentations(problem, y)
         return
     own = stretch_of(problem, y)
-    for stretch in (own, run_backwards(problem.system, own)):
+    for stretch in (own, run_backwards(problem.system, own, problem)):
         yield stretch
         if problem.system.has_odd_symmetry:
             yield stretch.mirrored()

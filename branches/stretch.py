@@ -95,9 +95,11 @@ def closed_stretch(cycle: Cycle, turns: int = 1, first: int = 0, backwards: bool
     return Stretch(PERIODIC, word, nodes[0], nodes[1:], np.tile(np.roll(duration, -first), turns))
 
 
-def run_backwards(system: ImpactSystem, stretch: Stretch) -> Stretch:
-    """A stretch between two reversals run from its last end to its first: what follows the last end, up to the reversal there."""
-    problem = MultipointProblem(system, stretch.ends, stretch.word)
+def run_backwards(system: ImpactSystem, stretch: Stretch, problem: MultipointProblem | None = None) -> Stretch:
+    """A stretch between two reversals run from its last end to its first: what follows the last end, up to the reversal there.
+    `problem`, where it is at hand, is that with the stretch's ends and word."""
+    if problem is None:
+        problem = MultipointProblem(system, stretch.ends, stretch.word)
     flip = np.repeat([1.0, -1.0], problem.half)
     arrivals = problem.end_states(stretch.unknowns(problem)) * flip
     ends = (stretch.ends[1], stretch.ends[0])

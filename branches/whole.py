@@ -14,18 +14,20 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from branches.family import SETTINGS, Family
 from branches.identity import Mark, canonical_orbit, digests, mark_of, symmetries
+from branches.passing import longest
 from branches.words import canonical, join_family_id
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.ends import EndReason
 from continuation.problem import Marched, Step, Test
-from continuation.run import trace
+from continuation.run import Run, trace
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -244,13 +246,8 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     """
     family = _Ends(problem, window)
     run = trace(family, y, SETTINGS)  # as branches are followed, so that both see the same ends
-    if run.points and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends):
-        # Beside a branch point the corrector can fail; steps that come from afar pass over it.
-        length = run.points[-1].arclength
-        middle = min(run.points, key=lambda point: abs(point.arclength - 0.5 * length))
-        again = trace(family, middle.y, SETTINGS)
-        if again.points and again.points[-1].arclength > length:
-            run = again
+    if run.points:
+        run = longest(run, partial(_again, family), _is_stuck, lambda run: run.points[-1].arclength if run.points else 0.0)
     if not run.points:
         return _Curve(np.array([problem.energy(y)]), np.array([problem.quarter_period(y)]), [], [], [y], False, 0)
     grazing: list[np.ndarray] = []
@@ -263,6 +260,16 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     h = np.array([point.parameter for point in run.points])
     alpha = np.array([problem.quarter_period(point.y) for point in run.points])
     return _Curve(h, alpha, grazing, folds, cuts, run.closed, run.start)
+
+
+def _is_stuck(run: Run) -> bool:
+    return any(end.reason is EndReason.MINIMUM_STEP for end in run.ends)
+
+
+def _again(family: _Ends, run: Run, part: float) -> Run:
+    """A run from the point at a part of another one."""
+    at = part * run.points[-1].arclength
+    return trace(family, min(run.points, key=lambda point: abs(point.arclength - at)).y, SETTINGS)
 
 
 def _marks(family: _Ends, curve: _Curve) -> tuple[Mark, ...]:

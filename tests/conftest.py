@@ -1,11 +1,27 @@
-"""Settings of the whole test suite: no timed property tests, no window for pictures."""
+"""Settings of the whole test suite: no timed property tests, no window for pictures; and the small scene that many tests read."""
 
 import os
 
 import hypothesis
+import pytest
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 # The first call of a compiled kernel takes seconds and later ones microseconds, so no example is timed.
 hypothesis.settings.register_profile("saltus", deadline=None, print_blob=True)
 hypothesis.settings.load_profile("saltus")
+
+
+@pytest.fixture(scope="session")
+def small_scene(tmp_path_factory):
+    """The reference scene up to quarter period 3 and 6 impacts in half a period, built once: its path and the report of the build."""
+    import saltus
+    from branches.building.bounds import Bounds, Plan
+    from branches.building.build import build
+    from branches.catalogue import Catalogue
+    from saltus.executors import open_executor
+
+    path = tmp_path_factory.mktemp("scene") / "small.sqlite"
+    with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
+        report = build(catalogue, Plan.within(Bounds((0.05, 100.0), 3.0, 6)), executor, workers)
+    return path, report

@@ -90,6 +90,10 @@ class Plan:
     pins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     generations: int = GENERATIONS
 
+    def __post_init__(self) -> None:
+        # Seeds carry their plan to other processes, so it is plain data.
+        object.__setattr__(self, "pins", {name: dict(pin) for name, pin in self.pins.items()})
+
     @classmethod
     def within(cls, bounds: Bounds) -> Plan:
         """Everything inside the bounds, and no names."""
@@ -101,6 +105,6 @@ class Plan:
             "bounds": self.bounds.plain(),
             "named": self.named.plain(),
             "names": list(self.names),
-            "pins": {name: dict(pin) for name, pin in self.pins.items()},
+            "pins": dict(self.pins),
             "generations": self.generations,
         }

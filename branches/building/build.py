@@ -43,6 +43,9 @@ COARSE = 0.5
 LEVELS = 8
 """Levels at most."""
 
+GAPS = 4.0
+"""Steps of the last level that may lie between energies at which searches settled: of those where some did not, few are in a row."""
+
 AHEAD = 6
 """Seeds that are worked on or wait for a worker, for each worker."""
 
@@ -92,8 +95,9 @@ def build(
     -------
     dict
         ``families``, ``points``, ``events``, ``edges``, ``levels`` (energies searched and families new at each), ``settled`` (whether the
-        last level found nothing new and its searches settled), ``unsettled`` (energies at which a search did not settle), ``beyond``
-        (neighbours outside the limits), ``failed`` (what could not be done, in words).
+        last level found nothing new, and no more than `GAPS` of its steps lie between energies at which searches settled), ``unsettled``
+        (energies at which a search did not), ``beyond`` (neighbours outside the limits), ``halves`` (families of which one side of a branch
+        point was followed, the other being its image), ``failed`` (what could not be done, in words).
 
     Raises
     ------
@@ -142,7 +146,7 @@ class _Build:
         self.images: dict[str, tuple[Stretch, ...]] = {}
         self.last: list[tuple[str, Seed]] = []
         self.points = self.events = 0
-        self.told: dict[str, Any] = {"beyond": 0, "failed": [], "unsettled": [], "levels": []}
+        self.told: dict[str, Any] = {"beyond": 0, "failed": [], "halves": 0, "unsettled": [], "levels": []}
         description = json.dumps(self.system.describe(), sort_keys=True)
         self.frontier: Frontier[tuple[str, Seed], Answer] = Frontier(
             executor, partial(_named, description), self._is_known, lambda item: item[0], AHEAD * workers
@@ -166,7 +170,7 @@ class _Build:
         self._connect_last()
         report = {
             "families": len(self.known), "points": self.points, "events": self.events, "edges": len(self.catalogue.edges()),
-            "settled": levels[-1]["new"] == 0 and not self.told["unsettled"], **self.told,
+            "settled": levels[-1]["new"] == 0 and self._gap(len(levels)) <= GAPS, **self.told,
         }  # fmt: skip
         self.catalogue.note("built", report)
         return report
@@ -182,6 +186,14 @@ class _Build:
             fine = count * 2 ** (level - 1)
             parts = np.arange(1, fine) / fine if level == 1 else (np.arange(fine) + 0.5) / fine
         return [float(energy) for energy in np.exp(low + parts * (high - low))]
+
+    def _gap(self, levels: int) -> float:
+        """The largest distance between energies at which searches settled, in steps of the last level."""
+        energies = np.sort([energy for level in range(levels) for energy in self._energies(level)])
+        settled = np.log(energies[~np.isin(energies, self.told["unsettled"])])
+        low, high = np.log(self.plan.bounds.energy)
+        step = (high - low) / (max(2, math.ceil((high - low) / COARSE)) * 2 ** (levels - 1))
+        return float(np.max(np.diff([low, *settled, high]))) / step
 
     # -- where it starts ------------------------------------------------------------------------------------------------------
 
@@ -310,8 +322,9 @@ class _Build:
             assert place is not None
             self._connect(seed.link, place.id)
             return
-        if answer.beyond or answer.failed or answer.unsettled:
+        if answer.beyond or answer.failed or answer.halves or answer.unsettled:
             self.told["beyond"] += answer.beyond
+            self.told["halves"] += answer.halves
             self.told["failed"] += answer.failed
             self.told["unsettled"] += answer.unsettled
             self._note()

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from branches.branch import Branch, BranchEvent
 from branches.building.bounds import Bounds, Plan
 from branches.catalogue.closures import kept_orbit, orbit_of_event, presented, unknowns_of
@@ -23,14 +25,13 @@ from branches.grazing.touching import touching
 from branches.identity import first_of, presentations, segment_images, with_canonical_word
 from branches.linear_modes import beginnings, linear_modes
 from branches.name_search import Limits
+from branches.passing import is_half, longest
 from branches.switching import TYPES, births
 from branches.tracing import follow_family
 from branches.words import PERIODIC, impacts_per_period, parse_word
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from branches.stretch import Stretch
     from bvp.system import ImpactSystem
 
@@ -105,7 +106,8 @@ class Answer(NamedTuple):
 
     seeds: what is to be done next. branch: the family that was followed, with its `whole` known. packed: its rows for the catalogue.
     ends: links without a family on the other side, with the reason as their note. beyond: how many neighbours lie outside the limits.
-    failed: what could not be done, in words. unsettled: energies at which the search did not settle.
+    failed: what could not be done, in words. halves: 1 for a family of which one side of a branch point was followed, where the other is
+    its image (`branches.passing.is_half`). unsettled: energies at which the search did not settle.
     """
 
     seeds: tuple[Seed, ...]
@@ -114,7 +116,13 @@ class Answer(NamedTuple):
     ends: tuple[Link, ...] = ()
     beyond: int = 0
     failed: tuple[str, ...] = ()
+    halves: int = 0
     unsettled: tuple[float, ...] = ()
+
+
+BESIDE = (0.0, 3e-4, -3e-4)
+"""Where else energies are searched, relatively, while a search does not settle: near an energy at which a family grazes, starts that are
+neighbours in floating point part."""
 
 
 @lru_cache(maxsize=4)
@@ -149,10 +157,16 @@ def work(description: str, seed: Seed) -> Answer:
 
 def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
     bounds = plan.bounds
-    found = discover(system, energy, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
-    # What is found is primitive, and between its own reversals.
-    images = [with_canonical_word(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
-    seeds = [_seed_of(system, some, plan) for some in images]
+    seeds = []
+    for place in BESIDE:
+        found = discover(
+            system, energy * (1.0 + place), quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system)
+        )
+        # What is found is primitive, and between its own reversals.
+        images = [with_canonical_word(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
+        seeds += [_seed_of(system, some, plan) for some in images]
+        if found.settled:
+            break
     return Answer(tuple(seeds), unsettled=() if found.settled else (energy,))
 
 
@@ -215,10 +229,10 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
     problem = MultipointProblem(system, orbit.ends, parse_word(orbit.word))
     y = unknowns_of(problem, orbit)
     try:
-        branch = follow_family(problem, y, energy=bounds.energy, quarter_period=bounds.quarter_period)
+        branch = _followed(problem, y, bounds.energy, bounds.quarter_period)
         wider = branch.whole.reach(bounds.energy, bounds.quarter_period)
         if wider is not None:
-            branch = follow_family(problem, y, energy=wider[0], quarter_period=wider[1])
+            branch = _followed(problem, y, *wider)
     except (RuntimeError, NotConverged) as error:
         return Answer((), failed=(f"{'-'.join(orbit.ends)}:{orbit.word}: {error}",))
     seeds: list[Seed] = []
@@ -241,8 +255,26 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
         seeds += some
         ends += dead
         beyond += over
-    failed = tuple(f"{branch.id}: {end.reason}: {end.text}" for end in branch.ended if end.reason not in ("EVENT", "CLOSED"))
-    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed)
+    cut = [(i, end) for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED")]
+    halves = any(is_half(branch, i) for i, _ in cut)
+    failed = () if halves else tuple(f"{branch.id}: {end.reason}: {end.text}" for _, end in cut)
+    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, halves=int(halves))
+
+
+def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, float], quarter_period: float) -> Branch:
+    """The family of an orbit, both ways."""
+
+    def again(branch: Branch, part: float) -> Branch:
+        length = branch.points["arclength"]
+        place = int(np.argmin(np.abs(length - part * length[-1])))
+        return follow_family(problem, branch.unknowns(place), energy=energy, quarter_period=quarter_period)
+
+    first = follow_family(problem, y, energy=energy, quarter_period=quarter_period)
+    return longest(first, again, _is_stuck, lambda branch: float(branch.points["arclength"][-1]))
+
+
+def _is_stuck(branch: Branch) -> bool:
+    return any(end.reason == "MINIMUM_STEP" for end in branch.ended)
 
 
 def _grazing(branch: Branch, event: BranchEvent, source: Seed) -> Seed:
@@ -266,7 +298,7 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
         beyond += not inside
         return inside
 
-    found = meetings_at(problem, unknowns_of(problem, orbit), source.value.rising, accept=accept)
+    found = meetings_at(problem, unknowns_of(problem, orbit), source.value.rising, accept=accept, energy=source.bounds.energy)
     for item in found:
         link = replace(template, kind=item.kind, note=item.reason or None)
         if item.beside is not None:
@@ -275,6 +307,8 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
             seeds.append(_reached(seed, link, source, item.there.problem, item.there.y))
         elif item.kind == "linear mode":
             dead.append(replace(link, target=item.label or None))
+        elif item.kind != "dead end":
+            beyond += 1
     if not seeds and not beyond and not dead:
         reasons = "; ".join(dict.fromkeys(item.reason for item in found if item.reason)) or "no other word fits"
         dead.append(replace(template, kind="dead end", note=reasons))

@@ -68,7 +68,7 @@ class _Curve:
             if here <= ON:
                 if np.allclose(columns["flight_times"][j], times, rtol=0.0, atol=10.0 * ON * longest):
                     return float(columns["arclength"][j])
-                continue
+                # Where the flight times change fast along the family, points this near are told apart by the correction.
             found = self._corrected(int(i), j, position)
             if found is not None and np.allclose(found, times, rtol=0.0, atol=10.0 * ON * longest):
                 return float(columns["arclength"][i] + along[i] * (columns["arclength"][i + 1] - columns["arclength"][i]))

@@ -178,7 +178,13 @@ def meetings(
 
 
 def meetings_at(
-    problem: MultipointProblem, y: np.ndarray, rising: bool, *, turns: int = 1, accept: Callable[[float, int], bool] | None = None
+    problem: MultipointProblem,
+    y: np.ndarray,
+    rising: bool,
+    *,
+    turns: int = 1,
+    accept: Callable[[float, int], bool] | None = None,
+    energy: tuple[float, float] = (0.0, np.inf),
 ) -> list[Neighbour]:
     """`meetings` of the grazing orbit y of a problem, without `here`.
 
@@ -190,6 +196,8 @@ def meetings_at(
         Whether the family that it was reached on leaves it upward in energy.
     turns, accept
         As for `meetings`.
+    energy : (float, float)
+        Where the orbits `beside` the grazing one are; what leaves it beyond has none.
     """
     try:
         swapped = merged(problem, y)
@@ -197,7 +205,7 @@ def meetings_at(
         return [Neighbour("dead end", (), "", "", problem.energy(y), problem.quarter_period(y), (), 0, 1, str(error))]
     if swapped is not None:
         other, start, stops = swapped
-        return [_meet(other, start, stops, impacts_per_period(other.word, other.ends), 1, rising)]
+        return [_meet(other, start, stops, impacts_per_period(other.word, other.ends), 1, rising, energy)]
     orbit = touching(problem, y)
     if not orbit.hard:
         return [_linear(orbit)]
@@ -209,11 +217,11 @@ def meetings_at(
             continue
         choice = candidate(orbit, mask)
         if accept is None or not choice.impacts or accept(0.25 * orbit.period / choice.turns, choice.impacts):
-            found.append(meet(orbit, choice, rising))
+            found.append(meet(orbit, choice, rising, energy))
     return sorted(found, key=lambda item: (item.beside is None, item.turns, item.ends, item.word))
 
 
-def meet(orbit: Touching, choice: Candidate, rising: bool) -> Neighbour:
+def meet(orbit: Touching, choice: Candidate, rising: bool, energy: tuple[float, float] = (0.0, np.inf)) -> Neighbour:
     """The family of a candidate at a grazing orbit, not followed yet.
 
     Parameters
@@ -222,15 +230,25 @@ def meet(orbit: Touching, choice: Candidate, rising: bool) -> Neighbour:
     choice : Candidate
     rising : bool
         Whether the family that it is reached from leaves the grazing orbit upward in energy.
+    energy : (float, float)
+        As for `meetings_at`.
     """
     if not choice.impacts:
         return _linear(orbit)
     problem = choice.problem(orbit)
     y = problem.pack(choice.start, choice.nodes, choice.times)
-    return _meet(problem, y, orbit.stops, choice.impacts, choice.turns, rising)
+    return _meet(problem, y, orbit.stops, choice.impacts, choice.turns, rising, energy)
 
 
-def _meet(problem: MultipointProblem, y: np.ndarray, stops: tuple[str, ...], impacts: int, turns: int, rising: bool) -> Neighbour:
+def _meet(
+    problem: MultipointProblem,
+    y: np.ndarray,
+    stops: tuple[str, ...],
+    impacts: int,
+    turns: int,
+    rising: bool,
+    energy: tuple[float, float],
+) -> Neighbour:
     """Solve a problem at the grazing orbit y, and look for its admissible sides."""
 
     def neighbour(kind: str, **more: Any) -> Neighbour:
@@ -248,7 +266,8 @@ def _meet(problem: MultipointProblem, y: np.ndarray, stops: tuple[str, ...], imp
         steps = _first(family, y, direction, sides)
         if steps:
             kind = "fold" if (steps[0].parameter > problem.energy(y)) == rising else "passage"
-            return neighbour(kind, there=there, beside=Closure(problem, steps[-1].y, steps[-1].extra["residual"]))
+            inside = [Closure(problem, step.y, step.extra["residual"]) for step in steps if energy[0] <= step.parameter <= energy[1]]
+            return neighbour(kind, there=there, beside=inside[-1] if inside else None)
     return neighbour("dead end", reason="; ".join(dict.fromkeys(sides)), there=there)
 
 

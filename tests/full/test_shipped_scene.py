@@ -1,0 +1,77 @@
+"""The reference scene, built whole as it ships. Takes minutes, and is run apart: `python -m pytest tests/full`."""
+
+import json
+
+import numpy as np
+import pytest
+
+import saltus
+from branches.building.work import ends_of
+from branches.catalogue import Catalogue
+from branches.catalogue.check import check
+from branches.discovery.search import discover
+from saltus.__main__ import main
+from tests.branches.building.agreement import Families
+
+SCENE = saltus.load_scene()
+COMPLETE = SCENE.complete
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The catalogue's path and the report of its build."""
+    folder = tmp_path_factory.mktemp("shipped")
+    code = main(["build", "--workers", "2", "--catalogue", str(folder / "lee2009.sqlite"), "--json", str(folder / "report.json")])
+    return folder / "lee2009.sqlite", json.loads((folder / "report.json").read_text()), code
+
+
+def test_it_is_settled_and_nothing_failed(built):
+    """Oracle: the build's own account of what it could not do."""
+    _, report, code = built
+    assert report["failed"] == [] and code == 0
+    assert report["unsettled"] == [] and report["settled"]
+    assert report["levels"][-1]["new"] == 0
+
+
+def test_every_point_and_edge_holds(built):
+    """Oracle: residual below 1e-12, the bound of admissibility, constant energy; each edge's orbit solves both problems to 1e-10."""
+    with Catalogue(built[0]) as catalogue:
+        counts, failures = check(catalogue)
+    assert failures == []
+    assert counts["families"] > 1000 and counts["edges"] > 2000
+
+
+def test_stability_is_decided_for_nine_tenths_of_the_points(built):
+    """Oracle: a count."""
+    with Catalogue(built[0]) as catalogue:
+        stable = np.concatenate([catalogue.points(row.id)["stable"] for row in catalogue.families()])
+    assert np.mean(stable >= 0) > 0.9
+
+
+@pytest.fixture(scope="module")
+def families(built):
+    return Families(built[0])
+
+
+@pytest.mark.parametrize("energy", [0.0777, 0.613, 4.21, 17.9, 58.3])
+def test_orbits_and_families_agree_one_to_one(families, energy):
+    """Oracle: discovery at energies that the build did not search, with every kind of ends, against the families that cross them."""
+    quarter_period, impacts = COMPLETE["quarter_period"], COMPLETE["impacts"]
+    found = discover(SCENE.system, energy, ends=ends_of(SCENE.system), quarter_period=quarter_period, impacts=impacts)
+    assert found.settled and families.differences(found, quarter_period, impacts) == ([], [], [])
+
+
+@pytest.mark.parametrize("name", SCENE.pins)
+def test_the_named_families_are_there(built, name):
+    """Oracle: the cited point of the scene lies on the family that the name stands for."""
+    pin = SCENE.pins[name]
+    with Catalogue(built[0]) as catalogue:
+        branch = catalogue.branch(catalogue.find(name).id)
+    assert min(abs(orbit.alpha / pin["alpha"] - 1.0) for orbit in branch.orbits_at(energy=pin["h"])) < 1e-3
+
+
+def test_a_second_build_has_nothing_to_do(built, capsys):
+    """Oracle: the families of the first one."""
+    before = len(Catalogue(built[0]))
+    assert main(["build", "--catalogue", str(built[0])]) == 0
+    assert f"{before} families" in capsys.readouterr().out
