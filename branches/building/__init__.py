@@ -1,4 +1,5 @@
 """Building the graph of all families of a system: seeds are followed, what is found gives new seeds, until none is left.
 
-`frontier` is the queue of work on executors, `work` what is done for one seed, `build` the whole.
+`bounds` says how far to go, `levels` at which energies to search, `seeds` what there is to do, `work` does it for one seed, `frontier` is
+the queue of work on executors, `grazings` which grazing orbits are unfolded already, `build` the whole.
 """

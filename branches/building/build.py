@@ -19,8 +19,9 @@ import numpy as np
 from branches.building.bounds import Plan
 from branches.building.frontier import Frontier
 from branches.building.grazings import KnownGrazings
-from branches.building.seeds import plain_seed, read_seed
-from branches.building.work import Answer, Link, Seed, work
+from branches.building.levels import energies_of, largest_gap
+from branches.building.seeds import Answer, Link, Seed, plain_seed, read_seed
+from branches.building.work import work
 from branches.catalogue.closures import event_orbit, unknowns_of
 from branches.catalogue.errors import CatalogueError
 from branches.catalogue.known import KnownFamilies, Place
@@ -37,9 +38,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Progress", "build", "refuse_other_plan"]
 
-COARSE = 0.5
-"""Step in log h of the first energies searched; halved until a whole level finds no new family."""
-
 LEVELS = 8
 """Levels at most."""
 
@@ -50,9 +48,6 @@ AHEAD = 6
 """Seeds that are worked on or wait for a worker, for each worker."""
 
 _SAME = 1e-6
-
-_INSIDE = 1e-6
-"""Part of the range of log h by which the outermost energies are inside the bounds."""
 
 _UNFOLDED = "unfolded "
 
@@ -161,39 +156,20 @@ class _Build:
         for level in range(len(levels), LEVELS):
             if level > 1 and not levels[-1]["new"]:
                 break
-            energies = self._energies(level)
+            energies = energies_of(level, self.plan.bounds.energy)
             before = len(self.known)
             self._queue(("energy", energy) for energy in energies)
             self._empty(level)
             levels.append({"energies": len(energies), "new": len(self.known) - before})
             self._note()
         self._connect_last()
+        gap = largest_gap(len(levels), self.plan.bounds.energy, self.told["unsettled"])
         report = {
             "families": len(self.known), "points": self.points, "events": self.events, "edges": len(self.catalogue.edges()),
-            "settled": levels[-1]["new"] == 0 and self._gap(len(levels)) <= GAPS, **self.told,
+            "settled": levels[-1]["new"] == 0 and gap <= GAPS, **self.told,
         }  # fmt: skip
         self.catalogue.note("built", report)
         return report
-
-    def _energies(self, level: int) -> list[float]:
-        """Energies of a level: those of all levels together are even in log h. The first has two just inside the bounds, too: they meet
-        all the families that lie across these, however little of them is inside."""
-        low, high = np.log(self.plan.bounds.energy)
-        count = max(2, math.ceil((high - low) / COARSE))
-        if level == 0:
-            parts = np.concatenate([[_INSIDE], (np.arange(count) + 0.5) / count, [1.0 - _INSIDE]])
-        else:
-            fine = count * 2 ** (level - 1)
-            parts = np.arange(1, fine) / fine if level == 1 else (np.arange(fine) + 0.5) / fine
-        return [float(energy) for energy in np.exp(low + parts * (high - low))]
-
-    def _gap(self, levels: int) -> float:
-        """The largest distance between energies at which searches settled, in steps of the last level."""
-        energies = np.sort([energy for level in range(levels) for energy in self._energies(level)])
-        settled = np.log(energies[~np.isin(energies, self.told["unsettled"])])
-        low, high = np.log(self.plan.bounds.energy)
-        step = (high - low) / (max(2, math.ceil((high - low) / COARSE)) * 2 ** (levels - 1))
-        return float(np.max(np.diff([low, *settled, high]))) / step
 
     # -- where it starts ------------------------------------------------------------------------------------------------------
 

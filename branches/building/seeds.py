@@ -1,15 +1,103 @@
-"""Seeds as JSON values, as they wait in a catalogue, and back."""
+"""Pieces of work and what comes of them; as JSON values, as they wait in a catalogue, and back."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
-from typing import Any
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from branches.building.bounds import Plan
-from branches.building.work import Grazing, Link, Seed
+from branches.building.bounds import Bounds, Plan
 from branches.catalogue.rows import EventOrbit
+from branches.words import PERIODIC
 
-__all__ = ["plain_seed", "read_seed"]
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.catalogue.packing import PackedFamily
+    from branches.stretch import Stretch
+
+__all__ = ["Answer", "Grazing", "Link", "Seed", "plain_seed", "read_seed"]
+
+
+class Seed(NamedTuple):
+    """A piece of work.
+
+    kind: "energy", "mode", "name", "orbit" or "grazing". value: the energy; (index of the mode, its turns); the name; the orbit as an
+    `EventOrbit`; or a `Grazing`. plan: how far to go. wide: whether the family is followed, and its neighbours looked for, in the wider
+    limits of the plan. further: how many more generations of neighbours come of it, None without a limit; below 0 its family is not
+    followed, but connected if it is known from elsewhere in the end. link: how the orbit's family was reached, None where it was found by
+    itself. images: the orbit's presentations (`branches.identity.presentations`), by which it is recognised; empty where they are not at
+    hand.
+    """
+
+    kind: str
+    value: Any
+    plan: Plan
+    wide: bool = False
+    further: int | None = None
+    link: Link | None = None
+    images: tuple[Stretch, ...] = ()
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it is of a family without a reversal."""
+        orbit = self.value.orbit if self.kind == "grazing" else self.value
+        return isinstance(orbit, EventOrbit) and orbit.ends == PERIODIC
+
+    @property
+    def bounds(self) -> Bounds:
+        """The limits in which the family is followed."""
+        return self.plan.named if self.wide else self.plan.bounds
+
+
+class Grazing(NamedTuple):
+    """A grazing orbit, to be unfolded once for all the families that meet there.
+
+    orbit: as the family has it that it was reached on. rising: whether that family leaves it upward in energy. mark: numbers that it has
+    for each of the families (`Touching.mark`), None where it is unfolded for each of them.
+    """
+
+    orbit: EventOrbit
+    rising: bool
+    mark: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class Link:
+    """Where two nodes of the graph meet, before it is known which family is on the other side.
+
+    source: id of the family or linear mode. event, type: of the event there. kind: of the edge. note: in words. target: id of the node on
+    the other side, where it is known without a search. here, there: the event's orbit as the two families have it.
+    """
+
+    source: str
+    event: str
+    type: str
+    kind: str
+    h: float
+    alpha: float
+    stop: str | None = None
+    note: str | None = None
+    target: str | None = None
+    here: EventOrbit | None = None
+    there: EventOrbit | None = None
+
+
+class Answer(NamedTuple):
+    """What came of a seed.
+
+    seeds: what is to be done next. branch: the family that was followed, with its `whole` known. packed: its rows for the catalogue.
+    ends: links without a family on the other side, with the reason as their note. beyond: how many neighbours lie outside the limits.
+    failed: what could not be done, in words. halves: 1 for a family of which one side of a branch point was followed, where the other is
+    its image (`branches.passing.is_half`). unsettled: energies at which the search did not settle.
+    """
+
+    seeds: tuple[Seed, ...]
+    branch: Branch | None = None
+    packed: PackedFamily | None = None
+    ends: tuple[Link, ...] = ()
+    beyond: int = 0
+    failed: tuple[str, ...] = ()
+    halves: int = 0
+    unsettled: tuple[float, ...] = ()
 
 
 def plain_seed(seed: Seed) -> dict[str, Any]:

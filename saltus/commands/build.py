@@ -88,14 +88,18 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         print(f"FAILS  {text}", file=words)
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
     settled = "settled: the last energies gave no new family" if report["settled"] else "not settled"
-    if report["unsettled"]:
-        print(f"       the search did not settle at h = {', '.join(f'{energy:.6g}' for energy in sorted(report['unsettled']))}", file=words)
-    print(
+    lines = [
         f"done   {report['families']} families, {report['points']} points, {report['events']} events, {report['edges']} edges; "
         f"{report['beyond']} neighbours lie beyond the bounds",
-        file=words,
-    )
-    print(f"       energies searched: {searched}; {settled}", file=words)
+        f"       energies searched: {searched}; {settled}",
+        "       with a reversal every family within the bounds is looked for; without one, those that meet one with a reversal",
+    ]
+    if report["unsettled"]:
+        energies = ", ".join(f"{energy:.6g}" for energy in sorted(report["unsettled"]))
+        lines.append(f"       starts a rounding error apart part at h = {energies}: there the list may lack an orbit")
+    if report["halves"]:
+        lines.append(f"       of {report['halves']} families one side of a branch point was followed; the other is its image")
+    print("\n".join(lines), file=words)
     if arguments.json is not None:
         _write(arguments.json, {"bounds": bounds.plain(), **report})
     return FAILED if report["failed"] else DONE

@@ -19,8 +19,8 @@ def test_runs_start_elsewhere_until_none_is_stuck():
 
 
 def test_a_family_beside_its_symmetry_breaking_is_a_half():
-    """Oracle: U1110+, at h = 0.5, is born where S13O00+ loses its half-period symmetry, at its own lowest energy 0.4555854652; at its other end it
-    grazes, and has no more symmetry than elsewhere."""
+    """Oracle: the family with U1110+ at h = 0.5 is born where S13O00+ loses its half-period symmetry, at its own lowest energy
+    0.4555854652; at its other end it grazes, and has no more symmetry than elsewhere."""
     born = saltus.trace("U1110+@h=0.5", energy=(0.3, 0.8))
     beside = born.trace(len(born) - 3, direction="down", stop_when=lambda orbit: orbit.h < 0.455588)
     lower = 0 if beside.points["h"][0] < beside.points["h"][-1] else 1
