@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ from branches.building.work import work
 from branches.catalogue.closures import event_orbit, unknowns_of
 from branches.catalogue.errors import CatalogueError
 from branches.catalogue.known import KnownFamilies, Place
-from branches.catalogue.rows import Edge, EventOrbit, Node
+from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.identity import canonical_orbit, presentations
 from branches.linear_modes import linear_modes
 from branches.words import parse_word
@@ -47,11 +47,15 @@ GAPS = 4.0
 AHEAD = 6
 """Seeds that are worked on or wait for a worker, for each worker."""
 
-_SAME = 1e-6
+_SAME = 1e-8
+"""Relative difference of the energies of one event on two families."""
+
+_RANGE = 1e-6
+"""Part by which the ends of a family that was followed twice may differ."""
 
 _UNFOLDED = "unfolded "
 
-_JOINS = ("GR", "BP", "SB", "PD", "RT")
+_LOST = "the family that is born here could not be told from this one: next to the event they are nearer than rounding lets one see"
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,7 @@ class _Build:
         self.on_progress = on_progress
         self.known = KnownFamilies()
         self.grazings = KnownGrazings()
-        self.joins: dict[str, list[tuple[float, str]]] = {}
+        self.joins: dict[tuple[str, bool], list[tuple[float, str]]] = {}
         self.problems: dict[tuple[Any, ...], MultipointProblem] = {}
         self.places: dict[str, tuple[int, Place | None]] = {}
         self.images: dict[str, tuple[Stretch, ...]] = {}
@@ -307,32 +311,49 @@ class _Build:
         if answer.branch is not None and answer.packed is not None:
             id = next((id for id in answer.branch.whole.ids if id in self.catalogue), None)
             if id is not None:
-                # The same family, of which the seed's orbit was not recognised: that is told, and its other seeds are the same.
-                at = float(answer.branch.points["h"][answer.branch.start])
-                self.told["failed"].append(f"{id}: an orbit at h = {at:.10g} was followed again")
-                self._note()
+                # Beside a branch point an orbit can be told only by following it.
+                if not self._covers(self.catalogue.family(id), answer.branch, seed):
+                    at = float(answer.branch.points["h"][answer.branch.start])
+                    self.told["failed"].append(f"{id}: a piece of it, followed from h = {at:.10g}, is not kept")
+                    self._note()
             else:
                 id = self.catalogue.add(answer.packed)
                 self._remember(id, answer.branch)
                 for link in answer.ends:
                     self._connect(link, link.target)
                 self._extend(answer.seeds)
-            self._connect(seed.link, id)
+            reached = seed.link
+            if reached is not None and reached.source == id and reached.kind == "switch":
+                # What was computed as the new family's first orbit led back to the old one.
+                self._connect(replace(reached, kind="dead end", note=_LOST), None)
+            else:
+                self._connect(reached, id)
         else:
             for link in answer.ends:
                 self._connect(link, link.target)
             self._extend(answer.seeds)
 
+    def _covers(self, row: FamilyRow, branch: Branch, seed: Seed) -> bool:
+        """Whether what a branch has within the limits is in the ranges of the same family as it is kept."""
+        bounds, h, alpha = seed.bounds, branch.points["h"], branch.points["alpha"]
+        inside = (h >= bounds.energy[0]) & (h <= bounds.energy[1]) & (alpha <= bounds.quarter_period)
+        return not inside.any() or all(
+            kept[0] * (1.0 - _RANGE) <= values[inside].min() and values[inside].max() <= kept[1] * (1.0 + _RANGE)
+            for kept, values in ((row.h, h), (row.alpha, alpha))
+        )
+
     def _remember(self, id: str, branch: Branch) -> None:
         self.known.add(id, branch)
-        self.joins[id] = [(event.h, event.id) for event in branch.events if event.type in _JOINS]
+        for grazing, types in ((True, ("GR",)), (False, ("BP", "SB"))):
+            self.joins[id, grazing] = [(event.h, event.id) for event in branch.events if event.type in types]
         self.points += len(branch)
         self.events += len(branch.events)
 
     def _connect(self, link: Link | None, target: str | None) -> None:
         if link is None:
             return
-        same = [(abs(h / link.h - 1.0), event) for h, event in self.joins.get(target or "", []) if abs(h / link.h - 1.0) < _SAME]
+        there = self.joins.get((target or "", link.type == "GR"), [])
+        same = [(abs(h / link.h - 1.0), event) for h, event in there if abs(h / link.h - 1.0) < _SAME]
         self.catalogue.connect(
             Edge(
                 link.source, link.event, link.type, link.kind, target, link.h, link.alpha, min(same)[1] if same else "", link.stop,

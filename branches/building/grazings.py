@@ -19,6 +19,9 @@ class KnownGrazings:
     >>> known.add((0.5, 1.7, 3.2), (False, 0))
     >>> known.has((0.5 + 1e-12, 1.7, 3.2), (False, 0)), known.has((0.5, 1.7, 3.2), (False, 1)), known.has((0.5, 1.7, 3.2), (True, 0))
     (True, False, False)
+    >>> known.add((0.6, 1.7, 3.2), (True, 0))
+    >>> known.has((0.6, 1.7, 3.2), (False, 0))
+    True
     """
 
     def __init__(self) -> None:
@@ -38,14 +41,15 @@ class KnownGrazings:
             self._marks.setdefault((asked[0], _cell(mark)), []).append((mark, asked[1]))
 
     def has(self, mark: Mark | None, asked: tuple[bool, int]) -> bool:
-        """Whether it was unfolded in those limits, for at least as many generations."""
+        """Whether it was unfolded in those limits or in wider ones, for at least as many generations."""
         if mark is None:
             return False
         cell = _cell(mark)
         return any(
             further >= asked[1] and all(abs(a - b) <= SAME * b for a, b in zip(mark, other, strict=True))
+            for wide in {asked[0], True}
             for near in (cell - 1, cell, cell + 1)
-            for other, further in self._marks.get((asked[0], near), ())
+            for other, further in self._marks.get((wide, near), ())
         )
 
 

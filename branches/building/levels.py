@@ -47,7 +47,7 @@ def largest_gap(levels: int, energy: tuple[float, float], without: Collection[fl
     kept = np.log(every[~np.isin(every, list(without))])
     low, high = np.log(energy)
     step = (high - low) / (_count(energy) * 2 ** (levels - 1))
-    return float(np.max(np.diff([low, *kept, high]))) / step
+    return float(np.max(np.diff([low, *kept, high])) / step)
 
 
 def _count(energy: tuple[float, float]) -> int:

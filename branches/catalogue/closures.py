@@ -129,8 +129,7 @@ def distance(problem: MultipointProblem, y: np.ndarray, start: np.ndarray) -> fl
     best = np.inf
     for image in images:
         away = np.linalg.norm(track - image, axis=2)
-        for flat in np.argsort(away, axis=None)[:4]:
-            i, j = np.unravel_index(flat, away.shape)
+        for i, j in zip(*_dips(away, track), strict=True):
             t = times[j] * durations[i]
             for _ in range(8):
                 flow_state(*modes.blocks, begins[i], float(t), state)
@@ -139,3 +138,15 @@ def distance(problem: MultipointProblem, y: np.ndarray, start: np.ndarray) -> fl
             flow_state(*modes.blocks, begins[i], float(t), state)
             best = min(best, float(np.linalg.norm(state - image)))
     return best / size
+
+
+def _dips(away: np.ndarray, track: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Where on which flight a distance (m, samples) is least among its neighbours and no larger than the way between samples: (i, j). The
+    nearest of all is among them."""
+    padded = np.pad(away, ((0, 0), (1, 1)), constant_values=np.inf)
+    least = (away <= padded[:, :-2]) & (away <= padded[:, 2:])
+    way = np.linalg.norm(np.diff(track, axis=1), axis=2)
+    near = away <= 2.0 * np.maximum(np.pad(way, ((0, 0), (1, 0))), np.pad(way, ((0, 0), (0, 1))))
+    found = least & near
+    found.flat[int(np.argmin(away))] = True
+    return np.nonzero(found)

@@ -291,15 +291,26 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
         left, singular, right = np.linalg.svd(problem.jacobian(y) * scale)
         keep = singular > _SINGULAR * singular[0]
         y = y - scale * (right[: len(singular)][keep].T @ ((left.T @ error)[keep] / singular[keep]))
+    null = right[-1] * scale
+    if keep.all():
+        y = _at_energy(problem, y, null, problem.energy(start))
+        residual = float(np.max(np.abs(problem.residual(y)))) / largest
     if not np.all(np.abs(y - start) <= _MOVED * scale):
         residual = np.inf
-    null = right[-1] * scale
     if keep.all():
         return y, residual, [null, -null]
     try:
         return y, residual, list(branch_directions(Family(problem), y, null))
     except SwitchError:
         return y, residual, []
+
+
+def _at_energy(problem: MultipointProblem, y: np.ndarray, along: np.ndarray, energy: float) -> np.ndarray:
+    """An orbit moved along its family to an energy that it nearly has; as it is where the energy hardly changes along the family."""
+    # The energy is a quadratic function of the unknowns, so that this difference is its slope exactly.
+    slope = 0.5 * (problem.energy(y + along) - problem.energy(y - along))
+    part = (energy - problem.energy(y)) / slope if slope != 0.0 else np.inf
+    return y + part * along if abs(part) < _MOVED else y
 
 
 def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str]) -> list[Step]:
