@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Progress", "build", "refuse_other_plan"]
 
-LEVELS = 8
-"""Levels at most."""
+FEWEST, LEVELS = 3, 8
+"""Levels at least and at most."""
 
 GAPS = 4.0
 """Steps of the last level that may lie between energies at which searches settled: of those where some did not, few are in a row."""
@@ -158,7 +158,7 @@ class _Build:
             self._begin()
         levels = self.told["levels"]
         for level in range(len(levels), LEVELS):
-            if level > 1 and not levels[-1]["new"]:
+            if level >= FEWEST and not levels[-1]["new"]:
                 break
             energies = energies_of(level, self.plan.bounds.energy)
             before = len(self.known)

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+import saltus
 from saltus.__main__ import main
 
 SMALL = "--energy 0.06:0.4 --max-quarter-period 1.9 --max-impacts 2"
@@ -30,6 +31,20 @@ def test_a_small_build_is_browsed(tmp_path, capsys):
     other = SMALL.replace("impacts 2", "impacts 3")
     code, out, err = said(f"build {other} --catalogue {path}", capsys)
     assert code == 2 and not out and err.count("\n") == 1 and "up to 2 impacts" in err and "up to 3 impacts" in err
+
+
+def test_another_system_builds_just_as_well(tmp_path, capsys):
+    """Oracle: the catalogue's own check; the out-of-phase backbone is there from its fold on, which is at another energy."""
+    path = tmp_path / "other.sqlite"
+    bounds = "--mu 0.37 --sigma 0.81 --energy 0.41:0.9 --max-quarter-period 1.5 --max-impacts 2"
+    assert said(f"build {bounds} --workers 1 --catalogue {path}", capsys)[0] == 0
+    assert said(f"check {path}", capsys)[0] == 0
+    families = json.loads(said(f"list --catalogue {path} --json -", capsys)[1])["families"]
+    fold = next(family["h"][0] for family in families if family["label"] == "S11O00-")
+    expected = saltus.trace("S11O00-", saltus.vibro_impact_nes(mu=0.37, sigma=0.81), energy=(0.41, 0.9)).points["h"].min()
+    assert abs(fold / expected - 1.0) < 1e-9
+    code, out, err = said(f"build --energy 0.41:0.9 --max-quarter-period 1.5 --max-impacts 2 --catalogue {path}", capsys)
+    assert code == 2 and err.count("\n") == 1 and "mu is" in err
 
 
 @pytest.mark.parametrize(
