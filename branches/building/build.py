@@ -145,7 +145,8 @@ class _Build:
         self.images: dict[str, tuple[Stretch, ...]] = {}
         self.last: list[tuple[str, Seed]] = []
         self.points = self.events = 0
-        self.told: dict[str, Any] = {"beyond": 0, "failed": [], "halves": 0, "unsettled": [], "levels": []}
+        begun = {"level": -1, "families": 0}
+        self.told: dict[str, Any] = {"beyond": 0, "failed": [], "halves": 0, "unsettled": [], "levels": [], "begun": begun}
         description = json.dumps(self.system.describe(), sort_keys=True)
         self.frontier: Frontier[tuple[str, Seed], Answer] = Frontier(
             executor, partial(_named, description), self._is_known, lambda item: item[0], AHEAD * workers
@@ -161,16 +162,20 @@ class _Build:
             if level >= FEWEST and not levels[-1]["new"]:
                 break
             energies = energies_of(level, self.plan.bounds.energy)
-            before = len(self.known)
-            self._queue(("energy", energy) for energy in energies)
+            if self.told["begun"]["level"] != level:
+                with self.catalogue.transaction():
+                    self.told["begun"] = {"level": level, "families": len(self.known)}
+                    self._note()
+                    self._queue(("energy", energy) for energy in energies)
             self._empty(level)
-            levels.append({"energies": len(energies), "new": len(self.known) - before})
+            levels.append({"energies": len(energies), "new": len(self.known) - self.told["begun"]["families"]})
             self._note()
         self._connect_last()
         gap = largest_gap(len(levels), self.plan.bounds.energy, self.told["unsettled"])
+        told = {name: value for name, value in self.told.items() if name != "begun"}
         report = {
             "families": len(self.known), "points": self.points, "events": self.events, "edges": len(self.catalogue.edges()),
-            "settled": levels[-1]["new"] == 0 and gap <= GAPS, **self.told,
+            "settled": levels[-1]["new"] == 0 and gap <= GAPS, **told,
         }  # fmt: skip
         self.catalogue.note("built", report)
         return report
