@@ -28,7 +28,7 @@ from branches.catalogue.known import KnownFamilies, Place
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.identity import canonical_orbit, presentations
 from branches.linear_modes import linear_modes
-from branches.words import parse_word
+from branches.words import impacts_per_period, parse_word
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def build(
     ----------
     catalogue : Catalogue
         Opened to add to. What it holds of an earlier build with the same plan is gone on from; families that were saved into it by
-        themselves are followed anew, within the plan's limits.
+        themselves are followed anew, within the plan's limits; one that has no orbit inside them is refused.
     plan : Plan
     executor : concurrent.futures.Executor
         Where the work is done.
@@ -101,7 +101,7 @@ def build(
     Raises
     ------
     CatalogueError
-        For a catalogue that was built with another plan.
+        For a catalogue that was built with another plan, or that holds a saved family outside the limits.
     """
     return _Build(catalogue, plan, executor, workers, on_progress).run()
 
@@ -188,9 +188,9 @@ class _Build:
         with self.catalogue.transaction():
             self.catalogue.note("plan", plan.plain())
             self._note()
-            saved = [self.catalogue.branch(row.id) for row in self.catalogue.families()]
-            for branch in saved:
-                self.catalogue.remove(branch.id)
+            saved = [self._saved(self.catalogue.branch(row.id)) for row in self.catalogue.families()]
+            for row in self.catalogue.families():
+                self.catalogue.remove(row.id)
             modes = linear_modes(self.system)
             for mode in modes:
                 if mode.label:
@@ -200,10 +200,25 @@ class _Build:
                 for mode in modes
                 for turn in range(1, math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12)) + 1)
             ]
-            orbits = [event_orbit(*canonical_orbit(branch.problem, branch.unknowns(branch.start))) for branch in saved]
-            self._queue(
-                [("name", name) for name in plan.names] + [("mode", value) for value in turns] + [("orbit", orbit) for orbit in orbits]
-            )
+            self._queue([("name", name) for name in plan.names] + [("mode", value) for value in turns])
+            self._extend(saved)
+
+    def _saved(self, branch: Branch) -> Seed:
+        """The seed of a family that was saved: from its orbit inside the plan's limits that is nearest to the one it was started from."""
+        plan, h, alpha = self.plan, branch.points["h"], branch.points["alpha"]
+        impacts = impacts_per_period(branch.problem.word, branch.ends)
+        for bounds, more in ((plan.bounds, {}), (plan.named, {"wide": True, "further": 0})):
+            low, high = bounds.energy
+            inside = [
+                i for i in range(len(branch)) if low <= h[i] <= high and bounds.holds(alpha=float(alpha[i]), impacts=impacts)
+            ]
+            if inside:
+                place = min(inside, key=lambda i: (abs(i - branch.start), i))
+                return Seed("orbit", event_orbit(*canonical_orbit(branch.problem, branch.unknowns(place))), plan)._replace(**more)
+        raise CatalogueError(
+            f"{self.catalogue.path} holds the family {branch.id}, h {h.min():.6g}:{h.max():.6g}, quarter period from {alpha.min():.6g}, "
+            f"{impacts / 2:g} impacts in half a period, which the build for {_told(plan.plain())} would lose; expected wider limits, or another file"
+        )
 
     def _take_up(self) -> bool:
         """Go on with what an earlier run left; False where there was none."""

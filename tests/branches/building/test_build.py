@@ -159,6 +159,31 @@ def test_families_that_were_saved_are_followed_anew(tiny, tmp_path):
         np.testing.assert_allclose(*ranges, rtol=1e-9)
 
 
+def test_saved_families_that_were_started_outside_the_limits(tmp_path):
+    """Oracle: the catalogue of a build into a new file. One family reaches into the limits, and is followed from there; one does not, and
+    is refused with the file left as it was."""
+    plan, scene = Plan.within(Bounds((0.06, 0.4), 1.9, 2)), saltus.load_scene()
+    across = saltus.trace("S13O00+@h=0.5", scene.system, energy=(0.3, 0.6))
+    beyond = saltus.trace("S13O00+@h=2", scene.system, energy=(1.5, 2.5))
+    reports, ranges = [], []
+    for name in ("new", "saved"):
+        with Catalogue(tmp_path / f"{name}.sqlite", "a", scene=scene) as catalogue:
+            if name == "saved":
+                catalogue.add(across)
+            reports.append(build(catalogue, plan, Serial()))
+            ranges.append({row.id: row.h for row in catalogue.families()})
+    assert not reports[1]["failed"] and reports[1]["families"] == reports[0]["families"]
+    for id, energies in ranges[0].items():
+        np.testing.assert_allclose(ranges[1][id], energies, rtol=1e-9)
+    path = tmp_path / "refused.sqlite"
+    with Catalogue(path, "a", scene=scene) as catalogue:
+        catalogue.add(beyond)
+    before = content(path)
+    with Catalogue(path, "a", scene=scene) as catalogue, pytest.raises(CatalogueError, match=r"holds the family .* 1\.5:2\.5.*another file"):
+        build(catalogue, plan, Serial())
+    assert content(path)[0] == before[0] and content(path)[2:] == before[2:]
+
+
 def test_named_families_are_followed_beyond_the_bounds(tmp_path):
     """Oracle: the name's own search. U2211- has two impacts in half a period, the bounds one; its neighbours have more than one, too."""
     plan = Plan(Bounds((0.06, 0.9), 1.9, 1), Bounds((0.06, 0.9), 1.9, 5), ("U2211-",))
