@@ -8,6 +8,7 @@ import signal
 import socket
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 
 from branches.files import reason
@@ -35,7 +36,7 @@ def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Execu
     BadInput
         Where Dask is not installed, no scheduler answers at the address, or it has no workers that can do the work.
     RuntimeError
-        Where the cluster is lost while it works.
+        Where the cluster, or a process, is lost while it works.
     """
     if dask is None:
         # One thread a worker: small matrices gain nothing from more, and workers that share cores lose much.
@@ -45,6 +46,10 @@ def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Execu
         pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_leave_interrupts_to_the_parent)
         try:
             yield pool, workers
+        except BrokenProcessPool as error:
+            raise RuntimeError(
+                "a worker process was killed, or ran out of memory; what was finished is kept, and the same command goes on"
+            ) from error
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
         return

@@ -207,17 +207,17 @@ class _Build:
         """The seed of a family that was saved: from its orbit inside the plan's limits that is nearest to the one it was started from."""
         plan, h, alpha = self.plan, branch.points["h"], branch.points["alpha"]
         impacts = impacts_per_period(branch.problem.word, branch.ends)
-        for bounds, more in ((plan.bounds, {}), (plan.named, {"wide": True, "further": 0})):
+        for bounds, wide, further in ((plan.bounds, False, None), (plan.named, True, 0)):
             low, high = bounds.energy
-            inside = [
-                i for i in range(len(branch)) if low <= h[i] <= high and bounds.holds(alpha=float(alpha[i]), impacts=impacts)
-            ]
+            inside = [i for i in range(len(h)) if low <= h[i] <= high and bounds.holds(alpha=float(alpha[i]), impacts=impacts)]
             if inside:
-                place = min(inside, key=lambda i: (abs(i - branch.start), i))
-                return Seed("orbit", event_orbit(*canonical_orbit(branch.problem, branch.unknowns(place))), plan)._replace(**more)
+                place = min(inside, key=lambda i: abs(i - branch.start))
+                orbit = event_orbit(*canonical_orbit(branch.problem, branch.unknowns(place)))
+                return Seed("orbit", orbit, plan, wide, further)
         raise CatalogueError(
             f"{self.catalogue.path} holds the family {branch.id}, h {h.min():.6g}:{h.max():.6g}, quarter period from {alpha.min():.6g}, "
-            f"{impacts / 2:g} impacts in half a period, which the build for {_told(plan.plain())} would lose; expected wider limits, or another file"
+            f"{impacts / 2:g} impacts in half a period, which a build for {_told(plan.plain())} would lose; "
+            "expected wider limits, or another file"
         )
 
     def _take_up(self) -> bool:

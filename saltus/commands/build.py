@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments, scene_arguments
 from saltus.arguments import energy_range, positive, whole_above_zero
-from saltus.errors import DONE, FAILED
+from saltus.errors import DONE, FAILED, INTERRUPTED, say
 from saltus.files import STANDARD_OUTPUT, check_writable, write_data
 
 if TYPE_CHECKING:
@@ -82,8 +82,12 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
             file=words, flush=True,
         )  # fmt: skip
         prepare(discovery=True)
-        with ProgressBar(None, "families") as bar:
-            report = build(catalogue, plan, executor, workers, lambda progress: _show(bar, progress))
+        try:
+            with ProgressBar(None, "families") as bar:
+                report = build(catalogue, plan, executor, workers, lambda progress: _show(bar, progress))
+        except KeyboardInterrupt:
+            say(f"interrupted; {place} keeps what was finished, and the same command goes on")
+            return INTERRUPTED
     for text in report["failed"]:
         print(f"FAILS  {text}", file=words)
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])

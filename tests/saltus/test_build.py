@@ -1,11 +1,13 @@
 """`saltus build`: a very small catalogue by two processes, browsed; bad input in one line."""
 
 import json
+import multiprocessing
 
 import pytest
 
 import saltus
 from saltus.__main__ import main
+from saltus.progress import ProgressBar
 
 SMALL = "--energy 0.06:0.4 --max-quarter-period 1.9 --max-impacts 2"
 
@@ -67,3 +69,38 @@ def test_bad_input(words, parts, tmp_path, capsys):
     for part in parts:
         assert part in err
     assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupted_build_says_that_what_was_finished_is_kept(tmp_path, capsys, monkeypatch):
+    """Oracle: exit code 130 and one line; the file opens with the families that were finished; the same command ends well."""
+    path = tmp_path / "small.sqlite"
+
+    def interrupt(self, count, words=""):
+        if count >= 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ProgressBar, "update", interrupt)
+        code, _, err = said(f"build {SMALL} --workers 1 --catalogue {path}", capsys)
+    assert code == 130 and err.count("\n") == 1 and "keeps what was finished" in err and str(path) in err
+    code, out, _ = said(f"list --catalogue {path}", capsys)
+    assert code == 0 and "2 of 2 families" in out
+    assert said(f"build {SMALL} --workers 1 --catalogue {path}", capsys)[0] == 0
+
+
+def test_a_worker_that_is_killed_is_told(tmp_path, capsys, monkeypatch):
+    """Oracle: exit code 1 and one line that says what to do; the same command ends well."""
+    path = tmp_path / "small.sqlite"
+    killed = []
+
+    def kill(self, count, words=""):
+        if not killed:
+            killed.append(True)
+            for worker in multiprocessing.active_children():
+                worker.kill()
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ProgressBar, "update", kill)
+        code, _, err = said(f"build {SMALL} --workers 1 --catalogue {path}", capsys)
+    assert code == 1 and err.count("\n") == 1 and "a worker process was killed" in err and "the same command goes on" in err
+    assert said(f"build {SMALL} --workers 1 --catalogue {path}", capsys)[0] == 0
