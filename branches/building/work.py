@@ -76,10 +76,10 @@ def work(description: str, seed: Seed) -> Answer:
 def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
     bounds = plan.bounds
     seeds = []
-    for place in BESIDE:
-        found = discover(
-            system, energy * (1.0 + place), quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system)
-        )
+    for beside in (energy * (1.0 + place) for place in BESIDE):
+        if not bounds.energy[0] <= beside <= bounds.energy[1]:
+            continue
+        found = discover(system, beside, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
         # What is found is primitive, and between its own reversals.
         images = [with_canonical_word(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
         seeds += [_seed_of(system, some, plan) for some in images]
@@ -173,10 +173,16 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
         seeds += some
         ends += dead
         beyond += over
-    cut = [(i, end) for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED")]
-    halves = any(is_half(branch, i) for i, _ in cut)
-    failed = () if halves else tuple(f"{branch.id}: {end.reason}: {end.text}" for _, end in cut)
-    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, halves=int(halves))
+    halves, failed = _ends_cut(branch)
+    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, halves=halves)
+
+
+def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
+    """1 for a family that is cut where its own image goes on, else 0; and what is said of its ends that are cut elsewhere."""
+    cut = [i for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED")]
+    failed = [i for i in cut if not is_half(branch, i)]
+    told = tuple(f"{branch.id}: {branch.ended[i].reason}: {branch.ended[i].text}" for i in failed)
+    return int(len(failed) < len(cut)), told
 
 
 def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, float], quarter_period: float) -> Branch:
