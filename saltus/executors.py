@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import socket
+import threading
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -43,7 +44,7 @@ def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Execu
         for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
             os.environ.setdefault(name, "1")
         # A fresh process: one that was forked while kernels are compiled in another thread may wait for ever.
-        pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_leave_interrupts_to_the_parent)
+        pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_depend_on_the_parent)
         try:
             yield pool, workers
         except BrokenProcessPool as error:
@@ -96,6 +97,15 @@ def _version() -> str:
     return __version__
 
 
-def _leave_interrupts_to_the_parent() -> None:
-    """Ctrl-C reaches every process of a terminal: the parent ends the work, and the workers say nothing."""
+def _depend_on_the_parent() -> None:
+    """Ctrl-C reaches every process of a terminal: the parent ends the work, and the workers say nothing. A parent that is killed cannot
+    end them: they would wait for work for ever, so that each ends by itself."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
