@@ -96,7 +96,8 @@ def build(
         ``families``, ``points``, ``events``, ``edges``, ``levels`` (energies searched and families new at each), ``settled`` (whether the
         last level found nothing new, and no more than `GAPS` of its steps lie between energies at which searches settled), ``unsettled``
         (energies at which a search did not), ``beyond`` (neighbours outside the limits), ``halves`` (families of which one side of a branch
-        point was followed, the other being its image), ``failed`` (what could not be done, in words).
+        point was followed, the other being its image), ``lost`` (bifurcations at which no new family was found, in words), ``failed`` (what
+        could not be done, in words).
 
     Raises
     ------
@@ -146,7 +147,7 @@ class _Build:
         self.last: list[tuple[str, Seed]] = []
         self.points = self.events = 0
         begun = {"level": -1, "families": 0}
-        self.told: dict[str, Any] = {"beyond": 0, "failed": [], "halves": 0, "unsettled": [], "levels": [], "begun": begun}
+        self.told: dict[str, Any] = {"beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun}
         description = json.dumps(self.system.describe(), sort_keys=True)
         self.frontier: Frontier[tuple[str, Seed], Answer] = Frontier(
             executor, partial(_named, description), self._is_known, lambda item: item[0], AHEAD * workers
@@ -322,9 +323,10 @@ class _Build:
             assert place is not None
             self._connect(seed.link, place.id)
             return
-        if answer.beyond or answer.failed or answer.halves or answer.unsettled:
+        if answer.beyond or answer.failed or answer.halves or answer.lost or answer.unsettled:
             self.told["beyond"] += answer.beyond
             self.told["halves"] += answer.halves
+            self.told["lost"] += answer.lost
             self.told["failed"] += answer.failed
             self.told["unsettled"] += answer.unsettled
             self._note()
@@ -346,6 +348,8 @@ class _Build:
             if reached is not None and reached.source == id and reached.kind == "switch":
                 # What was computed as the new family's first orbit led back to the old one.
                 self._connect(replace(reached, kind="dead end", note=_LOST), None)
+                self.told["lost"].append(f"{id}: {reached.event} at h = {reached.h:.10g}: {_LOST}")
+                self._note()
             else:
                 self._connect(reached, id)
         else:

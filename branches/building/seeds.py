@@ -87,7 +87,8 @@ class Answer(NamedTuple):
     seeds: what is to be done next. branch: the family that was followed, with its `whole` known. packed: its rows for the catalogue.
     ends: links without a family on the other side, with the reason as their note. beyond: how many neighbours lie outside the limits.
     failed: what could not be done, in words. halves: 1 for a family of which one side of a branch point was followed, where the other is
-    its image (`branches.passing.is_half`). unsettled: energies at which the search did not settle.
+    its image (`branches.passing.is_half`). lost: bifurcations at which no new family was found, in words. unsettled: energies at which
+    the search did not settle.
     """
 
     seeds: tuple[Seed, ...]
@@ -97,6 +98,7 @@ class Answer(NamedTuple):
     beyond: int = 0
     failed: tuple[str, ...] = ()
     halves: int = 0
+    lost: tuple[str, ...] = ()
     unsettled: tuple[float, ...] = ()
 
 

@@ -174,7 +174,8 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
         ends += dead
         beyond += over
     halves, failed = _ends_cut(branch)
-    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, halves=halves)
+    lost = tuple(f"{link.source}: {link.event} at h = {link.h:.10g}: {link.note}" for link in ends)
+    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, lost=lost, halves=halves)
 
 
 def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:

@@ -103,6 +103,8 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         lines.append(f"       starts a rounding error apart part at h = {energies}: there the list may lack an orbit")
     if report["halves"]:
         lines.append(f"       of {report['halves']} families one side of a branch point was followed; the other is its image")
+    if report["lost"]:
+        lines.append(f"       at {len(report['lost'])} bifurcations no new family was found (dead ends of the graph, which say why)")
     print("\n".join(lines), file=words)
     if arguments.json is not None:
         _write(arguments.json, {"bounds": bounds.plain(), **report})
