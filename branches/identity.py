@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Mark", "all_presentations", "canonical_orbit", "closed_presentations", "digests", "first_of", "mark_of", "pattern_of",
+    "Mark", "all_presentations", "canonical_orbit", "closed_presentations", "digests", "first_of",
+    "is_solved_as_it_is", "mark_of", "pattern_of",
     "presentations", "same_orbit", "same_segment", "segment_images", "symmetries", "turns", "with_canonical_word",
 ]  # fmt: skip
 
@@ -90,6 +91,13 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
     # An instant at the very start may come out at the end of the period by rounding.
     found = sorted((0.0 if period - c < SLACK * period else c, e) for c, e in found)
     return Symmetries(count // length, odd and length % 2 == 0 and shifted(length // 2, -1), tuple(found))
+
+
+def is_solved_as_it_is(problem: MultipointProblem, y: np.ndarray) -> bool:
+    """Whether an orbit is run through once, between neighbouring ones of its reversals, and on itself only where it has none."""
+    found = symmetries(cycle_of(problem, y))
+    both = len({e for _, e in found.reversals}) == 2
+    return found.turns == 1 and not (both and problem.quarters == 2) and not (found.reversals and problem.periodic)
 
 
 def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:

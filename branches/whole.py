@@ -20,10 +20,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.family import SETTINGS, Family
-from branches.identity import Mark, canonical_orbit, digests, mark_of, symmetries
+from branches.identity import Mark, canonical_orbit, digests, is_solved_as_it_is, mark_of
 from branches.passing import longest
 from branches.words import canonical, join_family_id
-from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.ends import EndReason
 from continuation.problem import Marched, Step, Test
@@ -219,9 +218,7 @@ def _primitive(branch: Branch, points: list[int]) -> tuple[MultipointProblem, np
     middle = min(points, key=lambda i: abs(float(length[i]) - 0.5 * float(length[points[0]] + length[points[-1]])))
     for i in (points[len(points) // 3], middle):
         y = branch.orbit(i).solution.y
-        found = symmetries(cycle_of(problem, y))
-        quarter = len({e for _, e in found.reversals}) == 2
-        if found.turns == 1 and not (quarter and problem.quarters == 2) and not (found.reversals and problem.periodic):
+        if is_solved_as_it_is(problem, y):
             return problem, branch.orbit(middle).solution.y
     return canonical_orbit(problem, y)
 

@@ -19,7 +19,7 @@ import numpy as np
 from branches.building.bounds import Plan
 from branches.building.frontier import Frontier
 from branches.building.grazings import KnownGrazings
-from branches.building.levels import energies_of, largest_gap
+from branches.building.levels import energies_of, open_ranges
 from branches.building.seeds import Answer, Link, Seed, plain_seed, read_seed
 from branches.building.work import work
 from branches.catalogue.closures import event_orbit, unknowns_of
@@ -40,9 +40,6 @@ __all__ = ["Progress", "build", "refuse_other_plan"]
 
 FEWEST, LEVELS = 3, 8
 """Levels at least and at most."""
-
-GAPS = 4.0
-"""Steps of the last level that may lie between energies at which searches settled: of those where some did not, few are in a row."""
 
 AHEAD = 6
 """Seeds that are worked on or wait for a worker, for each worker."""
@@ -94,10 +91,10 @@ def build(
     -------
     dict
         ``families``, ``points``, ``events``, ``edges``, ``levels`` (energies searched and families new at each), ``settled`` (whether the
-        last level found nothing new, and no more than `GAPS` of its steps lie between energies at which searches settled), ``unsettled``
-        (energies at which a search did not), ``beyond`` (neighbours outside the limits), ``halves`` (families of which one side of a branch
-        point was followed, the other being its image), ``lost`` (bifurcations at which no new family was found, in words), ``failed`` (what
-        could not be done, in words).
+        last level found nothing new, and no range of energies is open), ``open`` (ranges (low, high) in which no search settled: see
+        `branches.building.levels.open_ranges`), ``unsettled`` (energies at which a search did not settle), ``beyond`` (neighbours outside
+        the limits), ``halves`` (families of which one side of a branch point was followed, the other being its image), ``lost``
+        (bifurcations at which no new family was found, in words), ``failed`` (what could not be done, in words).
 
     Raises
     ------
@@ -172,11 +169,11 @@ class _Build:
             levels.append({"energies": len(energies), "new": len(self.known) - self.told["begun"]["families"]})
             self._note()
         self._connect_last()
-        gap = largest_gap(len(levels), self.plan.bounds.energy, self.told["unsettled"])
+        still_open = open_ranges(len(levels), self.plan.bounds.energy, self.told["unsettled"])
         told = {name: value for name, value in self.told.items() if name != "begun"}
         report = {
             "families": len(self.known), "points": self.points, "events": self.events, "edges": len(self.catalogue.edges()),
-            "settled": levels[-1]["new"] == 0 and gap <= GAPS, **told,
+            "settled": levels[-1]["new"] == 0 and not still_open, "open": still_open, **told,
         }  # fmt: skip
         self.catalogue.note("built", report)
         return report

@@ -7,10 +7,13 @@ from collections.abc import Collection
 
 import numpy as np
 
-__all__ = ["energies_of", "largest_gap"]
+__all__ = ["energies_of", "open_ranges"]
 
 COARSE = 0.5
 """Step in log h of the first energies searched."""
+
+GAPS = 4
+"""Steps of the last level between energies at which searches settled, from which on what is between them counts as open."""
 
 INSIDE = 1e-6
 """Part of the range of log h by which the outermost energies are inside the bounds."""
@@ -35,19 +38,22 @@ def energies_of(level: int, energy: tuple[float, float]) -> list[float]:
     return [float(h) for h in np.exp(low + parts * (high - low))]
 
 
-def largest_gap(levels: int, energy: tuple[float, float], without: Collection[float]) -> float:
-    """The largest distance in log h between neighbours of all levels' energies, some left out, in steps of the last level.
+def open_ranges(levels: int, energy: tuple[float, float], without: Collection[float]) -> list[tuple[float, float]]:
+    """Where neighbours among all levels' energies, some left out, are more than `GAPS` steps of the last level apart.
 
     Examples
     --------
-    >>> round(largest_gap(2, (1.0, 2.0), []), 3), round(largest_gap(2, (1.0, 2.0), energies_of(1, (1.0, 2.0))), 3)
-    (1.0, 2.0)
+    >>> open_ranges(2, (1.0, 2.0), [])
+    []
+    >>> every = sorted(h for level in range(4) for h in energies_of(level, (1.0, 2.0)))
+    >>> [(round(low, 3), round(high, 3)) for low, high in open_ranges(4, (1.0, 2.0), every[4:9])]
+    [(1.139, 1.477)]
     """
     every = np.sort([h for level in range(levels) for h in energies_of(level, energy)])
-    kept = np.log(every[~np.isin(every, list(without))])
-    low, high = np.log(energy)
-    step = (high - low) / (_count(energy) * 2 ** (levels - 1))
-    return float(np.max(np.diff([low, *kept, high])) / step)
+    kept = np.array([energy[0], *every[~np.isin(every, list(without))], energy[1]])
+    step = math.log(energy[1] / energy[0]) / (_count(energy) * 2 ** (levels - 1))
+    wide = np.flatnonzero(np.diff(np.log(kept)) > (GAPS + 0.5) * step)
+    return [(float(kept[i]), float(kept[i + 1])) for i in wide]
 
 
 def _count(energy: tuple[float, float]) -> int:

@@ -13,6 +13,7 @@ from branches.family import Family
 from branches.grazing.candidates import Candidate, candidate
 from branches.grazing.merging import CannotMerge, merged
 from branches.grazing.touching import Touching, touching
+from branches.identity import is_solved_as_it_is
 from branches.tracing import follow_family
 from branches.words import Ends, format_word, impacts_per_period
 from bvp.kernels.metric import locate, metric_direction
@@ -267,7 +268,9 @@ def _meet(
         if steps:
             kind = "fold" if (steps[0].parameter > problem.energy(y)) == rising else "passage"
             inside = [Closure(problem, step.y, step.extra["residual"]) for step in steps if energy[0] <= step.parameter <= energy[1]]
-            return neighbour(kind, there=there, beside=inside[-1] if inside else None)
+            # The corrector can fall from a far probe onto several turns of a shorter orbit, or one of more symmetry, that is near.
+            own = [closure for closure in inside if is_solved_as_it_is(problem, closure.y)] or inside
+            return neighbour(kind, there=there, beside=own[-1] if own else None)
     return neighbour("dead end", reason="; ".join(dict.fromkeys(sides)), there=there)
 
 

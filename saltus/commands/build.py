@@ -91,7 +91,10 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
     for text in report["failed"]:
         print(f"FAILS  {text}", file=words)
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
-    settled = "settled: the last energies gave no new family" if report["settled"] else "not settled"
+    new = report["levels"][-1]["new"]
+    settled = f"not settled: the last energies gave {new} new families" if new else "settled: the last energies gave no new family"
+    if report["open"]:
+        settled += ", but open in h = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in report["open"])
     lines = [
         f"done   {report['families']} families, {report['points']} points, {report['events']} events, {report['edges']} edges; "
         f"{report['beyond']} neighbours lie beyond the bounds",
