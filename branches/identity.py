@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.stretch import SLACK, Stretch, closed_stretch, run_backwards, solved, stretch_between, stretch_of
-from branches.words import canonical
+from branches.words import PERIODIC, Word, canonical, mirror
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -60,37 +60,57 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
     tolerance : float
         Relative difference of states and flight times that counts as none.
     """
-    count = len(cycle.duration)
-    half = cycle.after.shape[1] // 2
-    odd = cycle.system.has_odd_symmetry
-    sizes = np.repeat([np.max(np.abs(cycle.after[:, :half])), np.max(np.abs(cycle.after[:, half:]))], half)
-    longest = float(np.max(cycle.duration))
-
-    def close(a: np.ndarray, b: np.ndarray) -> bool:
-        return bool(np.all(np.abs(a - b) <= tolerance * sizes))
-
-    # The flight times tell most shifts and reversals apart, all at once: row j of `index` numbers the flights from j on.
+    shifts = _Shifts(cycle, tolerance)
+    count, half, odd = shifts.count, cycle.after.shape[1] // 2, cycle.system.has_odd_symmetry
+    # The flight times tell most reversals apart, all at once: row j of `index` numbers the flights from j on.
     index = (np.arange(count)[:, None] + np.arange(count)) % count
-    times = cycle.duration[index]
-    as_long = np.all(np.abs(times - cycle.duration) <= tolerance * longest, axis=1)
-    backwards = np.all(np.abs(times - cycle.duration[::-1]) <= tolerance * longest, axis=1)
-
-    def shifted(by: int, sign: int) -> bool:
-        return bool(as_long[by % count]) and close(cycle.after[index[by % count]], sign * cycle.after)
-
-    length = next(d for d in range(1, count + 1) if count % d == 0 and (d == count or shifted(d, 1)))
+    backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= shifts.longest, axis=1)
+    length = shifts.length()
     period = cycle.period * length / count
     instants = cycle.times[:length]
     found = []
     for j in (j for j in range(length) if backwards[j]):
         for e in (-1, 1) if odd else (1,):
             flip = np.repeat([float(e), -float(e)], half)
-            if close(cycle.after[(j - np.arange(count)) % count], flip * cycle.before):
+            if shifts.close(cycle.after[(j - np.arange(count)) % count], flip * cycle.before):
                 middle = 0.5 * (instants[0] + instants[j])
                 found += [(float(c % period), e) for c in (middle, middle + 0.5 * period)]
     # An instant at the very start may come out at the end of the period by rounding.
     found = sorted((0.0 if period - c < SLACK * period else c, e) for c, e in found)
-    return Symmetries(count // length, odd and length % 2 == 0 and shifted(length // 2, -1), tuple(found))
+    return Symmetries(count // length, shifts.has_half(length), tuple(found))
+
+
+class _Shifts:
+    """Which shifts of its impacts map an orbit to itself, or to its mirror image."""
+
+    def __init__(self, cycle: Cycle, tolerance: float = SAME) -> None:
+        half = cycle.after.shape[1] // 2
+        self.cycle = cycle
+        self.count = len(cycle.duration)
+        self.longest = tolerance * float(cycle.duration.max())
+        sizes = np.abs(cycle.after)
+        self.sizes = tolerance * np.repeat([sizes[:, :half].max(), sizes[:, half:].max()], half)
+
+    def close(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Whether states are the same."""
+        return bool((np.abs(a - b) <= self.sizes).all())
+
+    def shifted(self, by: int, sign: int) -> bool:
+        """Whether the orbit is `sign` times itself so many impacts later."""
+        cycle = self.cycle
+        later = np.concatenate([cycle.duration[by:], cycle.duration[:by]])
+        if (np.abs(later - cycle.duration) > self.longest).any():
+            return False
+        return self.close(np.concatenate([cycle.after[by:], cycle.after[:by]]), sign * cycle.after)
+
+    def length(self) -> int:
+        """Impacts in the primitive period."""
+        count = self.count
+        return next(d for d in range(1, count + 1) if count % d == 0 and (d == count or self.shifted(d, 1)))
+
+    def has_half(self, length: int) -> bool:
+        """Whether the primitive orbit has u(t + T/2) = -u(t)."""
+        return self.cycle.system.has_odd_symmetry and length % 2 == 0 and self.shifted(length // 2, -1)
 
 
 def is_solved_as_it_is(problem: MultipointProblem, y: np.ndarray) -> bool:
@@ -105,7 +125,11 @@ def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
 
     Images under mirror and reversal in time count as the same orbit. There are several where the word is its own image.
     """
-    return with_canonical_word(problem.system, all_presentations(problem, y))
+    cycle, found = _primitive(cycle_of(problem, y))
+    if found.reversals:
+        return with_canonical_word(problem.system, _with_mirrored(problem.system, _between_reversals(cycle, found)))
+    word, _ = canonical(cycle.letters, PERIODIC, odd_symmetry=problem.system.has_odd_symmetry)
+    return _closed(cycle, word)
 
 
 def with_canonical_word(system: ImpactSystem, images: Iterable[Stretch]) -> list[Stretch]:
@@ -118,21 +142,21 @@ def with_canonical_word(system: ImpactSystem, images: Iterable[Stretch]) -> list
 def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
     """All presentations of an orbit, or of the primitive one that it repeats: from each instant of reversal to the next, from each impact
     where it has none, forwards and backwards in time, and mirrored where the system has odd symmetry."""
-    cycle = cycle_of(problem, y)
-    found = symmetries(cycle)
-    cycle = _primitive(cycle, found.turns)
-    images = list(_between_reversals(cycle, found) if found.reversals else _closed(cycle))
-    if problem.system.has_odd_symmetry:
-        images += [image.mirrored() for image in images]
-    return images
+    cycle, found = _primitive(cycle_of(problem, y))
+    if found.reversals:
+        return _with_mirrored(problem.system, _between_reversals(cycle, found))
+    return _closed(cycle)
 
 
-def closed_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
-    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry."""
-    images = list(_closed(cycle_of(problem, y)))
-    if problem.system.has_odd_symmetry:
-        images += [image.mirrored() for image in images]
-    return images
+def closed_presentations(problem: MultipointProblem, y: np.ndarray, word: Word | None = None) -> list[Stretch]:
+    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry; those with a
+    word, where one is given."""
+    return _closed(cycle_of(problem, y), word)
+
+
+def _with_mirrored(system: ImpactSystem, images: Iterable[Stretch]) -> list[Stretch]:
+    images = list(images)
+    return images + [image.mirrored() for image in images] if system.has_odd_symmetry else images
 
 
 def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Stretch]:
@@ -148,11 +172,13 @@ def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Stretc
             yield stretch.mirrored()
 
 
-def _primitive(cycle: Cycle, turns: int) -> Cycle:
-    if turns == 1:
-        return cycle
-    length = len(cycle.duration) // turns
-    return Cycle(cycle.system, cycle.before[:length], cycle.after[:length], cycle.duration[:length], cycle.contact[:length], cycle.lead)
+def _primitive(cycle: Cycle) -> tuple[Cycle, Symmetries]:
+    """One turn of an orbit, and its symmetries."""
+    found = symmetries(cycle)
+    length = len(cycle.duration) // found.turns
+    if found.turns > 1:
+        cycle = Cycle(cycle.system, cycle.before[:length], cycle.after[:length], cycle.duration[:length], cycle.contact[:length], cycle.lead)
+    return cycle, found
 
 
 def _between_reversals(cycle: Cycle, found: Symmetries) -> Iterator[Stretch]:
@@ -174,10 +200,17 @@ def _between_reversals(cycle: Cycle, found: Symmetries) -> Iterator[Stretch]:
         yield run_backwards(cycle.system, forward)
 
 
-def _closed(cycle: Cycle) -> Iterator[Stretch]:
-    """From each impact, forwards and backwards in time."""
-    for backwards, first in itertools.product((False, True), range(len(cycle.duration))):
-        yield closed_stretch(cycle, first=first, backwards=backwards)
+def _closed(cycle: Cycle, word: Word | None = None) -> list[Stretch]:
+    """The orbit from each impact, forwards and backwards in time, and mirrored: those with a word, where one is given."""
+    wanted = None if word is None else {word, mirror(word)}
+    images = []
+    for backwards in (False, True):
+        letters = cycle.letters[::-1] if backwards else cycle.letters
+        for first in range(len(letters)):
+            if wanted is None or letters[first:] + letters[:first] in wanted:
+                images.append(closed_stretch(cycle, first=first, backwards=backwards))
+    images = _with_mirrored(cycle.system, images)
+    return images if word is None else [image for image in images if image.word == word]
 
 
 def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
@@ -276,8 +309,9 @@ def _is_among(stretch: Stretch, images: Iterable[Stretch], tolerance: float) -> 
 def turns(problem: MultipointProblem, solution: Solution) -> int:
     """How often the solved orbit repeats itself: k for k turns of its primitive orbit, with k = 2 also where the solved half is half a
     turn of an orbit with half-period symmetry (a quarter problem solves that one)."""
-    found = symmetries(cycle_of(problem, solution.y))
-    return 2 if found.turns == 1 and found.half and problem.quarters == 2 else found.turns
+    shifts = _Shifts(cycle_of(problem, solution.y))
+    length = shifts.length()
+    return 2 if length == shifts.count and problem.quarters == 2 and shifts.has_half(length) else shifts.count // length
 
 
 class Mark(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -38,20 +39,21 @@ class Cycle:
     contact: np.ndarray
     lead: float
 
-    @property
+    @cached_property
     def period(self) -> float:
         """T."""
         return float(np.sum(self.duration))
 
-    @property
+    @cached_property
     def times(self) -> np.ndarray:
         """Times of the impacts in [0, T), (P,)."""
         return self.lead + np.concatenate([[0.0], np.cumsum(self.duration[:-1])])
 
-    @property
+    @cached_property
     def letters(self) -> tuple[str, ...]:
         """Contact letters in order of time."""
-        return tuple(self.system.modes.contact_letters[c] for c in self.contact)
+        letters = self.system.modes.contact_letters
+        return tuple([letters[c] for c in self.contact.tolist()])
 
     @property
     def speeds(self) -> np.ndarray:
@@ -140,11 +142,5 @@ def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     modes = problem.system.modes
     contact = problem.contacts[row].copy()
     mirrored = problem.segment.bound[row] * np.einsum("ij,ij->i", problem.segment.gap[row], before) < 0.0
-    opposite = {}
-    for c, (stop, side) in enumerate(zip(modes.contact_stop, modes.contact_side, strict=True)):
-        opposite[c] = next(
-            (d for d in range(len(modes.contact_side)) if modes.contact_stop[d] == stop and modes.contact_side[d] == -side), c
-        )
-    for i in np.flatnonzero(mirrored):
-        contact[i] = opposite[int(contact[i])]
+    contact[mirrored] = modes.contact_opposite[contact[mirrored]]
     return Cycle(problem.system, before, after, duration, contact, float(lead))

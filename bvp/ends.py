@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +37,7 @@ def contact_of(system: ImpactSystem, letter: str) -> int:
     return letters.index(letter)
 
 
+@lru_cache(maxsize=256)
 def parse_end(system: ImpactSystem, end: str) -> tuple[int, int]:
     """Kind and contact (-1: none) of an end "origin", "rest", "periodic" or "stop" with the contact's letter.
 
@@ -76,8 +78,9 @@ def _transverse(modes: Modes, contact: int) -> tuple[np.ndarray, np.ndarray]:
     return normal / np.linalg.norm(normal), basis
 
 
+@lru_cache(maxsize=64)
 def start_states(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
-    """Z (2 n, s), c (2 n,) of the states z = Z s + c that begin at an end."""
+    """Z (2 n, s), c (2 n,) of the states z = Z s + c that begin at an end. Shared by all who ask, and not to be written to."""
     size = modes.matrix.shape[0]
     n = size // 2
     if kind == PERIODIC:
@@ -96,8 +99,9 @@ def start_states(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.
     return start_map, offset
 
 
+@lru_cache(maxsize=64)
 def end_condition(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
-    """L (n, 2 n), l (n,) of the condition L z = l that holds at an end."""
+    """L (n, 2 n), l (n,) of the condition L z = l that holds at an end. Shared by all who ask, and not to be written to."""
     size = modes.matrix.shape[0]
     n = size // 2
     if kind == PERIODIC:

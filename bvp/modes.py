@@ -38,8 +38,9 @@ class Modes:
     The contacts, one for each finite bound of each stop, lower before upper
         contact_gap, contact_rate, contact_acceleration, contact_push (m, N): w = gap . z, w' = rate . z, w'' = acceleration . z
         in free flight, z+ = z - (1 + r) push (rate . z) at an impact; contact_side (m,), +1 upper and -1 lower; contact_bound,
-        contact_restitution (m,); contact_stop (m,), index of the stop; contact_letters, "-" and "+", after the stop's letter
-        where there are several stops.
+        contact_restitution (m,); contact_stop (m,), index of the stop; contact_opposite (m,), index of the contact on the
+        stop's other side, the contact itself where there is none; contact_letters, "-" and "+", after the stop's letter where there are
+        several stops.
     """
 
     pairs: np.ndarray
@@ -60,6 +61,7 @@ class Modes:
     contact_bound: np.ndarray
     contact_restitution: np.ndarray
     contact_stop: np.ndarray
+    contact_opposite: np.ndarray
     contact_letters: tuple[str, ...]
 
     @property
@@ -141,8 +143,14 @@ def modes_of(system: ImpactSystem) -> Modes:
         contact_bound=_array(bound),
         contact_restitution=_array(restitution),
         contact_stop=np.array(stop_index, dtype=np.int64),
+        contact_opposite=np.array(_opposite(stop_index), dtype=np.int64),
         contact_letters=tuple(letters),
     )
+
+
+def _opposite(stops: list[int]) -> list[int]:
+    """For each contact of these stops, the index of the other one of its stop; its own where there is none."""
+    return [next((j for j, other in enumerate(stops) if other == stop and j != i), i) for i, stop in enumerate(stops)]
 
 
 def _array(values: Any) -> np.ndarray:

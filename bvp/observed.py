@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from bvp.kernels.extrema import Observed
@@ -10,8 +12,10 @@ from bvp.system import ImpactSystem
 __all__ = ["observed_of"]
 
 
+@lru_cache(maxsize=64)
 def observed_of(system: ImpactSystem) -> Observed:
-    """The functionals that are watched along each flight: the gap of every stop, and the velocities of absorber and primary."""
+    """The functionals that are watched along each flight: the gap of every stop, and the velocities of absorber and primary.
+    Shared by all who ask, and not to be written to."""
     modes = system.modes
     size = 2 * system.degrees_of_freedom
     n = system.degrees_of_freedom

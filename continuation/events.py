@@ -83,9 +83,16 @@ class EventFinder:
         locator = Locator(self._problem, before, self._settings)
         locator.enter(ds, after.step)
         located: list[tuple[int, Location]] = []
-        for suspect in suspects:
+        for suspect in sorted(suspects, key=lambda suspect: self._effort(suspect.index, before, after)):
             located += [(suspect.index, location) for location in self._locate(locator, suspect.index, suspect.dip, ds)]
-        return self._classified(sorted(located, key=lambda pair: pair[1].s), before, after)
+        return self._classified(sorted(located, key=lambda pair: (pair[1].s, pair[0])), before, after)
+
+    def _effort(self, index: int, before: Point, after: Point) -> tuple[bool, bool, float]:
+        """Order in which events of one step are located: the smooth ones first. Where several coincide (at a grazing an impact's speed has
+        a plain zero, a clearance jumps and the multipliers have a pole), the steps taken for one bracket the others."""
+        kind = self._tests[index].kind
+        sizes = sorted((abs(float(before.tests[index])), abs(float(after.tests[index]))))
+        return kind == "change", kind != "guard", -sizes[0] / sizes[1] if sizes[1] > 0.0 else 0.0
 
     def at_start(self, before: Point, start: Point, after: Point, known: Collection[int]) -> list[Found]:
         """The events on the very start of a run, where the sign of a test function is undecided.

@@ -19,8 +19,15 @@ FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
 # tolerance, over its larger value at the ends of the step.
 JUMP_RATIO = 0.01
 
-# Where in the bracket a function is tried that could not be evaluated at the best place.
+# Where in the bracket a function is tried that could be evaluated neither at the best place nor near it.
 _OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)
+
+# A function that cannot be evaluated at its root (at a branch point the tangent turns by a right angle) is tried beside it: at this many
+# of the least distances that the bracket asks for, on its far side first.
+_BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)
+
+# So often the best place is given up, before a bracket that is narrow enough is taken as it stands.
+_REFUSALS = 3
 
 
 class StepRefused(RuntimeError):
@@ -38,7 +45,13 @@ class RootBracket(NamedTuple):
 
 
 def bracketed_root(
-    function: Callable[[float], float], low: float, value_low: float, high: float, value_high: float, tolerance: float
+    function: Callable[[float], float],
+    low: float,
+    value_low: float,
+    high: float,
+    value_high: float,
+    tolerance: float,
+    coarse: float = 0.0,
 ) -> RootBracket:
     """Root of a function in a bracket by the method of Chandrupatla: inverse quadratic interpolation where it is safe, else
     bisection.
@@ -56,6 +69,8 @@ def bracketed_root(
         The function there, of different sign (one may be 0).
     tolerance : float
         Width of the final bracket.
+    coarse : float
+        Width of a bracket that does where the function cannot be evaluated at the best places inside.
 
     Returns
     -------
@@ -87,14 +102,20 @@ def bracketed_root(
     newest, value_newest, other, value_other = high, value_high, low, value_low
     third, value_third = math.nan, math.nan
     fraction = 0.5
+    least = _least(newest, other, tolerance)
+    refusals = 0
     while True:
         interrupted = ""
-        for attempt in (fraction, *_OTHER_PLACES):
+        beside = [fraction + sign * factor * least for sign in (1.0, -1.0) for factor in _BESIDE]
+        for attempt in (fraction, *(place for place in beside if least <= place <= 1.0 - least), *_OTHER_PLACES):
+            if interrupted and refusals > _REFUSALS and abs(other - newest) <= coarse:
+                continue
             trial = newest + attempt * (other - newest)
             try:
                 value = function(trial)
                 break
             except StepRefused as refused:
+                refusals += not interrupted
                 interrupted = str(refused)
         else:
             best = (newest, value_newest) if abs(value_newest) < abs(value_other) else (other, value_other)
@@ -107,8 +128,7 @@ def bracketed_root(
         newest, value_newest = trial, value
         if value == 0:
             return RootBracket(trial, 0.0, trial, trial)
-        width = abs(other - newest)
-        least = max(0.5 * tolerance, 2 * math.ulp(max(abs(other), abs(newest)))) / width
+        least = _least(newest, other, tolerance)
         if least > 0.5:
             best = (newest, value_newest) if abs(value_newest) < abs(value_other) else (other, value_other)
             return RootBracket(*best, min(newest, other), max(newest, other))
@@ -127,6 +147,11 @@ def bracketed_root(
         else:
             fraction = 0.5
         fraction = min(max(fraction, least), 1 - least)
+
+
+def _least(newest: float, other: float, tolerance: float) -> float:
+    """Part of a bracket that its ends may be nearer to a root at least."""
+    return max(0.5 * tolerance, 2 * math.ulp(max(abs(other), abs(newest)))) / abs(other - newest)
 
 
 class Location(NamedTuple):
@@ -222,12 +247,14 @@ class Locator:
         StepRefused
             The steps between fail, in a bracket wider than the coincidence tolerance: then the long step is not to be trusted.
         """
+        scale = max(abs(self.value(index, low)), abs(self.value(index, high)))
+        if not guard:  # what ends a family is located from its own values alone: beyond the end of another guard they mean nothing
+            low, high = self._narrowed(index, low, high, lambda a, b: (a > 0.0) is not (b > 0.0))
         value_low, value_high = self.value(index, low), self.value(index, high)
-        tolerance = self._settings.location_tolerance
-        found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance)
-        if found.interrupted and found.high - found.low > self._settings.coincidence_tolerance:
+        tolerance, coincidence = self._settings.location_tolerance, self._settings.coincidence_tolerance
+        found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance, coincidence)
+        if found.interrupted and found.high - found.low > coincidence:
             raise StepRefused(found.interrupted)
-        scale = max(abs(value_low), abs(value_high))
         if guard and found.value < 0.0:
             found = self._within(index, found)
         residual = abs(found.value)
@@ -237,6 +264,19 @@ class Locator:
         status: Status = "located" if kind == "zero" else "bracketed"
         ends = self.step(found.low), self.step(found.high)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted)
+
+    def _narrowed(self, index: int, low: float, high: float, differ: Callable[[float, float], bool]) -> tuple[float, float]:
+        """The first two neighbours, among the steps taken for other events, between which a test function that differs at low and high
+        does so."""
+        a = self.value(index, low)
+        for s in sorted(s for s in self._taken if low < s < high):
+            value = float(self._taken[s].tests[index])
+            if math.isnan(value):
+                continue
+            if differ(a, value):
+                return low, s
+            low, a = s, value
+        return low, high
 
     def _within(self, index: int, found: RootBracket) -> RootBracket:
         """The root of a guard moved to the nearest step tried where its value is not negative, inside the same bracket."""
@@ -258,6 +298,7 @@ class Locator:
 
         The event's point is the first with the new key, or the last with the old key where the family ends.
         """
+        low, high = self._narrowed(index, low, high, lambda a, b: a != b)
         key = self.value(index, low)
         while high - low > self._settings.location_tolerance:
             middle = 0.5 * (low + high)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from saltus import __version__
 from saltus.arguments import OneLineParser, joined_values
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line, say
+from saltus.threads import one_thread
 
 __all__ = ["main"]
 
@@ -42,6 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         0 done; 1 a numerical failure or a file that could not be written; 2 bad input, nothing started; 130 interrupted.
     """
+    one_thread()
     try:
         code = _command(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()

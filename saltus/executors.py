@@ -14,6 +14,7 @@ from contextlib import contextmanager
 
 from branches.files import reason
 from saltus.errors import BadInput, one_line
+from saltus.threads import one_thread
 
 __all__ = ["open_executor"]
 
@@ -40,9 +41,7 @@ def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Execu
         Where the cluster, or a process, is lost while it works.
     """
     if dask is None:
-        # One thread a worker: small matrices gain nothing from more, and workers that share cores lose much.
-        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-            os.environ.setdefault(name, "1")
+        one_thread()
         # A fresh process: one that was forked while kernels are compiled in another thread may wait for ever.
         pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_depend_on_the_parent)
         try:

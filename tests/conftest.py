@@ -5,6 +5,9 @@ import os
 import hypothesis
 import pytest
 
+from saltus.threads import one_thread
+
+one_thread()
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 # The first call of a compiled kernel takes seconds and later ones microseconds, so no example is timed.

@@ -9,7 +9,7 @@ import numpy as np
 from branches.catalogue.rows import Edge, EventOrbit
 from branches.identity import closed_presentations, presentations, segment_images
 from branches.stretch import Stretch, embed, solved, stretch_of
-from branches.words import Ends, Word, mirror, mirror_ends
+from branches.words import PERIODIC, Ends, Word, impacts_per_period
 from bvp.cycle import cycle_of
 from bvp.kernels.flight import flow_state
 from bvp.kernels.segment import STOP
@@ -24,6 +24,9 @@ __all__ = ["distance", "event_orbit", "kept_orbit", "orbit_of_event", "presented
 
 _LONGEST = 20
 """Segments of an orbit that a segment of a family born from it may span: half a period of a quintupled quarter-period orbit has ten."""
+
+_TURNS = 5
+"""Turns of an orbit that a family born from it may close after."""
 
 _SAMPLES = 48
 """States looked at on each flight before the nearest is refined."""
@@ -51,20 +54,34 @@ def orbit_of_event(branch: Branch, event: BranchEvent) -> EventOrbit:
 def seen_from(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word) -> EventOrbit | None:
     """The orbit y as an orbit of the problem with other ends and word: started at another of its ends, run over a longer segment or
     several turns, or mirrored; None where it is none."""
-    windows: list[tuple[int, int] | int] = [1, 2, 3, 4, 5]
-    if not problem.periodic:
-        windows += [(first, first + length) for length in range(1, _LONGEST + 1) for first in range(4)]
-    signs = (1, -1) if problem.system.has_odd_symmetry else (1,)
-    for window in windows:
-        if isinstance(window, int) != (ends[0] == "periodic"):
-            continue
+    for window in _windows(problem, ends, word):
         stretch = embed(problem, y, window)
-        for sign in signs:
-            image = (stretch.ends, stretch.word) if sign > 0 else (mirror_ends(stretch.ends), mirror(stretch.word))
-            if image == (ends, word):
-                start = sign * (problem.modes.to_state @ stretch.start)
-                return EventOrbit(ends, "".join(word), tuple(start.tolist()), tuple(map(float, stretch.times)))
+        for image in (stretch, stretch.mirrored()) if problem.system.has_odd_symmetry else (stretch,):
+            if (image.ends, image.word) == (ends, word):
+                return kept_orbit(problem.system, image)
     return None
+
+
+def _windows(problem: MultipointProblem, ends: Ends, word: Word) -> list[tuple[int, int] | int]:
+    """The windows of `branches.stretch.embed` that have ends of these kinds and as many impacts as a word."""
+    inner, kinds = len(problem.word), [_kind(end) for end in problem.ends]
+    if ends == PERIODIC:
+        impacts = impacts_per_period(problem.word, problem.ends)
+        return [turns for turns in range(1, _TURNS + 1) if turns * impacts == len(word)]
+    if problem.periodic:
+        return []
+    found: list[tuple[int, int] | int] = []
+    for length in range(1, _LONGEST + 1):
+        for first in range(4):
+            at_stops = sum(kinds[place % 2] == "stop" for place in range(first + 1, first + length))
+            same = (kinds[first % 2], kinds[(first + length) % 2]) == (_kind(ends[0]), _kind(ends[1]))
+            if same and length * inner + at_stops == len(word):
+                found.append((first, first + length))
+    return found
+
+
+def _kind(end: str) -> str:
+    return "stop" if end.startswith("stop") else end
 
 
 def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word) -> EventOrbit | None:
@@ -76,7 +93,8 @@ def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, word: Word)
     found = seen_from(problem, y, ends, word)
     if found is not None:
         return found
-    for stretch in (*closed_presentations(problem, y), *presentations(problem, y)):
+    closed = closed_presentations(problem, y, tuple(word)) if ends == PERIODIC else []
+    for stretch in (*closed, *presentations(problem, y)):
         if (stretch.ends, tuple(stretch.word)) == (ends, tuple(word)):
             other = MultipointProblem(problem.system, ends, word)
             try:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.discovery.found import Found, labelled, objection
-from branches.discovery.scan import Passage, follow_start
-from branches.discovery.starts import Curve
+from branches.discovery.scan import Passage, Path
 from branches.identity import same_segment
 from branches.words import canonical, format_word, impacts_per_period, mirror, mirror_ends
 from bvp.multipoint import MultipointProblem, NotConverged
@@ -110,41 +109,40 @@ class Collector:
             self.problems[ends, word] = MultipointProblem(self.system, ends, word)
         return self.problems[ends, word]
 
-    def add(self, curve: Curve, passage: Passage, longest: float) -> None:
-        """Solve a passage and sort it in."""
-        path = follow_start(curve, passage.parameter, passage.impacts, longest)
+    def add(self, end: str, passage: Passage, path: Path) -> None:
+        """Solve a passage of a curve of starts at an end, where the path of its start is given, and sort it in."""
         letters = self.system.modes.contact_letters
         word = tuple(letters[c] for c in path.contacts[: passage.impacts])
         far = passage.kind
         if far == "stop":
             if len(path.contacts) <= passage.impacts:
-                self._set_aside((curve.end, "stop+"), word, passage, path.instants, "its last impact was not found again")
+                self._set_aside((end, "stop+"), word, passage, path, "its last impact was not found again")
                 return
             far += letters[path.contacts[passage.impacts]]
-        ends = (curve.end, far)
+        ends = (end, far)
         sign = 1.0
         if self.system.has_odd_symmetry and (mirror_ends(ends), mirror(word)) < (ends, word):
             ends, word, sign = mirror_ends(ends), mirror(word), -1.0
         if len(path.nodes) < passage.impacts:
-            self._set_aside(ends, word, passage, path.instants, "its impacts were not found again")
+            self._set_aside(ends, word, passage, path, "its impacts were not found again")
             return
         problem = self.problem(ends, word)
         y = problem.pack(sign * path.start, sign * path.nodes, np.append(path.durations, passage.flight))
         try:
             solution = problem.solve(y, energy=self.energy)
         except NotConverged as error:
-            self._set_aside(ends, word, passage, path.instants, str(error))
+            self._set_aside(ends, word, passage, path, str(error))
             return
         moved = float(np.max(np.abs(problem.start(solution.y) - sign * path.start)))
         if moved > MOVED * float(np.max(np.abs(path.start))):
-            self._set_aside(ends, word, passage, path.instants, "Newton's method moved away from it")
+            self._set_aside(ends, word, passage, path, "Newton's method moved away from it")
             return
         why = objection(problem, solution)
         if why == "inadmissible" and not solution["residual"] < 1e-12:
-            self._set_aside(ends, word, passage, path.instants, f"its residual stays at {solution['residual']:.1e}")
+            self._set_aside(ends, word, passage, path, f"its residual stays at {solution['residual']:.1e}")
             return
         if why == "inadmissible" and min(solution["clearance"], solution["speed"]) > -1e-12:
-            self._set_aside(ends, word, passage, path.instants, "it grazes a stop within rounding")
+            self._set_aside(ends, word, passage, path, "it grazes a stop within rounding")
             return
         if why is not None:
             self.counts[why] += 1
@@ -160,8 +158,8 @@ class Collector:
                 return
         same.append([orbit])
 
-    def _set_aside(self, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, instants: np.ndarray, reason: str) -> None:
-        time = (float(instants[-1]) if len(instants) else 0.0) + passage.flight
+    def _set_aside(self, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, path: Path, reason: str) -> None:
+        time = path.until_last + passage.flight
         quarters = 1 if (ends[0] == "origin") != (ends[1] == "origin") else 2
         self.counts["unpolished"] += 1
         self.unpolished.append(Unpolished(ends, format_word(word), passage.parameter, time / quarters, passage.miss, reason))

@@ -61,6 +61,11 @@ class Path(NamedTuple):
     durations: np.ndarray
     instants: np.ndarray
 
+    @property
+    def until_last(self) -> float:
+        """Time from the start to the last impact followed."""
+        return float(self.instants[-1]) if len(self.instants) else 0.0
+
 
 def scan(curve: Curve, limits: Mapping[str, tuple[float, int | None]], budget: int) -> tuple[list[Passage], list[Opening], dict[str, int]]:
     """Scan one curve.

@@ -6,12 +6,12 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from branches.discovery.orbits import Collector, Unpolished, first_passages, is_one_sided, preference
-from branches.discovery.scan import Opening, Passage, follow_start, scan
+from branches.discovery.scan import Opening, follow_start, scan
 from branches.discovery.scope import START_FROM_A_STATE, require_conservative, require_one_stop, require_two_degrees
 from branches.discovery.starts import curves
 from branches.labels import nearest
@@ -146,11 +146,12 @@ def discover(
             openings += opened
             counts["crossings"] += len(passages)
             longest = max(time for time, _ in limits.values())
-            instants = [instant(curve, passage, longest) for passage in passages]
+            paths = [follow_start(curve, passage.parameter, passage.impacts, longest) for passage in passages]
+            instants = [path.until_last + passage.flight for path, passage in zip(paths, passages, strict=True)]
             first_ones, repeated = first_passages(passages, instants, curve.high - curve.low)
             counts["repeated"] += len(repeated)
             for i in first_ones:
-                collector.add(curve, passages[i], longest)
+                collector.add(curve.end, passages[i], paths[i])
     counts.update(collector.counts)
     within = collector.within(quarter_period, impacts)
     orbits = sorted((min(images, key=preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.word))
@@ -186,12 +187,6 @@ def discover(
         openings,
         tally,
     )
-
-
-def instant(curve: Any, passage: Passage, longest: float) -> float:
-    """Time from the start to a passage."""
-    path = follow_start(curve, passage.parameter, passage.impacts, longest)
-    return (float(path.instants[-1]) if len(path.instants) else 0.0) + passage.flight
 
 
 def _limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:

@@ -1,5 +1,6 @@
 """How kernels are compiled: once, kept on disk, with division by zero giving inf or nan, as the arithmetic of arrays does."""
 
+from functools import lru_cache
 from typing import Any
 
 import numba as nb
@@ -33,7 +34,11 @@ def part(function: Any) -> Any:
 
 def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
     """Where a kernel without a result, compiled for such arguments, stands in memory, for `call_at`."""
-    types = tuple(nb.typeof(argument) for argument in arguments)
+    return _address(function, tuple(nb.typeof(argument) for argument in arguments))
+
+
+@lru_cache(maxsize=64)
+def _address(function: Any, types: tuple[Any, ...]) -> int:
     function.compile(types)
     code, description = (getattr(function.overloads[types], name) for name in ("library", "fndesc"))
     return int(code.get_pointer_to_function(description.llvm_cfunc_wrapper_name))
