@@ -177,7 +177,8 @@ def _primitive(cycle: Cycle) -> tuple[Cycle, Symmetries]:
     found = symmetries(cycle)
     length = len(cycle.duration) // found.turns
     if found.turns > 1:
-        cycle = Cycle(cycle.system, cycle.before[:length], cycle.after[:length], cycle.duration[:length], cycle.contact[:length], cycle.lead)
+        one = (part[:length] for part in (cycle.before, cycle.after, cycle.duration, cycle.contact))
+        cycle = Cycle(cycle.system, *one, cycle.lead)
     return cycle, found
 
 
