@@ -84,6 +84,8 @@ class EventFinder:
         locator.enter(ds, after.step)
         located: list[tuple[int, Location]] = []
         for suspect in sorted(suspects, key=lambda suspect: self._effort(suspect.index, before, after)):
+            if self._tests[suspect.index].kind == "guard" and locator.ends_with_another(suspect.index):
+                continue
             located += [(suspect.index, location) for location in self._locate(locator, suspect.index, suspect.dip, ds)]
         return self._classified(sorted(located, key=lambda pair: (pair[1].s, pair[0])), before, after)
 

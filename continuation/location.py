@@ -206,6 +206,7 @@ class Locator:
         self._settings = settings
         self._least_turn = math.cos(settings.maximum_turn)
         self._taken: dict[float, Step] = {0.0: before.step}
+        self._ends: list[tuple[float, float]] = []
 
     def enter(self, s: float, step: Step) -> None:
         """Make a step known that was taken already."""
@@ -261,9 +262,15 @@ class Locator:
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
         if residual > JUMP_RATIO * scale:
             kind = "pole" if residual > scale else "jump"
+        if guard and kind == "zero":
+            self._ends.append((found.low, found.high))
         status: Status = "located" if kind == "zero" else "bracketed"
         ends = self.step(found.low), self.step(found.high)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted)
+
+    def ends_with_another(self, index: int) -> bool:
+        """Whether a guard is violated first where another one has its zero: then that is the end, and this one tells no more of it."""
+        return any(self.value(index, low) > 0.0 >= self.value(index, high) for low, high in self._ends)
 
     def _narrowed(self, index: int, low: float, high: float, differ: Callable[[float, float], bool]) -> tuple[float, float]:
         """The first two neighbours, among the steps taken for other events, between which a test function that differs at low and high
