@@ -1,7 +1,11 @@
 """Orbits that discovery lists at an energy against the families of a catalogue that cross it."""
 
+import numpy as np
+
+from branches.building.work import ends_of
 from branches.catalogue import Catalogue
 from branches.catalogue.known import KnownFamilies
+from branches.discovery.search import discover
 
 SAME = 1e-6
 """Quarter periods that are one."""
@@ -17,6 +21,11 @@ class Families:
                 if row.ends != "periodic":
                     self.branches[row.id] = catalogue.branch(row.id)
                     self.known.add(row.id, self.branches[row.id])
+
+    def agree(self, system, energy, quarter_period, impacts):
+        """Fail where discovery at an energy that the build did not search, with every kind of ends, and the families differ."""
+        found = discover(system, energy, ends=ends_of(system), quarter_period=quarter_period, impacts=impacts)
+        assert found.settled and self.differences(found, quarter_period, impacts) == ([], [], [])
 
     def differences(self, found, quarter_period, impacts):
         """Orbits on no family, orbits whose family does not cross there, crossings that are not listed: all empty where they agree."""
@@ -35,3 +44,10 @@ class Families:
 def unmatched(ones, others):
     """Those (id, quarter period) of one list that have none in the other."""
     return [one for one in ones if not any(one[0] == other[0] and abs(one[1] - other[1]) < SAME for other in others)]
+
+
+def decided_stability(path):
+    """Part of a catalogue's points whose stability is decided."""
+    with Catalogue(path) as catalogue:
+        stable = np.concatenate([catalogue.points(row.id)["stable"] for row in catalogue.families()])
+    return np.mean(stable >= 0)
