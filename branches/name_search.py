@@ -12,8 +12,8 @@ import numpy as np
 from branches.discovery.found import Found, from_other_end
 from branches.discovery.uniform import Scanner
 from branches.identity import same_orbit
-from branches.labels import Label, Name, canonical, matches, nearest, roots
-from branches.name_errors import NameNotFound
+from branches.labels import Label, Name, matches, nearest, nearest_labels
+from branches.name_errors import NameNotFound, several_turns
 from branches.words import canonical as canonical_word
 from branches.words import split_family_id
 
@@ -186,12 +186,11 @@ class Search:
             return f"{text}; with these ends and this word there {'is' if len(known) == 1 else 'are'} {', '.join(known[:5])}"
         label = self.name.label
         if label is not None:
-            for root, turns in roots(label):
-                if turns > 1 and self._exists(root):
-                    return f"{label} is {turns} turns of {root}; expected the name of a primitive orbit"
+            turned = several_turns(label, self._exists)
+            if turned:
+                return turned
         if self.seen and label is not None:
-            near = nearest(str(canonical(label)), list(self.seen))
-            near = near or tuple(list(self.seen)[:3])
+            near = nearest_labels(label, self.seen)
             text += "; nearest that exist: " + ", ".join(f"{k}@h={self.seen[k][0]:.5g},alpha={self.seen[k][1]:.5g}" for k in near)
         return text
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from branches.catalogue.errors import CatalogueError
 from branches.catalogue.rows import FamilyRow
-from branches.labels import Label, LabelSyntaxError, Name, canonical, matches, nearest, parse, parse_name, roots
-from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
+from branches.labels import Label, LabelSyntaxError, Name, matches, nearest, nearest_labels, parse, parse_name
+from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound, several_turns
 from branches.name_pins import fits_otherwise, note, pin_of
 
 if TYPE_CHECKING:
@@ -213,13 +213,12 @@ def _crossings(
 
 
 def _linear_mode(catalogue: Catalogue, label: Label) -> Match:
-    asked = str(canonical(label))
-    known = [node for node in catalogue.nodes if node.kind == "linear mode"]
-    for node in known:
-        if node.id == asked:
-            return Match(node.id, node.kind, node.h[1] if node.h else None, node.alpha)
-    there = ", ".join(node.id for node in known) or "none"
-    raise NameNotFound(f"{catalogue.path} has no linear mode {asked}; it has {there}")
+    known = {node.id: node for node in catalogue.nodes if node.kind == "linear mode"}
+    node = known.get(str(label))
+    if node is None:
+        turned = several_turns(label, lambda root: str(root) in known)
+        raise NameNotFound(turned or f"{catalogue.path} has no linear mode {label}; it has {', '.join(known) or 'none'}")
+    return Match(node.id, node.kind, node.h[1] if node.h else None, node.alpha)
 
 
 def _nothing(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], having: Sequence[FamilyRow]) -> str:
@@ -229,16 +228,10 @@ def _nothing(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], ha
     if having:
         listed = "; ".join(f"{row.id} with {_extent(row)}" for row in having[:4])
         return f"no orbit {label} at {_where(name)} in {catalogue.path}; families that have the label: {listed}"
-    existing: dict[str, Crossing] = {}
-    for row in families:
-        for part in row.labels:
-            existing.setdefault(part.label, (part.h[0], part.alpha[0]))
-    existing.pop("", None)
-    for root, turns in roots(label):
-        if turns > 1 and any(matches(root, parse(known)) for known in existing):
-            return f"{label} is {turns} turns of {root}; expected the name of a primitive orbit"
-    near = ", ".join(nearest(str(canonical(label)), existing)) or "none, it holds no family with a label"
-    return f"{catalogue.path} has no family {label}; nearest that exist: {near}"
+    existing = {part.label for row in families for part in row.labels if part.label}
+    turned = several_turns(label, lambda root: any(matches(root, parse(known)) for known in existing))
+    near = ", ".join(nearest_labels(label, existing)) or "none, it holds no family with a label"
+    return turned or f"{catalogue.path} has no family {label}; nearest that exist: {near}"
 
 
 def _where(name: Name) -> str:
