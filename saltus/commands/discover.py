@@ -7,7 +7,7 @@ from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments, scene_arguments
-from saltus.arguments import positive, whole, whole_above_zero
+from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE
 from saltus.events_table import stability_word
 from saltus.outputs import Outputs
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="H", type=positive, required=True, help="the energy h")
     parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period alpha (default: the scene's)")
-    parser.add_argument("--max-impacts", metavar="K", type=whole, help="most impacts in half a period (default: not bounded)")
+    parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: not bounded)")
     parser.add_argument(
         "--ends",
         metavar="PAIRS",

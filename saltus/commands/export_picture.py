@@ -125,7 +125,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
         from branches.impulsive import impulsive_manifold, impulsive_orbits
         from saltus.first_run import prepare
 
-        prepare()
+        prepare(impulsive=True)
         if energy is None:
             energy = min(float(b.points["h"].min()) for b in branches), max(float(b.points["h"].max()) for b in branches)
         periodic = impulsive_orbits(system, energy, quarter_period=arguments.max_quarter_period or scene.quarter_period)
