@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["LEVELS", "Limits", "Search", "passes", "search_bounds"]
+__all__ = ["LEVELS", "Limits", "Search", "least_energy", "passes", "search_bounds"]
 
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 """Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
@@ -109,18 +109,10 @@ class Search:
         low, high = self.energy
         if low == high:
             return np.array([low])
-        low = max(low, 1e-3 * self._least())
+        low = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
         count = max(2, math.ceil(math.log(high / low) / step))
         grid = np.linspace(math.log(low), math.log(high), 2 * count + 1)[1::2]
         return np.exp(grid)
-
-    def _least(self) -> float:
-        """Energy below which no stop can be reached: min of the potential energy with |w| at a bound."""
-        gap = self.system.modes.contact_gap[0, : self.system.degrees_of_freedom]
-        squares = self.system.modes.squares
-        reach = min(abs(self.system.stops[0].lower), abs(self.system.stops[0].upper))
-        compliance = sum(math.inf if w <= 0.0 and g != 0.0 else (g * g / w if g else 0.0) for g, w in zip(gap, squares, strict=True))
-        return 0.5 * reach**2 / compliance if math.isfinite(compliance) else 1e-3
 
     def _at(self, h: float, angles: int) -> list[Found]:
         out = []
@@ -198,6 +190,23 @@ class Search:
         search = Search(self.system, Name(root, None, None, None), self.limits, self.range)
         step, angles = LEVELS[0]
         return any(search._at(h, angles) for h in search._energies(step))
+
+
+def least_energy(system: ImpactSystem) -> float:
+    """Energy below which the first stop cannot be reached: the least potential energy with the gap coordinate at its nearer bound, which is
+    0 where the system can drift there.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> round(least_energy(vibro_impact_nes(sigma=0.1)), 12), least_energy(vibro_impact_nes(sigma=0.0))
+    (0.05, 0.0)
+    """
+    gap = system.modes.contact_gap[0, : system.degrees_of_freedom]
+    reach = min(abs(system.stops[0].lower), abs(system.stops[0].upper))
+    pairs = zip(gap, system.modes.squares, strict=True)
+    compliance = sum(math.inf if w <= 0.0 and g != 0.0 else (g * g / w if g else 0.0) for g, w in pairs)
+    return float(0.5 * reach**2 / compliance)
 
 
 def passes(branch: Branch, orbit: Found) -> bool:

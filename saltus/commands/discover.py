@@ -124,8 +124,10 @@ def summary(found: Discovery) -> list[str]:
     -------
     list of str
     """
+    from saltus.catalogue_records import impacts_text
+
     counts = found.counts
-    bound = "any number of impacts" if found.impacts is None else f"up to {found.impacts} impacts in half a period"
+    bound = "any number of impacts" if found.impacts is None else f"up to {impacts_text(found.impacts)}"
     lines = [
         f"{len(found.orbits)} orbits at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
         f"between the ends {', '.join(found.ends)}",
