@@ -122,19 +122,18 @@ def nearest_labels(asked: Label, existing: Iterable[str], count: int = 3) -> tup
     -------
     tuple of str
         The nearest first: by the sum of the differences of half-waves, impacts (three times) and sign; equally near ones by their text.
-        One of several equivalent labels.
+        Of several equivalent labels the canonical one.
 
     Examples
     --------
     >>> nearest_labels(parse("U3401"), ["S13O00+", "U3411-", "U3201-", "U1101+", "U8353-"], 1)
     ('U3201-', 'U3411-')
     """
-    known = {canonical(parse(text)): text for text in sorted(existing, reverse=True)}
-    by_text = {str(label): label for label in known}
     wanted = canonical(asked)
-    alike = [by_text[text] for text in nearest(str(wanted), by_text, max(1, len(by_text)))]
-    near = sorted(alike, key=lambda label: _distance(wanted, label))[:count]
-    return tuple(known[label] for label in dict.fromkeys([*near, *alike[:1]]))
+    known = {str(label): label for label in (canonical(parse(text)) for text in existing)}
+    alike = nearest(str(wanted), known, max(1, len(known)))
+    near = sorted(alike, key=lambda text: _distance(wanted, known[text]))[:count]
+    return tuple(dict.fromkeys([*near, *alike[:1]]))
 
 
 def _distance(asked: Label, label: Label) -> int:

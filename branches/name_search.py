@@ -12,7 +12,7 @@ import numpy as np
 from branches.discovery.found import Found, from_other_end
 from branches.discovery.uniform import Scanner
 from branches.identity import same_orbit
-from branches.labels import Label, Name, matches, nearest, nearest_labels
+from branches.labels import Label, Name, canonical, matches, nearest, nearest_labels
 from branches.name_errors import NameNotFound, several_turns
 from branches.words import canonical as canonical_word
 from branches.words import split_family_id
@@ -123,7 +123,7 @@ class Search:
                 if self.fits(orbit):
                     out.append(orbit)
                 elif orbit.label is not None:
-                    self.seen.setdefault(str(orbit.label), (orbit.h, orbit.alpha))
+                    self.seen.setdefault(str(canonical(orbit.label)), (orbit.h, orbit.alpha))
         return out
 
     def fits(self, orbit: Found) -> bool:

@@ -29,12 +29,13 @@ FAR = 48.0
 class Named:
     """A curve of a panel with its family: x, y (N,) and breaks (N - 1,) where it is not joined."""
 
-    def __init__(self, curve: Curve | None, x: np.ndarray, y: np.ndarray, breaks: np.ndarray, text: str = ""):
+    def __init__(self, curve: Curve | None, x: np.ndarray, y: np.ndarray, breaks: np.ndarray, text: str = "", pinned: bool = False):
         self.curve = curve
         self.x = np.asarray(x, dtype=float)
         self.y = np.asarray(y, dtype=float)
         self.breaks = np.asarray(breaks, dtype=bool)
         self.text = text or ("" if curve is None else curve.label)
+        self.pinned = pinned
 
     @classmethod
     def point(cls, text: str, x: float, y: float) -> Named:
@@ -51,7 +52,7 @@ class Named:
         """Sort key: pinned first, then the longest range of energy."""
         if self.curve is None:
             return (False, 0.0, self.text)
-        return (not self.curve.pinned, -float(np.log(self.curve.h.max() / self.curve.h.min())), self.curve.family)
+        return (not self.pinned, -float(np.log(self.curve.h.max() / self.curve.h.min())), self.curve.family)
 
     def path(self) -> np.ndarray:
         """The curve (n, 2), with rows of NaN where it is broken."""
@@ -61,21 +62,32 @@ class Named:
         """Points (N, 2) of the curve where its label is the one written; other rows are NaN."""
         points = np.stack([self.x, self.y], axis=1)
         if self.curve is not None:
-            mine = self.curve.labels == self.text
+            mine = self.curve.pinned & (self.curve.names == self.text) if self.pinned else self.curve.labels == self.text
             if mine.any():
                 points[~mine] = np.nan
         return points
 
+    def names(self) -> list[Named]:
+        """The same curve with each of its pinned names; itself where it has none."""
+        if self.curve is None or not self.curve.pinned.any():
+            return [self]
+        texts = dict.fromkeys(self.curve.names[self.curve.pinned].tolist())
+        return [Named(self.curve, self.x, self.y, self.breaks, text, True) for text in texts]
+
 
 def names_of(curves: Sequence[Named], axes: Axes | None = None) -> list[Named]:
-    """The curves that have a label, one for each family, the most important first; those in sight of `axes` where it is given."""
-    chosen: dict[str, Named] = {}
-    for curve in sorted(curves, key=lambda curve: curve.importance):
-        if not curve.text or curve.key in chosen:
+    """The curves that have a name, one for each family but all that are pinned, the most important first; those in sight of `axes` where
+    it is given."""
+    chosen: dict[tuple[str, str], Named] = {}
+    families: set[str] = set()
+    for curve in sorted((name for curve in curves for name in curve.names()), key=lambda curve: curve.importance):
+        key = (curve.key, curve.text)
+        if not curve.text or key in chosen or (curve.key in families and not curve.pinned):
             continue
         if axes is not None and not len(_in_sight(axes, curve)):
             continue
-        chosen[curve.key] = curve
+        chosen[key] = curve
+        families.add(curve.key)
     return list(chosen.values())
 
 
@@ -167,7 +179,7 @@ def _readable(done: Sequence[tuple[_Candidate, Place]], cover: Cover) -> list[tu
     for item, place in done:
         corner = np.array([place.left, place.bottom])
         box = np.concatenate([corner, corner + item.size])[None]
-        pinned = item.named.curve is None or item.named.curve.pinned
+        pinned = item.named.curve is None or item.named.pinned
         if not pinned and cover.within(box)[0] > _HIDDEN:
             continue
         start, end = item.at[None], np.array([place.leader or item.at])
@@ -194,9 +206,8 @@ def _candidates(axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Co
         trial = axes.text(0, 0, written(named.text), fontsize=SMALL)
         size = np.array(trial.get_window_extent(renderer).size) * to_points
         trial.remove()
-        pinned = named.curve is not None and named.curve.pinned
         radius = 3.0 if len(named.x) == 1 else 0.8
-        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if pinned else far))
+        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if named.pinned else far))
     return out
 
 

@@ -126,8 +126,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
         bounds, missing = regime_bounds(system, everything)
         for text in missing:
             print(f"note   no bound {text}", flush=True)
-    pinned = tuple(scene.pins_for(system))
-    atlas = atlas_of(system, branches, pinned=pinned, manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
+    atlas = atlas_of(system, branches, pinned=scene.pins_for(system), manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
     return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
 
 

@@ -14,6 +14,7 @@ from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities
 from branches.diagram.atlas_data import linear_modes
 from branches.diagram.placement import overlapping
 from branches.export import ExportError, read_atlas, write_atlas
+from branches.labels import canonical, parse
 from tests.branches import atlas_families as real
 from tests.branches.test_diagram import assert_texts_apart, by_gid, panels_of, text_boxes
 
@@ -136,10 +137,62 @@ def test_names_are_counted_and_pinned_ones_come_first():
         assert f"of {total} families named" in axes.get_xlabel()
         assert count == len(texts) <= most
         if most == 3:
-            others = [curve for curve in data.curves if not curve.pinned]
+            others = [curve for curve in data.curves if not curve.pinned.any()]
             widest = max(others, key=lambda curve: curve.h.max() / curve.h.min())
             assert count == 3 and {r"$\mathrm{S13}^{+}$", r"$\mathrm{S31O11}^{+}$"} < texts
             assert widest.label in ("S11O00-",) and r"$\mathrm{S11}^{-}$" in texts
+
+
+PINS = {
+    "U11+": {"h": 0.48, "alpha": 1.6903},
+    "U21+": {"h": 0.53, "alpha": 1.6453},
+    "U21-": {"h": 0.58, "alpha": 1.6186},
+    "S31O11-": {"h": 1.5, "alpha": 1.6376},
+    "S11-": {"h": 0.8},
+    "U(15)578-": {"h": 1.475, "alpha": 8.1792},
+    "S13+": {"h": 0.8, "alpha": 0.3},
+}
+
+
+def test_a_pin_marks_its_family_at_its_place():
+    """Oracle: the scene's own pins. U11+ and U21- are labels of the family that leaves S13+, U21+ is the literature's name of a point
+    that counts as U1101+; S31O11- counts as S33O11- there; a pin of a family that is not there, and one where no orbit is, mark nothing."""
+    data = atlas_of(real.SYSTEM, real.families(), pinned=PINS)
+    marked = {}
+    for curve in data.curves:
+        for name in dict.fromkeys(curve.names[curve.pinned].tolist()):
+            assert name not in marked
+            marked[name] = curve
+    assert set(marked) == {"U11+", "U21+", "U21-", "S31O11-", "S11-"}
+    born = marked["U11+"]
+    assert born is marked["U21+"] is marked["U21-"] and "U1101+" in born.labels
+    for name, label in (("U11+", "U1101+"), ("U21-", "U2101-"), ("S11-", "S11O00-")):
+        curve = marked[name]
+        here = set(curve.labels[(curve.names == name) & curve.pinned].tolist())
+        assert {str(canonical(parse(text))) for text in here} == {label}
+    for name, label in (("U21+", "U1101+"), ("S31O11-", "S33O11-")):
+        curve = marked[name]
+        (k,) = np.flatnonzero(curve.names == name)
+        assert str(canonical(parse(curve.labels[k]))) == label
+        away = np.hypot(np.log(curve.h / PINS[name]["h"]), np.log(curve.alpha / PINS[name]["alpha"]))
+        assert k == np.argmin(away) and away[k] < 0.05
+
+
+@pytest.mark.parametrize("figure", [atlas_figure, velocities_figure])
+def test_pinned_names_are_written_as_the_scene_writes_them(figure):
+    """Oracle: the texts of the picture; three names of one family count as one family."""
+    data = atlas_of(real.SYSTEM, real.families()[:2] + tuple(b for b in real.families() if "U1101+" in b.points["label"]), pinned=PINS)
+    drawn = figure(data)
+    axes = drawn.axes[-1]
+    texts = {text.get_text() for axes in drawn.axes for text in axes.texts}
+    assert {r"$\mathrm{U11}^{+}$", r"$\mathrm{U21}^{+}$", r"$\mathrm{U21}^{-}$"} < texts
+    assert r"$\mathrm{U1101}^{+}$" not in texts and "(3 of 3 families named" in axes.get_xlabel()
+
+
+def test_a_pin_outside_the_energies_shown_marks_nothing():
+    """Oracle: the range."""
+    data = atlas_of(real.SYSTEM, real.families(), pinned=PINS, energy=(0.56, 1.4))
+    assert {name for curve in data.curves for name in curve.names[curve.pinned]} == {"U21-", "S11-"}
 
 
 def test_insets_show_what_their_frames_frame_and_cover_nothing_but_empty_ground():
@@ -271,8 +324,8 @@ def test_a_picture_drawn_from_its_exported_data_is_the_same(kind, tmp_path):
         again = read_atlas(path)
         assert picture(again, draw) == picture(data, draw)
         for before, after in zip(data.curves, again.curves, strict=True):
-            assert (after.family, after.label, after.pinned) == (before.family, before.label, before.pinned)
-            for name in ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable", "velocities", "labels"):
+            assert (after.family, after.label) == (before.family, before.label)
+            for name in ("names", "pinned", "h", "alpha", "frequency", "frequency_index", "half_waves", "stable", "velocities", "labels"):
                 np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
 
 
@@ -291,7 +344,7 @@ def test_tables_can_be_read_without_this_program(tmp_path):
     assert columns["h"][: len(data.curves[0].h)] == data.curves[0].h.tolist()
     mat = loadmat(tmp_path / "data.mat")
     np.testing.assert_array_equal(mat["h"][: len(data.curves[0].h), 0], data.curves[0].h)
-    assert mat["name"][0].rstrip() == data.curves[0].label
+    assert mat["name"][0].rstrip() == data.curves[0].names[0]
 
 
 def test_files_that_cannot_be_read(tmp_path):
