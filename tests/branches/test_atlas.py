@@ -12,7 +12,7 @@ import pytest
 
 from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
 from branches.diagram.atlas_data import linear_modes
-from branches.diagram.placement import overlapping
+from branches.diagram.placement import even_points, overlapping
 from branches.export import ExportError, read_atlas, write_atlas
 from branches.labels import canonical, parse
 from tests.branches import atlas_families as real
@@ -218,6 +218,44 @@ def test_insets_show_what_their_frames_frame_and_cover_nothing_but_empty_ground(
     at = axes.transData.transform(points[np.isfinite(points).all(axis=1)])
     inside = [(at > box[:2]).all(axis=1) & (at < box[2:]).all(axis=1) for box in (boxes[0], boxes[2])]
     assert np.mean(inside[0] | inside[1]) < 0.01
+
+
+@pytest.mark.parametrize("text", ["1:3", "0.2:0.4,0.7:1.2", "0.09:0.16,0.8:1.1", "0.5:2,0.7:1.4", "0.12:0.2,0.9:2.5"])
+@pytest.mark.parametrize("frequency", ["index", "fundamental"])
+def test_an_inset_shows_its_part_larger_and_in_full_view(text, frequency):
+    """Oracle: sizes of the part and of the inset (one that is as high as the picture is wider only), the scale of the axis; text extents
+    apart from each other, those of ticks in a corner and of the letter too, and those of names and letter against the curves there."""
+    figure = atlas_figure(real.atlas(), frequency=frequency, insets=[parse_inset(text)])
+    texts, boxes = assert_texts_apart(figure, "png")
+    panels = panels_of(figure)
+    axes, inset = panels["frequency"], panels["inset-a"]
+    (frame,) = by_gid(axes, "inset-a-frame")
+    shown = np.ptp(axes.transData.transform(frame.get_xydata()), axis=0)
+    larger = np.array(inset.bbox.size) > 1.05 * shown
+    assert larger[0] and (larger[1] or shown[1] > 0.6 * axes.bbox.height) and inset.get_yscale() == axes.get_yscale()
+    curves = [line.get_xydata() for line in lines_of(inset, "inset-a-").values() if line.get_linestyle() != "None"]
+    spots = np.concatenate([even_points(inset.transData.transform(curve) * 72 / 200, 0.5) for curve in curves])
+    for text, (left, bottom, right, top) in zip(texts, boxes, strict=True):
+        if text.axes is inset and (text.get_text().startswith("$\\mathrm{") or text.get_text() == "a"):
+            inside = (spots > [left + 1.0, bottom + 1.5]).all(axis=1) & (spots < [right - 1.0, top - 1.5]).all(axis=1)
+            assert inside.sum() <= 4, text.get_text()
+
+
+def test_names_in_insets_count():
+    """Oracle: the number asked for, and the texts of the picture and its insets."""
+    for most in (1, 3, 6):
+        figure = atlas_figure(real.atlas(), names=most, insets=[parse_inset(text) for text in INSETS])
+        axes = panels_of(figure)["frequency"]
+        texts = {text.get_text() for panel in figure.axes for text in panel.texts if text.get_text().startswith("$\\mathrm{")}
+        count = int(axes.get_xlabel().split("(")[1].split(" of ")[0])
+        assert len({text for text in texts if "L11" not in text}) == count <= most
+
+
+@pytest.mark.parametrize(("text", "words"), [("0.2:0.3,20:30", "nothing is drawn there"), ("0.04:29", "expected a smaller part")])
+def test_an_inset_without_use(text, words):
+    """Oracle: the message names it as it was given."""
+    with pytest.raises(ValueError, match=f"inset {text}: .*{words}"):
+        atlas_figure(real.atlas(), insets=[parse_inset(text)])
 
 
 @pytest.mark.parametrize("text", ["3:1", "1", "1:2:3", "1:2,3", "a:b", "0:1", "1:2,3:4,5:6", "1:2,4:3"])
