@@ -7,7 +7,7 @@ from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments, scene_arguments
-from saltus.arguments import positive, whole, whole_above_zero
+from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE
 from saltus.events_table import stability_word
 from saltus.outputs import Outputs
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="H", type=positive, required=True, help="the energy h")
     parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period alpha (default: the scene's)")
-    parser.add_argument("--max-impacts", metavar="K", type=whole, help="most impacts in half a period (default: not bounded)")
+    parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: not bounded)")
     parser.add_argument(
         "--ends",
         metavar="PAIRS",
@@ -124,8 +124,10 @@ def summary(found: Discovery) -> list[str]:
     -------
     list of str
     """
+    from saltus.catalogue_records import impacts_text
+
     counts = found.counts
-    bound = "any number of impacts" if found.impacts is None else f"up to {found.impacts} impacts in half a period"
+    bound = "any number of impacts" if found.impacts is None else f"up to {impacts_text(found.impacts)}"
     lines = [
         f"{len(found.orbits)} orbits at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
         f"between the ends {', '.join(found.ends)}",

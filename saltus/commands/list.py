@@ -43,6 +43,5 @@ def run(arguments: argparse.Namespace) -> int:
         yield from listing(head, rows, width=width_of(sys.stdout), right="llrllrrrl")
         yield f"{len(families)} of {total} families"
 
-    given = {name: value for name, value in filters.items() if value not in (None, False)}
-    tell(arguments.json, lines(), lambda: {"filters": given, "families": [family_record(row) for row in families]})
+    tell(arguments.json, lines(), lambda: {"filters": family_filters.told(filters), "families": [family_record(row) for row in families]})
     return DONE
