@@ -177,8 +177,8 @@ def _primitive(cycle: Cycle) -> tuple[Cycle, Symmetries]:
     found = symmetries(cycle)
     length = len(cycle.duration) // found.turns
     if found.turns > 1:
-        one = (part[:length] for part in (cycle.before, cycle.after, cycle.duration, cycle.contact))
-        cycle = Cycle(cycle.system, *one, cycle.lead)
+        before, after, duration, contact = (part[:length] for part in (cycle.before, cycle.after, cycle.duration, cycle.contact))
+        cycle = Cycle(cycle.system, before, after, duration, contact, cycle.lead)
     return cycle, found
 
 
