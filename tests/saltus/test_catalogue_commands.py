@@ -109,6 +109,7 @@ def test_a_tree_with_a_ring_ends(tmp_path, capsys):
             filled.connect(Edge(other, "GR2", "GR", "fold", one, 1.0 + k, 1.7, "GR1"))
     code, out, _ = run(capsys, "tree", ids[0], "--catalogue", tmp_path / "ring.sqlite", "--depth", "9")
     assert code == 0 and len(out.splitlines()) < 12
+    assert out.count("GR1 fold at h 1") == 1 and "1 more event" not in out
     for id in ids[1:]:
         assert sum(id in line and "elsewhere" not in line for line in out.splitlines()) == 1
 
