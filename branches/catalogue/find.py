@@ -24,6 +24,7 @@ _WILD = re.compile(r"[*?\[]")
 _PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic).*")
 _SIDE = re.compile(r"(?<=stop)[a-z]?[+-]")
 
+
 class Match(NamedTuple):
     """What a name stands for: the id of a family or linear mode, and the orbit that a suffix, pin or label selects on it. `note` says so
     where the orbit's own label is another one."""
