@@ -81,12 +81,14 @@ class _Tree:
         self.limit = depth
 
     def _shown(self, node: str) -> list[tuple[Way, bool]]:
-        """The ways that leave a node, but for the one that led to it, and whether the other node opens there."""
+        """The ways that leave a node, but for the one that led to it, each meeting once, and whether the other node opens there."""
         came = self.parent[node]
+        told = [] if came is None else [came]
         shown = []
         for way in self.ways.get(node, []):
-            if came is not None and (way.edge is came.edge or _tells_the_same(way.edge, came.edge)):
+            if any(way.edge is other.edge or _tells_the_same(way.edge, other.edge) for other in told):
                 continue
+            told.append(way)
             shown.append((way, self.parent.get(way.to) is way))
         return shown
 
@@ -98,7 +100,7 @@ class _Tree:
             ways = self._shown(node)
             if self.depth[node] >= self.limit:
                 if ways:
-                    out.append(f"{lead}└─ {len(ways)} more events")
+                    out.append(f"{lead}└─ {len(ways)} more {'event' if len(ways) == 1 else 'events'}")
                 return
             for k, (way, opens) in enumerate(ways):
                 last = k == len(ways) - 1
