@@ -112,7 +112,7 @@ def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
     seeds = []
     for found in beginnings(mode, turns, plan.bounds.impacts, energy=plan.bounds.energy):
         assert found.there is not None and found.beside is not None
-        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{turns} turns: {found.kind}")
+        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{turns} turn{'s' if turns > 1 else ''}: {found.kind}")
         seed = _seed(found.beside.problem, found.beside.y, plan)
         seeds.append(_reached(seed, link, source, found.there.problem, found.there.y))
     return Answer(tuple(seeds))

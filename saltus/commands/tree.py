@@ -53,10 +53,14 @@ class _Tree:
     """Every node hangs where it is reached with the fewest events; there it is opened, elsewhere it is only named."""
 
     def __init__(self, catalogue: Catalogue, root: str, depth: int) -> None:
+        from branches.labels import spelled
+
         self.root = root
         self.words: dict[str, str] = {}
+        names = list(catalogue.scene.pins)
         for row in catalogue.families():
-            self.words[row.id] = f"{row.label or row.id}  h {row.h[0]:.5g}:{row.h[1]:.5g}" + (f"  {row.id}" if row.label else "")
+            label = spelled(row.label, names)
+            self.words[row.id] = f"{label or row.id}  h {row.h[0]:.5g}:{row.h[1]:.5g}" + (f"  {row.id}" if label else "")
         for other in catalogue.nodes:
             h = "" if other.h is None else f"  h {other.h[0]:.5g}:{other.h[1]:.5g}"
             self.words[other.id] = f"dead end: {other.note}" if other.kind == "dead end" else f"{other.id} ({other.kind}){h}"
