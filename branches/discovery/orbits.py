@@ -118,7 +118,7 @@ class Collector:
         far = passage.kind
         if far == "stop":
             if len(path.contacts) <= passage.impacts:
-                self._set_aside((curve.end, "stop+"), word, passage, path.instants, "its last impact was not found again")
+                self._set_aside(curve, (curve.end, "stop+"), word, passage, path.instants, "its last impact was not found again")
                 return
             far += letters[path.contacts[passage.impacts]]
         ends = (curve.end, far)
@@ -126,25 +126,25 @@ class Collector:
         if self.system.has_odd_symmetry and (mirror_ends(ends), mirror(word)) < (ends, word):
             ends, word, sign = mirror_ends(ends), mirror(word), -1.0
         if len(path.nodes) < passage.impacts:
-            self._set_aside(ends, word, passage, path.instants, "its impacts were not found again")
+            self._set_aside(curve, ends, word, passage, path.instants, "its impacts were not found again")
             return
         problem = self.problem(ends, word)
         y = problem.pack(sign * path.start, sign * path.nodes, np.append(path.durations, passage.flight))
         try:
             solution = problem.solve(y, energy=self.energy)
         except NotConverged as error:
-            self._set_aside(ends, word, passage, path.instants, str(error))
+            self._set_aside(curve, ends, word, passage, path.instants, str(error))
             return
         moved = float(np.max(np.abs(problem.start(solution.y) - sign * path.start)))
         if moved > MOVED * float(np.max(np.abs(path.start))):
-            self._set_aside(ends, word, passage, path.instants, "Newton's method moved away from it")
+            self._set_aside(curve, ends, word, passage, path.instants, "Newton's method moved away from it")
             return
         why = objection(problem, solution)
         if why == "inadmissible" and not solution["residual"] < 1e-12:
-            self._set_aside(ends, word, passage, path.instants, f"its residual stays at {solution['residual']:.1e}")
+            self._set_aside(curve, ends, word, passage, path.instants, f"its residual stays at {solution['residual']:.1e}")
             return
         if why == "inadmissible" and min(solution["clearance"], solution["speed"]) > -1e-12:
-            self._set_aside(ends, word, passage, path.instants, "it grazes a stop within rounding")
+            self._set_aside(curve, ends, word, passage, path.instants, "it grazes a stop within rounding")
             return
         if why is not None:
             self.counts[why] += 1
@@ -156,15 +156,19 @@ class Collector:
         for images in same:
             if any(is_same(orbit, other) for other in images):
                 self.counts["duplicates"] += 1
-                images.append(orbit)
+                if not any(is_again(problem, sign * path.start, other) for other in images):
+                    images.append(orbit)
                 return
         same.append([orbit])
 
-    def _set_aside(self, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, instants: np.ndarray, reason: str) -> None:
+    def _set_aside(
+        self, curve: Curve, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, instants: np.ndarray, reason: str
+    ) -> None:
         time = (float(instants[-1]) if len(instants) else 0.0) + passage.flight
         quarters = 1 if (ends[0] == "origin") != (ends[1] == "origin") else 2
         self.counts["unpolished"] += 1
-        self.unpolished.append(Unpolished(ends, format_word(word), passage.parameter, time / quarters, passage.miss, reason))
+        angle = curve.angle(passage.parameter)
+        self.unpolished.append(Unpolished(ends, format_word(word), angle, time / quarters, passage.miss, reason))
 
     def within(self, quarter_period: float, impacts: int | None) -> list[list[Found]]:
         """The orbits within bounds of quarter period and impacts in half a period: each with all the solutions that are images of it."""
@@ -181,6 +185,12 @@ def is_one_sided(images: list[Found]) -> bool:
     """Whether an orbit with two ends of one kind was found from one of them alone; no scan that misses nothing finds it so."""
     first, last = (end.rstrip("+-") for end in images[0].problem.ends)
     return first == last and len(images) != 2
+
+
+def is_again(problem: MultipointProblem, start: np.ndarray, other: Found) -> bool:
+    """Whether a start is that of an orbit that is known, within rounding: intervals that are resumed overlap."""
+    known = other.problem.start(other.solution.y)
+    return other.problem is problem and float(np.max(np.abs(known - start))) <= SAME_START * float(np.max(np.abs(start)))
 
 
 def preference(orbit: Found) -> tuple[Any, ...]:

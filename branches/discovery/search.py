@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.discovery.orbits import Collector, Unpolished, first_passages, is_one_sided, preference
+from branches.discovery.resuming import resumed
 from branches.discovery.scan import Opening, Passage, follow_start, scan
 from branches.discovery.scope import START_FROM_A_STATE, require_conservative, require_one_stop, require_two_degrees
 from branches.discovery.starts import curves
 from branches.labels import nearest
+from bvp.kernels.verdict import GRAZED
 from branches.orbit import Orbit
 from branches.words import impacts_per_period
 
@@ -58,8 +60,8 @@ class Discovery:
     open : list of Opening
         Intervals of starts (by curve) in which it is not decided what they hold.
     counts : dict of str to int
-        Of each stage: ``starts`` followed; intervals ``split``, ``closed``, ``open``, ``at_grazing`` (as wide as rounding) and
-        ``over_budget``; ``grazings`` located; ``crossings`` of far ends; ``repeated`` (several turns, known from the start), ``polished``,
+        Of each stage: ``starts`` followed; intervals ``split``, ``closed``, ``open``, ``resumed`` (as narrow as rounding, and
+        scanned on from their image), ``at_grazing`` (as narrow as rounding) and ``over_budget``; ``grazings`` located; ``crossings`` of far ends; ``repeated`` (several turns, known from the start), ``polished``,
         ``unpolished``, ``inadmissible``, ``without_impacts``, ``multiple_turns``, ``duplicates``, ``one_sided`` (found from one of two
         ends alone), ``beyond_bounds``, ``orbits``.
     families : tuple of (str or None)
@@ -140,12 +142,25 @@ def discover(
                 limits[far] = _limits(first, far, quarter_period, impacts)
         if not limits:
             continue
-        for curve in curves(system, start, energy):
+        longest = max(time for time, _ in limits.values())
+        left = deque(curves(system, start, energy))
+        while left:
+            curve = left.popleft()
             passages, opened, of_scan = scan(curve, limits, max(1, budget - counts["starts"]))
             counts.update(of_scan)
-            openings += opened
+            for opening in opened:
+                on = resumed(curve, opening, longest) if counts["starts"] < budget else None
+                if on is not None:
+                    left.append(on)
+                    counts["resumed"] += 1
+                elif opening.reason != GRAZED:
+                    openings.append(opening._replace(parameter=curve.angle(opening.parameter), width=curve.piece[1] * opening.width))
+                if opening.reason == GRAZED:
+                    counts["open"] -= 1
+                    counts["at_grazing"] -= on is not None
+                elif on is not None:
+                    counts["open"] -= 1
             counts["crossings"] += len(passages)
-            longest = max(time for time, _ in limits.values())
             instants = [instant(curve, passage, longest) for passage in passages]
             first_ones, repeated = first_passages(passages, instants, curve.high - curve.low)
             counts["repeated"] += len(repeated)
@@ -160,6 +175,7 @@ def discover(
         "split": counts["split"],
         "closed": counts["closed"],
         "open": counts["open"],
+        "resumed": counts["resumed"],
         "at_grazing": counts["at_grazing"],
         "over_budget": counts["budget"],
         "grazings": counts["grazings"],

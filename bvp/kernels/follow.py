@@ -54,7 +54,7 @@ class Flow(NamedTuple):
     across: np.ndarray  # (2,) unit vector along the stop, in modal coordinates
     limits: np.ndarray  # (2,) bounds of the gap coordinate, infinite where there is none
     start: np.ndarray  # (3, 4): z = start[0] + first(theta) start[1] + second(theta) start[2]
-    shape: np.ndarray  # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic; contact that the start leaves, -1 for none
+    shape: np.ndarray  # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic, 3 linear and quadratic; contact that the start leaves, -1 for none
 
 
 @kernel
@@ -70,6 +70,11 @@ def start_at(flow, theta, z, dz):
         second = theta
         first_rate = 0.0
         second_rate = 1.0
+    elif flow.shape[0] == 3:
+        first = theta
+        second = theta * theta
+        first_rate = 1.0
+        second_rate = 2.0 * theta
     else:
         first = math.cosh(theta)
         second = math.sinh(theta)

@@ -24,7 +24,7 @@ from bvp.kernels.compiled import allocating, kernel, part
 from bvp.kernels.follow import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow, nearest_turns
 from bvp.kernels.passages import refine_zero
 from bvp.kernels.places import place, unplace
-from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, JUMP, SPLIT, flight_verdict, touching
+from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, GRAZED, JUMP, SPLIT, flight_verdict, touching
 
 __all__ = ["COUNTS", "scan_interval"]
 
@@ -32,6 +32,7 @@ COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
 
 
+COARSE = 100.0
 SLIVER = 4e-12
 """How far outside its interval Newton's method may end at a grazing: about what is left out between its two sides."""
 
@@ -142,6 +143,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
     offset = 16.0 * grain
     if slope > 0.0:
         offset = max(offset, touching(flow, records[late, k]) / slope)
+    hidden = 16.0 * grain * slope
     edge_1 = theta_1
     edge_2 = theta_2
     theta_1 = min(theta_1, edge_2 - min(offset, 0.25 * (edge_2 - theta_a)))
@@ -154,7 +156,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
         two = third(one, two, first)
         levels[two] = follow(flow, theta_2, longest, most, records[two], work)
         followed += 1
-    return one, two, theta_1, theta_2, edge_1, edge_2, followed
+    return one, two, theta_1, theta_2, edge_1, edge_2, hidden > COARSE * touching(flow, records[late, k]), followed
 
 
 @allocating
@@ -200,6 +202,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                 jumped = jumped or records[i_a, k, CONTACT] != records[i_b, k, CONTACT]
             if jumped and theta_b - theta_a <= 8.0 * grain:
                 counts[AT_GRAZING] += 1
+                opening = leave_open(openings, opening, theta_a, theta_b - theta_a, k, GRAZED, counts)
             else:
                 opening = leave_open(openings, opening, theta_a, theta_b - theta_a, k, stack[top, 9], counts)
                 if used >= budget:
@@ -262,7 +265,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             continue
         counts[SPLITS] += 1
         if verdict == JUMP:
-            one, two, theta_1, theta_2, edge_1, edge_2, followed = grazing_between(
+            one, two, theta_1, theta_2, edge_1, edge_2, coarse, followed = grazing_between(
                 flow, k, i_a, i_b, i_m, theta_a, theta_b, grain, longest, most, records, levels, work
             )
             counts[GRAZINGS] += 1
@@ -270,6 +273,9 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             used += followed
             if edge_2 - edge_1 > 64.0 * grain:
                 opening = leave_open(openings, opening, edge_1, edge_2 - edge_1, k, JUMP, counts)
+            elif coarse and k > 0:
+                counts[AT_GRAZING] += 1
+                opening = leave_open(openings, opening, theta_1, theta_2 - theta_1, k, GRAZED, counts)
             early_one = records[one, k, DURATION] < records[two, k, DURATION]
             if two != i_b and theta_b > theta_2:
                 # The square root starts at grazing itself, and at an end where an earlier one did.
