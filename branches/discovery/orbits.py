@@ -11,7 +11,7 @@ from branches.discovery.found import Found, labelled, objection
 from branches.discovery.scan import Passage, follow_start
 from branches.discovery.starts import Curve
 from branches.identity import same_segment
-from branches.words import canonical, format_word, impacts_per_period, mirror, mirror_ends
+from branches.words import canonical, format_word, impacts_per_period, mirror, mirror_ends, unfold
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
@@ -40,8 +40,10 @@ class Unpolished(NamedTuple):
     reason: str
 
 
-def first_passages(passages: list[Passage], instants: list[float], span: float) -> tuple[list[int], list[int]]:
-    """Which passages are the first of their start, and which repeat it: multiples of the first segment, with as many impacts.
+def first_passages(
+    passages: list[Passage], instants: list[float], words: list[tuple[str, ...]], start: str, span: float
+) -> tuple[list[int], list[int]]:
+    """Which passages are the first of their start, and which repeat it: multiples of the first segment, with the impacts of that.
 
     Parameters
     ----------
@@ -49,6 +51,10 @@ def first_passages(passages: list[Passage], instants: list[float], span: float) 
         Of one curve.
     instants : list of float
         Time from the start to each.
+    words : list of tuple of str
+        Impacts from the start to each, that at a far stop included.
+    start : str
+        The end that the curve is of.
     span : float
         Length of the curve.
 
@@ -70,7 +76,7 @@ def first_passages(passages: list[Passage], instants: list[float], span: float) 
         group.sort(key=lambda i: instants[i])
         kept: list[int] = []
         for i in group:
-            if any(_repeats(passages[i], instants[i], passages[j], instants[j]) for j in kept):
+            if any(_repeats(instants[i], words[i], passages[j].kind, instants[j], words[j], start) for j in kept):
                 repeated.append(i)
             else:
                 kept.append(i)
@@ -78,13 +84,16 @@ def first_passages(passages: list[Passage], instants: list[float], span: float) 
     return sorted(first), repeated
 
 
-def _repeats(later: Passage, instant: float, first: Passage, period: float) -> bool:
-    """Whether a passage is the first one again, after several segments between the start and that far end."""
+def _repeats(instant: float, word: tuple[str, ...], far: str, period: float, first: tuple[str, ...], start: str) -> bool:
+    """Whether a passage is the first one again, after several segments between the start and that far end.
+
+    The times alone do not tell: where motions part fast, orbits with other words have the same start and time within rounding."""
     turns = round(instant / period)
-    if turns < 1 or abs(instant - turns * period) > 1e-6 * period:
+    if turns < 2 or abs(instant - turns * period) > 1e-6 * period:
         return False
-    ends = turns // 2 if first.kind == "stop" else 0
-    return later.impacts == turns * first.impacts + ends
+    inner, end = (first[:-1], far + first[-1]) if far == "stop" else (first, far)
+    expected = unfold(inner, (start, end), turns)[0]
+    return word[: len(expected)] == expected and len(word) - len(expected) in (0, 1)
 
 
 class Collector:

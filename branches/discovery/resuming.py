@@ -23,7 +23,7 @@ __all__ = ["resumed"]
 NARROW = 1e-12
 """Intervals wider than this, as a part of the curve or of 1, are open for another reason than rounding."""
 
-OVERLAP = 2e-15
+OVERLAP = 5e-15
 """How far the image goes on beyond the interval on either side, in the parameter of either: that much rounding can move it."""
 
 STRETCHED = 10.0

@@ -6,7 +6,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from branches.discovery.orbits import Collector, Unpolished, first_passages, is_
 from branches.discovery.resuming import resumed
 from branches.discovery.scan import Opening, Passage, follow_start, scan
 from branches.discovery.scope import START_FROM_A_STATE, require_conservative, require_one_stop, require_two_degrees
-from branches.discovery.starts import curves
+from branches.discovery.starts import Curve, curves
 from branches.labels import nearest
 from bvp.kernels.verdict import GRAZED
 from branches.orbit import Orbit
@@ -161,8 +161,8 @@ def discover(
                 elif on is not None:
                     counts["open"] -= 1
             counts["crossings"] += len(passages)
-            instants = [instant(curve, passage, longest) for passage in passages]
-            first_ones, repeated = first_passages(passages, instants, curve.high - curve.low)
+            instants, words = _instants_and_words(curve, passages, longest, system.modes.contact_letters)
+            first_ones, repeated = first_passages(passages, instants, words, curve.end, curve.high - curve.low)
             counts["repeated"] += len(repeated)
             for i in first_ones:
                 collector.add(curve, passages[i], longest)
@@ -204,10 +204,16 @@ def discover(
     )
 
 
-def instant(curve: Any, passage: Passage, longest: float) -> float:
-    """Time from the start to a passage."""
-    path = follow_start(curve, passage.parameter, passage.impacts, longest)
-    return (float(path.instants[-1]) if len(path.instants) else 0.0) + passage.flight
+def _instants_and_words(
+    curve: Curve, passages: list[Passage], longest: float, letters: Sequence[str]
+) -> tuple[list[float], list[tuple[str, ...]]]:
+    """Time from the start to each passage, and the impacts before it; that at a far stop included."""
+    instants, words = [], []
+    for passage in passages:
+        path = follow_start(curve, passage.parameter, passage.impacts, longest)
+        instants.append((float(path.instants[-1]) if len(path.instants) else 0.0) + passage.flight)
+        words.append(tuple(letters[c] for c in path.contacts[: passage.impacts + (passage.kind == "stop")]))
+    return instants, words
 
 
 def _limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:

@@ -32,7 +32,8 @@ COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
 
 
-COARSE = 100.0
+COARSE = 10.0
+"""Where rounding of the starts hides more of a grazing than this many times what the tolerance of contacts does, the rest is left open."""
 SLIVER = 4e-12
 """How far outside its interval Newton's method may end at a grazing: about what is left out between its two sides."""
 
@@ -217,8 +218,8 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
         r = 0.5 * (x_b - x_a)
         root_a = (kind == 1 or kind == 3) and x_a <= 1e-3
         root_b = (kind == 2 or kind == 3) and x_b >= 1.0 - 1e-3
-        beyond_a = SLIVER if root_a else 2.0 * grain
-        beyond_b = SLIVER if root_b else 2.0 * grain
+        beyond_a = SLIVER if root_a else 8.0 * grain
+        beyond_b = SLIVER if root_b else 8.0 * grain
         verdict = CLOSED
         while verdict == CLOSED:
             verdict = flight_verdict(
