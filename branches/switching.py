@@ -26,6 +26,7 @@ from branches.tracing import follow_family
 from bvp.cycle import cycle_of
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import MultipointProblem, Solution
+from continuation.branch_point import refine_branch_point
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions
 
@@ -147,7 +148,15 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
     try:
         direction = branch_directions(family, y, known)[0]
     except SwitchError as error:
-        raise RuntimeError(f"no second family at {event.id}: {error}") from error
+        # A branch point is known as well as the square root of rounding, where the families are nearly parallel.
+        middle = refine_branch_point(family, y, _scales(problem, y))
+        try:
+            if middle is None:
+                raise error
+            direction = branch_directions(family, middle, known)[0]
+        except SwitchError as still:
+            raise RuntimeError(f"no second family at {event.id}: {still}") from error
+        y = middle
     for step in _firsts(family, y, direction):
         found = symmetries(cycle_of(problem, step.y))
         quarter = len({e for _, e in found.reversals}) == 2 and problem.quarters == 2

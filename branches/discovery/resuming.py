@@ -50,7 +50,7 @@ def resumed(curve: Curve, opening: Opening, longest: float) -> Curve | None:
     gone = 0 if curve.before is None else len(curve.before.contacts)
     since = 0.0 if curve.before is None else float(curve.before.instants[-1])
     flight = opening.flight - gone
-    if flight < 1 or opening.reason == ENDLESS or opening.width > NARROW:
+    if flight < 1 or opening.reason == ENDLESS or opening.width > NARROW * max(1.0, abs(opening.parameter)):
         return None
     half = 0.5 * opening.width
     middle = opening.parameter + half
@@ -66,7 +66,7 @@ def resumed(curve: Curve, opening: Opening, longest: float) -> Curve | None:
         return None
     state, rate = here[flight, :4], here[flight, DERIVATIVE : DERIVATIVE + 4]
     bend = (high[flight, DERIVATIVE : DERIVATIVE + 4] - low[flight, DERIVATIVE : DERIVATIVE + 4]) / opening.width
-    # By this parameter the state moves as fast as it is large, as the kernels expect of starts: rounding is as far as that of the parameter.
+    # By this parameter the state moves as fast as it is large, as the kernels expect of starts: their rounding is the parameter's.
     scale = float(np.max(np.abs(state)) / np.max(np.abs(rate)))
     if STRETCHED * scale > 1.0:
         return None
@@ -76,6 +76,8 @@ def resumed(curve: Curve, opening: Opening, longest: float) -> Curve | None:
         shape=np.array([QUADRATIC, int(here[flight - 1, CONTACT])], dtype=np.int64),
     )
     path = follow_start(curve, middle, opening.flight, longest)
+    if not path.instants[-1] < longest:
+        return None
     before = path._replace(contacts=path.contacts[: opening.flight])
     piece = (curve.angle(middle), curve.piece[1] * scale)
     return replace(curve, flow=flow, low=-reach, high=reach, singular=(False, False), before=before, piece=piece)

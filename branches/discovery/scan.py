@@ -104,16 +104,17 @@ def scan(curve: Curve, limits: Mapping[str, tuple[float, int | None]], budget: i
             found, opened = scan_interval(
                 curve.flow, low, high, ends, times, impacts, longest, most, records, levels, stack, candidates, openings, left, counts, work
             )
-            if found <= len(candidates):
+            if found <= len(candidates) and opened <= len(openings):
                 break
-            candidates = np.zeros((2 * found, 8))
+            candidates = np.zeros((max(2 * found, len(candidates)), 8))
+            openings = np.zeros((max(2 * opened, len(openings)), 4))
         total += counts
         for row in candidates[:found]:
             name = next(end for end, number in KINDS.items() if number == row[0])
             passages.append(
                 Passage(name, gone + int(row[1]), float(row[2]), float(row[3]), float(row[4]), row[5] == 1.0, float(row[6]), float(row[7]))
             )
-        open_ones += [Opening(float(row[0]), float(row[1]), gone + int(row[2]), int(row[3])) for row in openings[: min(opened, len(openings))]]
+        open_ones += [Opening(float(row[0]), float(row[1]), gone + int(row[2]), int(row[3])) for row in openings[:opened]]
     return passages, open_ones, dict(zip(COUNTS, total.tolist(), strict=True))
 
 

@@ -16,9 +16,9 @@ from branches.discovery.scan import Opening, Passage, follow_start, scan
 from branches.discovery.scope import START_FROM_A_STATE, require_conservative, require_one_stop, require_two_degrees
 from branches.discovery.starts import Curve, curves
 from branches.labels import nearest
-from bvp.kernels.verdict import GRAZED
 from branches.orbit import Orbit
 from branches.words import impacts_per_period
+from bvp.kernels.verdict import GRAZED
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -61,9 +61,10 @@ class Discovery:
         Intervals of starts (by curve) in which it is not decided what they hold.
     counts : dict of str to int
         Of each stage: ``starts`` followed; intervals ``split``, ``closed``, ``open``, ``resumed`` (as narrow as rounding, and
-        scanned on from their image), ``at_grazing`` (as narrow as rounding) and ``over_budget``; ``grazings`` located; ``crossings`` of far ends; ``repeated`` (several turns, known from the start), ``polished``,
-        ``unpolished``, ``inadmissible``, ``without_impacts``, ``multiple_turns``, ``duplicates``, ``one_sided`` (found from one of two
-        ends alone), ``beyond_bounds``, ``orbits``.
+        scanned on from their image), ``at_grazing`` (as narrow as rounding) and ``over_budget``; ``grazings`` located; ``crossings``
+        of far ends; ``repeated`` (several turns, known from the start), ``polished``, ``unpolished``, ``inadmissible``,
+        ``without_impacts``, ``multiple_turns``, ``duplicates``, ``one_sided`` (found from one of two ends alone), ``beyond_bounds``,
+        ``orbits``.
     families : tuple of (str or None)
         Where a catalogue was asked: the id of each orbit's family in it, None where none lies there. Else empty.
     """
@@ -153,13 +154,9 @@ def discover(
                 if on is not None:
                     left.append(on)
                     counts["resumed"] += 1
+                    counts["at_grazing" if opening.reason == GRAZED else "open"] -= 1
                 elif opening.reason != GRAZED:
                     openings.append(opening._replace(parameter=curve.angle(opening.parameter), width=curve.piece[1] * opening.width))
-                if opening.reason == GRAZED:
-                    counts["open"] -= 1
-                    counts["at_grazing"] -= on is not None
-                elif on is not None:
-                    counts["open"] -= 1
             counts["crossings"] += len(passages)
             instants, words = _instants_and_words(curve, passages, longest, system.modes.contact_letters)
             first_ones, repeated = first_passages(passages, instants, words, curve.end, curve.high - curve.low)

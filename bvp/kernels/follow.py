@@ -54,7 +54,8 @@ class Flow(NamedTuple):
     across: np.ndarray  # (2,) unit vector along the stop, in modal coordinates
     limits: np.ndarray  # (2,) bounds of the gap coordinate, infinite where there is none
     start: np.ndarray  # (3, 4): z = start[0] + first(theta) start[1] + second(theta) start[2]
-    shape: np.ndarray  # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic, 3 linear and quadratic; contact that the start leaves, -1 for none
+    # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic, 3 linear and quadratic; contact that the start leaves, -1 for none
+    shape: np.ndarray
 
 
 @kernel
@@ -265,6 +266,10 @@ def nearest_turns(flow, row, horizon, work):
         t = after
         f = f_after
         sign = now
+    if t < duration:  # there are more than were looked for: nothing is known of the rest
+        best = -math.inf
+        second = -math.inf
+        count = 0
     row[CLEARANCE] = best
     row[CLEARANCE + 1] = 0.0
     row[SECOND] = second

@@ -29,7 +29,7 @@ __all__ = ["CLOSED", "DONE", "ENDLESS", "GRAZED", "JUMP", "SPLIT", "flight_verdi
 
 CLOSED, SPLIT, JUMP, DONE, ENDLESS, GRAZED = 0, 1, 2, 3, 4, 5
 """Verdicts on a flight: decided; to be split; the ends are on different sides of a grazing; no more flights; more impacts than are
-followed. The verdicts below are reasons to split."""
+followed. GRAZED is said of what a grazing leaves out. The verdicts below are reasons to split."""
 
 ENDED, PRESSED, LATE, DIFFERENT, COARSE, UNEVEN, TOUCHES, SLOW, SKIMS, NEAR_ORIGIN, NEAR_REST, NEAR_STOP = range(10, 22)
 """Some starts have no such flight; one stays pressed against a stop; some leave the time searched; the impacts differ; it is too wide
