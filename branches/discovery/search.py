@@ -18,6 +18,7 @@ from branches.discovery.starts import Curve, curves
 from branches.labels import nearest
 from branches.orbit import Orbit
 from branches.words import impacts_per_period
+from bvp.kernels.follow import TURN_LIMIT
 from bvp.kernels.verdict import GRAZED
 
 if TYPE_CHECKING:
@@ -37,6 +38,13 @@ CLASSES = {
 
 BUDGET = 1_000_000
 """Starts followed at most in one search; where they do not do, the rest stays open and the search is not settled."""
+
+LONG = 100.0
+"""Angle by which the fastest mode may turn within the longest segment (rad); where it turns more, each start takes as much longer, and
+fewer are followed."""
+
+LONGEST = 0.5 * TURN_LIMIT
+"""Angle by which the fastest mode may turn at most within the longest segment (rad): a flight is looked through in so many steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +103,7 @@ def discover(
     quarter_period: float = 10.0,
     impacts: int | None = None,
     ends: Sequence[str] = ("origin-origin",),
-    budget: int = BUDGET,
+    budget: int | None = None,
 ) -> Discovery:
     """Find every primitive symmetric orbit at an energy, within bounds.
 
@@ -111,8 +119,8 @@ def discover(
         Most impacts in half a period; None: not bounded.
     ends : sequence of str
         Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them.
-    budget : int
-        Starts followed at most.
+    budget : int, optional
+        Starts followed at most. The default is a million, and less where the fastest mode turns more than `LONG` within a segment.
 
     Returns
     -------
@@ -131,6 +139,8 @@ def discover(
     (True, ['S11O00-', 'U2111-', 'S13O00+'])
     """
     check(system, energy, quarter_period, impacts, ends)
+    if budget is None:
+        budget = math.ceil(BUDGET / max(1.0, fastest_turn(system, quarter_period) / LONG))
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
     collector = Collector(system, energy)
     counts: Counter[str] = Counter()
@@ -226,6 +236,11 @@ def _limits(first: str, far: str, quarter_period: float, impacts: int | None) ->
     return (time, inner) if inner >= 0 else (-1.0, -1)
 
 
+def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
+    """Angle by which the fastest mode turns within the longest segment, half a period (rad)."""
+    return 2.0 * quarter_period * math.sqrt(max(0.0, float(np.max(system.modes.squares))))
+
+
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str]) -> None:
     """Refuse what cannot be searched, in one line."""
     require_conservative(system, "families of periodic orbits")
@@ -235,6 +250,12 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
         raise ValueError(f"the energy is {energy!r}, expected a finite number above 0")
     if not 0.0 < quarter_period < math.inf:
         raise ValueError(f"the longest quarter period is {quarter_period!r}, expected a finite number above 0")
+    turn = fastest_turn(system, quarter_period)
+    if turn > LONGEST:
+        raise ValueError(
+            f"the fastest mode (frequency {turn / (2.0 * quarter_period):.4g}) turns by {turn:.4g} within half of the longest period "
+            f"searched, expected {LONGEST:g} or less: a quarter period up to {LONGEST / turn * quarter_period:.3g} can be searched"
+        )
     if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or impacts < 0):
         raise ValueError(f"the most impacts of half a period is {impacts!r}, expected a whole number, 0 or more")
     if not ends:

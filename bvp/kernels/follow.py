@@ -19,7 +19,7 @@ from bvp.kernels.restitution import restitute
 
 __all__ = [
     "ACCELERATION", "CLEARANCE", "COLUMNS", "CONTACT", "DERIVATIVE", "DURATION", "FREE", "Flow", "MISS", "SECOND", "SPEED", "STUCK",
-    "THIRD", "TIME", "TURNS", "advance", "amplitude", "follow", "nearest_turns", "start_at",
+    "THIRD", "TIME", "TURNS", "TURN_LIMIT", "advance", "amplitude", "follow", "nearest_turns", "start_at",
 ]  # fmt: skip
 
 STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, MISS, ACCELERATION, CLEARANCE, SECOND, TURNS, THIRD, COLUMNS = (
@@ -34,6 +34,7 @@ FREE, STUCK = -1.0, -2.0
 """In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up."""
 
 TURN_LIMIT = 20000
+"""Steps in which the turning points of one flight are looked for."""
 
 
 class Flow(NamedTuple):

@@ -235,6 +235,18 @@ def test_what_is_not_decided_is_said():
     assert len(found.open) == found.counts["open"] and all(opening.width > 0.0 for opening in found.open)
 
 
+@pytest.mark.parametrize("mu", [1e-5, 1e-7, 1e-9])
+def test_a_sink_of_almost_no_mass_is_searched_or_refused(mu):
+    """Oracle: it ends within the starts asked for; the closed form of the orbits with one impact half a period."""
+    system = saltus.vibro_impact_nes(mu=mu)
+    quarter_period = 1.8 if mu > 1e-8 else 0.4
+    found = discover(system, 1.0, quarter_period=quarter_period, impacts=1, budget=2000)
+    assert found.counts["starts"] < 3000 and found.settled is (found.counts["open"] == 0)
+    backbone = Backbone(mu, 0.1)
+    mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+")]
+    assert (mine or mu < 1e-8) and all(abs(float(backbone.energy(mp.mpf(alpha))) - 1.0) < 1e-6 for alpha in mine)
+
+
 def test_no_bound_of_impacts():
     """Oracle: a bound that is never reached."""
     found = discover(SYSTEM, 0.4, quarter_period=3.0)
@@ -293,6 +305,7 @@ CASES = [
     (dict(energy=math.nan), "the energy is nan"),
     (dict(energy=math.inf), "the energy is inf"),
     (dict(quarter_period=-1.0), "quarter period is -1.0"),
+    (dict(system=saltus.vibro_impact_nes(mu=1e-9)), "fastest mode .*1e.04.* turns by 4e.04 .*quarter period up to 0.5 can be searched"),
     (dict(impacts=-2), "impacts of half a period is -2"),
     (dict(impacts=1.5), "1.5, expected a whole number"),
     (dict(ends=("origin-sop",)), "unknown ends 'origin-sop'.*nearest: origin-stop"),
