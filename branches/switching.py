@@ -29,6 +29,7 @@ from bvp.multipoint import MultipointProblem, Solution
 from continuation.branch_point import refine_branch_point
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions
+from continuation.tripling import tripling_direction
 
 __all__ = ["Birth", "births", "switch"]
 
@@ -92,7 +93,7 @@ def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
     Raises
     ------
     ValueError
-        For an event of another type, and for an RT of orbits without a reversal.
+        For an event of another type, and for an RT of orbits without a reversal other than a tripling.
     RuntimeError
         Where no orbit of a new family is found next to the event.
 
@@ -221,9 +222,13 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
     orbits that return after s are born in two families, one on each kind of line that a reversal keeps: for odd s every line holds
     one of them on either side of the old orbit; for even s a line holds the same one on both sides.
     """
-    if event.p_q is None or problem.periodic:
-        raise ValueError(f"{event.id}: switching at a q-tupling needs orbits with a reversal; these have none")
+    if event.p_q is None:
+        raise ValueError(f"{event.id}: its p/q is not known")
     p, q = event.p_q
+    if problem.periodic:
+        if q != 3:
+            raise ValueError(f"{event.id}: switching at a {q}-tupling needs orbits with a reversal; these have none, and triple at most")
+        return [3]
     if problem.quarters == 1:
         half = 2.0 + 4.0 * here["b"] * here["c"]
         turn = Fraction(p, 2 * q)
@@ -239,6 +244,11 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
 def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> np.ndarray:
     """The direction of the new family in the null space of the Jacobian."""
     scale = _scales(wide, y)
+    if event.type == "RT" and wide.periodic:
+        try:
+            return tripling_direction(Family(wide), y, known, scale)
+        except SwitchError as error:
+            raise RuntimeError(f"no family of tripled orbits at {event.id}: {error}") from error
     _, singular, rows = np.linalg.svd(wide.jacobian(y) * scale)
     if singular[-1] > _GAP * singular[0]:
         raise RuntimeError(

@@ -8,8 +8,10 @@ import pytest
 
 import saltus
 from branches.family import Family
+from branches.identity import symmetries
 from branches.switching import _crossing, births, switch
 from branches.tracing import follow_family
+from bvp.cycle import cycle_of
 from continuation.branch_point import refine_branch_point
 from continuation.switching import SwitchError, branch_directions
 
@@ -56,3 +58,29 @@ def test_a_family_of_five_turns_breaks_no_reversal_at_its_crossing():
                 assert np.all(b[far & sides][:3] * b[far & ~sides][-3:] < 0.0)
                 assert not [e.id for e in both.events if e.type == "SB" and abs(e.arclength - crossing.arclength) < 0.01]
     assert crossed
+
+
+def test_orbits_without_a_reversal_triple():
+    """Oracle: Arnold's normal form: at 1/3 orbits of three times the period cross on both sides, as far as the energy is; both sides are
+    one family, and three starts of them are one orbit."""
+    found = saltus.discover(SYSTEM, 9.7, quarter_period=1.7, impacts=3, ends=("rest-rest", "rest-stop", "stop-stop"))
+    branches = [follow_family(o.problem, o.solution.y, energy=(9.0, 10.5), quarter_period=5.1) for o in found.orbits]
+    old, breaking = next((b, e) for b in branches for e in b.events if e.breaks == "reversal" and abs(e.h - 9.51616) < 1e-3)
+    born = switch(old, breaking, energy=(9.0, 10.5))[0]
+    tripling = next(event for event in born.events if event.p_q == [1, 3])
+    assert born.problem.periodic and tripling.h == pytest.approx(9.9644062, abs=1e-6)
+    sides = births(born, tripling)
+    energies = [birth.step.extra["energy"] - tripling.h for birth in sides]
+    assert len(sides) == 2 and energies[0] * energies[1] < 0.0
+    ids = set()
+    for birth in sides:
+        orbit = birth.step.extra
+        assert orbit["residual"] < 1e-12 and birth.turns == 0
+        assert orbit["quarter_period"] == pytest.approx(3.0 * tripling.alpha, rel=1e-4)
+        kept = symmetries(cycle_of(birth.problem, birth.step.y))
+        assert kept.turns == 1 and not kept.reversals
+        ids.add(follow_family(birth.problem, birth.step, energy=(9.0, 10.5), quarter_period=5.1).id)
+    assert len(ids) == 1
+    other = next(event for event in born.events if event.type == "RT" and event.p_q[1] != 3)
+    with pytest.raises(ValueError, match="triple at most"):
+        births(born, other)
