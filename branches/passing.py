@@ -16,7 +16,7 @@ from bvp.cycle import cycle_of
 if TYPE_CHECKING:
     from branches.branch import Branch
 
-__all__ = ["is_half", "longest"]
+__all__ = ["has_jumped", "is_half", "longest"]
 
 PARTS = (0.5, 0.3, 0.8)
 """Parts of its length from where a family is followed again."""
@@ -48,6 +48,16 @@ def longest(first: Run, again: Callable[[Run, float], Run], stuck: Callable[[Run
         if length(other) > length(best):
             best = other
     return best
+
+
+def has_jumped(branch: Branch) -> bool:
+    """Whether steps went over from a family to one of more symmetry at a branch point: then its two ends have not the same symmetries.
+
+    The two can leave the branch point nearly in one direction, as seen in the start state and the energy."""
+    if len(branch) < 8:
+        return False
+    first, last = (symmetries(cycle_of(branch.problem, branch.unknowns(place))) for place in (2, len(branch) - 3))
+    return _order(first) != _order(last)
 
 
 def is_half(branch: Branch, end: int) -> bool:
