@@ -26,7 +26,7 @@ from branches.grazing.touching import touching
 from branches.identity import first_of, presentations, segment_images, with_canonical_word
 from branches.linear_modes import beginnings, linear_modes
 from branches.name_search import Limits
-from branches.passing import has_jumped, is_half, longest
+from branches.passing import Runs, is_half, one_family
 from branches.switching import TYPES, births
 from branches.tracing import SETTINGS, follow_family
 from branches.words import PERIODIC, impacts_per_period, parse_word
@@ -35,16 +35,13 @@ from bvp.multipoint import MultipointProblem, NotConverged
 if TYPE_CHECKING:
     from branches.stretch import Stretch
     from bvp.system import ImpactSystem
+    from continuation.settings import Settings
 
 __all__ = ["ends_of", "work"]
 
 BESIDE = (0.0, 3e-4, -3e-4)
 """Where else energies are searched, relatively, while a search does not settle: near an energy at which a family grazes, starts that are
 neighbours in floating point part."""
-
-FINER = 4
-"""How often steps are halved for a family that they leave at a branch point."""
-
 
 @lru_cache(maxsize=4)
 def _system(description: str) -> ImpactSystem:
@@ -191,23 +188,24 @@ def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
 
 def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, float], quarter_period: float) -> Branch:
     """The family of an orbit, both ways; with finer steps where they leave it at a branch point."""
-    settings = SETTINGS
 
-    def follow(start: np.ndarray) -> Branch:
+    def follow(start: np.ndarray, settings: Settings) -> Branch:
         return follow_family(problem, start, energy=energy, quarter_period=quarter_period, settings=settings)
 
-    def again(branch: Branch, part: float) -> Branch:
-        length = branch.points["arclength"]
-        return follow(branch.unknowns(int(np.argmin(np.abs(length - part * length[-1])))))
+    return one_family(problem, Runs(follow, _at, _near_ends, _is_stuck, _length), y, SETTINGS)
 
-    first = follow(y)
-    for _ in range(FINER):
-        if not has_jumped(first):
-            break
-        steps = {name: 0.5 * getattr(settings, name) for name in ("initial_step", "maximum_step", "target_turn")}
-        settings = replace(settings, **steps)
-        first = follow(y)
-    return longest(first, again, _is_stuck, lambda branch: float(branch.points["arclength"][-1]))
+
+def _length(branch: Branch) -> float:
+    return float(branch.points["arclength"][-1])
+
+
+def _at(branch: Branch, part: float) -> np.ndarray:
+    return branch.unknowns(int(np.argmin(np.abs(branch.points["arclength"] - part * _length(branch)))))
+
+
+def _near_ends(branch: Branch) -> tuple[np.ndarray, np.ndarray] | None:
+    last = len(branch) - 1
+    return (branch.unknowns(1), branch.unknowns(last - 1)) if last > 2 else None
 
 
 def _is_stuck(branch: Branch) -> bool:
