@@ -416,6 +416,8 @@ def strike_all(phases, c, z, counts, clock, sums, marks, log, before):
         counts[CONTACT] = hit
         hit = struck_with(pairs, matrix, gap, rate, acceleration, side, bound, hit, -1, z)
         if hit >= 0:
+            if interacts(rate, push, counts[CONTACT], hit):
+                return False
             record(log, IMPACT, counts[CONTACT], counts, clock, before, z, sums)
     return True
 
