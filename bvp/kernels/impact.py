@@ -54,6 +54,8 @@ NEAR = 1e9
 be known no better than rounding of w over that speed."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
+RENEW = 8
+"""Steps after which the bounds of a motion that decays are taken anew: they stay valid, but it becomes smaller."""
 
 RELEASED = 1000.0
 """Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other numbers."""
@@ -221,6 +223,15 @@ def start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z):
 
 
 @kernel
+def same_row(rows, a, b):
+    """True where two rows are equal: the two contacts of one stop share their bounds."""
+    for r in range(rows.shape[1]):
+        if rows[a, r] != rows[b, r]:
+            return False
+    return True
+
+
+@kernel
 def parting(pairs, mean, delta, matrix, acceleration, side, c, z, window, other):
     """Time over which a contact whose distance, rate and acceleration are 0 to rounding parts for certain, the third derivative of its
     distance staying above 0; 0 where that is not."""
@@ -268,18 +279,29 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     kind = NONE
     for r in range(size):
         state[r] = z[r]
+    level = 0.0
+    last_second = 0.0
     for count in range(STEP_LIMIT):
+        renew = count == 0 or (not steady and (growth > 0.0 or count % RENEW == 0))
         window = math.inf if steady else 2.0 * (horizon - t)
         if growth > 0.0:
             window = min(window, 1.0 / growth)
         step = min(window, horizon - t)
+        known = -1
         for c in range(side.shape[0]):
             if c == found:
                 continue
-            if count == 0 or not steady:
-                level, curvature[c], jerk[c] = amplitudes(
-                    pairs, mean, delta, matrix, gap, c, state, min(window, 2.0 * (horizon - t))
-                )
+            if renew:
+                if c > 0 and known == c - 1 and same_row(gap, c - 1, c):
+                    second = last_second
+                    jerk[c] = jerk[c - 1]
+                else:
+                    level, second, jerk[c] = amplitudes(
+                        pairs, mean, delta, matrix, gap, c, state, min(window, 2.0 * (horizon - t))
+                    )
+                    last_second = second
+                known = c
+                curvature[c] = second
                 if level < side[c] * bound[c]:
                     curvature[c] = -1.0  # w cannot reach the bound
             if curvature[c] < 0.0:
