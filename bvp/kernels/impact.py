@@ -6,6 +6,7 @@ bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d
     a step without a root          h = 2 d/(-d' + sqrt(d'^2 + 2 W d)),  or  3 d''/J  where d' >= 0 and d'' > 0;
     a certified root               where d' < 0 and 4 W d <= d'^2: exactly one root within 2 d/|d'| (Newton-Kantorovich); d here
                                    counts the contact tolerance, so that rounding cannot make a hit of a touch;
+                                   or where |d'''| <= J keeps d' below a third of its start until d < 0: d falls through its one root;
     a certified turning point      where d' < 0 < d'' and 4 J |d'| <= d''^2: d falls to its one minimum within 2 |d'|/d'' and is
                                    convex there, so the value at the minimum decides between passing, a touch and a hit.
 
@@ -54,6 +55,9 @@ NEAR = 1e9
 be known no better than rounding of w over that speed."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
+STEADY_FALL = 1.0 / 3.0
+"""Part of its rate at which a distance falls at least until it passes 0, where that certifies the root."""
+
 RENEW = 8
 """Steps after which the bounds of a motion that decays are taken anew: they stay valid, but it becomes smaller."""
 
@@ -197,6 +201,11 @@ def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
     reach = -2.0 * (distance + tolerance) / slope
     if 4.0 * min(curvature, abs(bend) + jerk * reach) * (distance + tolerance) <= slope * slope and reach <= window:
         return HIT, quadratic_step(d, slope, bend)
+    guess = quadratic_step(distance + tolerance, slope, bend)
+    ahead = 1.25 * guess
+    if ahead <= window and slope + ahead * (bend + 0.5 * jerk * ahead) <= STEADY_FALL * slope:
+        if distance + tolerance + ahead * (slope + ahead * (0.5 * bend + jerk * ahead / 6.0)) <= 0.0:
+            return HIT, guess
     if bend > 0.0 and -4.0 * jerk * slope <= bend * bend and -2.0 * slope <= bend * window:
         return TURN, 0.0
     return NONE, step

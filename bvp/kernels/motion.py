@@ -12,7 +12,7 @@ from numba import int64
 
 from bvp.kernels.bounds import amplitudes, dot, fastest_rate
 from bvp.kernels.chatter import LEVELS, extrapolate, stride_of
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
 from bvp.kernels.integral import integrals
@@ -108,7 +108,7 @@ def add(sums, i, value):
     sums[i, 0] = total
 
 
-@kernel
+@part
 def advance_clock(phases, clock, turns, flight):
     """Add a flight to the time, kept in two parts, and to the angles of the loads."""
     for g in range(phases.frequency.shape[0]):
@@ -177,7 +177,7 @@ def note_mark(marks, counts, time, sums):
     counts[MARK] = row + 1
 
 
-@kernel
+@part
 def damped(phases, f, z, t, work, out):
     """What the dampers take over a flight of t from z; out (R,) the integrals."""
     integrals(
@@ -231,7 +231,7 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
             marks[row, 2 + phases.part[k]] += out[k]
 
 
-@kernel
+@part
 def fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work):
     """Carry z, the clock and the sums over a flight."""
     if flight == 0.0:
@@ -250,7 +250,7 @@ def fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, inte
         clock[HELD_TIME] += flight
 
 
-@kernel
+@part
 def lose(phases, c, loss, counts, clock, sums, marks):
     """Add the loss of an impact at contact c."""
     add(sums, phases.shape[1] + phases.contact_stop[c], loss)
@@ -319,7 +319,7 @@ def out_of_reach(phases, f, c, z, span, speed, force):
     return True
 
 
-@kernel
+@part
 def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values):
     """After an impact at contact c in phase f: True where chattering ends here, with x and the clock and the sums at its end.
 
@@ -388,7 +388,7 @@ def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values)
     return small
 
 
-@kernel
+@part
 def strike_all(phases, c, z, counts, clock, sums, marks, log, before):
     """The impacts at contact c and at those struck with it, in phase 0; False where their impulses interact."""
     pairs = phases.pairs[0]
@@ -435,7 +435,7 @@ def held_after(phases, held, c, z):
     return left
 
 
-@kernel
+@part
 def hold(phases, c, x, counts, clock, sums, marks, work):
     """Stop what is left of the velocity across contact c, as a loss at its stop."""
     times_matrix(phases.enter[0], x, work[0])
