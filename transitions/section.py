@@ -103,8 +103,8 @@ class Section:
 
     @cached_property
     def exponents(self) -> np.ndarray:
-        """Largest Lyapunov exponent of each orbit, per unit of time, (m,): growth of a perturbation along the section over time, without the
-        first `SETTLING` of its crossings. NaN for an orbit with fewer than two crossings."""
+        """Largest Lyapunov exponent of each orbit, per unit of time, (m,): growth of a perturbation along the section over time,
+        without the first `SETTLING` of its crossings. NaN for an orbit with fewer than two crossings."""
         out = np.full(len(self.counts), math.nan)
         for m, count in enumerate(self.counts.tolist()):
             first, last = int(SETTLING * (count - 1)), count - 1

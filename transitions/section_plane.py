@@ -1,7 +1,7 @@
 """The plane of a Poincare section at one energy: its coordinates, its bounding curve, and starts spread over it.
 
-The section is u_p = 0, u_p' > 0 for the primary coordinate p of a system with two degrees of freedom (Lee et al., Physica D 238 (2009) 1868,
-Eq. (10)). The other coordinate a gives the plane: x = u_a and y = (M u')_a/m_aa, its momentum over its mass, which is u_a' where the
+The section is u_p = 0, u_p' > 0 for the primary coordinate p of a system with two degrees of freedom (Lee et al., Physica D 238 (2009)
+1868, Eq. (10)). The other coordinate a gives the plane: x = u_a and y = (M u')_a/m_aa, its momentum over its mass, which is u_a' where the
 mass matrix is diagonal. In these coordinates a state has one u_p' > 0 and the map of a conservative system keeps areas:
 
     2 h = m_aa y^2 + (m_pp - m_ap^2/m_aa) u_p'^2 + k_aa x^2
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["SectionPlane"]
 
 _PLASTIC = 1.32471795724474602596
-"""Root of x^3 = x + 1: its powers spread points over a square most evenly (Roberts, The unreasonable effectiveness of quasirandom sequences,
-2018)."""
+"""Root of x^3 = x + 1: its powers spread points over a square evenly (Roberts, The unreasonable effectiveness of quasirandom
+sequences, 2018)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,8 @@ class SectionPlane:
     Raises
     ------
     ValueError
-        For another number of degrees of freedom, no primary, an energy that is not above 0, no motion that reaches the section, or a section
-        without bounds.
+        For another number of degrees of freedom, no primary, an energy that is not above 0, no motion that reaches the section, or a
+        section without bounds.
 
     Examples
     --------
@@ -126,7 +126,8 @@ class SectionPlane:
             )
         low, high = max(low, -most), min(high, most)
         if math.isinf(low) or math.isinf(high):
-            raise ValueError(f"the section {names[self.primary]} = 0 has no bounds: neither a spring nor a stop holds {names[self.other]} there")
+            held = f"neither a spring nor a stop holds {names[self.other]} there"
+            raise ValueError(f"the section {names[self.primary]} = 0 has no bounds: {held}")
         return low, high
 
     def height(self, x: float) -> float:
@@ -187,7 +188,7 @@ class SectionPlane:
         return u, v
 
     def tangents(self, points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """What moving points (m, 2) along directions (m, 2) of the plane changes of their states on the energy surface: (m, 4) of (u, v)."""
+        """How the states of points (m, 2) change on the energy surface along directions (m, 2) of the plane: (m, 4) of (u, v)."""
         own, joint, stiffness, coupled = self._constants
         x, y = points.T
         speed = self.states(points)[1][:, self.primary]

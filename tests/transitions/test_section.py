@@ -66,7 +66,8 @@ def test_uncoupled_motion_has_a_known_map():
         exact = np.where(folded < 2.0, folded - 1.0, 3.0 - folded)
         assert np.abs(found.points[..., 0] - exact).max() < 1e-10
         assert np.allclose(np.abs(found.points[..., 1]), np.abs(starts[:, 1:]), rtol=1e-13)
-        assert np.array_equal(found.impacts, np.floor((np.abs(starts[:, 1]) * times[-1] + np.sign(starts[:, 1]) * starts[:, 0] + 1.0) / 2.0))
+        way = np.abs(starts[:, 1]) * times[-1] + np.sign(starts[:, 1]) * starts[:, 0]
+        assert np.array_equal(found.impacts, np.floor((way + 1.0) / 2.0))
         assert found.impacts.sum() > 500
 
 
@@ -102,6 +103,15 @@ def fine_motion(system, state, points, digits=50):
     shapes = [(sigma, sigma - mu * square) for square in squares]  # u1 : u2, from the first equation
     norms = [mu * a * a + b * b for a, b in shapes]
 
+    def between(function, low, high):
+        return mpmath.findroot(function, (low, high), solver="anderson")
+
+    def gap_left(motion):
+        return lambda t: abs(motion(t)[0] - motion(t)[1]) - 1
+
+    def primary(motion):
+        return lambda t: motion(t)[1]
+
     def flight(state):
         u1, u2, v1, v2 = state
         parts = [((mu * a * u1 + b * u2) / n, (mu * a * v1 + b * v2) / n) for (a, b), n in zip(shapes, norms, strict=True)]
@@ -127,9 +137,9 @@ def fine_motion(system, state, points, digits=50):
         while True:
             a, b = motion(t), motion(t + step)
             hit = abs(b[0] - b[1]) > 1
-            stop = mpmath.findroot(lambda s: abs(motion(s)[0] - motion(s)[1]) - 1, (t, t + step), solver="anderson") if hit else t + step
+            stop = between(gap_left(motion), t, t + step) if hit else t + step
             if a[1] < 0 < motion(stop)[1]:
-                root = mpmath.findroot(lambda s: motion(s)[1], (t, stop), solver="anderson")
+                root = between(primary(motion), t, stop)
                 there = motion(root)
                 found.append((now + root, there[0], there[2]))
                 if len(found) == points:
@@ -146,7 +156,7 @@ def fine_motion(system, state, points, digits=50):
 
 @pytest.mark.parametrize(("mu", "sigma", "energy", "start"), [(0.1, 0.1, 0.06, 1), (0.1, 0.1, 0.3, 6), (0.37, 0.81, 2.0, 4)])
 def test_crossings_have_the_times_of_fifty_digits(mu, sigma, energy, start):
-    """Oracle: fifty digits of the modal solution from the same start, impacts and crossings by sampling; errors grow as the motion parts."""
+    """Oracle: fifty digits of the modal solution from the same start, impacts and crossings by sampling; errors grow as motions part."""
     system = vibro_impact_nes(mu, sigma)
     plane = SectionPlane(system, energy)
     starts = plane.starts(8)[start : start + 1]
@@ -294,7 +304,10 @@ def test_the_plane_and_its_boundary():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: SectionPlane(ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), -1.0)]), 1.0), "two degrees of freedom; this system has 1"),
+        (
+            lambda: SectionPlane(ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), -1.0)]), 1.0),
+            "two degrees of freedom; this system has 1",
+        ),
         (lambda: SectionPlane(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), [Stop((1, 0), -1, 1)]), 1.0), "LO = u1 or u2"),
         (lambda: SectionPlane(vibro_impact_nes(), 0.0), "above 0; received 0.0"),
         (lambda: SectionPlane(vibro_impact_nes(), math.nan), "received nan"),

@@ -1,9 +1,9 @@
 """Crossings of a section by many motions: times by bounds, states by exact flight, growth of a perturbation by its variational flow.
 
 The section is f = row . z = 0 with f' > 0. Between two instants at which the bounds of `bvp.kernels.extrema` allow one zero at most, f
-either changes its sign or has none; the sign is carried from flight to flight, so that a crossing at an impact counts once. A perturbation is
-kept along the gap's zero at an impact and along the section at a crossing (`bvp.kernels.trail.event`), which makes it the derivative
-of the section's map.
+either changes its sign or has none; the sign is carried from flight to flight, so that a crossing at an impact counts once. A
+perturbation is kept along the gap's zero at an impact and along the section at a crossing (`bvp.kernels.trail.event`), which makes it
+the derivative of the section's map.
 """
 
 import math
