@@ -36,6 +36,11 @@ class FixedPoint:
         return abs(self.trace) < 2.0
 
     @property
+    def place(self) -> str:
+        """Its coordinates as text, those within rounding of zero as 0."""
+        return f"({round(self.x, 9) + 0.0:.6g}, {round(self.y, 9) + 0.0:.6g})"
+
+    @property
     def kind(self) -> str:
         """elliptic or hyperbolic"""
         return "elliptic" if self.elliptic else "hyperbolic"

@@ -17,7 +17,7 @@ from transitions.section_fixed import FixedPoint, fixed_points
 
 __all__ = ["Rotations", "about_point", "rotations"]
 
-SETTLED = 1e-3
+SETTLED = 1e-4
 """Difference of the numbers of both halves of an orbit, in turns, above which it has none."""
 
 FEWEST = 20
@@ -90,7 +90,7 @@ def about_point(section: Section, place: tuple[float, float]) -> FixedPoint:
     if not found or not found[0].elliptic:
         known = [point for point in fixed_points(section.plane) if point.elliptic]
         near = sorted(known, key=lambda point: math.hypot(point.x - place[0], point.y - place[1]))
-        listed = f"; nearest: ({near[0].x:.6g}, {near[0].y:.6g})" if near else "; the section has none"
+        listed = f"; nearest: {near[0].place}" if near else "; the section has none"
         raise ValueError(f"no elliptic fixed point is found from {asked} at h = {section.plane.energy:g}{listed}")
     return found[0]
 

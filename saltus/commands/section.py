@@ -34,7 +34,7 @@ PANELS = 8
 
 MOST_PANELS = 26
 ARRAYS = ("npz", "mat")
-HEADER = f"{'energy h':>12} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy drift':>12} {'lyapunov':>9} {'seconds':>8} {'points/s':>9}"
+HEADER = f"{'energy h':>11} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy drift':>12} {'lyapunov':>9} {'seconds':>8} {'points/s':>9}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -224,7 +224,7 @@ def _row(section: Section, seconds: float) -> str:
     exponents = section.exponents[section.exponents == section.exponents]
     largest = f"{exponents.max():.4g}" if len(exponents) else "-"
     return (
-        f"{section.plane.energy:>12.6g} {len(section.counts):>7} {len(section):>9} {int(section.impacts.sum()):>10} "
+        f"{section.plane.energy:>11.6g} {len(section.counts):>7} {len(section):>9} {int(section.impacts.sum()):>10} "
         f"{section.drift:>12.2g} {largest:>9} {seconds:>8.3f} {len(section) / max(seconds, 1e-9):>9.0f}"
     )
 
@@ -250,7 +250,7 @@ def _remarks(view: SectionView, why: str | None) -> list[str]:
             numbers = view.rotations.numbers[view.rotations.about == k]
             numbers = numbers[numbers == numbers]
             told = f"{len(numbers)} orbits" + (f" at {numbers.min():.6g} to {numbers.max():.6g} turns a crossing" if len(numbers) else "")
-            lines.append(f"about  ({centre.x:.6g}, {centre.y:.6g}), elliptic, period {centre.period:.6g}: {told}")
+            lines.append(f"about  {centre.place}, elliptic, period {centre.period:.6g}: {told}")
         count = int((view.rotations.numbers != view.rotations.numbers).sum())
         lines.append(f"about  none: {count} orbits, chaotic or round no elliptic fixed point")
     return lines

@@ -38,6 +38,8 @@ _MARKS: dict[int, dict[str, Any]] = {
     -1: {"marker": "D", "markersize": 3.2, "markerfacecolor": GREY, "markeredgecolor": BLACK, "markeredgewidth": 0.4},
 }
 _KINDS = {1: "elliptic orbit", 0: "hyperbolic orbit", -1: "orbit of undecided stability"}
+_MANY, _LEAST = 150, 0.4  # marks beyond so many are drawn smaller, down to this part of their size
+_CENTRE: dict[str, Any] = {"marker": "+", "markersize": 5.0, "markeredgecolor": VERMILION, "markeredgewidth": 1.0}
 _EDGE: dict[str, Any] = {"color": BLACK, "linewidth": 0.7}
 _WALL: dict[str, Any] = {"color": BLACK, "linewidth": 1.8, "solid_capstyle": "butt"}
 
@@ -122,16 +124,16 @@ def _title(views: Sequence[SectionView], plate: bool) -> str:
 
 
 def _norm(views: Sequence[SectionView], colour: str) -> Normalize | None:
-    """One scale of colours for all panels: Lyapunov exponents from 0, rotation numbers from 0 to 1."""
+    """One scale of colours for all panels; that of Lyapunov exponents goes by their square root from 0, as they differ much."""
     if colour == "none":
         return None
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import Normalize, PowerNorm
 
-    if colour == "rotation":
-        return Normalize(0.0, 1.0)
-    values = np.concatenate([view.section.exponents for view in views])
-    values = values[np.isfinite(values)]
-    return Normalize(0.0, max(float(values.max(initial=0.0)), 1e-6))
+    found = [view.values(colour) for view in views]
+    values = np.concatenate([value[np.isfinite(value)] for value in found if value is not None])
+    if colour == "lyapunov":
+        return PowerNorm(0.5, 0.0, max(float(values.max(initial=0.0)), 1e-6), clip=True)
+    return Normalize(*linear_limits(values, 0.0) if len(values) else (0.0, 1.0))
 
 
 def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, name: str) -> None:
@@ -155,11 +157,17 @@ def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, na
         top = plane.height(wall)
         if top > 0.0:
             axes.plot([wall, wall], [-top, top], zorder=3, **_WALL)[0].set_gid(f"{name}-wall")
+    small = min(1.0, max(_LEAST, math.sqrt(_MANY / max(1, sum(len(mark.points) for mark in view.marks)))))
     for stable, look in _MARKS.items():
         spots = [mark.points for mark in view.marks if mark.stable == stable]
         if spots:
             x, y = np.concatenate(spots).T
-            axes.plot(x, y, linestyle="none", zorder=4 + stable, **look)[0].set_gid(f"{name}-{_KINDS[stable]}")
+            sized = look | {size: small * look[size] for size in ("markersize", "markeredgewidth")}
+            axes.plot(x, y, linestyle="none", zorder=4 + stable, **sized)[0].set_gid(f"{name}-{_KINDS[stable]}")
+    if view.rotations is not None and colour == "rotation":
+        for k in np.unique(view.rotations.about[np.isfinite(view.rotations.numbers)]):
+            centre = view.rotations.centres[k]
+            axes.plot(centre.x, centre.y, linestyle="none", zorder=5, **_CENTRE)[0].set_gid(f"{name}-centre{k}")
     everything = np.concatenate([edge, section.points[shown]])
     other = plane.system.coordinates[plane.other]
     linear_axis(axes, "x", linear_limits(everything[:, 0], 0.05), 6, "", symbol_of(other))
@@ -180,7 +188,7 @@ def _colour_bar(figure: Figure, axes: list[Axes], norm: Normalize, colour: str) 
     if colour == "lyapunov":
         bar.set_label(ticks.axis_text("largest Lyapunov exponent", r"\lambda"))
     else:
-        bar.set_label("rotation number; grey: none")
+        bar.set_label(ticks.axis_text("rotation number (grey: none)", "r"))
 
 
 def _legend(views: Sequence[SectionView]) -> list[Any]:
@@ -194,6 +202,8 @@ def _legend(views: Sequence[SectionView]) -> list[Any]:
         entries.append(Line2D([], [], label="stop", **_WALL))
     present = {mark.stable for view in views for mark in view.marks}
     entries += [Line2D([], [], label=_KINDS[k], linestyle="none", **look) for k, look in _MARKS.items() if k in present]
+    if any(view.rotations is not None for view in views):
+        entries.append(Line2D([], [], label="fixed point that orbits go round", linestyle="none", **_CENTRE))
     return entries
 
 
@@ -211,5 +221,5 @@ def _name(axes: Axes, view: SectionView, names: int) -> None:
     written = label_curves(axes, list(chosen.values()), [view.section.plane.boundary()], spots, most=names)
     if chosen:
         axes.set_xlabel(f"{axes.get_xlabel()}   ({len(written)} of {len(chosen)} labels written)")
-    for text in axes.texts:
+    for text in (text for text in axes.texts if text.get_text()):
         text.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.3})
