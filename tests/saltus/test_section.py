@@ -194,6 +194,7 @@ PLATE = TWO + '[coordinates]\nLO = "u2"\n[sections]\nenergies = [2.0, 1.0]\n'
         ("section --energy 0.06 --scene two.toml", ["primary", "LO = u1 or u2"]),
         ("section --energy 0.01 --scene lo.toml", ["no motion with energy 0.01 reaches", "above 0.045"]),
         ("section --plate --scene plate.toml", ["[sections]", "rising energies above 0"]),
+        ("section --plate --scene cited.toml", ["[sections]", "cited = [3.0]", "some of the energies"]),
         ("section --energy 0.06 --mu 0.2 --catalogue {families}", ["mu"]),
     ],
 )
@@ -201,6 +202,7 @@ def test_bad_input(words, said, tmp_path, monkeypatch, families):
     """Oracle: exit code 2, one line with these words, no file."""
     monkeypatch.chdir(tmp_path)
     scenes = {"one": ONE, "two": TWO, "lo": TWO + '[coordinates]\nLO = "u2"\n', "plate": PLATE}
+    scenes["cited"] = PLATE.replace("[2.0, 1.0]", "[1.0, 2.0]\ncited = [3.0]")
     for name, text in scenes.items():
         (tmp_path / f"{name}.toml").write_text(text)
     code, out, err = told(words.format(families=families))
