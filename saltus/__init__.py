@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from saltus.discovery import discover
     from saltus.scene import Scene, load_scene
     from saltus.tracing import trace
+    from transitions.section import Section, section
 
 __all__ = [
     "Branch",
@@ -31,11 +32,13 @@ __all__ = [
     "ImpactSystem",
     "Orbit",
     "Scene",
+    "Section",
     "Stop",
     "discover",
     "load_scene",
     "read_branch",
     "run",
+    "section",
     "trace",
     "vibro_impact_nes",
 ]
@@ -49,11 +52,13 @@ _HOME = {
     "ImpactSystem": "bvp.system",
     "Orbit": "branches.orbit",
     "Scene": "saltus.scene",
+    "Section": "transitions.section",
     "Stop": "bvp.system",
     "discover": "saltus.discovery",
     "load_scene": "saltus.scene",
     "read_branch": "branches.record",
     "run": "bvp.run",
+    "section": "transitions.section",
     "trace": "saltus.tracing",
     "vibro_impact_nes": "bvp.system",
 }

@@ -3,7 +3,8 @@
 A scene is a TOML file. ``[system]`` is ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``, or the matrices
 ``mass``, ``damping``, ``stiffness`` with ``[[stops]]`` (``c``, ``lower``, ``upper``, ``restitution``, ``name``) and
 ``[coordinates]`` (``names``, ``LO``, ``NES``). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``: where names are
-searched; ``[complete]`` the same three: where every family is found by a build. ``[names]``
+searched; ``[complete]`` the same three: where every family is found by a build. ``[sections]`` holds the ``energies`` of a plate of
+Poincare sections, and those among them that are ``cited``. ``[names]``
 pins a bare name to a cited point. What is not known is refused.
 """
 
@@ -50,6 +51,10 @@ class Scene:
     complete : mapping
         ``energy``, ``quarter_period`` and ``impacts`` (in half a period) up to which a build finds every family; by default those of
         the search.
+    sections : tuple of float
+        Energies of a plate of Poincare sections, rising; none where the scene gives none.
+    cited_sections : tuple of float
+        Those of them that the source gives; none for another system than the scene's.
     title, source : str
         What the scene is, and where it is published.
     """
@@ -60,6 +65,8 @@ class Scene:
     impacts: int
     pins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     complete: Mapping[str, Any] = field(default_factory=dict)
+    sections: tuple[float, ...] = ()
+    cited_sections: tuple[float, ...] = ()
     title: str = ""
     source: str = ""
 
@@ -154,10 +161,11 @@ def _read(path: Path, shipped: Mapping[str, str]) -> str:
 
 
 def _build(scene: Table, overrides: Mapping[str, float]) -> Scene:
-    scene.only("system", "stops", "coordinates", "bounds", "complete", "names", "title", "source")
+    scene.only("system", "stops", "coordinates", "bounds", "complete", "sections", "names", "title", "source")
     own, system = _system(scene, overrides)
     pins = _pins(scene.table("names", {}))
     bounds = _bounds(scene.table("bounds"))
+    energies, cited = _sections(scene.table("sections", {}))
     # A cited point says nothing about another system.
     holds = system.describe() == own.describe()
     return Scene(
@@ -165,6 +173,8 @@ def _build(scene: Table, overrides: Mapping[str, float]) -> Scene:
         **bounds,
         pins=pins if holds else MappingProxyType({}),
         complete=MappingProxyType(_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds),
+        sections=energies,
+        cited_sections=cited if holds else (),
         title=scene.text("title", ""),
         source=scene.text("source", ""),
     )
@@ -182,6 +192,20 @@ def _bounds(bounds: Table) -> dict[str, Any]:
     if impacts < 0:
         raise bounds.wrong("impacts", impacts, "a whole number, 0 or more")
     return {"energy": (energy[0], energy[1]), "quarter_period": quarter_period, "impacts": impacts}
+
+
+def _sections(sections: Table) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    sections.only("energies", "cited")
+    if not sections.keys():
+        return (), ()
+    energies = sections.numbers("energies")
+    if not energies or not all(0.0 < energy < math.inf for energy in energies) or list(energies) != sorted(set(energies)):
+        raise sections.wrong("energies", list(energies), "rising energies above 0")
+    cited = sections.numbers("cited") if "cited" in sections.keys() else ()
+    for energy in cited:
+        if energy not in energies:
+            raise sections.wrong("cited", list(cited), "some of the energies")
+    return energies, cited
 
 
 def _pins(names: Table) -> Mapping[str, Mapping[str, float]]:

@@ -15,7 +15,7 @@ from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact
 from bvp.kernels.restitution import restitute
 from bvp.kernels.scan import crossings
 
-__all__ = ["FAILED", "FULL", "TURN", "ZERO", "trail"]
+__all__ = ["FAILED", "FULL", "TURN", "ZERO", "event", "trail"]
 
 ZERO, TURN = -1, -2
 """Kinds of event besides impacts, whose kind is the contact hit: the gap coordinate passes zero; its velocity does."""

@@ -1,0 +1,313 @@
+"""`saltus section --energy H`: the Poincare section of many motions of one energy; `--plate`: of several energies."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from saltus import catalogue_arguments, outputs, scene_arguments
+from saltus.arguments import energy_range, number, one_of, positive, whole_above_zero
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, say
+from saltus.files import STANDARD_OUTPUT, WriteFailure, check_writable, replacing
+
+if TYPE_CHECKING:
+    from branches.catalogue import Catalogue
+    from bvp.system import ImpactSystem
+    from saltus.scene import Scene
+    from transitions.section import Section
+    from transitions.section_marks import Mark
+    from transitions.section_plane import SectionPlane
+    from transitions.section_rotation import Rotations
+    from transitions.section_view import SectionView
+
+__all__ = ["add_arguments", "run"]
+
+PANELS = 8
+"""Sections of a plate that is given as a range of energies."""
+
+MOST_PANELS = 26
+ARRAYS = ("npz", "mat")
+HEADER = f"{'energy h':>11} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy drift':>12} {'lyapunov':>9} {'seconds':>8} {'points/s':>9}"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("--energy", metavar="H", type=_energies, help="the energy h; of a plate: LO:HI, or H1,H2,... rising")
+    parser.add_argument("--plate", action="store_true", help="a section of each energy of the scene, or of --energy, in one picture")
+    parser.add_argument("--orbits", metavar="N", type=whole_above_zero, default=150, help="motions, spread over the section (default: 150)")
+    parser.add_argument("--crossings", metavar="K", type=whole_above_zero, default=400, help="points of each motion (default: 400)")
+    parser.add_argument(
+        "--start", metavar="X,Y", type=_place, action="append", help="start here in the plane, in place of a spread; can be repeated"
+    )
+    parser.add_argument("--longest", metavar="T", type=positive, help="leave a motion after this time (default: 50 periods a crossing)")
+    parser.add_argument(
+        "--colour",
+        metavar="WHAT",
+        type=one_of("none", "lyapunov", "rotation"),
+        default="none",
+        help="colour motions by their largest Lyapunov exponent (lyapunov), or by their rotation number about an elliptic fixed point "
+        "of the section (rotation)",
+    )
+    parser.add_argument("--about", metavar="X,Y", type=_place, help="rotation numbers about the fixed point next to here alone")
+    catalogue_arguments.add_file(parser, "mark the periodic orbits that the families of this catalogue have at the energy")
+    parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name N periodic orbits at most")
+    outputs.add_arguments(parser)
+    parser.add_argument("--arrays", metavar="FILE", help="write all data as arrays: FILE.npz or FILE.mat")
+    scene_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code."""
+    files = outputs.from_arguments(arguments)
+    arrays = _arrays(arguments)
+    scene = scene_arguments.from_arguments(arguments)
+    energies = _asked(arguments, scene)
+
+    from transitions.section_plane import SectionPlane
+
+    planes = [SectionPlane(scene.system, energy) for energy in energies]
+    why = scene.system.why_not_conservative()
+    if arguments.about is not None and (arguments.colour != "rotation" or arguments.plate):
+        raise BadInput("--about chooses the fixed point of rotation numbers; expected it with --colour rotation, and without --plate")
+    if arguments.colour == "rotation" and why is not None:
+        raise BadInput(f"a rotation number belongs to motion that keeps its energy, and {why}; expected --colour lyapunov or none")
+    for start in arguments.start or ():
+        for plane in planes:
+            plane.states([start])
+    if arguments.model:
+        for line in _model(scene.system):
+            print(f"model  {line}", file=files.words, flush=True)
+    with catalogue_arguments.given(arguments, scene) as catalogue:
+        _compile(planes[0])
+        print(HEADER, file=files.words, flush=True)
+        views: list[SectionView] = []
+        interrupted = False
+        for plane in planes:
+            view, seconds = _view(plane, arguments, catalogue)
+            views.append(view)
+            print(_row(view.section, seconds), file=files.words, flush=True)
+            for line in _remarks(view, why):
+                print(line, file=files.words, flush=True)
+            interrupted = view.section.interrupted
+            if interrupted:
+                say("interrupted; what was followed until now is written")
+                break
+    caption = _caption(scene, energies) if arguments.plate else ""
+    if caption:
+        print(f"note   {caption}", file=files.words)
+
+    def draw(path: Path) -> None:
+        from transitions.diagram.section_picture import draw_sections
+
+        names = {} if arguments.names is None else {"names": arguments.names}
+        draw_sections(views, path, colour=arguments.colour, caption=caption, **names)
+
+    code = files.write(json=lambda: to_json(scene.system, planes[0], views), csv=lambda: to_csv(views), draw=draw)
+    code = max(code, _write_arrays(views, arrays, files.words))
+    return INTERRUPTED if interrupted else code
+
+
+def _energies(text: str) -> tuple[float, ...] | tuple[float, float, str]:
+    """Read H, LO:HI or H1,H2,...; a range ends with the word "range"."""
+    if ":" in text:
+        return (*energy_range(text), "range")
+    values = tuple(positive(part) for part in text.split(","))
+    if list(values) != sorted(set(values)):
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected rising energies above 0")
+    return values
+
+
+def _place(text: str) -> tuple[float, float]:
+    """Read a place X,Y of the plane."""
+    parts = text.split(",")
+    if len(parts) != 2:
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected X,Y")
+    x, y = (number(part) for part in parts)
+    if math.isinf(x) or math.isinf(y):
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected finite numbers X,Y")
+    return x, y
+
+
+def _asked(arguments: argparse.Namespace, scene: Scene) -> list[float]:
+    """The energies of the sections."""
+    given = arguments.energy
+    if not arguments.plate:
+        if given is None:
+            raise BadInput("which energy? expected --energy H, or --plate")
+        if len(given) != 1:
+            raise BadInput("--energy gives several energies; expected one, or --plate for a section of each")
+        return list(given)
+    if given is None:
+        if not scene.sections:
+            raise BadInput("the scene gives no [sections] energies for a plate; expected --energy LO:HI or H1,H2,... with --plate")
+        return list(scene.sections)
+    if given[-1] == "range":
+        low, high = given[:2]
+        return [low * (high / low) ** (k / (PANELS - 1)) for k in range(PANELS)]
+    if len(given) > MOST_PANELS:
+        raise BadInput(f"--energy gives {len(given)} energies; expected {MOST_PANELS} at most")
+    return list(given)
+
+
+def _caption(scene: Scene, energies: list[float]) -> str:
+    """What a plate says of its energies."""
+    cited = [energy for energy in energies if energy in scene.cited_sections]
+    if not cited:
+        return "the energies are our choice"
+    listed = " and ".join(f"{energy:g}" for energy in cited)
+    return f"h = {listed} as in {scene.source}; the other energies are our choice"
+
+
+def _model(system: ImpactSystem) -> list[str]:
+    """Which model a section takes, and why."""
+    from saltus.model import explain_search
+
+    why = system.why_not_conservative()
+    if why is not None:
+        return [f"{why} -> energy falls: the section is that of motions, not of an energy surface"]
+    return explain_search(system)[:-2] + ["energy is kept -> the section is a map that keeps areas"]
+
+
+def _compile(plane: SectionPlane) -> None:
+    """Have the kernels compiled before time is measured, and say so where that takes long."""
+    from bvp.kernels.warm import stored
+    from transitions.kernels.section import follow_section
+    from transitions.section import follow
+
+    if not stored(follow_section) and sys.stderr is not None and sys.stderr.isatty():
+        print("saltus: compiling the kernels, which takes up to a minute at the first run only", file=sys.stderr, flush=True)
+    follow(plane, plane.starts(1), 2)
+
+
+def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalogue | None) -> tuple[SectionView, float]:
+    """One section with what was asked to be seen on it, and the seconds that its motions took."""
+    from saltus.progress import ProgressBar
+    from transitions.section import section
+    from transitions.section_view import SectionView
+
+    with ProgressBar(len(arguments.start or ()) or arguments.orbits, "orbits") as bar:
+        begun = time.perf_counter()
+        found = section(
+            plane.system,
+            plane.energy,
+            orbits=arguments.orbits,
+            crossings=arguments.crossings,
+            starts=arguments.start,
+            longest=arguments.longest,
+            on_orbits=bar.update,
+        )
+        seconds = time.perf_counter() - begun
+    marks: tuple[Mark, ...] = ()
+    if catalogue is not None:
+        from transitions.section_marks import catalogue_marks
+
+        marks = tuple(catalogue_marks(plane, catalogue))
+    return SectionView(found, marks, _rotations(found, arguments)), seconds
+
+
+def _rotations(found: Section, arguments: argparse.Namespace) -> Rotations | None:
+    if arguments.colour != "rotation":
+        return None
+    from transitions.section_rotation import about_point, rotations
+
+    return rotations(found, None if arguments.about is None else [about_point(found, arguments.about)])
+
+
+def _row(section: Section, seconds: float) -> str:
+    exponents = section.exponents[section.exponents == section.exponents]
+    largest = f"{exponents.max():.4g}" if len(exponents) else "-"
+    return (
+        f"{section.plane.energy:>11.6g} {len(section.counts):>7} {len(section):>9} {int(section.impacts.sum()):>10} "
+        f"{section.drift:>12.2g} {largest:>9} {seconds:>8.3f} {len(section) / max(seconds, 1e-9):>9.0f}"
+    )
+
+
+def _remarks(view: SectionView, why: str | None) -> list[str]:
+    """The lines that tell what the table does not."""
+    from transitions.section import SectionEnd
+
+    section = view.section
+    lines = []
+    if why is not None:
+        least = float(section.energies[section.energies == section.energies].min())
+        lines.append(f"note   {why}: the section is that of motions and not of an energy surface; their energies fall to {least:.6g}")
+    for end, count in Counter(section.ends).items():
+        if end is not SectionEnd.COMPLETE:
+            lines.append(f"ended  {count} of {len(section.counts)} orbits: {end.value}")
+    if view.marks:
+        kinds = Counter(mark.kind for mark in view.marks)
+        told = ", ".join(f"{kinds[kind]} {kind}" for kind in ("elliptic", "hyperbolic", "undecided") if kinds[kind])
+        lines.append(f"marked {len(view.marks)} periodic orbits ({told}), {sum(len(mark.points) for mark in view.marks)} points")
+    if view.rotations is not None:
+        for k, centre in enumerate(view.rotations.centres):
+            numbers = view.rotations.numbers[view.rotations.about == k]
+            numbers = numbers[numbers == numbers]
+            told = f"{len(numbers)} orbits" + (f" at {numbers.min():.6g} to {numbers.max():.6g} turns a crossing" if len(numbers) else "")
+            lines.append(f"about  {centre.place}, elliptic, period {centre.period:.6g}: {told}")
+        count = int((view.rotations.numbers != view.rotations.numbers).sum())
+        lines.append(f"about  none: {count} orbits, chaotic or round no elliptic fixed point")
+    return lines
+
+
+def to_json(system: ImpactSystem, plane: SectionPlane, views: list[SectionView]) -> str:
+    """Return the JSON text of the sections."""
+    from transitions.section_view import SCHEMA, view_record
+
+    names = system.coordinates
+    record = {
+        "schema": SCHEMA,
+        "system": system.describe(),
+        "plane": {"zero": names[plane.primary], "x": names[plane.other], "y": "momentum over mass" if plane.momentum else "velocity"},
+    }
+    sections = ",\n    ".join(json.dumps(view_record(view), allow_nan=False) for view in views)
+    return f'{json.dumps(record, allow_nan=False)[:-1]},\n  "sections": [\n    {sections}\n  ]}}\n'
+
+
+def to_csv(views: list[SectionView]) -> str:
+    """Return the CSV text: a row a point."""
+    from branches.export.table_files import csv_text
+    from transitions.section_view import views_table
+
+    return csv_text(views_table(views), codes=True)
+
+
+def _arrays(arguments: argparse.Namespace) -> str | None:
+    """The file of arrays that was asked for, checked."""
+    path = arguments.arrays
+    if path is None:
+        return None
+    suffix = Path(path).suffix[1:].lower()
+    if path == STANDARD_OUTPUT or suffix not in ARRAYS:
+        raise BadInput(f"unknown format of {path!r} for --arrays: expected a file ending in {' or '.join(ARRAYS)}{nearest(suffix, ARRAYS)}")
+    check_writable(path)
+    for option in ("json", "csv", "plot"):
+        other = getattr(arguments, option)
+        if other not in (None, STANDARD_OUTPUT) and os.path.realpath(other) == os.path.realpath(path):
+            raise BadInput(f"--{option} and --arrays both go to {path}: expected a place for each")
+    return path
+
+
+def _write_arrays(views: list[SectionView], path: str | None, words: TextIO) -> int:
+    if path is None:
+        return DONE
+    from branches.export.table_files import write_binary
+    from transitions.section_view import views_table
+
+    about = json.dumps({"schema": 1, "content": "section", "system": views[0].section.system.describe()}, allow_nan=False)
+    try:
+        with replacing(path) as beside, beside.open("wb") as file:
+            write_binary(views_table(views), Path(path).suffix[1:].lower(), file, about=about, cells=False)
+    except WriteFailure as failure:
+        say(str(failure))
+        return FAILED
+    print(f"wrote  {path}", file=words, flush=True)
+    return DONE
+
+

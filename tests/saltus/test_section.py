@@ -1,0 +1,212 @@
+"""`saltus section` from end to end: tables, files, pictures, plates, interruption, bad input."""
+
+import contextlib
+import csv
+import io
+import json
+import shlex
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from branches.catalogue import Catalogue
+from saltus.__main__ import main
+from saltus.scene import load_scene
+from tests.branches.traced import traced
+
+SMALL = "--orbits 6 --crossings 30"
+BOUNDS = "[bounds]\nenergy = [0.1, 10]\nquarter_period = 8\nimpacts = 6\n"
+
+
+def told(words):
+    """Exit code, standard output and standard error of a command line."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(shlex.split(words))
+    return code, out.getvalue(), err.getvalue()
+
+
+@pytest.fixture(scope="module")
+def families(tmp_path_factory):
+    """A catalogue with both backbones."""
+    path = tmp_path_factory.mktemp("families") / "two.sqlite"
+    with Catalogue(path, "a", scene=load_scene()) as catalogue:
+        for name in ("S13O00+", "S11O00-"):
+            catalogue.add(traced(name, low=0.05, high=5.0))
+    return path
+
+
+def test_the_table_and_all_files_say_the_same(tmp_path, families):
+    """Oracle: the files beside each other, and the numbers of the table."""
+    code, out, err = told(
+        f"section --energy 0.3 {SMALL} --catalogue {families} --json {tmp_path}/a.json --csv {tmp_path}/a.csv --arrays {tmp_path}/a.npz "
+        f"--plot {tmp_path}/a.png"
+    )
+    assert code == 0 and not err
+    record = json.loads((tmp_path / "a.json").read_text())
+    (section,) = record["sections"]
+    assert record["schema"] == 1 and record["plane"] == {"zero": "u2", "x": "u1", "y": "velocity"}
+    assert section["points"] == 180 == sum(len(orbit["points"]) for orbit in section["orbits"])
+    assert section["energy_drift"] < 1e-12 and section["ends"] == {"complete": 6}
+    row = out.splitlines()[1].split()
+    assert row[:4] == ["0.3", "6", "180", str(section["impacts"])]
+    lines = list(csv.DictReader(io.StringIO((tmp_path / "a.csv").read_text())))
+    with np.load(tmp_path / "a.npz") as arrays:
+        for name in ("time", "x", "y", "energy", "lyapunov"):
+            values = np.array([float(line[name]) if line[name] else np.nan for line in lines])
+            assert np.array_equal(values, arrays[name], equal_nan=True)
+        points = arrays["kind"] == "point"
+        assert points.sum() == 180
+        flat = np.concatenate([orbit["points"] for orbit in section["orbits"]])
+        assert np.array_equal(flat, np.stack([arrays["x"], arrays["y"]], 1)[points])
+        marked = arrays["kind"] == "mark"
+        assert set(arrays["label"][marked]) == {"S13O00+", "S11O00-"}
+        assert dict(zip(arrays["label"][marked], arrays["stable"][marked], strict=True)) == {"S13O00+": 0, "S11O00-": 1}
+        assert json.loads(str(arrays["about"]))["system"]["mu"] == 0.1
+    assert "marked 2 periodic orbits (1 elliptic, 1 hyperbolic), 2 points" in out
+    assert {mark["label"]: mark["kind"] for mark in section["marks"]} == {"S13O00+": "hyperbolic", "S11O00-": "elliptic"}
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_matlab_reads_the_arrays(tmp_path):
+    """Oracle: scipy's reader."""
+    code, _, _ = told(f"section --energy 0.3 {SMALL} --arrays {tmp_path}/a.mat")
+    found = loadmat(tmp_path / "a.mat")
+    assert code == 0 and (np.char.strip(found["kind"]) == "point").sum() == 180 and found["x"].shape == found["time"].shape
+
+
+def test_a_plate_of_the_scene_says_which_energies_are_cited(tmp_path):
+    """Oracle: the scene: two energies are the paper's, six are not."""
+    code, out, err = told(f"section --plate {SMALL} --plot {tmp_path}/p.svg --json {tmp_path}/p.json")
+    assert code == 0 and not err
+    assert "note   h = 0.05 and 0.06 as in Lee, Nucera" in out and "the other energies are our choice" in out
+    energies = [section["energy"] for section in json.loads((tmp_path / "p.json").read_text())["sections"]]
+    assert len(energies) == 8 and energies == sorted(energies) and {0.05, 0.06} < set(energies)
+    picture = (tmp_path / "p.svg").read_text()
+    assert all(f'id="section{k}-boundary"' in picture for k in range(8)) and picture.count("<image") == 8
+    code, out, _ = told(f"section --plate --mu 0.2 {SMALL}")
+    assert code == 0 and "note   the energies are our choice" in out
+
+
+def test_a_plate_of_a_range_has_eight_energies(tmp_path):
+    """Oracle: a geometric sequence."""
+    code, out, _ = told(f"section --plate --energy 0.06:6 {SMALL}")
+    found = [float(line.split()[0]) for line in out.splitlines()[1:9]]
+    assert code == 0 and np.allclose(found, np.geomspace(0.06, 6.0, 8), rtol=1e-5)
+    code, out, _ = told(f"section --plate --energy 0.1,0.2,0.7 {SMALL} --colour lyapunov --plot {tmp_path}/p.pdf")
+    assert code == 0 and [line.split()[0] for line in out.splitlines()[1:4]] == ["0.1", "0.2", "0.7"]
+    assert (tmp_path / "p.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_rotation_numbers_say_about_which_point(tmp_path):
+    """Oracle: the ratio of the linear frequencies, 1.370157, below the first impact."""
+    words = f"section --energy 0.04 --colour rotation --start 0,0.7 --start 0.01,-0.6 --plot {tmp_path}/r.png"
+    code, out, err = told(words)
+    assert code == 0 and not err
+    assert "about  (0, 0.680051), elliptic, period 7.3547: 1 orbits at 0.37015" in out
+    assert "about  (0, -0.580974), elliptic, period 5.36778: 1 orbits at 0.7298" in out
+    code, out, _ = told(f"{words} --about 0,0.6")
+    assert code == 0 and "(0, 0.680051)" in out and "-0.580974" not in out and "none: 1 orbits" in out
+
+
+def test_a_system_that_loses_energy_is_told_as_one(tmp_path):
+    """Oracle: the words; the energies of the file fall."""
+    code, out, err = told(f"section --energy 0.5 --rho 0.7 {SMALL} --model --json {tmp_path}/a.json --plot {tmp_path}/a.png")
+    assert code == 0 and not err
+    assert "model  restitution 0.7 of stop a loses energy -> energy falls" in out
+    assert "note   restitution 0.7 of stop a loses energy: the section is that of motions and not of an energy surface" in out
+    for orbit in json.loads((tmp_path / "a.json").read_text())["sections"][0]["orbits"]:
+        assert np.all(np.diff(orbit["energies"]) <= 1e-14)
+
+
+def test_a_free_sink_and_other_scenes(tmp_path):
+    """Oracle: exit code 0; orbits that come to rest on a stop are told."""
+    code, out, _ = told(f"section --energy 0.5 --sigma 0 {SMALL} --model")
+    assert code == 0 and "rigid-body mode" in out and "areas" in out
+    code, out, _ = told(f"section --energy 5 --sigma 0 --rho 0.3 {SMALL}")
+    assert code == 0 and "ended  " in out and "come to rest on a stop" in out
+    scene = tmp_path / "two.toml"
+    scene.write_text(
+        "[system]\nmass = [[0.7, 0.25], [0.25, 1.3]]\nstiffness = [[1.0, -0.3], [-0.3, 2.0]]\n"
+        '[[stops]]\nc = [1.0, -0.6]\nlower = -0.8\nupper = 1.1\n[coordinates]\nnames = ["x", "y"]\nLO = "y"\nNES = "x"\n' + BOUNDS
+    )
+    code, out, _ = told(f"section --energy 1 {SMALL} --scene {scene} --json {tmp_path}/s.json --plot {tmp_path}/s.png")
+    assert code == 0
+    assert json.loads((tmp_path / "s.json").read_text())["plane"] == {"zero": "y", "x": "x", "y": "momentum over mass"}
+    code, out, err = told(f"section --plate --scene {scene}")
+    assert code == 2 and "[sections] energies" in err
+
+
+def test_the_data_alone_go_to_standard_output():
+    """Oracle: it parses."""
+    code, out, err = told(f"section --energy 0.06 {SMALL} --json -")
+    assert code == 0 and len(json.loads(out)["sections"]) == 1 and "energy drift" in err
+
+
+def test_an_interruption_keeps_what_was_followed(tmp_path, monkeypatch):
+    """Oracle: exit code 130 and the orbits of the first batch."""
+    import transitions.section as module
+
+    follow, calls = module.follow, []
+
+    def interrupted(plane, starts, *arguments, **options):
+        calls.append(len(starts))
+        if len(calls) == 3:  # the first is the one that compiles
+            raise KeyboardInterrupt
+        return follow(plane, starts, *arguments, **options)
+
+    monkeypatch.setattr(module, "follow", interrupted)
+    code, _, err = told(f"section --energy 0.06 --orbits 100 --crossings 5 --json {tmp_path}/a.json")
+    assert code == 130 and "interrupted" in err
+    assert len(json.loads((tmp_path / "a.json").read_text())["sections"][0]["orbits"]) == 32
+
+
+ONE = "[system]\nmass = [[1.0]]\nstiffness = [[1.0]]\n[[stops]]\nc = [1.0]\nupper = 0.5\n" + BOUNDS
+TWO = ONE.replace("[[1.0]]", "[[1.0, 0.0], [0.0, 1.0]]").replace("[1.0]\nupper", "[1.0, 0.0]\nlower = 0.3\nupper")
+PLATE = TWO + '[coordinates]\nLO = "u2"\n[sections]\nenergies = [2.0, 1.0]\n'
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("section", ["--energy H", "--plate"]),
+        ("section --energy 0", ["'0'", "above 0"]),
+        ("section --energy -0.1", ["'-0.1'", "above 0"]),
+        ("section --energy nan", ["'nan'", "a number"]),
+        ("section --energy 1,2", ["several energies", "--plate"]),
+        ("section --energy 2:1 --plate", ["'2:1'", "reversed"]),
+        ("section --energy 2,1 --plate", ["'2,1'", "rising"]),
+        ("section --energy 1 --colour rotatoin", ["'rotatoin'", "nearest: rotation"]),
+        ("section --energy 1 --colour rotation --rho 0.7", ["restitution 0.7", "--colour lyapunov"]),
+        ("section --energy 1 --about 0,0", ["--about", "--colour rotation"]),
+        ("section --energy 0.06 --start 0", ["'0'", "X,Y"]),
+        ("section --energy 0.06 --start 0,inf", ["'0,inf'", "finite"]),
+        ("section --energy 0.06 --start -0.2,9", ["bounding curve", "h = 0.06", "[-0.2, 9.0]"]),
+        ("section --energy 0.06 --orbits 0", ["--orbits", "'0'", "above 0"]),
+        ("section --energy 0.06 --plot a.pgn", ["'pgn'", "nearest: png"]),
+        ("section --energy 0.06 --arrays a.npy", ["'a.npy'", "npz or mat", "nearest: npz"]),
+        ("section --energy 0.06 --arrays -", ["'-'", "npz or mat"]),
+        ("section --energy 0.06 --json a.npz --arrays a.npz", ["--json and --arrays", "a.npz"]),
+        ("section --energy 0.06 --csv no/such/a.csv", ["no/such", "does not exist"]),
+        ("section --energy 0.06 --catalogue none.sqlite", ["none.sqlite"]),
+        ("section --energy 0.06 --scene one.toml", ["two degrees of freedom", "this system has 1"]),
+        ("section --energy 0.06 --scene two.toml", ["primary", "LO = u1 or u2"]),
+        ("section --energy 0.01 --scene lo.toml", ["no motion with energy 0.01 reaches", "above 0.045"]),
+        ("section --plate --scene plate.toml", ["[sections]", "rising energies above 0"]),
+        ("section --plate --scene cited.toml", ["[sections]", "cited = [3.0]", "some of the energies"]),
+        ("section --energy 0.06 --mu 0.2 --catalogue {families}", ["mu"]),
+    ],
+)
+def test_bad_input(words, said, tmp_path, monkeypatch, families):
+    """Oracle: exit code 2, one line with these words, no file."""
+    monkeypatch.chdir(tmp_path)
+    scenes = {"one": ONE, "two": TWO, "lo": TWO + '[coordinates]\nLO = "u2"\n', "plate": PLATE}
+    scenes["cited"] = PLATE.replace("[2.0, 1.0]", "[1.0, 2.0]\ncited = [3.0]")
+    for name, text in scenes.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    code, out, err = told(words.format(families=families))
+    assert code == 2 and not out and err.count("\n") == 1, (out, err)
+    for word in said:
+        assert word in err, err
+    assert len(list(tmp_path.iterdir())) == len(scenes)

@@ -1,0 +1,172 @@
+"""Crossings of a section by many motions: times by bounds, states by exact flight, growth of a perturbation by its variational flow.
+
+The section is f = row . z = 0 with f' > 0. Between two instants at which the bounds of `bvp.kernels.extrema` allow one zero at most, f
+either changes its sign or has none; the sign is carried from flight to flight, so that a crossing at an impact counts once. A
+perturbation is kept along the gap's zero at an impact and along the section at a crossing (`bvp.kernels.trail.event`), which makes it
+the derivative of the section's map.
+"""
+
+import math
+
+import numpy as np
+from numba import int64
+
+from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.extrema import dot, look, refine, safe_step, separate
+from bvp.kernels.flight import flow_state
+from bvp.kernels.restitution import restitute
+from bvp.kernels.run import FULL, GAVE_UP, REACHED, run
+from bvp.kernels.trail import event
+
+__all__ = ["COMPLETE", "TIME_OVER", "follow_section", "rises"]
+
+COMPLETE, TIME_OVER = -1, -2
+"""How following an orbit ended, besides the endings of `bvp.kernels.run`: with all points asked for; at the longest time."""
+
+STEP_LIMIT = 100_000
+ROOM = 64
+"""Crossings in one flight; a stretch of eight periods of the fastest mode has some sixteen zeros."""
+EVENTS = 256
+"""Impacts of one stretch that are kept; one with more is gone on with from there."""
+
+
+@kernel
+def rises(pairs, mean, delta, matrix, value, rate, second, z, duration, sign, times, work):
+    """Times in [0, duration) at which f = value . z(t) passes zero upwards, into `times`, after an earlier `sign` of f (0: none yet).
+
+    Values within rounding of zero have no sign. A passage at the beginning, where the flight before ended below zero, is at time 0.
+    Returns (count, last sign); count is -1 where the search gave up or there is no room."""
+    pure, level, curvature, jerk = separate(pairs, mean, delta, matrix, value, second, z, duration, work)
+    level = 1e-13 * (level + 1e-300)
+    floor = 1e-13 * duration
+    count = 0
+    before = 0.0
+    f_before = 0.0
+    t = 0.0
+    for _ in range(STEP_LIMIT):
+        f, slope, bend = look(pairs, mean, delta, matrix, pure, work, value, rate, second, z, t)
+        if abs(f) > level:
+            if f > 0.0 and sign < 0:
+                if count == times.shape[0]:
+                    return -1, sign
+                times[count] = 0.0
+                if t > 0.0:
+                    guess = before + f_before / (f_before - f) * (t - before)
+                    times[count] = refine(
+                        pairs, mean, delta, matrix, pure, value, rate, second, z, before, t, guess, False, 1e-16 * duration, work
+                    )
+                count += 1
+            sign = int64(1) if f > 0.0 else int64(-1)
+        if t >= duration:
+            return count, sign
+        before = t
+        f_before = f
+        t = min(duration, t + max(safe_step(f, slope, bend, curvature, jerk), floor))
+    return -1, sign
+
+
+@allocating
+def follow_section(
+    pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, push, restitution, functional, plane, quadratic,
+    starts, changes, stretch_time, longest, times, points, energies, growths, tangents, counts, impacts, statuses, work,
+):  # fmt: skip
+    """Follow each row of `starts` (M, N), which lies on the section, to its P-th crossing.
+
+    functional (3, N): rows of f, f', f''. plane (2, N): rows of the two coordinates on the section. quadratic (N, N): energy is
+    z . quadratic z/2. changes (M, N): a perturbation along the section of each start. stretch_time: length of what is run at once.
+    times (M, P), points (M, P, 2), energies (M, P): of each crossing, the start being the first. growths (M, P): logarithm of the
+    perturbation's size, in the plane, over that at the start; tangents (M, P, 2): its direction.
+    counts, impacts, statuses (M,): crossings, impacts up to the end, how it ended. work: of `bvp.kernels.impact.work_array`."""
+    size = starts.shape[1]
+    wanted = times.shape[1]
+    z, begin, change = np.empty(size), np.empty(size), np.empty(size)
+    state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
+    instants, contacts, touches = np.empty(EVENTS), np.empty(EVENTS, np.int64), np.empty(EVENTS, np.int64)
+    before, after = np.empty((EVENTS, size)), np.empty((EVENTS, size))
+    passages, scratch = np.empty(ROOM), np.empty(size)
+    for m in range(starts.shape[0]):
+        for r in range(size):
+            z[r] = starts[m, r]
+            begin[r] = z[r]
+            change[r] = changes[m, r]
+        growth = 0.0 - math.log(math.hypot(dot(plane[0], change), dot(plane[1], change)))
+        growth = record(plane, quadratic, z, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0)
+        count = 1
+        hits = 0
+        sign = int64(1)
+        leaving = int64(-1)
+        elapsed = 0.0
+        status = COMPLETE
+        while count < wanted:
+            if elapsed >= longest:
+                status = TIME_OVER
+                break
+            code, events, reached = run(
+                pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, push, restitution, leaving,
+                min(stretch_time, longest - elapsed), instants, contacts, touches, before, after, z, work
+            )  # fmt: skip
+            started = 0.0
+            for k in range(events + 1):
+                duration = (instants[k] if k < events else reached) - started
+                found, sign = rises(
+                    pairs, mean, delta, matrix, functional[0], functional[1], functional[2], begin, duration, sign, passages, scratch
+                )
+                if found < 0:
+                    status = GAVE_UP
+                    break
+                for i in range(found):
+                    event(pairs, mean, delta, matrix, functional[0], begin, change, passages[i], state, state_change, velocity)
+                    growth = record(
+                        plane, quadratic, state, state_change, change, elapsed + started + passages[i], growth,
+                        times[m], points[m], energies[m], growths[m], tangents[m], count
+                    )  # fmt: skip
+                    count += 1
+                    if count == wanted:
+                        break
+                if count == wanted:
+                    break
+                if k < events and touches[k] == 0:
+                    hits += 1
+                    event(pairs, mean, delta, matrix, gap[contacts[k]], begin, change, duration, state, state_change, velocity)
+                    restitute(gap_rate, push, restitution, contacts[k], state_change, change)
+                else:
+                    flow_state(pairs, mean, delta, matrix, change, duration, state_change)
+                    for r in range(size):
+                        change[r] = state_change[r]
+                for r in range(size):
+                    begin[r] = after[k, r] if k < events else z[r]
+                started = instants[k] if k < events else reached
+            if status == GAVE_UP or count == wanted:
+                break
+            if code != REACHED and code != FULL:
+                status = code
+                break
+            leaving = contacts[events - 1] if code == FULL else int64(-1)
+            elapsed += reached
+        counts[m] = count
+        impacts[m] = hits
+        statuses[m] = status
+
+
+@kernel
+def record(plane, quadratic, z, z_change, change, time, growth, times, points, energies, growths, tangents, count):
+    """Note crossing number `count` at the state z, and scale `change` so that its image z_change there has size 1 in the plane. Returns the
+    logarithm of its size without scaling, over that at the start."""
+    size = z.shape[0]
+    energy = 0.0
+    for r in range(size):
+        energy += 0.5 * z[r] * dot(quadratic[r], z)
+    first = dot(plane[0], z_change)
+    second = dot(plane[1], z_change)
+    norm = math.hypot(first, second)
+    times[count] = time
+    points[count, 0] = dot(plane[0], z)
+    points[count, 1] = dot(plane[1], z)
+    energies[count] = energy
+    growths[count] = growth + math.log(norm)
+    tangents[count, 0] = first / norm
+    tangents[count, 1] = second / norm
+    scale = 1.0 / norm
+    for r in range(size):
+        change[r] *= scale
+    return growths[count]

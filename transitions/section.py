@@ -1,0 +1,236 @@
+"""Poincare sections: many motions of one energy, each followed from crossing to crossing.
+
+Flights are exact, impacts and crossings are found by bounds, so that none is missed (`transitions.kernels.section`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.kernels import run as run_kernels
+from bvp.kernels.impact import work_array
+from transitions.kernels import section as kernels
+from transitions.section_plane import SectionPlane
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Section", "SectionEnd", "follow", "section"]
+
+SETTLING = 0.1
+"""Part of an orbit's crossings that its Lyapunov exponent leaves out: the perturbation turns to its fastest direction there."""
+
+_BATCH = 32
+_PERIODS = 8.0
+_PATIENCE = 50.0
+
+
+class SectionEnd(Enum):
+    """How following an orbit ended; the value says it in words."""
+
+    COMPLETE = "all crossings asked for"
+    TIME_OVER = "crosses the section too seldom: the longest time was reached"
+    CHATTERING = "its bounces come to rest on a stop: chattering is followed to its end, and the orbit ends there"
+    STICKING = "sticks to a stop, and ends there"
+    SIMULTANEOUS = "hits two stops at the same instant whose impulses interact: the outcome is not defined by restitution"
+    OUTSIDE = "started beyond a stop"
+    EXHAUSTED = "the search for its next impact or crossing gave up"
+
+
+_ENDS = {
+    kernels.COMPLETE: SectionEnd.COMPLETE,
+    kernels.TIME_OVER: SectionEnd.TIME_OVER,
+    run_kernels.CHATTERING: SectionEnd.CHATTERING,
+    run_kernels.STICKING: SectionEnd.STICKING,
+    run_kernels.SIMULTANEOUS: SectionEnd.SIMULTANEOUS,
+    run_kernels.STARTED_OUTSIDE: SectionEnd.OUTSIDE,
+    run_kernels.GAVE_UP: SectionEnd.EXHAUSTED,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Crossings of the section by m orbits, up to k of each; the start is the first. What comes after an orbit's end is NaN.
+
+    Attributes
+    ----------
+    plane : SectionPlane
+    times : (m, k) ndarray
+    points : (m, k, 2) ndarray
+        x and y of `plane`.
+    energies : (m, k) ndarray
+    growths : (m, k) ndarray
+        Logarithm of the size of a perturbation along the section, in the plane, over that at the start.
+    tangents : (m, k, 2) ndarray
+        Direction of that perturbation in the plane.
+    counts, impacts : (m,) ndarray of int
+        Crossings of each orbit, and impacts on its way.
+    ends : tuple of m SectionEnd
+    interrupted : bool
+        Whether it was stopped before all orbits were followed.
+    """
+
+    plane: SectionPlane
+    times: np.ndarray
+    points: np.ndarray
+    energies: np.ndarray
+    growths: np.ndarray
+    tangents: np.ndarray
+    counts: np.ndarray
+    impacts: np.ndarray
+    ends: tuple[SectionEnd, ...]
+    interrupted: bool = False
+
+    @property
+    def system(self) -> ImpactSystem:
+        """The system of the motions."""
+        return self.plane.system
+
+    def __len__(self) -> int:
+        return int(self.counts.sum())
+
+    @cached_property
+    def drift(self) -> float:
+        """Largest relative difference of an energy from that of the section; of a conservative system that is rounding."""
+        return float(np.nanmax(np.abs(self.energies / self.plane.energy - 1.0), initial=0.0))
+
+    @cached_property
+    def exponents(self) -> np.ndarray:
+        """Largest Lyapunov exponent of each orbit, per unit of time, (m,): growth of a perturbation along the section over time,
+        without the first `SETTLING` of its crossings. NaN for an orbit with fewer than two crossings."""
+        out = np.full(len(self.counts), math.nan)
+        for m, count in enumerate(self.counts.tolist()):
+            first, last = int(SETTLING * (count - 1)), count - 1
+            if last > first:
+                out[m] = (self.growths[m, last] - self.growths[m, first]) / (self.times[m, last] - self.times[m, first])
+        return out
+
+
+def section(
+    system: ImpactSystem,
+    energy: float,
+    *,
+    orbits: int = 150,
+    crossings: int = 400,
+    starts: Any = None,
+    longest: float | None = None,
+    on_orbits: Callable[[int], None] | None = None,
+) -> Section:
+    """The Poincare section u_p = 0, u_p' > 0 of motions that start on it with one energy.
+
+    A system that loses energy leaves the energy surface: its section is that of motions, the energies of which are told.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        With two degrees of freedom, one of them the primary.
+    energy : float
+        h > 0 at the starts.
+    orbits : int
+        Starts, spread over the section.
+    crossings : int
+        Most points of each orbit, its start counted.
+    starts : (m, 2) array_like, optional
+        Starts in the plane, in place of those spread over it.
+    longest : float, optional
+        Time after which an orbit is left; by default 50 of the longest natural period for each crossing.
+    on_orbits : callable, optional
+        Told how many orbits are followed, from time to time.
+
+    Returns
+    -------
+    Section
+        On an interruption with the orbits that were followed until then.
+
+    Raises
+    ------
+    ValueError
+        As `SectionPlane`; for counts below 1, and starts outside the bounding curve.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> found = section(vibro_impact_nes(), 0.06, orbits=3, crossings=20)
+    >>> len(found), found.drift < 1e-13
+    (60, True)
+    """
+    plane = SectionPlane(system, energy)
+    for name, value in (("orbits", orbits), ("crossings", crossings)):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+            raise ValueError(f"{name} is a whole number above 0; received {value!r}")
+    points = plane.starts(orbits) if starts is None else np.atleast_2d(np.asarray(starts, dtype=float))
+    parts: list[Section] = []
+    interrupted = False
+    try:
+        for first in range(0, len(points), _BATCH):
+            parts.append(follow(plane, points[first : first + _BATCH], crossings, longest=longest))
+            if on_orbits is not None:
+                on_orbits(min(first + _BATCH, len(points)))
+    except KeyboardInterrupt:
+        interrupted = True
+        if not parts:
+            raise
+    arrays = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("times", "points", "energies", "growths", "tangents", "counts", "impacts")
+    }
+    return Section(plane, ends=tuple(end for part in parts for end in part.ends), interrupted=interrupted, **arrays)
+
+
+def follow(
+    plane: SectionPlane, starts: np.ndarray, crossings: int, *, directions: Any = None, longest: float | None = None
+) -> Section:
+    """Follow starts (m, 2) of a plane to as many crossings, with a perturbation of each along one of `directions` (m, 2).
+
+    By default the perturbations point along the diagonal of the section's extent. `longest` as in `section`."""
+    system = plane.system
+    modes = system.modes
+    u, v = plane.states(starts)
+    count, size = len(u), len(modes.matrix)
+    if directions is None:
+        low, high = plane.reach
+        directions = np.tile([0.5 * (high - low), plane.height(min(max(0.0, low), high))], (count, 1))
+    changes = plane.tangents(starts, np.asarray(directions, dtype=float)) @ modes.from_state.T
+    times, energies, growths = (np.full((count, crossings), math.nan) for _ in range(3))
+    points, tangents = (np.full((count, crossings, 2), math.nan) for _ in range(2))
+    counts, impacts, statuses = (np.zeros(count, dtype=np.int64) for _ in range(3))
+    fastest, slowest = _periods(plane)
+    kernels.follow_section(
+        *modes.blocks,
+        *modes.contacts,
+        modes.contact_push,
+        modes.contact_restitution,
+        *plane.rows(),
+        np.concatenate([u, v], 1) @ modes.from_state.T,
+        changes,
+        _PERIODS * fastest,
+        _PATIENCE * slowest * crossings if longest is None else float(longest),
+        times,
+        points,
+        energies,
+        growths,
+        tangents,
+        counts,
+        impacts,
+        statuses,
+        work_array(size, len(modes.contact_side)),
+    )
+    return Section(plane, times, points, energies, growths, tangents, counts, impacts, tuple(_ENDS[code] for code in statuses.tolist()))
+
+
+def _periods(plane: SectionPlane) -> tuple[float, float]:
+    """Shortest and longest natural period; for motions without springs the time to cross the section at full speed."""
+    frequencies = plane.system.modes.frequencies
+    moving = frequencies[frequencies > 0.0]
+    if not len(moving):
+        low, high = plane.reach
+        across = (high - low) / plane.height(0.5 * (low + high))
+        return across, across
+    return 2.0 * math.pi / float(moving.max()), 2.0 * math.pi / float(moving.min())
