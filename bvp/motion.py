@@ -179,8 +179,8 @@ class Motion:
         """The motion as stretches of free flights and of contacts held."""
         letters = self.system.modes.contact_letters
         held = [self.mover.table.phases[f].held for f in self.numbers[:, 2]]
-        for k in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
-            held[k] = held[k - 1]
+        for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
+            held[row] = held[row - 1]
         out: list[Stretch] = []
         for k, bits in enumerate(held):
             names = tuple(letter for c, letter in enumerate(letters) if bits >> c & 1)
