@@ -289,6 +289,7 @@ class Mover:
         counts, clock = np.zeros(kernels.COUNTS, dtype=np.int64), np.zeros(kernels.CLOCK)
         counts[kernels.LEAVING] = counts[kernels.CONTACT] = contact
         clock[kernels.INITIAL] = initial
+        turns = np.zeros((len(self.forcing.loads), 2))
         sums, marked = np.zeros((parts + 1, 2)), np.zeros((len(fractions) if initial > 0.0 else 0, parts + 3))
         marked[:, 0] = fractions[: len(marked)]
         x = np.concatenate([start, np.zeros(2 * len(self.forcing.loads))])
@@ -306,7 +307,7 @@ class Mover:
             )  # fmt: skip
             counts[kernels.EVENTS] = 0
             status = kernels.move(
-                phases, float(duration), int(max_impacts), z, x, counts, clock, sums, marked, table, values, before, log,
+                phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, table, values, before, log,
                 work_array(size, len(phases.restitution)), self.integral_work(), out,
             )  # fmt: skip
             pieces.append(kernels.Log(*(array[: counts[kernels.EVENTS]] for array in log)))

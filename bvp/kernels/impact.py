@@ -49,10 +49,14 @@ TURN, CROSSED = 6, 7
 """Verdicts inside the search: a certified turning point ahead; beyond the bound without a certificate before."""
 
 STEP_LIMIT = 100_000
-NEAR = 1000.0
-"""A start counts as near its stop until the distance is this many contact tolerances."""
+NEAR = 1e9
+"""A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so, would
+be known no better than rounding of w over that speed."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
+
+RELEASED = 1000.0
+"""Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other numbers."""
 
 
 def work_array(size, contacts):
@@ -233,7 +237,8 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     """The first hit or touch of the flight from z within 0 <= t <= horizon.
 
     `leaving` is the contact that the flight starts on (-1: none is told), whose distance there is taken to be 0 exactly, and whose rate
-    counts to the last digit; of a contact that is not told the rate counts beyond rounding. Any other contact within the tolerance at the
+    counts to the last digit; of a contact that is not told the rate counts beyond rounding. -2 - c tells contact c whose force has just
+    come to 0, so that it starts with distance, rate and acceleration 0. Any other contact within the tolerance at the
     start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
 
     Returns (status, contact, time): (NONE, -1, horizon), (HIT or TOUCH, contact, time), (PRESSED, contact, 0),
@@ -246,6 +251,9 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     coefficients = work[3]
     other = work[4, :size]
     told = leaving >= 0
+    released = leaving < -1
+    if released:
+        leaving = -2 - leaving
     status, leaving = start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z)
     if status != NONE:
         return status, leaving, 0.0
@@ -282,6 +290,9 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                 if count == 0:
                     force = rounding_level(pairs, matrix, acceleration, c, z)
                     still = rounding_level(pairs, matrix, rate_rows, c, z)
+                    if released:
+                        force *= RELEASED
+                        still *= RELEASED
                     if slope < -still:
                         return HIT, c, 0.0
                     ahead = 0.0

@@ -17,7 +17,7 @@ from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
 from bvp.kernels.integral import integrals
 from bvp.kernels.restitution import restitute
-from bvp.kernels.run import independent, interacts, settles, struck_with
+from bvp.kernels.run import independent, interacts, struck_with
 
 __all__ = [
     "BREAK", "CLEAR", "CLEAR_TIME", "CLOCK", "COUNTS", "CYCLING", "EVENTS", "FULL", "GAVE_UP", "HELD_TIME", "IMPACT", "IMPACTS", "INITIAL",
@@ -48,6 +48,14 @@ SWITCH_TIME = 1e-13
 
 SWITCH_LEVEL = 2e-14
 """Error allowed to a displacement or velocity there, of the largest one, and to the energies, of the initial one."""
+
+
+REFRESH = 256
+"""Impacts after which the loads' states are written anew. In between they are carried by the flights like all others: passing through (u, v)
+at each impact would round in one direction."""
+
+FLAT = 1e-10
+"""A bounce that rises less than this part of the contact tolerance is rest, though the series of the chattering has not come to its end."""
 
 
 class Phases(NamedTuple):
@@ -101,8 +109,10 @@ def add(sums, i, value):
 
 
 @kernel
-def advance_clock(clock, flight):
-    """Add a flight to the time, kept in two parts."""
+def advance_clock(phases, clock, turns, flight):
+    """Add a flight to the time, kept in two parts, and to the angles of the loads."""
+    for g in range(phases.frequency.shape[0]):
+        add(turns, g, phases.frequency[g] * flight)
     total = clock[TIME] + flight
     clock[TIME_LOW] += (clock[TIME] - total) + flight if clock[TIME] >= flight else (flight - total) + clock[TIME]
     clock[TIME] = total + clock[TIME_LOW]
@@ -110,17 +120,19 @@ def advance_clock(clock, flight):
 
 
 @kernel
-def write_loads(phases, index, time, x):
-    """The states of the loads at a time, into x[2 n:]."""
+def write_loads(phases, index, clock, turns, x):
+    """The present states of the loads, into x[2 n:]. The angles of harmonics are compensated sums, turns (G, 2): the product of a frequency
+    with a long time would round to less than the flights are exact to."""
     at = 2 * phases.shape[0]
     for g in range(phases.frequency.shape[0]):
-        w = phases.frequency[g]
-        if w > 0.0:
-            x[at + 2 * g] = math.cos(w * time)
-            x[at + 2 * g + 1] = math.sin(w * time)
+        if phases.frequency[g] > 0.0:
+            c = math.cos(turns[g, 0])
+            s = math.sin(turns[g, 0])
+            x[at + 2 * g] = c - turns[g, 1] * s
+            x[at + 2 * g + 1] = s + turns[g, 1] * c
         else:
             slope = phases.levels[index, g, 1]
-            x[at + 2 * g] = phases.levels[index, g, 0] + slope * (time - phases.breaks[index])
+            x[at + 2 * g] = phases.levels[index, g, 0] + slope * ((clock[TIME] - phases.breaks[index]) + clock[TIME_LOW])
             x[at + 2 * g + 1] = slope
 
 
@@ -208,7 +220,7 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
 
 
 @kernel
-def fly(phases, f, z, flight, counts, clock, sums, marks, work, out, integral_work):
+def fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work):
     """Carry z, the clock and the sums over a flight."""
     if flight == 0.0:
         return
@@ -221,7 +233,7 @@ def fly(phases, f, z, flight, counts, clock, sums, marks, work, out, integral_wo
     flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], z, flight, work[0])
     for r in range(z.shape[0]):
         z[r] = work[0, r]
-    advance_clock(clock, flight)
+    advance_clock(phases, clock, turns, flight)
     if phases.held[f] != 0:
         clock[HELD_TIME] += flight
 
@@ -296,16 +308,16 @@ def out_of_reach(phases, f, c, z, span, speed, force):
 
 
 @kernel
-def chatter(phases, f, c, z, x, left, counts, clock, sums, table, values):
+def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values):
     """After an impact at contact c in phase f: True where chattering ends here, with x and the clock and the sums at its end.
 
     `left`: time to the duration or the next break. `table` (LEVELS, 2 n + 2 + D + S), `values` one row of it.
     """
     restitution = phases.restitution[c]
-    _, slope, bend, _ = gauge(phases.gap[f], phases.rate[f], phases.acceleration[f], phases.side[f], phases.bound[f], c, z)
+    _, slope, bend, tolerance = gauge(phases.gap[f], phases.rate[f], phases.acceleration[f], phases.side[f], phases.bound[f], c, z)
     width = 2 * phases.shape[0]
     parts = sums.shape[0]
-    small = restitution < 1.0 and settles(phases.gap[f], phases.rate[f], phases.acceleration[f], phases.side[f], phases.bound[f], c, z)
+    small = restitution < 1.0 and bend < 0.0 and slope * abs(slope) <= -2.0 * bend * FLAT * tolerance
     if restitution == 0.0 or restitution == 1.0 or bend >= 0.0:
         counts[BOUNCES] = 0
         return small
@@ -357,7 +369,7 @@ def chatter(phases, f, c, z, x, left, counts, clock, sums, table, values):
                         x[r] = table[order, 1 + r]
                     for i in range(parts):
                         add(sums, i, table[order, 1 + width + i] - values[1 + width + i])
-                    advance_clock(clock, ahead)
+                    advance_clock(phases, clock, turns, ahead)
                     return True
     if small:
         clock[SWITCH_ERROR] = max(clock[SWITCH_ERROR], span)
@@ -421,11 +433,11 @@ def hold(phases, c, x, counts, clock, sums, marks, work):
 
 
 @kernel
-def move(phases, duration, most, z, x, counts, clock, sums, marks, table, values, before, log, work, integral_work, out):
+def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table, values, before, log, work, integral_work, out):
     """Carry a motion on until its duration, its most impacts, or a reason to return.
 
     z (N,) state of the phase; x (2 n + 2 G,) (u, v) and the states of the loads, from which a pending phase begins; counts (COUNTS,), clock
-    (CLOCK,): see above; sums (D + S + 1, 2) compensated; marks (Q, 3 + D + S): fractions of the initial energy, ascending, then filled with
+    (CLOCK,): see above; turns (G, 2) angles of the loads and sums (D + S + 1, 2), compensated; marks (Q, 3 + D + S): fractions of the initial energy, ascending, then filled with
     the time at which that much is gone and the sums there. out (R,); the other arrays are scratch. Returns the reason.
     """
     width = 2 * phases.shape[0]
@@ -435,7 +447,7 @@ def move(phases, duration, most, z, x, counts, clock, sums, marks, table, values
             f = find_phase(phases, counts[PENDING])
             if f < 0:
                 return NEW_PHASE
-            write_loads(phases, counts[BREAK_INDEX], clock[TIME], x)
+            write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
             times_matrix(phases.enter[f], x, z)
             counts[PHASE] = f
             counts[PENDING] = -1
@@ -467,7 +479,7 @@ def move(phases, duration, most, z, x, counts, clock, sums, marks, table, values
             if last and counts[CLEAR] == 0 and cannot_hit(phases, f, z):
                 counts[CLEAR] = 1
                 clock[CLEAR_TIME] = clock[TIME]
-            fly(phases, f, z, flight, counts, clock, sums, marks, work, out, integral_work)
+            fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
             if last:
                 return REACHED
             clock[TIME] = end
@@ -485,7 +497,7 @@ def move(phases, duration, most, z, x, counts, clock, sums, marks, table, values
             return STARTED_OUTSIDE
         if status == EXHAUSTED and flight == 0.0:
             return GAVE_UP
-        fly(phases, f, z, flight, counts, clock, sums, marks, work, out, integral_work)
+        fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
         times_matrix(phases.leave[f], z, x)
         for r in range(width):
             before[r] = x[r]
@@ -502,6 +514,7 @@ def move(phases, duration, most, z, x, counts, clock, sums, marks, table, values
         if holds:
             counts[PENDING] = held & ~(int64(1) << c)
             counts[KIND] = RELEASE
+            counts[LEAVING] = -2 - c
             counts[BOUNCES] = 0
             continue
         if status == PRESSED:
@@ -512,7 +525,7 @@ def move(phases, duration, most, z, x, counts, clock, sums, marks, table, values
             continue
         after = f
         if f != 0:
-            write_loads(phases, counts[BREAK_INDEX], clock[TIME], x)
+            write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
             times_matrix(phases.enter[0], x, z)
             counts[PHASE] = 0
         if not strike_all(phases, c, z, counts, clock, sums, marks, log, before):
@@ -534,12 +547,12 @@ def move(phases, duration, most, z, x, counts, clock, sums, marks, table, values
                 continue
             times_matrix(phases.enter[after], x, z)
             counts[PHASE] = after
-        elif phases.frequency.shape[0]:
-            write_loads(phases, counts[BREAK_INDEX], clock[TIME], x)
+        elif phases.frequency.shape[0] and counts[IMPACTS] % REFRESH == 0:
+            write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
             times_matrix(phases.enter[0], x, z)
         record(log, IMPACT, c, counts, clock, before, z, sums)
         counts[LEAVING] = c
-        if chatter(phases, after, c, z, x, (end - clock[TIME]) - clock[TIME_LOW], counts, clock, sums, table, values):
+        if chatter(phases, after, c, z, x, (end - clock[TIME]) - clock[TIME_LOW], counts, clock, turns, sums, table, values):
             for r in range(width):
                 before[r] = x[r]
             hold(phases, c, x, counts, clock, sums, marks, work)
