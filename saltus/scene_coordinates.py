@@ -37,7 +37,7 @@ def marked(coordinates: Table, system: ImpactSystem) -> tuple[tuple[int, ...], t
         For a name that is no coordinate, one that is given twice, an empty list.
     """
     marks = {"NES": system.absorber, "LO": system.primary}
-    found = {key: () if index is None else (index,) for key, index in marks.items()}
+    found: dict[str, tuple[int, ...]] = {key: () if index is None else (index,) for key, index in marks.items()}
     for key in found:
         if not isinstance(coordinates.content().get(key), list):
             continue
