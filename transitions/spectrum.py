@@ -1,7 +1,7 @@
 """The wavelet spectrum of a signal: the amplitude that it has at each frequency and time.
 
-The complex Morlet wavelet psi(t) = exp(-t^2/B) exp(2 pi i C t)/sqrt(pi B) has unit response to a tone of its own frequency. So
-twice the modulus of the transform, divided by the square root of the scale, is an amplitude: a pure tone of amplitude A shows A at any frequency.
+The complex Morlet wavelet psi(t) = exp(-t^2/B) exp(2 pi i C t)/sqrt(pi B) has unit response to a tone of its own frequency.
+So twice the modulus of the transform, divided by the square root of the scale, is an amplitude: a pure tone of amplitude A shows A.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["Spectrum", "TooCoarse", "Wavelet", "morlet_spectrum"]
 _SUPPORT = 1e-9  # the envelope is cut where it has fallen to this
 _PRECISION = 16  # the wavelet is tabled at 2^16 places: the transform takes the nearest of them, which costs 2e-4 of the amplitude
 _WIDTHS = 4.0  # standard deviations of the wavelet's own spectrum that stay below the Nyquist frequency
-_UNTRUE = 0.02  # rms of what the rate and the signal disagree by, in rms of the signal
+_UNTRUE = 0.02  # median of what the rate and the signal disagree by, in standard deviations of the signal
 _STILL = 1e-6  # a stretch this much smaller than the largest has nothing to show
 _BLOCK = 2_000_000  # complex numbers that are held at once
 _CELLS = 3_000_000  # amplitudes that are kept
@@ -235,6 +235,7 @@ def _require_fine(signal: np.ndarray, rate: np.ndarray, step: float, window: flo
 
     Over a step the signal rises by the integral of the rate, for which the trapezoid is taken. A tone that turns by an angle x in a step is
     off by |2 sin(x/2) - x cos(x/2)| of its amplitude: little while x is small, more than twice from x = pi on, where it is seen as another.
+    The median passes over the few steps with an impact in them, where the rate jumps.
     """
     if rate.shape != signal.shape or not np.isfinite(rate).all():
         raise ValueError(f"the rate has a finite value for each of the {len(signal)} of the signal; received shape {rate.shape}")
@@ -244,7 +245,7 @@ def _require_fine(signal: np.ndarray, rate: np.ndarray, step: float, window: flo
     for first in range(0, len(off), length):
         part = slice(min(first, len(off) - length), min(first, len(off) - length) + length)
         here = float(np.std(signal[part]))
-        wrong = float(np.sqrt(np.mean(off[part] ** 2)))
+        wrong = float(np.median(np.abs(off[part])))
         # What turns so fast that the samples hardly move still shows in the rate.
         if max(here, wrong) > _STILL * size and wrong > _UNTRUE * here:
             better = step * min(0.5, _UNTRUE * here / wrong)

@@ -26,7 +26,7 @@ def ridge(spectrum):
 @pytest.mark.parametrize("samples", [6.0, 17.3, 100.0, 1000.0, 6000.0])
 def test_a_tone_shows_its_amplitude_at_its_frequency(samples, wavelet):
     """Oracle: the tone's own amplitude and frequency, over three decades of the same step, to 1e-3. Averaging over a step takes
-    sinc(x), x half the angle of a step, from the tone and not from the scales, which moves the maximum by x^2/3 over the squared sharpness."""
+    sinc(x), x half the angle of a step, from the tone and not from the scales: it moves the maximum by x^2/3 over the squared sharpness."""
     frequency = 2.0 * math.pi / (0.01 * samples)
     times = 0.01 * np.arange(int(30 * samples))
     spectrum = morlet_spectrum(
@@ -105,6 +105,21 @@ def test_a_tone_above_half_the_sampling_frequency_is_refused():
             -2.0 * np.sin(2.0 * times) - late * hidden * np.sin(hidden * times),
             frequencies=(1.0, 4.0),
         )
+
+
+@pytest.mark.parametrize("samples", [16.3, 60.7, 3.1])
+def test_impacts_are_no_reason_to_refuse_a_record_that_is_fine_enough(samples):
+    """Oracle: the fundamental of a triangular wave, 8/pi^2 of its amplitude; with three samples in a period nothing is left of its shape."""
+    times = 0.01 * np.arange(8000)
+    phase = np.mod(times / (0.01 * samples), 1.0)
+    wave, rate = np.where(phase < 0.5, 4.0 * phase - 1.0, 3.0 - 4.0 * phase), np.where(phase < 0.5, 4.0, -4.0) / (0.01 * samples)
+    tone = 2.0 * math.pi / (0.01 * samples)
+    if samples < 4.0:
+        with pytest.raises(TooCoarse):
+            morlet_spectrum(times, wave, rate, frequencies=(0.3 * tone, 0.9 * tone))
+        return
+    spectrum = morlet_spectrum(times, wave, rate, frequencies=(0.7 * tone, 1.5 * tone))
+    assert ridge(spectrum)[1][len(spectrum.times) // 2] == pytest.approx(8.0 / math.pi**2, rel=0.01)
 
 
 def test_frequencies_that_the_record_cannot_show_are_refused():
