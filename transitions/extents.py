@@ -68,7 +68,7 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     peaks, times, squares = np.zeros(count), np.zeros(count), np.zeros(count)
     settled = largest_of_motion(
         phases, motion.times, motion.numbers, motion.states, motion.duration, np.ascontiguousarray(derivatives), np.ones(count),
-        np.empty(2 * size), integral_work(size, count), np.empty(count), peaks, times, squares,
+        np.empty(2 * size), np.empty(size), integral_work(size, count), np.empty(count), peaks, times, squares,
     )  # fmt: skip
     if not settled:
         raise RuntimeError("the search for the peaks of the motion gave up; ask for a shorter duration")
