@@ -23,7 +23,7 @@ from bvp.shares import absorber_energy, split_damping
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["EventKind", "Mark", "Motion", "MotionStatus", "Mover", "Stretch", "run"]
+__all__ = ["Batch", "EventKind", "Mark", "Motion", "MotionStatus", "Mover", "Stretch", "run"]
 
 
 class MotionStatus(Enum):
@@ -236,6 +236,47 @@ class Motion:
         return wanted
 
 
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What is left of many motions, b of them: arrays of length b.
+
+    Attributes
+    ----------
+    status : tuple of MotionStatus
+        Of each motion.
+    duration, last_impact, clear_from, held_time, initial_energy, energy : (b,) ndarray
+        As in `Motion`; NaN where there is none.
+    impacts, touches : (b,) int64 ndarray
+    totals : (b, D + S + 1) ndarray
+        Dissipated by each damper and stop, and the work of the loads.
+    marks : (b, Q, D + S + 2) ndarray
+        Time of each mark and the totals there; NaN where it is not reached.
+    final : (b, 2n) ndarray
+    parts : tuple of D + S str
+    fractions : (Q,) ndarray
+    """
+
+    status: tuple[MotionStatus, ...]
+    duration: np.ndarray
+    impacts: np.ndarray
+    touches: np.ndarray
+    last_impact: np.ndarray
+    clear_from: np.ndarray
+    held_time: np.ndarray
+    initial_energy: np.ndarray
+    energy: np.ndarray
+    totals: np.ndarray
+    marks: np.ndarray
+    final: np.ndarray
+    parts: tuple[str, ...]
+    fractions: np.ndarray
+
+    @property
+    def balance(self) -> np.ndarray:
+        """Initial energy + work - dissipated - present energy, (b,)."""
+        return self.initial_energy + self.totals[:, -1] - self.totals[:, :-1].sum(axis=1) - self.energy
+
+
 class Mover:
     """Runs motions of one system under given loads; phases of contact are made when a motion first needs them, and kept.
 
@@ -276,13 +317,7 @@ class Mover:
         """The motion from (u, v); see `run`."""
         system = self.system
         start = checked_state(system, u, v)
-        if not (isinstance(duration, (int, float, np.number)) and 0.0 <= duration < np.inf):
-            raise ValueError(f"duration is a finite time of 0 or more; received {duration!r}")
-        if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or max_impacts < 0:
-            raise ValueError(f"max_impacts is a whole number of 0 or more; received {max_impacts!r}")
-        fractions = np.unique(np.asarray(marks, dtype=float))
-        if not np.all((fractions > 0.0) & (fractions < 1.0)):
-            raise ValueError(f"marks are fractions of the initial energy between 0 and 1; received {list(marks)}")
+        fractions = self._checked(duration, max_impacts, marks)
         contact = contact_index(system, leaving)
         n, parts = system.degrees_of_freedom, len(self.parts)
         initial = system.energy(start[:n], start[n:])
@@ -352,6 +387,76 @@ class Mover:
             numbers=numbers,
             states=states,
             mover=self,
+        )
+
+
+    def _checked(self, duration: Any, max_impacts: Any, marks: Sequence[float]) -> np.ndarray:
+        """The marks, ascending, where all three are as they should be; ValueError else."""
+        if not (isinstance(duration, (int, float, np.number)) and 0.0 <= duration < np.inf):
+            raise ValueError(f"duration is a finite time of 0 or more; received {duration!r}")
+        if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or max_impacts < 0:
+            raise ValueError(f"max_impacts is a whole number of 0 or more; received {max_impacts!r}")
+        fractions = np.unique(np.asarray(marks, dtype=float))
+        if not np.all((fractions > 0.0) & (fractions < 1.0)):
+            raise ValueError(f"marks are fractions of the initial energy between 0 and 1; received {list(marks)}")
+        return fractions
+
+    def run_many(
+        self, states: Any, duration: float, max_impacts: int = 10_000_000, marks: Sequence[float] = (0.5, 0.9, 0.99)
+    ) -> Batch:
+        """Motions from many states, without a record of their events.
+
+        Parameters
+        ----------
+        states : (b, 2n) array_like
+            (u, v) of each start.
+        duration, max_impacts, marks
+            As in `run`.
+
+        Raises
+        ------
+        ValueError
+            As `run`, and for states of another shape.
+        """
+        system = self.system
+        n, parts = system.degrees_of_freedom, len(self.parts)
+        starts = np.array(states, dtype=float, order="C")
+        if starts.ndim != 2 or starts.shape[1] != 2 * n or not np.all(np.isfinite(starts)):
+            raise ValueError(f"states is an array of finite numbers of shape (b, {2 * n}); received shape {starts.shape}")
+        fractions = self._checked(duration, max_impacts, marks)
+        summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2)))
+        summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
+        counts, clock = np.zeros(kernels.COUNTS, dtype=np.int64), np.zeros(kernels.CLOCK)
+        turns, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
+        x, width = np.zeros(2 * n + 2 * len(self.forcing.loads)), 2 * n + parts + 2
+        first = 0
+        while True:
+            phases = self.table.stacked
+            size = phases.matrix.shape[1]
+            log = kernels.Log(*(np.zeros((0, k), dtype=kind) for k, kind in ((3, np.int64), (3, float), (2 * n, float), (size, float), (parts + 1, float))))
+            reason, first = kernels.many(
+                phases, starts, float(duration), int(max_impacts), first, fractions, np.zeros(size), x, counts, clock, turns, sums,
+                np.zeros((len(fractions), parts + 3)), np.zeros((LEVELS, width)), np.zeros(width), np.zeros(2 * n), log,
+                work_array(size, len(phases.restitution)), self.integral_work(), np.zeros(len(self.meters.weight)), summary,
+            )  # fmt: skip
+            if reason != kernels.NEW_PHASE:
+                break
+            self.table.add(int(counts[kernels.PENDING]))
+        return Batch(
+            status=tuple(_STATUS[int(reason)] for reason in summary[:, 0]),
+            duration=summary[:, 1],
+            impacts=summary[:, 2].astype(np.int64),
+            touches=summary[:, 3].astype(np.int64),
+            last_impact=summary[:, 4],
+            clear_from=summary[:, 5],
+            held_time=summary[:, 6],
+            initial_energy=summary[:, 7],
+            energy=np.atleast_1d(system.energy(starts[:, :n], starts[:, n:])),
+            totals=summary[:, 9 : 10 + parts],
+            marks=summary[:, 10 + parts :].reshape(len(starts), len(fractions), parts + 2),
+            final=starts,
+            parts=self.parts,
+            fractions=fractions,
         )
 
 

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["Meters", "Phase", "PhaseTable", "meters_of", "phase_of"]
 
 PARTICULAR_LIMIT = 30.0
-"""Largest particular solution, in gaps, that is split off: the digits that its difference can lose."""
+"""Largest particular solution that is split off, in gaps, and in what the load moves without resonance: the digits that its difference can
+lose."""
 
 NEVER = 1e300
 """Bound of a gap that cannot be reached."""
@@ -262,7 +263,7 @@ def _join(
             solution = _sylvester(own, _generator(frequency[g]), drive)
             if solution is not None:
                 moved = np.abs(gaps @ basis @ blocks.to_state[:m, index] @ solution) @ sizes[g]
-                if np.all(moved <= PARTICULAR_LIMIT * reach):
+                if np.all(moved <= PARTICULAR_LIMIT * reach) and _amplification(own, frequency[g]) <= PARTICULAR_LIMIT:
                     particular[np.ix_(index, [2 * g, 2 * g + 1])] = solution
                     continue
             joined.append(g)
@@ -316,6 +317,14 @@ def _sylvester(block: np.ndarray, generator: np.ndarray, drive: np.ndarray) -> n
     if np.linalg.cond(operator) > 1e14:
         return None
     return np.linalg.solve(operator, drive.ravel()).reshape(size, 2)
+
+
+def _amplification(block: np.ndarray, frequency: float) -> float:
+    """How near a load is to resonance with a block: the largest rate over the least distance of the rates; 1 for loads that do not turn."""
+    if frequency == 0.0:
+        return 1.0
+    rates = np.linalg.eigvals(block)
+    return float(max(np.abs(rates).max(), frequency) / max(np.abs(rates - 1j * frequency).min(), np.finfo(float).tiny))
 
 
 def _free_acceleration(

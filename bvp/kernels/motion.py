@@ -12,7 +12,7 @@ from numba import int64
 
 from bvp.kernels.bounds import amplitudes, dot, fastest_rate
 from bvp.kernels.chatter import LEVELS, extrapolate, stride_of
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
 from bvp.kernels.integral import integrals
@@ -22,7 +22,7 @@ from bvp.kernels.run import independent, interacts, struck_with
 __all__ = [
     "BREAK", "CLEAR", "CLEAR_TIME", "CLOCK", "COUNTS", "CYCLING", "EVENTS", "FULL", "GAVE_UP", "HELD_TIME", "IMPACT", "IMPACTS", "INITIAL",
     "INTERACTING", "LAST_IMPACT", "MOST", "NEW_PHASE", "PENDING", "PHASE", "PIECE", "REACHED", "RELEASE", "START", "STARTED_OUTSIDE", "STICK",
-    "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHES", "TOUCHED", "Log", "Phases", "move", "sample",
+    "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHES", "TOUCHED", "Log", "Phases", "many", "move", "sample", "spent",
 ]  # fmt: skip
 
 REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP = range(8)
@@ -51,8 +51,8 @@ SWITCH_LEVEL = 2e-14
 
 
 REFRESH = 256
-"""Impacts after which the loads' states are written anew. In between they are carried by the flights like all others: passing through (u, v)
-at each impact would round in one direction."""
+"""Impacts, and breaks, after which the loads' states are written anew. In between they are carried by the flights like all others: passing
+through (u, v) each time would round in one direction."""
 
 FLAT = 1e-10
 """A bounce that rises less than this part of the contact tolerance is rest, though the series of the chattering has not come to its end."""
@@ -108,7 +108,7 @@ def add(sums, i, value):
     sums[i, 0] = total
 
 
-@kernel
+@part
 def advance_clock(phases, clock, turns, flight):
     """Add a flight to the time, kept in two parts, and to the angles of the loads."""
     for g in range(phases.frequency.shape[0]):
@@ -134,6 +134,18 @@ def write_loads(phases, index, clock, turns, x):
             slope = phases.levels[index, g, 1]
             x[at + 2 * g] = phases.levels[index, g, 0] + slope * ((clock[TIME] - phases.breaks[index]) + clock[TIME_LOW])
             x[at + 2 * g + 1] = slope
+
+
+@kernel
+def reset_loads(phases, f, index, z):
+    """What a break adds to the levels and slopes of the loads, in z."""
+    span = phases.breaks[index] - phases.breaks[index - 1]
+    at = 2 * phases.shape[0]
+    for g in range(phases.frequency.shape[0]):
+        slope = phases.levels[index, g, 1] - phases.levels[index - 1, g, 1]
+        level = phases.levels[index, g, 0] - (phases.levels[index - 1, g, 0] + phases.levels[index - 1, g, 1] * span)
+        for r in range(z.shape[0]):
+            z[r] += phases.enter[f, r, at + 2 * g] * level + phases.enter[f, r, at + 2 * g + 1] * slope
 
 
 @kernel
@@ -165,7 +177,7 @@ def note_mark(marks, counts, time, sums):
     counts[MARK] = row + 1
 
 
-@kernel
+@part
 def damped(phases, f, z, t, work, out):
     """What the dampers take over a flight of t from z; out (R,) the integrals."""
     integrals(
@@ -219,7 +231,7 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
             marks[row, 2 + phases.part[k]] += out[k]
 
 
-@kernel
+@part
 def fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work):
     """Carry z, the clock and the sums over a flight."""
     if flight == 0.0:
@@ -238,7 +250,7 @@ def fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, inte
         clock[HELD_TIME] += flight
 
 
-@kernel
+@part
 def lose(phases, c, loss, counts, clock, sums, marks):
     """Add the loss of an impact at contact c."""
     add(sums, phases.shape[1] + phases.contact_stop[c], loss)
@@ -307,7 +319,7 @@ def out_of_reach(phases, f, c, z, span, speed, force):
     return True
 
 
-@kernel
+@part
 def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values):
     """After an impact at contact c in phase f: True where chattering ends here, with x and the clock and the sums at its end.
 
@@ -376,7 +388,7 @@ def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values)
     return small
 
 
-@kernel
+@part
 def strike_all(phases, c, z, counts, clock, sums, marks, log, before):
     """The impacts at contact c and at those struck with it, in phase 0; False where their impulses interact."""
     pairs = phases.pairs[0]
@@ -404,6 +416,8 @@ def strike_all(phases, c, z, counts, clock, sums, marks, log, before):
         counts[CONTACT] = hit
         hit = struck_with(pairs, matrix, gap, rate, acceleration, side, bound, hit, -1, z)
         if hit >= 0:
+            if interacts(rate, push, counts[CONTACT], hit):
+                return False
             record(log, IMPACT, counts[CONTACT], counts, clock, before, z, sums)
     return True
 
@@ -421,7 +435,7 @@ def held_after(phases, held, c, z):
     return left
 
 
-@kernel
+@part
 def hold(phases, c, x, counts, clock, sums, marks, work):
     """Stop what is left of the velocity across contact c, as a loss at its stop."""
     times_matrix(phases.enter[0], x, work[0])
@@ -475,12 +489,12 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
         counts[LEAVING] = -1
         holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
         if status == NONE:
-            last = end == duration
-            if last and counts[CLEAR] == 0 and cannot_hit(phases, f, z):
-                counts[CLEAR] = 1
-                clock[CLEAR_TIME] = clock[TIME]
+            begin = clock[TIME]
             fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
-            if last:
+            if end == duration:
+                if cannot_hit(phases, f, z):
+                    counts[CLEAR] = 1
+                    clock[CLEAR_TIME] = begin
                 return REACHED
             clock[TIME] = end
             clock[TIME_LOW] = 0.0
@@ -489,9 +503,12 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
             times_matrix(phases.leave[f], z, x)
             for r in range(width):
                 before[r] = x[r]
-            counts[PENDING] = held
-            counts[KIND] = BREAK
-            counts[CONTACT] = -1
+            if ahead % REFRESH == 0:
+                write_loads(phases, ahead, clock, turns, x)
+                times_matrix(phases.enter[f], x, z)
+            else:
+                reset_loads(phases, f, ahead, z)
+            record(log, BREAK, -1, counts, clock, before, z, sums)
             continue
         if status == OUTSIDE and not holds:
             return STARTED_OUTSIDE
@@ -599,3 +616,60 @@ def spent(phases, begins, numbers, states, sums, times, work, integral, out):
             out[i, k] = sums[low, k]
         for k in range(phases.part.shape[0]):
             out[i, phases.part[k]] += integral[k]
+
+
+@kernel
+def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, table, values, before, log, work,
+         integral_work, out, summary):
+    """Motions from starts (B, 2 n), the `first`-th and on, without a record of events: one row of summary (B, 9 + (D + S + 1) +
+    Q (D + S + 2)) each: reason, time reached, impacts, touches, last impact (NaN: none), clear from (NaN: not proven), time held, initial
+    energy (read), final energy (left to the caller), sums, then each mark's time (NaN: not reached) and sums. starts become final states.
+
+    Returns (reason, start): NEW_PHASE at the start that wants one more phase - add it and call again from there - or REACHED and B.
+    """
+    width = 2 * phases.shape[0]
+    parts = sums.shape[0]
+    for b in range(first, starts.shape[0]):
+        for k in range(COUNTS):
+            counts[k] = 0
+        for k in range(CLOCK):
+            clock[k] = 0.0
+        counts[LEAVING] = -1
+        for g in range(turns.shape[0]):
+            turns[g, 0] = 0.0
+            turns[g, 1] = 0.0
+        for k in range(parts):
+            sums[k, 0] = 0.0
+            sums[k, 1] = 0.0
+        for k in range(width):
+            x[k] = starts[b, k]
+        clock[INITIAL] = summary[b, 7]
+        for q in range(fractions.shape[0]):
+            marks[q, 0] = fractions[q]
+        if not clock[INITIAL] > 0.0:
+            counts[MARK] = fractions.shape[0]
+        status = move(
+            phases, duration, most, z, x, counts, clock, turns, sums, marks, table, values, before, log, work, integral_work, out
+        )
+        if status == NEW_PHASE:
+            return NEW_PHASE, b
+        row = summary[b]
+        row[0] = status
+        row[1] = duration if status == REACHED else clock[TIME]
+        row[2] = counts[IMPACTS]
+        row[3] = counts[TOUCHES]
+        row[4] = clock[LAST_IMPACT] if counts[IMPACTS] > 0 else math.nan
+        row[5] = clock[CLEAR_TIME] if counts[CLEAR] > 0 else math.nan
+        row[6] = clock[HELD_TIME]
+        times_matrix(phases.leave[counts[PHASE]], z, x)
+        for k in range(width):
+            starts[b, k] = x[k]
+        for k in range(parts):
+            row[9 + k] = sums[k, 0] + sums[k, 1]
+        at = 9 + parts
+        reached = counts[MARK] if clock[INITIAL] > 0.0 else 0
+        for q in range(fractions.shape[0]):
+            for k in range(1 + parts):
+                row[at + k] = marks[q, 1 + k] if q < reached else math.nan
+            at += 1 + parts
+    return REACHED, starts.shape[0]
