@@ -100,9 +100,15 @@ def _longest(fits: np.ndarray, turns: np.ndarray) -> float:
 
 
 def best_of(
-    stretch: Stretch, meetings: Sequence[Meeting], gap: tuple[float, ...], lines: Sequence[Line], size: Callable[[int], float]
-) -> tuple[Meeting, int]:
-    """The family that fits a stretch best, and how many others fit it as well.
+    stretch: Stretch,
+    meetings: Sequence[Meeting],
+    gap: tuple[float, ...],
+    lines: Sequence[Line],
+    size: Callable[[int], float],
+    impacts: float,
+    turns: float,
+) -> list[Meeting]:
+    """The family that fits a stretch best, and the others that fit it as well.
 
     Parameters
     ----------
@@ -116,13 +122,17 @@ def best_of(
         The ridges of the motion in the stretch, that which is followed first.
     size : callable
         Amplitude of the motion, as it shows within so many periods of the followed ridge.
+    impacts, turns : float
+        In the stretch: impacts, and periods of the followed ridge.
 
     Returns
     -------
-    meeting, others
-        Least mean deviation; among those that are equal in this, the most like line spectrum: least of the largest difference that a line of
-        the motion or of the orbit has from its partner in the other, as part of the amplitude, a line without a partner counting whole;
-        among those that are equal in both, fewest impacts in a period, then the lowest harmonic, then the least deviation.
+    list of Meeting
+        Of each family one, the best first: those of least mean deviation; of those that are equal in this, those with the most like line
+        spectrum (least of the largest difference that a line of the motion or of the orbit has from its partner in the other, as part of
+        the amplitude, a line without a partner counting whole); of these, those with the number of impacts that is nearest to the
+        motion's, to one impact. All of these are equal, and stand in the order of their impacts in a period, then of the harmonic, then
+        of the deviation: the first is the simplest, not the truest.
     """
     part = slice(stretch.first, stretch.last + 1)
     fit = [meeting for meeting in meetings if np.isfinite(meeting.deviation[part]).all()]
@@ -133,8 +143,10 @@ def best_of(
         [unlike(meeting.family.shares_at(meeting.point[middle], gap), meeting.harmonic, lines, size(meeting.harmonic)) for meeting in fit]
     )
     fit = [meeting for meeting, value in zip(fit, off, strict=True) if value <= off.min() + EQUAL_SHARE]
+    more = np.array([abs(turns * meeting.family.impacts / meeting.harmonic - impacts) for meeting in fit])
+    fit = [meeting for meeting, value in zip(fit, more, strict=True) if value <= more.min() + 1.0]
     fit.sort(key=lambda item: (item.family.impacts, item.harmonic, float(np.mean(np.abs(item.deviation[part])))))
-    return fit[0], len({meeting.family.id for meeting in fit}) - 1
+    return list({meeting.family.id: meeting for meeting in reversed(fit)}.values())[::-1]
 
 
 def unlike(shares: np.ndarray, harmonic: int, lines: Sequence[Line], amplitude: float) -> float:
