@@ -49,9 +49,9 @@ def stretches(meetings: Sequence[Meeting], turns: np.ndarray) -> list[Stretch]:
     Returns
     -------
     list of Stretch
-        In order, without gaps; one of a family lasts three periods or more. Following a family costs its squared deviation, in units of what
-        is allowed, and following none costs 1, for each period; taking up a family and leaving it cost half of three periods each. Of all
-        ways to cut the ridge, the one that costs least in all is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
+        In order, without gaps; one of a family lasts three periods or more. Following a family costs its squared deviation, in units of
+        what is allowed, and following none costs 1, for each period; taking up a family and leaving it cost half of three periods each.
+        Of all ways to cut the ridge, the one that costs least in all is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
     """
     count = len(turns)
     fits = [np.isfinite(meeting.deviation) for meeting in meetings]
@@ -65,10 +65,10 @@ def stretches(meetings: Sequence[Meeting], turns: np.ndarray) -> list[Stretch]:
     out: list[Stretch] = []
     for first, stop in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         lasts = turns[stop - 1] - turns[first]
-        meeting = chosen[path[first] - 1] if path[first] and lasts >= HOLDS * (1.0 - 1e-9) else None
-        if meeting is None and out and out[-1].meeting is None:
+        followed = chosen[path[first] - 1] if path[first] and lasts >= HOLDS * (1.0 - 1e-9) else None
+        if followed is None and out and out[-1].meeting is None:
             first = out.pop().first
-        out.append(Stretch(first, stop - 1, meeting))
+        out.append(Stretch(first, stop - 1, followed))
     return out
 
 

@@ -1,4 +1,4 @@
-"""Stages of a motion: intervals in which one ridge of its spectrum holds, and the family of the undamped system that it follows meanwhile."""
+"""Stages of a motion: intervals in which one ridge of its spectrum holds, and the family of the undamped system that it follows."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Follows:
 
 @dataclass(frozen=True)
 class Companion:
-    """Another ridge that goes on for half of a stage or more: its frequency and amplitude (zero where it is not) in those of the stage's."""
+    """Another ridge that goes on for half of a stage or more: its frequency and amplitude (0 where it is not) in those of the stage's."""
 
     ratio: float
     amplitude: float
