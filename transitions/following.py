@@ -164,7 +164,7 @@ def unlike(shares: np.ndarray, harmonic: int, lines: Sequence[Line], amplitude: 
 
     Examples
     --------
-    >>> round(unlike(np.array([0.8, 0.0, 0.1]), 1, [Line(1.0, 0.7), Line(3.02, 0.15)], 1.0), 6)
+    >>> round(float(unlike(np.array([0.8, 0.0, 0.1]), 1, [Line(1.0, 0.7), Line(3.02, 0.15)], 1.0)), 6)
     0.1
     """
     left = shares.copy()
