@@ -1,8 +1,7 @@
 """Families of the undamped system as a motion's spectrum meets them: the harmonics of the gap coordinate that their orbits carry.
 
-At an energy, an orbit of period T shows a ridge at each harmonic k 2 pi/T in which its gap coordinate has a part that counts. The frequency is that of
-the family's points; which part of the orbit's amplitude a harmonic carries is read from a handful of orbits along the family, when it is first
-asked for, and interpolated.
+An orbit of period T shows a ridge at each harmonic k 2 pi/T that carries a part of the amplitude that counts. The frequency is that of the
+family's points; the part is read from a handful of orbits along the family, when it is first asked for, and interpolated.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -112,7 +111,8 @@ class Family:
                     rows.append((i, harmonics(branch.orbit(i), np.array(gap))))  # type: ignore[union-attr]
                 except NotConverged:
                     continue
-            self._tables[gap] = np.array([i for i, _ in rows], dtype=float), np.array([values for _, values in rows]).reshape(-1, _HARMONICS)
+            table = np.array([values for _, values in rows]).reshape(-1, _HARMONICS)
+            self._tables[gap] = np.array([i for i, _ in rows], dtype=float), table
         return self._tables[gap]
 
     @cached_property
@@ -131,7 +131,7 @@ class Family:
         return str(self.labels[round(point)])
 
     def meet(self, energies: np.ndarray, frequencies: np.ndarray, gap: tuple[float, ...]) -> list[Meeting]:
-        """Its harmonics that carry a fifth of the orbit's amplitude and are within 0.05 octave, at energies and angular frequencies (j,)."""
+        """Its harmonics that carry a fifth of the orbit's amplitude and are within 0.05 octave, at energies and frequencies (j,)."""
         level, pitch = np.log(energies), np.log2(frequencies)
         if self.load is None:
             there = energies <= self.h[-1] * (1.0 + 1e-12)
@@ -232,7 +232,7 @@ def _of_catalogue(catalogue: Catalogue) -> list[Family]:
     for row in catalogue.families():
         h, alpha, labels = zip(*catalogue.track(row), strict=True)
         impacts = round(2.0 * row.impacts)
-        out.append(Family(row.id, np.array(h), np.array(alpha), np.array(labels), impacts, lambda id=row.id: catalogue.branch(id)))
+        out.append(Family(row.id, np.array(h), np.array(alpha), np.array(labels), impacts, partial(catalogue.branch, row.id)))
     return out
 
 
@@ -247,10 +247,14 @@ def _of_branches(branches: Iterable[Branch]) -> tuple[list[Family], ImpactSystem
         system = branch.system
         points = branch.points
         impacts = round(impacts_per_period(branch.problem.word, branch.ends))
-        out.append(Family(branch.id, points["h"], points["alpha"], points["label"].astype(str), impacts, lambda branch=branch: branch))
+        out.append(Family(branch.id, points["h"], points["alpha"], points["label"].astype(str), impacts, partial(_itself, branch)))
     if system is None:
         raise ValueError("there is no family to follow; expected one branch or more")
     return out, system
+
+
+def _itself(branch: Branch) -> Branch:
+    return branch
 
 
 def _modes(system: ImpactSystem) -> list[Family]:

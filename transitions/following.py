@@ -49,9 +49,9 @@ def stretches(meetings: Sequence[Meeting], turns: np.ndarray) -> list[Stretch]:
     Returns
     -------
     list of Stretch
-        In order, without gaps; one of a family lasts three periods or more. Following a family costs its squared deviation, in units of what
-        is allowed, and following none costs 1, for each period; taking up a family and leaving it cost half of three periods each. Of all
-        ways to cut the ridge, the one that costs least in all is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
+        In order, without gaps; one of a family lasts three periods or more. Following a family costs its squared deviation, in units of
+        what is allowed, and following none costs 1, for each period; taking up a family and leaving it cost half of three periods each.
+        Of all ways to cut the ridge, the one that costs least in all is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
     """
     count = len(turns)
     fits = [np.isfinite(meeting.deviation) for meeting in meetings]
@@ -65,10 +65,10 @@ def stretches(meetings: Sequence[Meeting], turns: np.ndarray) -> list[Stretch]:
     out: list[Stretch] = []
     for first, stop in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         lasts = turns[stop - 1] - turns[first]
-        meeting = chosen[path[first] - 1] if path[first] and lasts >= HOLDS * (1.0 - 1e-9) else None
-        if meeting is None and out and out[-1].meeting is None:
+        followed = chosen[path[first] - 1] if path[first] and lasts >= HOLDS * (1.0 - 1e-9) else None
+        if followed is None and out and out[-1].meeting is None:
             first = out.pop().first
-        out.append(Stretch(first, stop - 1, meeting))
+        out.append(Stretch(first, stop - 1, followed))
     return out
 
 
@@ -100,9 +100,15 @@ def _longest(fits: np.ndarray, turns: np.ndarray) -> float:
 
 
 def best_of(
-    stretch: Stretch, meetings: Sequence[Meeting], gap: tuple[float, ...], lines: Sequence[Line], size: Callable[[int], float]
-) -> tuple[Meeting, int]:
-    """The family that fits a stretch best, and how many others fit it as well.
+    stretch: Stretch,
+    meetings: Sequence[Meeting],
+    gap: tuple[float, ...],
+    lines: Sequence[Line],
+    size: Callable[[int], float],
+    impacts: float,
+    turns: float,
+) -> list[Meeting]:
+    """The family that fits a stretch best, and the others that fit it as well.
 
     Parameters
     ----------
@@ -116,13 +122,17 @@ def best_of(
         The ridges of the motion in the stretch, that which is followed first.
     size : callable
         Amplitude of the motion, as it shows within so many periods of the followed ridge.
+    impacts, turns : float
+        In the stretch: impacts, and periods of the followed ridge.
 
     Returns
     -------
-    meeting, others
-        Least mean deviation; among those that are equal in this, the most like line spectrum: least of the largest difference that a line of
-        the motion or of the orbit has from its partner in the other, as part of the amplitude, a line without a partner counting whole;
-        among those that are equal in both, fewest impacts in a period, then the lowest harmonic, then the least deviation.
+    list of Meeting
+        Of each family one, the best first: those of least mean deviation; of those that are equal in this, those with the most like line
+        spectrum (least of the largest difference that a line of the motion or of the orbit has from its partner in the other, as part of
+        the amplitude, a line without a partner counting whole); of these, those with the number of impacts that is nearest to the
+        motion's, to one impact. All of these are equal, and stand in the order of their impacts in a period, then of the harmonic, then
+        of the deviation: the first is the simplest, not the truest.
     """
     part = slice(stretch.first, stretch.last + 1)
     fit = [meeting for meeting in meetings if np.isfinite(meeting.deviation[part]).all()]
@@ -133,8 +143,10 @@ def best_of(
         [unlike(meeting.family.shares_at(meeting.point[middle], gap), meeting.harmonic, lines, size(meeting.harmonic)) for meeting in fit]
     )
     fit = [meeting for meeting, value in zip(fit, off, strict=True) if value <= off.min() + EQUAL_SHARE]
+    more = np.array([abs(turns * meeting.family.impacts / meeting.harmonic - impacts) for meeting in fit])
+    fit = [meeting for meeting, value in zip(fit, more, strict=True) if value <= more.min() + 1.0]
     fit.sort(key=lambda item: (item.family.impacts, item.harmonic, float(np.mean(np.abs(item.deviation[part])))))
-    return fit[0], len({meeting.family.id for meeting in fit}) - 1
+    return list({meeting.family.id: meeting for meeting in reversed(fit)}.values())[::-1]
 
 
 def unlike(shares: np.ndarray, harmonic: int, lines: Sequence[Line], amplitude: float) -> float:
@@ -152,7 +164,7 @@ def unlike(shares: np.ndarray, harmonic: int, lines: Sequence[Line], amplitude: 
 
     Examples
     --------
-    >>> round(unlike(np.array([0.8, 0.0, 0.1]), 1, [Line(1.0, 0.7), Line(3.02, 0.15)], 1.0), 6)
+    >>> round(float(unlike(np.array([0.8, 0.0, 0.1]), 1, [Line(1.0, 0.7), Line(3.02, 0.15)], 1.0)), 6)
     0.1
     """
     left = shares.copy()

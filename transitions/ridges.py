@@ -30,8 +30,8 @@ class Ridge:
     first : int
         Its first column of the spectrum.
     frequencies, amplitudes, shares : (j,) float
-        Angular frequency and amplitude at successive columns, read between the rows of the spectrum, and the part of the motion's amplitude.
-        What an edge of the record takes of the amplitude is given back.
+        Angular frequency and amplitude at successive columns, read between the rows of the spectrum, and the part of the motion's
+        amplitude. What an edge of the record takes of the amplitude is given back.
     """
 
     first: int

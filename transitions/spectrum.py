@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Spectrum", "TooCoarse", "Wavelet", "morlet_spectrum"]
+__all__ = ["Spectrum", "TooCoarse", "Wavelet", "checked", "morlet_spectrum"]
 
 _SUPPORT = 1e-9  # the envelope is cut where it has fallen to this
 _PRECISION = 16  # the wavelet is tabled at 2^16 places: the transform takes the nearest of them, which costs 2e-4 of the amplitude
@@ -158,7 +158,7 @@ def morlet_spectrum(
     (2.0, 0.3)
     """
     wavelet = wavelet or Wavelet()
-    times, signal, step = _checked(times, signal)
+    times, signal, step = checked(times, signal)
     if isinstance(per_octave, bool) or not isinstance(per_octave, int) or per_octave < 1:
         raise ValueError(f"per_octave is a whole number of 1 or more; received {per_octave!r}")
     span = (float(times[0]), float(times[-1]))
@@ -203,16 +203,23 @@ def _amplitudes(signal: np.ndarray, step: float, frequencies: np.ndarray, stride
     return out
 
 
-def _checked(times: Any, signal: Any) -> tuple[np.ndarray, np.ndarray, float]:
+def checked(times: Any, signal: Any) -> tuple[np.ndarray, np.ndarray, float]:
+    """Times, signal and step of a signal at uniform times.
+
+    Raises
+    ------
+    ValueError
+        In one line, for what is none.
+    """
     times, signal = np.asarray(times, dtype=float), np.asarray(signal, dtype=float)
     if times.ndim != 1 or len(times) < 8 or signal.shape != times.shape:
-        raise ValueError(f"a spectrum needs a row of 8 times or more and as many values; received shapes {times.shape} and {signal.shape}")
+        raise ValueError(f"a signal has a row of 8 times or more and as many values; received shapes {times.shape} and {signal.shape}")
     if not (np.isfinite(times).all() and np.isfinite(signal).all()):
-        raise ValueError("the times and values of a spectrum are finite numbers; received others")
+        raise ValueError("the times and values of a signal are finite numbers; received others")
     step = float((times[-1] - times[0]) / (len(times) - 1))
     if not step > 0.0 or np.abs(np.diff(times) - step).max() > 1e-6 * step:
         steps = np.diff(times)
-        raise ValueError(f"the times of a spectrum rise in equal steps; received steps of {steps.min():g} to {steps.max():g}")
+        raise ValueError(f"the times of a signal rise in equal steps; received steps of {steps.min():g} to {steps.max():g}")
     return times, signal, step
 
 

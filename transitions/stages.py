@@ -1,4 +1,4 @@
-"""Stages of a motion: intervals in which one ridge of its spectrum holds, and the family of the undamped system that it follows meanwhile."""
+"""Stages of a motion: intervals in which one ridge of its spectrum holds, and the family of the undamped system that it follows."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class Follows:
         Part of the orbit's amplitude that the harmonic carries, mean over the stage.
     impacts : int
         In a period of the orbit; 0 of a linear mode.
-    others : int
-        How many other families fit as well (`transitions.following.best_of` says what that means): by the ridge alone they are not told
-        apart, and this one has the fewest impacts.
+    others : tuple of str
+        Ids of the other families that fit as well (`transitions.following.best_of` says what that means): by spectrum and impacts they are
+        not told apart, and this one is named because it has the fewest impacts in a period.
     """
 
     family: str
@@ -50,12 +50,12 @@ class Follows:
     deviation: float
     share: float
     impacts: int
-    others: int
+    others: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Companion:
-    """Another ridge that goes on for half of a stage or more: its frequency and amplitude (zero where it is not) in those of the stage's."""
+    """Another ridge that goes on for half of a stage or more: its frequency and amplitude (0 where it is not) in those of the stage's."""
 
     ratio: float
     amplitude: float
@@ -112,7 +112,8 @@ class Stage:
         if self.follows is None:
             return "follows no family"
         which = f"harmonic {self.follows.harmonic} of {self.follows.label or self.follows.family}"
-        return which + (f" ({self.follows.others} others fit as well)" if self.follows.others else "")
+        count = len(self.follows.others)
+        return which + (f" ({count} other{'s fit' if count > 1 else ' fits'} as well)" if count else "")
 
 
 @dataclass(frozen=True)
@@ -218,13 +219,12 @@ def stages_as_data(stages: Sequence[Stage]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Part of an interval: the best family, at the places `first` to `last` where it is compared, and how many others fit as well."""
+    """Part of an interval, and the families that fit it, the best first, at the places `first` to `last` where they are compared."""
 
     held: Held
-    meeting: Meeting | None = None
+    meetings: Sequence[Meeting] = ()
     first: int = 0
     last: int = 0
-    others: int = 0
 
 
 def _parts(
@@ -250,8 +250,8 @@ def _parts(
         last = len(turns) - 1 if i + 1 == len(cut) else int(places[cut[i + 1].first])
         part = Held(interval.ridge, interval.first + first, interval.first + last)
         if stretch.meeting is not None:
-            best, others = _best(record, w, spectrum, found, part, stretch, meetings, families.gap)
-            out.append(_Part(part, best, stretch.first, stretch.last, others))
+            best = _best(record, w, spectrum, found, part, stretch, meetings, families.gap)
+            out.append(_Part(part, best, stretch.first, stretch.last))
         elif turns[last] - turns[first] >= HOLDS:
             out.append(_Part(part))
     return out
@@ -266,7 +266,7 @@ def _best(
     stretch: Stretch,
     meetings: Sequence[Meeting],
     gap: tuple[float, ...],
-) -> tuple[Meeting, int]:
+) -> list[Meeting]:
     frequency = float(np.exp(np.mean(np.log(part.frequencies))))
     amplitude = float(np.mean(part.amplitudes))
     lines = [Line(1.0, amplitude), *(Line(item.ratio, item.amplitude * amplitude) for item in _companions(found, part, frequency))]
@@ -277,7 +277,8 @@ def _best(
         # An orbit of so many periods of the ridge shows its whole range within half of them on each side.
         return float(np.mean(amplitude_of_motion(record.times, w, times, 2.0 * part.frequencies / count)))
 
-    return best_of(stretch, meetings, gap, lines, size)
+    impacts = _impacts(record, times[0], times[-1])
+    return best_of(stretch, meetings, gap, lines, size, impacts, periods(part.frequencies, float(times[1] - times[0])))
 
 
 def _averaged(values: np.ndarray, turns: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -304,7 +305,7 @@ def _where_it_can(meeting: Meeting, record: Record, times: np.ndarray, pitch: np
 
 
 def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Part) -> Stage:
-    ridge, meeting = part.held, part.meeting
+    ridge = part.held
     start, end = float(spectrum.times[ridge.first]), float(spectrum.times[ridge.last])
     pitch = ridge.frequencies
     energy = record.energy[(record.times >= start) & (record.times <= end)]
@@ -314,7 +315,8 @@ def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Pa
         return float(np.interp(end, record.times, values) - np.interp(start, record.times, values))
 
     follows = None
-    if meeting is not None:
+    if part.meetings:
+        meeting = part.meetings[0]
         places = slice(part.first, part.last + 1)
         follows = Follows(
             meeting.family.id,
@@ -323,7 +325,7 @@ def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Pa
             float(np.mean(np.abs(meeting.deviation[places]))),
             float(np.mean(meeting.share[places])),
             meeting.family.impacts,
-            part.others,
+            tuple(other.family.id for other in part.meetings[1:]),
         )
     return Stage(
         start,
@@ -335,10 +337,14 @@ def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Pa
         float(np.mean(ridge.shares)),
         within(record.dissipated_nes),
         within(record.dissipated_lo),
-        int(np.count_nonzero((record.impacts >= start) & (record.impacts <= end))),
+        _impacts(record, start, end),
         _companions(found, ridge, frequency),
         follows,
     )
+
+
+def _impacts(record: Record, start: float, end: float) -> int:
+    return int(np.count_nonzero((record.impacts >= start) & (record.impacts <= end)))
 
 
 def _companions(found: Sequence[Ridge], part: Held, frequency: float) -> tuple[Companion, ...]:

@@ -109,7 +109,7 @@ def test_a_tone_above_half_the_sampling_frequency_is_refused():
 
 @pytest.mark.parametrize("samples", [16.3, 60.7, 3.1])
 def test_impacts_are_no_reason_to_refuse_a_record_that_is_fine_enough(samples):
-    """Oracle: the fundamental of a triangular wave, 8/pi^2 of its amplitude; with three samples in a period nothing is left of its shape."""
+    """Oracle: the fundamental of a triangular wave, 8/pi^2 of its amplitude; three samples in a period leave nothing of its shape."""
     times = 0.01 * np.arange(8000)
     phase = np.mod(times / (0.01 * samples), 1.0)
     wave, rate = np.where(phase < 0.5, 4.0 * phase - 1.0, 3.0 - 4.0 * phase), np.where(phase < 0.5, 4.0, -4.0) / (0.01 * samples)
