@@ -20,7 +20,8 @@ _LAYOUT = Layout("motion", _SINGLE, _WIDE)
 def write_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
     """Write a motion: csv, json, npz or mat, as the file's name ends.
 
-    The rows are the times; what holds for all of them has the system, the times of the impacts, the gap coordinate, the wavelet and the stages.
+    The rows are the times; what holds for all of them has the system, the times of the impacts, the gap coordinate, the wavelet and the
+    stages.
 
     Raises
     ------

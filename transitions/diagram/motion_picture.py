@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING, Any
@@ -11,12 +10,13 @@ import numpy as np
 
 from branches.diagram import files
 from branches.diagram.atlas_labels import Named, label_curves, names_of
-from branches.diagram.atlas_parts import draw_modes, energy_axis, frequency_of, mark_boxes, runs_of
+from branches.diagram.atlas_parts import draw_modes, frequency_of, mark_boxes, runs_of
 from branches.diagram.marks import draw_curve, legend_entries
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.style import BLACK, GREEN, GREY, LINES, NORMAL, SMALL, new_figure, picture_settings, settle_layout
 from branches.diagram.titles import gap_symbol, symbol_of, system_text
 from transitions.diagram.over_energy import over_energy
+from transitions.ridges import SHARE
 from transitions.spectrum import Spectrum
 
 if TYPE_CHECKING:
@@ -29,14 +29,15 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_motion", "motion_figure"]
 
-_COLUMNS = 1400  # times, and intervals of energy, that a spectrum is drawn at
+_COLUMNS, _INTERVALS = 1400, 600  # times, and intervals of energy, that a spectrum is drawn at
 _POINTS = 8000  # of a line over time
-_SEEN = 0.05  # of the largest amplitude: the frequencies with less at all times are not shown
+_DARK = 0.65  # of the way to black that the largest amplitude goes: lines and names on it stay in sight
 _MANY_FOLD = 20.0  # a range of frequencies that rises by more gets a logarithmic axis
 _FINE = 0.55  # families, thinner than in a picture of their own
 _LETTER_ROOM = 9.0  # points that the letter of a stage needs
 _MOST_LETTERS = 12
 _MOST_NAMES = 12
+_ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "frameon": False, "borderaxespad": 0.1}
 _DEEP = 1e-8  # of the largest energy: what is below is not shown
 
 
@@ -73,9 +74,10 @@ def motion_figure(motion: Motion, atlas: Atlas | None = None) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        (a) displacements; (b) share of the sink in the energy of the moment; (c) shares of the energy at the start that the sink, the oscillator
-        and both have dissipated; (d) wavelet spectrum of the relative displacement, hatched where the edges of the record are felt; (e) the same
-        with the energy of the moment as abscissa, over the families. The stages are lettered, and what each follows is said below.
+        (a) displacements; (b) share of the sink in the energy of the moment; (c) shares of the energy at the start that the sink, the
+        oscillator and both have dissipated; (d) wavelet spectrum of the relative displacement, hatched where the edges of the record are
+        felt; (e) the same with the energy of the moment as abscissa, over the families. The stages are lettered, and what each follows is
+        said below.
 
     Raises
     ------
@@ -94,7 +96,7 @@ def motion_figure(motion: Motion, atlas: Atlas | None = None) -> Figure:
     spectrum = motion.spectrum
     with picture_settings():
         figure = new_figure(7.6)
-        figure.suptitle(f"Damped motion   ({system_text(motion.system)})")
+        figure.suptitle(rf"Motion from energy $h = {record.energy[0]:.6g}$   ({system_text(motion.system)})")
         axes = figure.subplot_mosaic(
             [["series", "series"], ["share", "lost"], ["spectrum", "families"]], height_ratios=[0.72, 0.8, 1.25], width_ratios=[1.0, 1.0]
         )
@@ -104,15 +106,17 @@ def motion_figure(motion: Motion, atlas: Atlas | None = None) -> Figure:
         band = _band(spectrum)
         largest = float(spectrum.amplitudes.max())
         mesh = _draw_spectrum(axes["spectrum"], motion, band, largest)
-        _prepare_families(axes["families"], motion, atlas, band, largest)
+        _draw_over_energy(axes["families"], motion, band, largest)
         figure.colorbar(mesh, ax=[axes["spectrum"], axes["families"]], location="right", fraction=0.03, pad=0.01, label="amplitude")
         for name, letter in zip(axes, "abcde", strict=True):
             axes[name].set_title(f"({letter})", loc="left", fontsize=NORMAL, pad=3)
-        _caption(figure, motion.stages, atlas)
+        _stabilities(axes["families"], atlas)
+        _caption(figure, motion.stages)
         settle_layout(figure)
         for name in ("series", "share", "lost", "spectrum"):
             _mark_stages(axes[name], motion.stages, letters=name in ("series", "spectrum"))
-        _draw_families(axes["families"], motion, atlas)
+        if atlas is not None:
+            _draw_families(axes["families"], atlas)
     return figure
 
 
@@ -130,11 +134,12 @@ def _draw_series(axes: Axes, motion: Motion) -> None:
     order = sorted(range(record.degrees_of_freedom), key=lambda i: -float(np.ptp(record.displacements[:, i])))
     for i in order:
         symbol = symbol_of(motion.system.coordinates[i])
-        (line,) = axes.plot(record.times[few], record.displacements[few, i], color=LINES[i % len(LINES)], linewidth=0.6, label=f"${symbol}$")
+        look: dict[str, Any] = {"color": LINES[i % len(LINES)], "linewidth": 0.6, "label": f"${symbol}$"}
+        (line,) = axes.plot(record.times[few], record.displacements[few, i], **look)
         line.set_gid(f"series-{motion.system.coordinates[i]}")
     linear_axis(axes, "y", linear_limits(record.displacements, 0.06), 5, "displacement", "u")
     _time_axis(axes, motion, 10)
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(order), frameon=False, borderaxespad=0.1)
+    axes.legend(**_ABOVE, ncols=len(order))
 
 
 def _draw_share(axes: Axes, motion: Motion) -> None:
@@ -144,7 +149,7 @@ def _draw_share(axes: Axes, motion: Motion) -> None:
         share = np.where(record.energy > 0.0, 100.0 * record.nes_energy / record.energy, np.nan)
     (line,) = axes.plot(record.times[few], share[few], color=LINES[0], linewidth=0.5)
     line.set_gid("share-nes")
-    linear_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink now", r"\%")
+    linear_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
     _time_axis(axes, motion, 5)
 
 
@@ -152,21 +157,25 @@ def _draw_lost(axes: Axes, motion: Motion) -> None:
     record = motion.record
     few = _thinned(record.times)
     start = float(record.energy[0])
-    both = record.dissipated_nes + record.dissipated_lo
-    for name, values, colour in (("both", both, BLACK), ("sink", record.dissipated_nes, LINES[0]), ("oscillator", record.dissipated_lo, LINES[1])):
+    nes, lo = record.dissipated_nes, record.dissipated_lo
+    for name, values, colour in (("both", nes + lo, BLACK), ("sink", nes, LINES[0]), ("oscillator", lo, LINES[1])):
         (line,) = axes.plot(record.times[few], 100.0 * values[few] / start, color=colour, linewidth=1.0, label=name)
         line.set_gid(f"lost-{name}")
-    linear_axis(axes, "y", (0.0, 100.0), 5, "dissipated of the start", r"\%")
+    linear_axis(axes, "y", (0.0, 100.0), 5, "dissipated, of the start", r"\%")
     _time_axis(axes, motion, 5)
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1, handlelength=1.4)
+    axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
 
 
 def _band(spectrum: Spectrum) -> tuple[float, float]:
-    """Lowest and highest frequency that is seen, with the rows beside them."""
-    seen = np.flatnonzero(spectrum.amplitudes.max(axis=1) >= _SEEN * spectrum.amplitudes.max())
+    """Lowest and highest frequency with a fifth of the largest amplitude at any time, edges of the record apart, and a third of an octave
+    beside them."""
+    clear = spectrum.frequencies[:, None] > spectrum.cone[None, :]
+    inside = np.where(clear, spectrum.amplitudes, 0.0) if clear.any() else spectrum.amplitudes
+    seen = np.flatnonzero(inside.max(axis=1) >= SHARE * inside.max())
     last = len(spectrum.frequencies) - 1
-    low, high = max(0, int(seen[0]) - 1) if len(seen) else 0, min(last, int(seen[-1]) + 1) if len(seen) else last
-    return float(spectrum.frequencies[low]), float(spectrum.frequencies[max(high, low + 1)])
+    beside = max(1, round(1.0 / (3.0 * spectrum.octaves)))
+    low, high = (max(0, int(seen[0]) - beside), min(last, int(seen[-1]) + beside)) if len(seen) else (0, last)
+    return float(spectrum.frequencies[low]), float(spectrum.frequencies[high])
 
 
 def _frequency_axis(axes: Axes, band: tuple[float, float], words: str, symbol: str) -> None:
@@ -183,22 +192,23 @@ def _rows(spectrum: Spectrum) -> np.ndarray:
 
 
 def _shading(largest: float) -> dict[str, Any]:
-    return {"cmap": "Greys", "vmin": 0.0, "vmax": largest if largest > 0.0 else 1.0, "rasterized": True}
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
 
-
-def _columns(spectrum: Spectrum, energies: np.ndarray | None = None) -> slice:
-    return slice(None, None, max(1, len(spectrum.times) // _COLUMNS))
+    shades = ListedColormap(colormaps["Greys"](np.linspace(0.0, _DARK, 256)))
+    return {"cmap": shades, "vmin": 0.0, "vmax": largest if largest > 0.0 else 1.0, "rasterized": True}
 
 
 def _draw_spectrum(axes: Axes, motion: Motion, band: tuple[float, float], largest: float) -> Any:
     spectrum = motion.spectrum
-    few = _columns(spectrum)
+    few = slice(None, None, max(1, len(spectrum.times) // _COLUMNS))
     times = spectrum.times[few]
     edges = np.concatenate([[times[0]], 0.5 * (times[1:] + times[:-1]), [times[-1]]])
     mesh = axes.pcolormesh(edges, _rows(spectrum), spectrum.amplitudes[:, few], zorder=1, **_shading(largest))
     mesh.set_gid("spectrum")
     cone = np.minimum(spectrum.cone[few], 10.0 * band[1])
-    felt = axes.fill_between(times, band[0], np.maximum(cone, band[0]), facecolor="none", edgecolor=GREY, hatch="////", linewidth=0.5, zorder=2)
+    hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": GREY, "hatch": "////", "linewidth": 0.5, "zorder": 2}
+    felt = axes.fill_between(times, band[0], np.maximum(cone, band[0]), **hatched)
     felt.set_gid("spectrum-cone")
     axes.plot(times, np.where(cone > band[0], cone, np.nan), color=GREY, linewidth=0.8, zorder=2.1)
     symbol = gap_symbol(np.asarray(motion.gap), motion.system.coordinates)
@@ -207,13 +217,12 @@ def _draw_spectrum(axes: Axes, motion: Motion, band: tuple[float, float], larges
     return mesh
 
 
-def _prepare_families(axes: Axes, motion: Motion, atlas: Atlas | None, band: tuple[float, float], largest: float) -> None:
+def _draw_over_energy(axes: Axes, motion: Motion, band: tuple[float, float], largest: float) -> None:
     spectrum, record = motion.spectrum, motion.record
     energies = np.interp(spectrum.times, record.times, record.energy)
     kept = energies > _DEEP * energies.max()
     limits = logarithmic_limits(energies[kept], 0.04)
-    count = min(_COLUMNS, 600)
-    edges = np.geomspace(*limits, count + 1)
+    edges = np.geomspace(*limits, _INTERVALS + 1)
     shown = over_energy(energies[kept], spectrum.amplitudes[:, kept], edges)
     mesh = axes.pcolormesh(edges, _rows(spectrum), np.ma.masked_invalid(shown), zorder=1, **_shading(largest))
     mesh.set_gid("families-spectrum")
@@ -221,9 +230,7 @@ def _prepare_families(axes: Axes, motion: Motion, atlas: Atlas | None, band: tup
     _frequency_axis(axes, band, "frequency index", r"m\,2\pi/T")
 
 
-def _draw_families(axes: Axes, motion: Motion, atlas: Atlas | None) -> None:
-    if atlas is None:
-        return
+def _draw_families(axes: Axes, atlas: Atlas) -> None:
     curves = [Named(curve, curve.h, *frequency_of(curve, "index")) for curve in atlas.curves]
     modes = [mode for mode in atlas.thresholds if mode.h > axes.get_xlim()[0]]
     limits = axes.get_xlim(), axes.get_ylim()
@@ -232,9 +239,10 @@ def _draw_families(axes: Axes, motion: Motion, atlas: Atlas | None) -> None:
     axes.set_xlim(*limits[0])
     axes.set_ylim(*limits[1])
     left = axes.get_xlim()[0]
-    named = [Named(None, np.geomspace(left, m.h, 20), np.full(20, m.frequency), np.zeros(19, dtype=bool), m.label) for m in modes if m.label]
+    whole = np.zeros(19, dtype=bool)
+    named = [Named(None, np.geomspace(left, mode.h, 20), np.full(20, mode.frequency), whole, mode.label) for mode in modes]
+    lines = [curve.path() for curve in (*curves, *named)]
     named += names_of(curves, axes)
-    lines = [curve.path() for curve in curves]
     label_curves(axes, named, lines, mark_boxes(axes, modes, None), most=_MOST_NAMES)
 
 
@@ -260,25 +268,27 @@ def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
             )  # fmt: skip
 
 
-def _caption(figure: Figure, stages: Sequence[Stage], atlas: Atlas | None) -> None:
-    """Below the picture: how families are drawn, and what each stage follows."""
+def _caption(figure: Figure, stages: Sequence[Stage]) -> None:
+    """Below the picture: what each stage follows."""
     from matplotlib.lines import Line2D
 
-    entries: list[Any] = []
-    if atlas is not None:
-        present = {int(code) for curve in atlas.curves for code in np.unique(curve.stable)}
-        entries += legend_entries(dict.fromkeys(sorted(present, reverse=True), np.zeros((0, 2))), [])
-    for stage, letter in list(zip(stages, _letters(stages), strict=True))[:_MOST_LETTERS]:
-        text = f"{letter}  {_clock(stage.start)}\N{EN DASH}{_clock(stage.end)}  {_follows(stage)}"
-        entries.append(Line2D([], [], linestyle="none", label=text))
-    if len(stages) > _MOST_LETTERS:
-        entries.append(Line2D([], [], linestyle="none", label=f"and {len(stages) - _MOST_LETTERS} more stages"))
+    texts = [
+        f"{letter}  {stage.start:.4g}\N{EN DASH}{stage.end:.4g}  {_follows(stage)}"
+        for stage, letter in zip(stages, _letters(stages), strict=True)
+    ]
+    if len(texts) > _MOST_LETTERS:
+        texts = [*texts[: _MOST_LETTERS - 1], f"and {len(texts) - _MOST_LETTERS + 1} more stages"]
+    if texts:
+        entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
+        figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, handlelength=0.0, handletextpad=0.0)
+
+
+def _stabilities(axes: Axes, atlas: Atlas | None) -> None:
+    """Above the panel: how families are drawn."""
+    codes = sorted({int(code) for curve in atlas.curves for code in np.unique(curve.stable)}, reverse=True) if atlas is not None else []
+    entries = legend_entries(dict.fromkeys(codes, np.zeros((0, 2))), [])
     if entries:
-        figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, handlelength=1.6)
-
-
-def _clock(time: float) -> str:
-    return f"{time:.4g}"
+        axes.legend(handles=entries, **_ABOVE, ncols=3, handlelength=1.6)
 
 
 def _follows(stage: Stage) -> str:
