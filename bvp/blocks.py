@@ -11,20 +11,39 @@ x 4 block.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from bvp.numerics import EPSILON, jacobi
 
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
-
-__all__ = ["Blocks", "coupled_groups", "cut", "damped_blocks", "undamped_blocks"]
+__all__ = ["Blocks", "Dynamics", "Matrices", "coupled_groups", "cut", "damped_blocks", "traceless", "undamped_blocks"]
 
 SEPARATION_LIMIT = 30.0
 """Largest entry of a Sylvester solution that still counts as a well-conditioned cut; rounding errors grow by about this
 factor."""
+
+
+class Dynamics(Protocol):
+    """What has M, C and K."""
+
+    @property
+    def mass(self) -> np.ndarray: ...
+
+    @property
+    def damping(self) -> np.ndarray: ...
+
+    @property
+    def stiffness(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """M, C and K of a system without stops."""
+
+    mass: np.ndarray
+    damping: np.ndarray
+    stiffness: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +81,7 @@ def undamped_blocks(mass: np.ndarray, squares: np.ndarray, shapes: np.ndarray) -
     )
 
 
-def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
+def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
     """The blocks of a damped system.
 
     Where no two modes are coupled (proportional damping) z = (q, p) with pairs (k, n + k) and B[n+k, n+k] = -2 zeta_k w_k.
@@ -70,7 +89,8 @@ def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray)
 
     Parameters
     ----------
-    system : ImpactSystem
+    system : Dynamics
+        An `ImpactSystem`, or `Matrices` alone.
     squares, shapes : (n,) and (n, n) ndarray
         Of the undamped modes.
 
@@ -94,7 +114,7 @@ def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray)
         matrix[:n, n:] = np.eye(n)
         matrix[n:, :n] = -np.diag(squares)
         matrix[n:, n:] = -np.diag(np.diag(damping))
-        mean, delta = _traceless(matrix, _pairs(n))
+        mean, delta = traceless(matrix, _pairs(n))
         return Blocks("proportional", shapes, _pairs(n), mean, delta, matrix, to_state, from_state)
     pieces: list[np.ndarray] = []
     columns: list[np.ndarray] = []
@@ -118,7 +138,7 @@ def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray)
         layout.append((start, start + 1 if len(piece) == 2 else -len(piece)))
         start = stop
     pairs = np.array(layout, dtype=np.int64)
-    mean, delta = _traceless(matrix, pairs)
+    mean, delta = traceless(matrix, pairs)
     return Blocks("coupled", shapes, pairs, mean, delta, matrix, np.hstack(columns), np.vstack(rows))
 
 
@@ -142,7 +162,7 @@ def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:
     return sorted(groups, key=lambda group: (len(group) == 1, group))
 
 
-def _turn_repeated(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def _turn_repeated(system: Dynamics, squares: np.ndarray, shapes: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Within repeated frequencies the shapes are free: take those that the (symmetric) damping does not couple."""
     if not np.array_equal(system.damping, system.damping.T):
         return shapes
@@ -259,7 +279,7 @@ def _pairs(n: int) -> np.ndarray:
     return np.stack([np.arange(n), np.arange(n, 2 * n)], axis=1).astype(np.int64)
 
 
-def _traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and delta of each block: B = mean + D, D^2 = delta for a pair; for larger blocks delta is 0 and unused."""
     mean, delta = np.zeros(len(pairs)), np.zeros(len(pairs))
     for k, (i, j) in enumerate(pairs):

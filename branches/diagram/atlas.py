@@ -124,12 +124,16 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         drawn = draw_insets(axes, insets, everything, content, keep_off)
         keep_off += [box for detail in drawn for box in (detail.box, detail.letter_box)]
         of_modes = _mode_names(axes, modes)
-        lines = [*everything, *(detail.frame for detail in drawn)]
-        written = label_curves(axes, [*of_modes, *named], lines, keep_off, most=names + len(of_modes))
+        frame = axes.get_ylim()
+        lines = [*everything, *(detail.frame for detail in drawn), *(np.array([[b.h, frame[0]], [b.h, frame[1]]]) for b in atlas.bounds)]
+        written = label_curves(axes, named, lines, keep_off, most=names, always=of_modes)
+        known = {name.key for name in named}
         for detail in drawn:
             spots = [*mark_boxes(detail.axes, modes, stars), detail.inner_letter_box]
             inside = names_of(curves, detail.axes)
-            written |= label_curves(detail.axes, inside, everything, spots, most=_INSET_NAMES, far=_INSET_FAR)
+            new = [name for name in inside if name.key not in written][max(0, names - len(written & known)) :]
+            inside = [name for name in inside if name not in new]
+            written |= label_curves(detail.axes, inside, everything, spots, most=_INSET_NAMES, far=_INSET_FAR, detail=True)
         tell_named(axes, written, curves or named)
     return figure
 

@@ -6,6 +6,7 @@ bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d
     a step without a root          h = 2 d/(-d' + sqrt(d'^2 + 2 W d)),  or  3 d''/J  where d' >= 0 and d'' > 0;
     a certified root               where d' < 0 and 4 W d <= d'^2: exactly one root within 2 d/|d'| (Newton-Kantorovich); d here
                                    counts the contact tolerance, so that rounding cannot make a hit of a touch;
+                                   or where |d'''| <= J keeps d' below a third of its start until d < 0: d falls through its one root;
     a certified turning point      where d' < 0 < d'' and 4 J |d'| <= d''^2: d falls to its one minimum within 2 |d'|/d'' and is
                                    convex there, so the value at the minimum decides between passing, a touch and a hit.
 
@@ -20,7 +21,7 @@ import numpy as np
 
 from bvp.kernels.bounds import amplitudes, dot, free_step, growth_rate
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.flight import flow_state
+from bvp.kernels.flight import block_product, flow_state
 from bvp.kernels.near import SERIES_REACH, SERIES_TERMS, near_return, series
 
 __all__ = [
@@ -49,10 +50,20 @@ TURN, CROSSED = 6, 7
 """Verdicts inside the search: a certified turning point ahead; beyond the bound without a certificate before."""
 
 STEP_LIMIT = 100_000
-NEAR = 1000.0
-"""A start counts as near its stop until the distance is this many contact tolerances."""
+NEAR = 1e9
+"""A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so,
+would be known no better than rounding of w over that speed."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
+STEADY_FALL = 1.0 / 3.0
+"""Part of its rate at which a distance falls at least until it passes 0, where that certifies the root."""
+
+RENEW = 8
+"""Steps after which the bounds of a motion that decays are taken anew: they stay valid, but it becomes smaller."""
+
+RELEASED = 1000.0
+"""Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other
+numbers."""
 
 
 def work_array(size, contacts):
@@ -191,6 +202,11 @@ def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
     reach = -2.0 * (distance + tolerance) / slope
     if 4.0 * min(curvature, abs(bend) + jerk * reach) * (distance + tolerance) <= slope * slope and reach <= window:
         return HIT, quadratic_step(d, slope, bend)
+    guess = quadratic_step(distance + tolerance, slope, bend)
+    ahead = 1.25 * guess
+    if ahead <= window and slope + ahead * (bend + 0.5 * jerk * ahead) <= STEADY_FALL * slope:
+        if distance + tolerance + ahead * (slope + ahead * (0.5 * bend + jerk * ahead / 6.0)) <= 0.0:
+            return HIT, guess
     if bend > 0.0 and -4.0 * jerk * slope <= bend * bend and -2.0 * slope <= bend * window:
         return TURN, 0.0
     return NONE, step
@@ -217,11 +233,34 @@ def start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z):
 
 
 @kernel
+def same_row(rows, a, b):
+    """True where two rows are equal: the two contacts of one stop share their bounds."""
+    for r in range(rows.shape[1]):
+        if rows[a, r] != rows[b, r]:
+            return False
+    return True
+
+
+@kernel
+def parting(pairs, mean, delta, matrix, acceleration, side, c, z, window, other):
+    """Time over which a contact whose distance, rate and acceleration are 0 to rounding parts for certain, the third derivative of its
+    distance staying above 0; 0 where that is not."""
+    block_product(pairs, matrix, z, other)
+    third = -side[c] * dot(acceleration, c, other)
+    if third <= rounding_level(pairs, matrix, acceleration, c, other):
+        return 0.0
+    _, fourth, _ = amplitudes(pairs, mean, delta, matrix, acceleration, c, z, window)
+    return third / fourth if fourth > 0.0 else window
+
+
+@kernel
 def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, leaving, z, horizon, work):
     """The first hit or touch of the flight from z within 0 <= t <= horizon.
 
-    `leaving` is the contact that the flight starts on (-1: none), whose distance there is taken to be 0 exactly. Any other
-    contact within the tolerance at the start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
+    `leaving` is the contact that the flight starts on (-1: none is told), whose distance there is taken to be 0 exactly, and whose rate
+    counts to the last digit; of a contact that is not told the rate counts beyond rounding. -2 - c tells contact c whose force has just
+    come to 0, so that it starts with distance, rate and acceleration 0. Any other contact within the tolerance at the
+    start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
 
     Returns (status, contact, time): (NONE, -1, horizon), (HIT or TOUCH, contact, time), (PRESSED, contact, 0),
     (OUTSIDE, contact, 0), (EXHAUSTED, -1, time reached).
@@ -232,6 +271,10 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     jerk = work[2]
     coefficients = work[3]
     other = work[4, :size]
+    told = leaving >= 0
+    released = leaving < -1
+    if released:
+        leaving = -2 - leaving
     status, leaving = start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z)
     if status != NONE:
         return status, leaving, 0.0
@@ -239,24 +282,36 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     near = leaving >= 0
     fresh = leaving >= 0
     reach = -1.0
+    parts = False
     near_jerk = 0.0
     t = 0.0
     found = -1
     kind = NONE
     for r in range(size):
         state[r] = z[r]
+    level = 0.0
+    last_second = 0.0
     for count in range(STEP_LIMIT):
+        renew = count == 0 or (not steady and (growth > 0.0 or count % RENEW == 0))
         window = math.inf if steady else 2.0 * (horizon - t)
         if growth > 0.0:
             window = min(window, 1.0 / growth)
         step = min(window, horizon - t)
+        known = -1
         for c in range(side.shape[0]):
             if c == found:
                 continue
-            if count == 0 or not steady:
-                level, curvature[c], jerk[c] = amplitudes(
-                    pairs, mean, delta, matrix, gap, c, state, min(window, 2.0 * (horizon - t))
-                )
+            if renew:
+                if c > 0 and known == c - 1 and same_row(gap, c - 1, c):
+                    second = last_second
+                    jerk[c] = jerk[c - 1]
+                else:
+                    level, second, jerk[c] = amplitudes(
+                        pairs, mean, delta, matrix, gap, c, state, min(window, 2.0 * (horizon - t))
+                    )
+                    last_second = second
+                known = c
+                curvature[c] = second
                 if level < side[c] * bound[c]:
                     curvature[c] = -1.0  # w cannot reach the bound
             if curvature[c] < 0.0:
@@ -266,15 +321,24 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                 near_jerk = max(near_jerk, jerk[c])
                 if count == 0:
                     force = rounding_level(pairs, matrix, acceleration, c, z)
-                    if slope < -rounding_level(pairs, matrix, rate_rows, c, z):
+                    still = rounding_level(pairs, matrix, rate_rows, c, z)
+                    if released:
+                        force *= RELEASED
+                        still *= RELEASED
+                    if slope < -still:
                         return HIT, c, 0.0
-                    if slope <= 0.0 and bend <= force:
-                        if curvature[c] > force:
-                            return PRESSED, c, 0.0
-                        continue  # it stays on the stop without pressing
-                    ahead = free_step(0.0, max(slope, 0.0), curvature[c])
+                    ahead = 0.0
+                    if slope <= (0.0 if told else still) and bend <= force:
+                        if bend >= -force:
+                            ahead = parting(pairs, mean, delta, matrix, acceleration, side, c, z, window, other)
+                        if ahead == 0.0:
+                            if curvature[c] > force:
+                                return PRESSED, c, 0.0
+                            continue  # it stays on the stop without pressing
+                        parts = True
                     if bend > 0.0 and near_jerk > 0.0:
                         ahead = max(ahead, 3.0 * bend / near_jerk)
+                    ahead = max(ahead, free_step(0.0, max(slope, 0.0), curvature[c]))
                     step = min(step, ahead)
                     continue
                 if d > NEAR * tolerance:
@@ -282,6 +346,9 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                 else:
                     if reach < 0.0:
                         reach = series(pairs, matrix, gap, side, c, z, coefficients, state, other)
+                        if parts:
+                            coefficients[1] = 0.0
+                            coefficients[2] = 0.0
                         flow_state(pairs, mean, delta, matrix, z, t, state)
                     near = reach * t <= SERIES_REACH
             fresh = fresh and (c != leaving or d <= tolerance)

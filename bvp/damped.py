@@ -1,0 +1,283 @@
+"""One motion of any system between its stops: damped, forced, with inelastic impacts, chattering and sticking, and where its energy
+goes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.checks import checked_damper
+from bvp.forcing import forcing_of
+from bvp.impact import checked_state, contact_index
+from bvp.kernels import motion as kernels
+from bvp.kernels import phase as places
+from bvp.kernels.chatter import LEVELS
+from bvp.kernels.impact import work_array
+from bvp.kernels.integral import integral_work
+from bvp.kernels.motions import many
+from bvp.meters import meters_of
+from bvp.motion import STATUS, Batch, Mark, Motion
+from bvp.phase_table import PhaseTable
+from bvp.shares import split_damping
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Mover", "run"]
+
+
+class Mover:
+    """Runs motions of one system under given loads; phases of contact are made when a motion first needs them, and kept.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    forces : Constant, Harmonic, Record or a list of them, optional
+    dampers : mapping of str to (n, n) array_like, optional
+        Parts of the damping matrix, which they sum to; by default "gaps" and "rest" (`bvp.shares.split_damping`).
+
+    Raises
+    ------
+    ValueError
+        For loads of another length, for dampers that do not sum to the damping matrix.
+    """
+
+    def __init__(self, system: ImpactSystem, forces: Any = None, dampers: Mapping[str, Any] | None = None) -> None:
+        self.system = system
+        self.forcing = forcing_of(forces, system.degrees_of_freedom)
+        self.dampers = split_damping(system) if dampers is None else checked_damper(system.damping, dampers)
+        self.meters = meters_of(self.dampers, self.forcing, len(system.stops))
+        self.table = PhaseTable(system, self.forcing, self.meters)
+        self.parts = (*self.dampers, *(f"stop {stop.name}" for stop in system.stops))
+
+    def _log(self, room: int) -> places.Log:
+        """An empty record of so many events."""
+        n, size = self.system.degrees_of_freedom, self.table.stacked.matrix.shape[1]
+        return places.Log(
+            np.zeros((room, 3), dtype=np.int64),
+            np.zeros((room, 3)),
+            np.zeros((room, 2 * n)),
+            np.zeros((room, size)),
+            np.zeros((room, len(self.parts) + 1)),
+        )
+
+    def integral_work(self) -> np.ndarray:
+        """Scratch array for the integrals."""
+        return integral_work(self.table.stacked.matrix.shape[1], len(self.meters.weight))
+
+    def run(
+        self,
+        u: Any,
+        v: Any,
+        duration: float,
+        max_impacts: int = 10_000_000,
+        leaving: str | None = None,
+        marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
+    ) -> Motion:
+        """The motion from (u, v); see `run`."""
+        system = self.system
+        start = checked_state(system, u, v)
+        fractions = self._checked(duration, max_impacts, marks)
+        contact = contact_index(system, leaving)
+        n, parts = system.degrees_of_freedom, len(self.parts)
+        initial = system.energy(start[:n], start[n:])
+        counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
+        counts[places.LEAVING] = counts[places.CONTACT] = contact
+        clock[places.INITIAL] = initial
+        turns = np.zeros((len(self.forcing.loads), 2))
+        sums, marked = np.zeros((parts + 1, 2)), np.zeros((len(fractions) if initial > 0.0 else 0, parts + 3))
+        marked[:, 0] = fractions[: len(marked)]
+        x = np.concatenate([start, np.zeros(2 * len(self.forcing.loads))])
+        table, values = np.zeros((LEVELS, 2 * n + parts + 2)), np.zeros(2 * n + parts + 2)
+        before, out = start.copy(), np.zeros(len(self.meters.weight))
+        pieces: list[places.Log] = []
+        room, z = 256, np.zeros(0)
+        while True:
+            phases = self.table.stacked
+            size = phases.matrix.shape[1]
+            if counts[places.PENDING] >= 0:
+                z = np.zeros(size)
+            log = self._log(room)
+            counts[places.EVENTS] = 0
+            status = kernels.move(
+                phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, table, values, before, log,
+                work_array(size, len(phases.restitution)), self.integral_work(), out,
+            )  # fmt: skip
+            pieces.append(places.Log(*(array[: counts[places.EVENTS]] for array in log)))
+            if status == kernels.NEW_PHASE:
+                self.table.add(int(counts[places.PENDING]))
+            elif status != kernels.FULL:
+                break
+            room = min(2 * room, 1 << 16)
+        phases = self.table.stacked
+        size = phases.matrix.shape[1]
+        states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
+        numbers, columns, before_, sums_ = (
+            np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
+        )
+        final = phases.leave[counts[places.PHASE]] @ np.pad(z, (0, size - len(z)))
+        return Motion(
+            system=system,
+            forcing=self.forcing,
+            status=STATUS[status],
+            duration=float(duration) if status == kernels.REACHED else float(clock[places.TIME]),
+            kinds=numbers[:, 0],
+            times=columns[:, 0],
+            contacts=numbers[:, 1],
+            speeds=columns[:, 1],
+            losses=columns[:, 2],
+            before=before_,
+            sums=sums_,
+            totals=sums.sum(axis=1),
+            parts=self.parts,
+            impacts=int(counts[places.IMPACTS]),
+            touches=int(counts[places.TOUCHES]),
+            last_impact=float(clock[places.LAST_IMPACT]) if counts[places.IMPACTS] else None,
+            clear_from=float(clock[places.CLEAR_TIME]) if counts[places.CLEAR] else None,
+            held_time=float(clock[places.HELD_TIME]),
+            switch_error=float(clock[places.SWITCH_ERROR]),
+            initial_energy=initial,
+            energy=system.energy(final[:n], final[n:]),
+            marks=tuple(
+                Mark(float(fraction), *_mark(marked[k], self.parts) if k < counts[places.MARK] else (None, {}))
+                for k, fraction in enumerate(fractions)
+            ),
+            start=start,
+            final=final,
+            numbers=numbers,
+            states=states,
+            mover=self,
+        )
+
+
+    def _checked(self, duration: Any, max_impacts: Any, marks: Sequence[float]) -> np.ndarray:
+        """The marks, ascending, where all three are as they should be; ValueError else."""
+        if not (isinstance(duration, (int, float, np.number)) and 0.0 <= duration < np.inf):
+            raise ValueError(f"duration is a finite time of 0 or more; received {duration!r}")
+        if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or max_impacts < 0:
+            raise ValueError(f"max_impacts is a whole number of 0 or more; received {max_impacts!r}")
+        fractions = np.unique(np.asarray(marks, dtype=float))
+        if not np.all((fractions > 0.0) & (fractions < 1.0)):
+            raise ValueError(f"marks are fractions of the initial energy between 0 and 1; received {list(marks)}")
+        return fractions
+
+    def run_many(
+        self, states: Any, duration: float, max_impacts: int = 10_000_000, marks: Sequence[float] = (0.5, 0.9, 0.99)
+    ) -> Batch:
+        """Motions from many states, without a record of their events.
+
+        Parameters
+        ----------
+        states : (b, 2n) array_like
+            (u, v) of each start.
+        duration, max_impacts, marks
+            As in `run`.
+
+        Raises
+        ------
+        ValueError
+            As `run`, and for states of another shape.
+        """
+        system = self.system
+        n, parts = system.degrees_of_freedom, len(self.parts)
+        starts = np.array(states, dtype=float, order="C")
+        if starts.ndim != 2 or starts.shape[1] != 2 * n or not np.all(np.isfinite(starts)):
+            raise ValueError(f"states is an array of finite numbers of shape (b, {2 * n}); received shape {starts.shape}")
+        fractions = self._checked(duration, max_impacts, marks)
+        summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2)))
+        summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
+        counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
+        turns, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
+        x, width = np.zeros(2 * n + 2 * len(self.forcing.loads)), 2 * n + parts + 2
+        first = 0
+        while True:
+            phases = self.table.stacked
+            size = phases.matrix.shape[1]
+            reason, first = many(
+                phases, starts, float(duration), int(max_impacts), first, fractions, np.zeros(size), x, counts, clock, turns, sums,
+                np.zeros((len(fractions), parts + 3)), np.zeros((LEVELS, width)), np.zeros(width), np.zeros(2 * n), self._log(0),
+                work_array(size, len(phases.restitution)), self.integral_work(), np.zeros(len(self.meters.weight)), summary,
+            )  # fmt: skip
+            if reason != kernels.NEW_PHASE:
+                break
+            self.table.add(int(counts[places.PENDING]))
+        return Batch(
+            status=tuple(STATUS[int(reason)] for reason in summary[:, 0]),
+            duration=summary[:, 1],
+            impacts=summary[:, 2].astype(np.int64),
+            touches=summary[:, 3].astype(np.int64),
+            last_impact=summary[:, 4],
+            clear_from=summary[:, 5],
+            held_time=summary[:, 6],
+            initial_energy=summary[:, 7],
+            energy=np.atleast_1d(system.energy(starts[:, :n], starts[:, n:])),
+            totals=summary[:, 9 : 10 + parts],
+            marks=summary[:, 10 + parts :].reshape(len(starts), len(fractions), parts + 2),
+            final=starts,
+            parts=self.parts,
+            fractions=fractions,
+        )
+
+
+def _mark(row: np.ndarray, parts: tuple[str, ...]) -> tuple[float, dict[str, float]]:
+    """Time and dissipation of a row of marks."""
+    return float(row[1]), dict(zip(parts, row[2:-1].tolist(), strict=True))
+
+
+def run(
+    system: ImpactSystem,
+    u: Any,
+    v: Any,
+    duration: float,
+    *,
+    forces: Any = None,
+    dampers: Mapping[str, Any] | None = None,
+    max_impacts: int = 10_000_000,
+    leaving: str | None = None,
+    marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
+) -> Motion:
+    """The motion of a system from the state (u, v): flights, impacts, chattering, sticking, and where the energy goes.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    u, v : (n,) array_like
+        Displacements and velocities at time 0.
+    duration : float
+        Time to run, >= 0.
+    forces : Constant, Harmonic, Record or a list of them, optional
+        Loads f(t) (`bvp.forcing`).
+    dampers : mapping of str to (n, n) array_like, optional
+        Named parts that sum to the damping matrix, whose dissipation is told apart; by default those across gaps and the rest.
+    max_impacts : int
+        Most impacts; the motion ends there.
+    leaving : str, optional
+        Letter of the contact that the start is on exactly, after its impact.
+    marks : sequence of float
+        Fractions of the initial energy: the time at which that much is dissipated is found.
+
+    Returns
+    -------
+    Motion
+        `status` says how it ended; no ending is an exception, whatever the restitution.
+
+    Raises
+    ------
+    ValueError
+        For a state or a load of the wrong length or not finite, a negative duration, a max_impacts below 0, an unknown contact, marks
+        outside (0, 1), dampers that do not sum to the damping matrix.
+
+    Examples
+    --------
+    A ball that falls from height 1/2, g = 1, and keeps half its speed: it rests at t = 1 + 2 v r/(g (1 - r)) = 3.
+
+    >>> from bvp.forcing import Constant
+    >>> from bvp.system import ImpactSystem, Stop
+    >>> ball = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)])
+    >>> motion = run(ball, [0.5], [0.0], 5.0, forces=Constant([-1.0]))
+    >>> round(motion.stretches[1].begin, 12), motion.stretches[1].held, motion.balance_error < 1e-15
+    (3.0, ('-',), True)
+    """
+    return Mover(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks)

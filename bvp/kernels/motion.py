@@ -1,0 +1,239 @@
+"""The motion of a system through its phases: exact flight, next impact or release, restitution, chattering, sticking.
+
+The distance of a held contact is its force, so `next_impact` finds impacts and releases alike."""
+
+from numba import int64
+
+from bvp.kernels.bounds import dot
+from bvp.kernels.chatter import chatter
+from bvp.kernels.compiled import kernel, part
+from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
+from bvp.kernels.ledger import fly, hold, lose, record
+from bvp.kernels.phase import (
+    BOUNCES,
+    BREAK,
+    BREAK_INDEX,
+    CLEAR,
+    CLEAR_TIME,
+    CONTACT,
+    EVENTS,
+    IDLE,
+    IMPACT,
+    IMPACTS,
+    KIND,
+    LAST_IMPACT,
+    LEAVING,
+    LOSS,
+    PENDING,
+    PHASE,
+    PIECE,
+    RELEASE,
+    SPEED,
+    STICK,
+    TIME,
+    TIME_LOW,
+    TOUCHED,
+    TOUCHES,
+    cannot_hit,
+    find_phase,
+    reset_loads,
+    times_matrix,
+    write_loads,
+)  # fmt: skip
+from bvp.kernels.restitution import restitute
+from bvp.kernels.run import independent, interacts, struck_with
+
+__all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "REACHED", "STARTED_OUTSIDE", "move"]
+
+REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP = range(8)
+"""How `move` returned: at the duration; the log is full (call again); the phase counts[PENDING] is wanted (add it and call again); two
+stops
+are hit at once and their impulses interact; beyond a stop; at the most impacts; phases follow each other without time passing; the search
+for the next impact gave up without time passing."""
+
+
+REFRESH = 256
+"""Impacts, and breaks, after which the loads' states are written anew. In between they are carried by the flights like all others: passing
+through (u, v) each time would round in one direction."""
+
+
+@part
+def strike_all(phases, c, z, counts, clock, sums, marks, log, before):
+    """The impacts at contact c and at those struck with it, in phase 0; False where their impulses interact."""
+    pairs = phases.pairs[0]
+    matrix = phases.matrix[0]
+    gap = phases.gap[0]
+    rate = phases.rate[0]
+    acceleration = phases.acceleration[0]
+    side = phases.side[0]
+    bound = phases.bound[0]
+    push = phases.push[0]
+    if not independent(pairs, matrix, gap, rate, acceleration, side, bound, push, c, z):
+        return False
+    hit = c
+    while hit >= 0:
+        speed = side[hit] * dot(rate, hit, z)
+        times_matrix(phases.leave[0], z, before)
+        restitution = phases.restitution[hit]
+        restitute(rate, push, phases.restitution, hit, z, z)
+        loss = 0.5 * phases.contact_mass[hit] * (1.0 - restitution) * (1.0 + restitution) * speed * speed
+        lose(phases, hit, loss, counts, clock, sums, marks)
+        counts[IMPACTS] += 1
+        clock[LAST_IMPACT] = clock[TIME]
+        clock[SPEED] = speed
+        clock[LOSS] = loss
+        counts[CONTACT] = hit
+        hit = struck_with(pairs, matrix, gap, rate, acceleration, side, bound, hit, -1, z)
+        if hit >= 0:
+            if interacts(rate, push, counts[CONTACT], hit):
+                return False
+            record(log, IMPACT, counts[CONTACT], counts, clock, before, z, sums)
+    return True
+
+
+@kernel
+def held_after(phases, held, c, z):
+    """The held contacts that an impact at contact c leaves held, from the state z of phase 0 after it; -1 where it presses one of them."""
+    left = held
+    for k in range(phases.side.shape[1]):
+        if (held >> k) & 1 != 0 and interacts(phases.rate[0], phases.push[0], c, k):
+            _, slope, _, _ = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], k, z)
+            if slope < -rounding_level(phases.pairs[0], phases.matrix[0], phases.rate[0], k, z):
+                return -1
+            left &= ~(int64(1) << k)
+    return left
+
+
+@kernel
+def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table, values, before, log, work, integral_work, out):
+    """Carry a motion on until its duration, its most impacts, or a reason to return.
+
+    z (N,) state of the phase; x (2 n + 2 G,) (u, v) and the states of the loads, from which a pending phase begins; counts (COUNTS,), clock
+    (CLOCK,): see above; turns (G, 2) angles of the loads and sums (D + S + 1, 2), compensated; marks (Q, 3 + D + S): fractions of the
+    initial energy, ascending, then filled with
+    the time at which that much is gone and the sums there. out (R,); the other arrays are scratch. Returns the reason.
+    """
+    width = 2 * phases.shape[0]
+    contacts = phases.side.shape[1]
+    while True:
+        if counts[PENDING] >= 0:
+            f = find_phase(phases, counts[PENDING])
+            if f < 0:
+                return NEW_PHASE
+            write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
+            times_matrix(phases.enter[f], x, z)
+            counts[PHASE] = f
+            counts[PENDING] = -1
+            record(log, counts[KIND], counts[CONTACT], counts, clock, before, z, sums)
+        if log.numbers.shape[0] and log.numbers.shape[0] - counts[EVENTS] <= contacts + 2:
+            return FULL
+        if counts[IMPACTS] >= most:
+            return MOST
+        f = counts[PHASE]
+        held = phases.held[f]
+        ahead = counts[BREAK_INDEX] + 1
+        end = duration
+        if ahead < phases.breaks.shape[0] and phases.breaks[ahead] < duration:
+            end = phases.breaks[ahead]
+        horizon = max((end - clock[TIME]) - clock[TIME_LOW], 0.0)
+        status, c, flight = next_impact(
+            phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.gap[f], phases.rate[f], phases.acceleration[f],
+            phases.side[f], phases.bound[f], counts[LEAVING], z, horizon, work,
+        )  # fmt: skip
+        counts[IDLE] = counts[IDLE] + 1 if flight == 0.0 else 0
+        if counts[IDLE] > 8 + 4 * contacts:
+            return CYCLING
+        clock[SPEED] = 0.0
+        clock[LOSS] = 0.0
+        counts[LEAVING] = -1
+        holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
+        if status == NONE:
+            begin = clock[TIME]
+            fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
+            if end == duration:
+                if cannot_hit(phases, f, z):
+                    counts[CLEAR] = 1
+                    clock[CLEAR_TIME] = begin
+                return REACHED
+            clock[TIME] = end
+            clock[TIME_LOW] = 0.0
+            counts[BREAK_INDEX] = ahead
+            counts[BOUNCES] = 0
+            times_matrix(phases.leave[f], z, x)
+            for r in range(width):
+                before[r] = x[r]
+            if ahead % REFRESH == 0:
+                write_loads(phases, ahead, clock, turns, x)
+                times_matrix(phases.enter[f], x, z)
+            else:
+                reset_loads(phases, f, ahead, z)
+            record(log, BREAK, -1, counts, clock, before, z, sums)
+            continue
+        if status == OUTSIDE and not holds:
+            return STARTED_OUTSIDE
+        if status == EXHAUSTED and flight == 0.0:
+            return GAVE_UP
+        fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
+        times_matrix(phases.leave[f], z, x)
+        for r in range(width):
+            before[r] = x[r]
+        if status == EXHAUSTED:
+            record(log, PIECE, -1, counts, clock, before, z, sums)
+            continue
+        if status == TOUCH:
+            counts[LEAVING] = c
+            if not holds:
+                counts[TOUCHES] += 1
+                record(log, TOUCHED, c, counts, clock, before, z, sums)
+            continue
+        counts[CONTACT] = c
+        if holds:
+            counts[PENDING] = held & ~(int64(1) << c)
+            counts[KIND] = RELEASE
+            counts[LEAVING] = -2 - c
+            counts[BOUNCES] = 0
+            continue
+        if status == PRESSED:
+            hold(phases, c, x, counts, clock, sums, marks, work)
+            counts[PENDING] = held | (int64(1) << c)
+            counts[KIND] = STICK
+            counts[BOUNCES] = 0
+            continue
+        after = f
+        if f != 0:
+            write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
+            times_matrix(phases.enter[0], x, z)
+            counts[PHASE] = 0
+        if not strike_all(phases, c, z, counts, clock, sums, marks, log, before):
+            return INTERACTING
+        times_matrix(phases.leave[0], z, x)
+        if counts[CONTACT] != c:
+            counts[BOUNCES] = 0
+            c = counts[CONTACT]
+        left = held_after(phases, held, c, z) if held else held
+        if left < 0:
+            return INTERACTING
+        if f != 0:
+            after = find_phase(phases, left)
+            if after < 0:
+                counts[PENDING] = left
+                counts[KIND] = IMPACT
+                counts[LEAVING] = c
+                counts[BOUNCES] = 0
+                continue
+            times_matrix(phases.enter[after], x, z)
+            counts[PHASE] = after
+        elif phases.frequency.shape[0] and counts[IMPACTS] % REFRESH == 0:
+            write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
+            times_matrix(phases.enter[0], x, z)
+        record(log, IMPACT, c, counts, clock, before, z, sums)
+        counts[LEAVING] = c
+        if chatter(phases, after, c, z, x, (end - clock[TIME]) - clock[TIME_LOW], counts, clock, turns, sums, table, values):
+            for r in range(width):
+                before[r] = x[r]
+            hold(phases, c, x, counts, clock, sums, marks, work)
+            counts[PENDING] = left | (int64(1) << c)
+            counts[KIND] = STICK
+            counts[CONTACT] = c
+            counts[LEAVING] = -1
+            counts[BOUNCES] = 0

@@ -1,0 +1,186 @@
+"""Phases of contact: the motion with none of the stops held, and with some of them held, each as blocks for one and the same flight.
+
+While the gaps w_S = c_S . u of the stops S are held, u = T r + U w_S with T a basis of c_S u = 0 and U = M^-1 c' (c M^-1 c')^-1: the
+reduced
+motion T'MT r'' + T'CT r' + T'KT r = T'(f - K U w_S) has one degree of freedom less for each stop held, and kinetic energy keeps r and w
+apart.
+The held gaps and the loads are states y' = S y of their own. With X S - B X = G, z = z~ + X y takes z' = B z + G y to z~' = B z~: the
+particular solution is X y. Where it would be large beside the gaps - a load at resonance, or on a coordinate that hardly resists - the
+difference z - X y would cancel, and the block and the load share one larger block instead, whose exponential has no such limit.
+
+A contact that is held presses with the force by which the motion would leave the constraint; that force is a linear function of the
+state, and takes the place of the contact's distance: the release is its next zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bvp.blocks import Blocks, Matrices, damped_blocks, undamped_blocks
+from bvp.forcing import Forcing
+from bvp.joined import join
+from bvp.meters import Meters
+from bvp.numerics import EPSILON, undamped_modes
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Phase", "phase_of"]
+
+NEVER = 1e300
+"""Bound of a gap that cannot be reached."""
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """One phase, for N states Z: arrays as in `bvp.modes.Modes`, and
+
+    held : int
+        Bit c is set where contact c is held.
+    leave : (2n, N) ndarray
+        (u, v) = leave Z.
+    enter : (N, 2n + 2G) ndarray
+        Z = enter (u, v, y); velocities across a held gap are dropped.
+    first, second : (R, N) ndarray
+        Rows of the meters: their integrand is (first . Z)(second . Z).
+    """
+
+    held: int
+    pairs: np.ndarray
+    mean: np.ndarray
+    delta: np.ndarray
+    matrix: np.ndarray
+    leave: np.ndarray
+    enter: np.ndarray
+    gap: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    side: np.ndarray
+    bound: np.ndarray
+    push: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+
+
+def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) -> Phase:
+    """The phase in which the contacts of the bits of `held` are held.
+
+    Raises
+    ------
+    RuntimeError
+        Where an eigenvalue iteration does not converge, or the held gaps depend on each other.
+    """
+    n = system.degrees_of_freedom
+    modes = system.modes
+    contacts = [c for c in range(len(modes.contact_side)) if held >> c & 1]
+    rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts]).reshape(-1, n)
+    k = len(contacts)
+    inverse_rows = np.linalg.solve(system.mass, rows.T)
+    compliance = rows @ inverse_rows
+    if k and np.linalg.cond(compliance) > 1e12:
+        raise RuntimeError("stops are held whose gaps depend on each other")
+    basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:] if k else np.eye(n)
+    lift = np.linalg.solve(compliance, inverse_rows.T).T if k else np.zeros((n, 0))
+    blocks, left = _blocks(system, basis, k)
+    m = n - k
+    loads = np.concatenate([np.zeros((k, m, 2)), np.einsum("nm,gnk->gmk", basis, forcing.loads)])
+    noise = np.abs(basis).T @ np.abs(system.stiffness) @ np.abs(lift)
+    frozen = basis.T @ system.stiffness @ lift
+    loads[:k, :, 0] = -np.where(np.abs(frozen) <= 8.0 * n * EPSILON * noise, 0.0, frozen).T
+    frequency = np.concatenate([np.zeros(k), forcing.frequency])
+    bounds = [abs(modes.contact_bound[c]) for c in contacts]
+    sizes = np.concatenate([np.array([[bound, 0.0] for bound in bounds]).reshape(-1, 2), forcing.sizes])
+    layout = join(system, blocks, basis, loads, frequency, sizes)
+    size = len(layout.matrix)
+    reduced = np.zeros((2 * n, 2 * m))
+    reduced[:n, :m] = reduced[n:, m:] = basis
+    leave = reduced @ layout.position
+    for j in range(k):
+        leave[:n, layout.masters[j]] += lift[:, j]
+    down = np.zeros((2 * m, 2 * n))
+    down[:m, :n] = down[m:, n:] = left
+    generators = np.zeros((2 * (k + len(forcing.loads)), 2 * n + 2 * len(forcing.loads)))
+    for j in range(k):
+        generators[2 * j, :n] = rows[j]
+    generators[2 * k :, 2 * n :] = np.eye(2 * len(forcing.loads))
+    enter = layout.states @ np.hstack([blocks.from_state @ down, np.zeros((2 * m, 2 * len(forcing.loads)))]) + layout.loads @ generators
+    outer = np.zeros((2 * len(forcing.loads), size))
+    for g in range(len(forcing.loads)):
+        outer[2 * g, layout.masters[k + g]] = outer[2 * g + 1, layout.masters[k + g] + 1] = 1.0
+    gap, rate = np.zeros((len(modes.contact_side), size)), np.zeros((len(modes.contact_side), size))
+    acceleration = np.zeros_like(gap)
+    side, bound = modes.contact_side.copy(), modes.contact_bound.copy()
+    fixed = {int(modes.contact_stop[c]) for c in contacts}
+    press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, leave, outer)) if k else gap[:0]
+    for c in range(len(side)):
+        if c in contacts:
+            gap[c] = side[c] * press[contacts.index(c)]
+            rate[c] = gap[c] @ layout.matrix
+            acceleration[c] = rate[c] @ layout.matrix
+            side[c], bound[c] = -1.0, 0.0
+        elif int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
+            side[c], bound[c] = 1.0, NEVER
+        else:
+            row = np.array(system.stops[modes.contact_stop[c]].gap)
+            gap[c], rate[c] = row @ leave[:n], row @ leave[n:]
+            acceleration[c] = rate[c] @ layout.matrix
+    push = np.zeros_like(gap)
+    if not k:
+        for c in range(len(side)):
+            row = np.array(system.stops[modes.contact_stop[c]].gap)
+            participation = blocks.shapes.T @ row
+            push[c] = enter[:, n : 2 * n] @ (blocks.shapes @ participation / (participation @ participation))
+    second = meters.velocity @ leave[n:]
+    first = np.where((meters.load < 0)[:, None], second, outer[meters.load] if len(outer) else second)
+    flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)
+    arrays = (*flight, leave, enter, gap, rate, acceleration, side, bound, push, first, second)
+    return Phase(held, *(np.ascontiguousarray(array + 0) for array in arrays))
+
+
+def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks, np.ndarray]:
+    """The blocks of the reduced system and the map r = left u; the free system keeps its own modes."""
+    modes = system.modes
+    if not held:
+        own = Blocks(modes.layout, modes.shapes, modes.pairs, modes.mean, modes.delta, modes.matrix, modes.to_state, modes.from_state)
+        return own, np.eye(len(basis))
+    mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping, system.stiffness))
+    m = len(mass)
+    if not m:
+        none = np.zeros((0, 0))
+        return Blocks("undamped", none, np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), none, none, none), basis.T
+    mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
+    rounding = 4.0 * len(basis) * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
+    damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
+    squares, shapes = undamped_modes(mass, stiffness)
+    scale = 8.0 * len(basis) * EPSILON * np.einsum(
+        "ik,ij,jk->k", np.abs(basis @ shapes), np.abs(system.stiffness), np.abs(basis @ shapes)
+    )  # fmt: skip
+    squares = np.where(np.abs(squares) <= scale, 0.0, squares)
+    if np.any(damping):
+        blocks = damped_blocks(Matrices(mass, damping, stiffness), squares, shapes)
+    else:
+        blocks = undamped_blocks(mass, squares, shapes)
+    return blocks, np.linalg.solve(mass, basis.T @ system.mass)
+
+
+def _free_acceleration(
+    system: ImpactSystem, inverse_rows: np.ndarray, forcing: Forcing, leave: np.ndarray, outer: np.ndarray
+) -> np.ndarray:
+    """Rows of c_S . M^-1 (f - C v - K u), which the held stops have to take away."""
+    n = system.degrees_of_freedom
+    force = -(system.stiffness @ leave[:n]) - system.damping @ leave[n:]
+    if len(outer):
+        force = force + np.concatenate(list(forcing.loads), axis=1) @ outer
+    return inverse_rows.T @ force
+
+
+def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:
+    """True where the gap of a stop is not fixed by the held ones."""
+    if not len(rows):
+        return True
+    row = np.array(system.stops[stop].gap)
+    left = row - np.linalg.lstsq(rows.T, row, rcond=None)[0] @ rows
+    return bool(np.abs(left).max() > 1e-12 * np.abs(row).max())
