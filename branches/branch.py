@@ -104,10 +104,15 @@ class Branch:
 
         return whole(self)
 
-    @property
+    @cached_property
     def id(self) -> str:
         """`ends:word:hash` of the family, which does not depend on how it was reached or cut: see `branches.whole`."""
         return self.whole.ids[0]
+
+    def known_as(self, id: str) -> Branch:
+        """This branch, of whose family the id is known, so that the family need not be followed for it."""
+        self.__dict__["id"] = id
+        return self
 
     @property
     def others(self) -> tuple[Piece, ...]:
@@ -137,7 +142,7 @@ class Branch:
         problem = self.problem
         start = problem.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
         times = self.points["flight_times"][i]
-        return problem.pack(start, propagate(problem, start, times), times)
+        return problem.shoot(start, times)
 
     def orbit(self, i: int) -> Orbit:
         """The orbit at point i.
@@ -334,18 +339,3 @@ def _positive(value: Any, name: str) -> float:
     if not 0.0 < number < math.inf:
         raise ValueError(f"the {words} is a finite number above 0; received {number:g}")
     return number
-
-
-def propagate(problem: MultipointProblem, start: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """States after each inner impact, (k, N), by exact flight over the given times from the start state (N,)."""
-    from bvp.kernels.flight import flow_state
-
-    segment = problem.segment
-    nodes = np.empty((problem.inner, problem.size))
-    z = np.ascontiguousarray(start)
-    before = np.empty(problem.size)
-    for i in range(problem.inner):
-        flow_state(*problem.modes.blocks, z, float(times[i]), before)
-        nodes[i] = before - segment.jump[i] * (segment.gap_rate[i] @ before) * segment.push[i]
-        z = nodes[i]
-    return nodes

@@ -38,9 +38,11 @@ __all__ = [
     "latex",
     "matches",
     "nearest",
+    "nearest_labels",
     "parse",
     "parse_name",
     "roots",
+    "spelled",
     "turns",
     "why_impossible",
 ]
@@ -59,6 +61,20 @@ def canonical(label: Label) -> Label:
     if label.p is not None and label.q is not None and label.p > label.q:
         return dataclasses.replace(label, p=label.q, q=label.p)
     return label
+
+
+def spelled(text: str, names: Iterable[str]) -> str:
+    """A label as it is printed where no start is printed with it: as one of the names has it, otherwise with p <= q.
+
+    Examples
+    --------
+    >>> spelled("U4502-", ["S31O11", "U4520-"]), spelled("U2210+", []), spelled("", [])
+    ('U4520-', 'U2201+', '')
+    """
+    if not text:
+        return text
+    label = canonical(parse(text))
+    return next((name for name in names if canonical(parse(name)) == label), str(label))
 
 
 def matches(pattern: Label, label: Label) -> bool:
@@ -100,6 +116,46 @@ def nearest(text: str, candidates: Iterable[object], count: int = 3) -> tuple[st
     ('S73O33-',)
     """
     return tuple(difflib.get_close_matches(text, dict.fromkeys(str(item) for item in candidates), n=count, cutoff=0.0))
+
+
+_IMPACT, _KIND = 3, 9
+"""Half-waves that an impact, and another symmetry, count for: half-waves and sign change along a family, impacts only at its grazings."""
+
+
+def nearest_labels(asked: Label, existing: Iterable[str], count: int = 3) -> tuple[str, ...]:
+    """The existing labels nearest to one that nothing has: `count` by their fields, and the one whose text is most alike.
+
+    Parameters
+    ----------
+    asked : Label
+        What it leaves open makes no difference.
+    existing : iterable of str
+        Labels.
+    count : int
+
+    Returns
+    -------
+    tuple of str
+        The nearest first: by the sum of the differences of half-waves, impacts (three times) and sign; equally near ones by their text.
+        Of several equivalent labels the canonical one.
+
+    Examples
+    --------
+    >>> nearest_labels(parse("U3401"), ["S13O00+", "U3411-", "U3201-", "U1101+", "U8353-"], 1)
+    ('U3201-', 'U3411-')
+    """
+    wanted = canonical(asked)
+    known = {str(label): label for label in (canonical(parse(text)) for text in existing)}
+    alike = nearest(str(wanted), known, max(1, len(known)))
+    near = sorted(alike, key=lambda text: _distance(wanted, known[text]))[:count]
+    return tuple(dict.fromkeys([*near, *alike[:1]]))
+
+
+def _distance(asked: Label, label: Label) -> int:
+    pairs = [(1, asked.m, label.m), (1, asked.n, label.n), (_IMPACT, asked.p, label.p), (_IMPACT, asked.q, label.q)]
+    apart = sum(weight * abs(one - other) for weight, one, other in pairs if one is not None and other is not None)
+    marks = ((_KIND, asked.kind, label.kind), (_IMPACT, asked.parity, label.parity), (1, asked.sign, label.sign))
+    return apart + sum(weight for weight, one, other in marks if one is not None and one != other)
 
 
 def turns(label: Label, count: int) -> Label:

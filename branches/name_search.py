@@ -12,8 +12,8 @@ import numpy as np
 from branches.discovery.found import Found, from_other_end
 from branches.discovery.uniform import Scanner
 from branches.identity import same_orbit
-from branches.labels import Label, Name, canonical, matches, nearest, roots
-from branches.name_errors import NameNotFound
+from branches.labels import Label, Name, canonical, matches, nearest, nearest_labels
+from branches.name_errors import NameNotFound, several_turns
 from branches.words import canonical as canonical_word
 from branches.words import split_family_id
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["LEVELS", "Limits", "Search", "passes", "search_bounds"]
+__all__ = ["LEVELS", "Limits", "Search", "least_energy", "passes", "search_bounds"]
 
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 """Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
@@ -109,18 +109,10 @@ class Search:
         low, high = self.energy
         if low == high:
             return np.array([low])
-        low = max(low, 1e-3 * self._least())
+        low = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
         count = max(2, math.ceil(math.log(high / low) / step))
         grid = np.linspace(math.log(low), math.log(high), 2 * count + 1)[1::2]
         return np.exp(grid)
-
-    def _least(self) -> float:
-        """Energy below which no stop can be reached: min of the potential energy with |w| at a bound."""
-        gap = self.system.modes.contact_gap[0, : self.system.degrees_of_freedom]
-        squares = self.system.modes.squares
-        reach = min(abs(self.system.stops[0].lower), abs(self.system.stops[0].upper))
-        compliance = sum(math.inf if w <= 0.0 and g != 0.0 else (g * g / w if g else 0.0) for g, w in zip(gap, squares, strict=True))
-        return 0.5 * reach**2 / compliance if math.isfinite(compliance) else 1e-3
 
     def _at(self, h: float, angles: int) -> list[Found]:
         out = []
@@ -131,7 +123,7 @@ class Search:
                 if self.fits(orbit):
                     out.append(orbit)
                 elif orbit.label is not None:
-                    self.seen.setdefault(str(orbit.label), (orbit.h, orbit.alpha))
+                    self.seen.setdefault(str(canonical(orbit.label)), (orbit.h, orbit.alpha))
         return out
 
     def fits(self, orbit: Found) -> bool:
@@ -186,12 +178,11 @@ class Search:
             return f"{text}; with these ends and this word there {'is' if len(known) == 1 else 'are'} {', '.join(known[:5])}"
         label = self.name.label
         if label is not None:
-            for root, turns in roots(label):
-                if turns > 1 and self._exists(root):
-                    return f"{label} is {turns} turns of {root}; expected the name of a primitive orbit"
+            turned = several_turns(label, self._exists)
+            if turned:
+                return turned
         if self.seen and label is not None:
-            near = nearest(str(canonical(label)), list(self.seen))
-            near = near or tuple(list(self.seen)[:3])
+            near = nearest_labels(label, self.seen)
             text += "; nearest that exist: " + ", ".join(f"{k}@h={self.seen[k][0]:.5g},alpha={self.seen[k][1]:.5g}" for k in near)
         return text
 
@@ -199,6 +190,23 @@ class Search:
         search = Search(self.system, Name(root, None, None, None), self.limits, self.range)
         step, angles = LEVELS[0]
         return any(search._at(h, angles) for h in search._energies(step))
+
+
+def least_energy(system: ImpactSystem) -> float:
+    """Energy below which the first stop cannot be reached: the least potential energy with the gap coordinate at its nearer bound, which is
+    0 where the system can drift there.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> round(least_energy(vibro_impact_nes(sigma=0.1)), 12), least_energy(vibro_impact_nes(sigma=0.0))
+    (0.05, 0.0)
+    """
+    gap = system.modes.contact_gap[0, : system.degrees_of_freedom]
+    reach = min(abs(system.stops[0].lower), abs(system.stops[0].upper))
+    pairs = zip(gap, system.modes.squares, strict=True)
+    compliance = sum(math.inf if w <= 0.0 and g != 0.0 else (g * g / w if g else 0.0) for g, w in pairs)
+    return float(0.5 * reach**2 / compliance)
 
 
 def passes(branch: Branch, orbit: Found) -> bool:

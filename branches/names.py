@@ -15,7 +15,7 @@ from branches.discovery.found import Found, accept, from_other_end
 from branches.discovery.scope import require_conservative
 from branches.discovery.search import discover
 from branches.labels import Label, Name, matches, parse, parse_name
-from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
+from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound, several_turns
 from branches.name_pins import fits_otherwise, pin_of
 from branches.name_search import LEVELS, Limits, Search, passes, search_bounds
 
@@ -49,7 +49,7 @@ def resolve(
     require_conservative(system, "families of periodic orbits")
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
-        raise NameNotFound(_linear_mode(system, name.label))
+        raise NameNotFound(several_turns(name.label, lambda root: True) or _linear_mode(system, name.label))
     search = Search(system, name, limits, energy)
     if name.label is not None and system.has_odd_symmetry and (system.absorber is None or system.primary is None):
         raise NameNotFound(

@@ -22,6 +22,7 @@ from bvp.kernels.newton import correct
 from bvp.kernels.observe import orbit_observe
 from bvp.kernels.result import RESULT
 from bvp.kernels.segment import ORIGIN, PERIODIC, Segment, pack
+from bvp.kernels.shoot import nodes_by_flight
 from bvp.kernels.stability import orbit_stability
 from bvp.kernels.step import end_states, orbit_step
 from bvp.observed import observed_of
@@ -190,6 +191,13 @@ class MultipointProblem:
             y[at] = times[i]
             at += 1
         return y
+
+    def shoot(self, start: np.ndarray, flight_times: np.ndarray) -> np.ndarray:
+        """Unknowns y (u,) from the start state (N,) and the flight times (k + 1,): the node states by exact flight."""
+        nodes = np.empty((self.inner, self.size))
+        start, times = np.ascontiguousarray(start, dtype=float), np.ascontiguousarray(flight_times, dtype=float)
+        nodes_by_flight(self.segment, start, times, self._work[0, : self.size].copy(), nodes)
+        return self.pack(start, nodes, times)
 
     def flight_times(self, y: np.ndarray) -> np.ndarray:
         """Flight times (k + 1,)."""

@@ -87,7 +87,13 @@ class EventFinder:
             if self._tests[suspect.index].kind == "guard" and locator.ends_with_another(suspect.index):
                 continue
             located += [(suspect.index, location) for location in self._locate(locator, suspect.index, suspect.dip, ds)]
-        return self._classified(sorted(located, key=lambda pair: (pair[1].s, pair[0])), before, after)
+
+        def place(pair: tuple[int, Location]) -> tuple[float, float, int]:
+            # Beside a branch point a shorter step can be corrected onto a point that is further along.
+            index, location = pair
+            return arclength_between(before.step.position, location.step), location.s, index
+
+        return self._classified(sorted(located, key=place), before, after)
 
     def _effort(self, index: int, before: Point, after: Point) -> tuple[bool, bool, float]:
         """Order in which events of one step are located: the smooth ones first. Where several coincide (at a grazing an impact's speed has

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from saltus.errors import BadInput, nearest
 
-__all__ = ["OneLineParser", "energy_range", "joined_values", "number", "one_of", "positive", "whole", "whole_above_zero"]
+__all__ = ["OneLineParser", "energy_range", "joined_values", "number", "one_of", "positive", "whole_above_zero"]
 
 _LOOKS_NEGATIVE = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
 
@@ -87,17 +87,6 @@ def positive(text: str) -> float:
     value = number(text)
     if not 0.0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"received {text!r}, expected a number above 0")
-    return value
-
-
-def whole(text: str) -> int:
-    """Read a whole number, 0 or more."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected a whole number, 0 or more")
     return value
 
 

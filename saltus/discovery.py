@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from saltus.errors import BadInput
+
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from branches.discovery.search import Discovery
@@ -45,6 +47,8 @@ def discover(system: ImpactSystem, energy: float, *, catalogue: Catalogue | None
     """
     from branches.discovery.search import discover as search
 
+    if options.get("impacts") == 0:
+        raise BadInput("at most 0 impacts in half a period: no orbit with impacts has so few, expected 1 or more")
     if catalogue is None:
         return search(system, energy, **options)
     catalogue.require_system(system.describe())

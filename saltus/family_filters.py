@@ -6,15 +6,28 @@ import argparse
 import re
 from typing import Any
 
-from saltus.arguments import positive
+from saltus.arguments import energy_range, positive
 
-__all__ = ["add_arguments", "from_arguments"]
+__all__ = ["add_arguments", "from_arguments", "told", "words"]
+
+_NAMES = ("label", "energy", "stable", "ends", "impacts")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--label``, ``--energy``, ``--stable``, ``--ends`` and ``--impacts``."""
+def add_arguments(parser: argparse.ArgumentParser, *, shown: bool = False) -> None:
+    """Add ``--label``, ``--energy``, ``--stable``, ``--ends`` and ``--impacts``.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    shown : bool
+        Whether ``--energy`` can also be a range LO:HI, of the energies shown, which is no filter of families.
+    """
     parser.add_argument("--label", metavar="LABEL", help="those with such a label: S13O00+, U83, or with wildcards 'U8*'")
-    parser.add_argument("--energy", metavar="H", type=positive, help="those that cross this energy")
+    if shown:
+        words = "those that cross the energy H; or the energies shown, LO:HI (default: all that the families have)"
+        parser.add_argument("--energy", metavar="H|LO:HI", type=lambda text: (energy_range if ":" in text else positive)(text), help=words)
+    else:
+        parser.add_argument("--energy", metavar="H", type=positive, help="those that cross this energy")
     parser.add_argument("--stable", action="store_true", help="those that are stable somewhere (with --label and --energy: there)")
     parser.add_argument("--ends", metavar="ENDS", help="those between such ends: origin-origin, origin-stop, rest-stop+, periodic")
     parser.add_argument("--impacts", metavar="N|LO:HI", type=_impacts, help="those with so many impacts in half a period")
@@ -22,7 +35,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def from_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the filters asked for, as `Catalogue.families` takes them."""
-    return {name: getattr(arguments, name) for name in ("label", "energy", "stable", "ends", "impacts")}
+    filters = {name: getattr(arguments, name) for name in _NAMES}
+    return {**filters, "energy": None if isinstance(arguments.energy, tuple) else arguments.energy}
+
+
+def told(filters: dict[str, Any]) -> dict[str, Any]:
+    """Those of the filters that leave something out.
+
+    Examples
+    --------
+    >>> told({"label": "U8*", "energy": None, "stable": False})
+    {'label': 'U8*'}
+    """
+    return {name: value for name, value in filters.items() if value not in (None, False)}
+
+
+def words(filters: dict[str, Any]) -> str:
+    """The filters as options of the command line.
+
+    Examples
+    --------
+    >>> words({"label": "U8*", "energy": None, "stable": True, "impacts": (2.0, 3.5)})
+    '--label U8* --stable --impacts 2:3.5'
+    """
+    parts = []
+    for name, value in told(filters).items():
+        text = "" if value is True else " " + (":".join(f"{part:g}" for part in value) if isinstance(value, tuple) else f"{value}")
+        parts.append(f"--{name}{text}")
+    return " ".join(parts)
 
 
 def _impacts(text: str) -> tuple[float, float]:

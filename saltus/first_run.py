@@ -9,15 +9,20 @@ import sys
 __all__ = ["prepare"]
 
 
-def prepare(*, discovery: bool = False) -> None:
+def prepare(**kernels: bool) -> None:
     """Tell on standard error, where it is a terminal, that kernels will be compiled, if they were not before, and compile some
     of them beside this process.
 
     The second process is a help, not a need: where it cannot be started, or fails, this one compiles everything itself.
+
+    Parameters
+    ----------
+    **kernels
+        What else is needed than to follow a family: as for `branches.kernels.warm.kept`.
     """
     from branches.kernels.warm import kept
 
-    if kept(discovery=discovery):
+    if kept(**kernels):
         return
     if sys.stderr is not None and sys.stderr.isatty():
         print("saltus: compiling the kernels, which takes up to a minute at the first run only", file=sys.stderr, flush=True)

@@ -54,9 +54,9 @@ def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
     orbit : Orbit
     gap : (n,) float
     """
-    even = np.arange(_SAMPLES) * (orbit.period / _SAMPLES)
-    at = np.concatenate([even, [impact.time for impact in orbit.impacts]])
-    w = orbit.sample(at)[0] @ gap
+    cycle = orbit.cycle
+    even = np.arange(_SAMPLES) * (cycle.period / _SAMPLES)
+    w = cycle.sample(np.concatenate([even, cycle.times]))[0] @ gap
     tones = 2.0 * np.abs(np.fft.rfft(w[:_SAMPLES])[1 : _HARMONICS + 1]) / _SAMPLES
     half = 0.5 * float(np.ptp(w))
     return tones / half if half > 0.0 else np.zeros(_HARMONICS)

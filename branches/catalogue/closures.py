@@ -117,11 +117,8 @@ def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event
 
 def unknowns_of(problem: MultipointProblem, orbit: EventOrbit) -> np.ndarray:
     """Unknowns of a problem from an orbit that was kept: exact start and flight times, nodes by exact flight."""
-    from branches.branch import propagate
-
     start = problem.modes.from_state @ np.array(orbit.start)
-    times = np.array(orbit.flight_times)
-    return problem.pack(start, propagate(problem, start, times), times)
+    return problem.shoot(start, np.array(orbit.flight_times))
 
 
 def distance(problem: MultipointProblem, y: np.ndarray, start: np.ndarray) -> float:

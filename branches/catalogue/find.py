@@ -9,9 +9,10 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from branches.catalogue.errors import CatalogueError
-from branches.catalogue.rows import FamilyRow
-from branches.labels import Label, LabelSyntaxError, Name, canonical, matches, nearest, parse, parse_name, roots
-from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound
+from branches.catalogue.rows import FamilyRow, crosses
+from branches.crossings import nearest_crossing, reaches
+from branches.labels import Label, LabelSyntaxError, Name, matches, nearest, nearest_labels, parse, parse_name
+from branches.name_errors import AmbiguousName, NameNotFound, several_turns
 from branches.name_pins import fits_otherwise, note, pin_of
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ __all__ = ["Match", "chosen", "find"]
 _WILD = re.compile(r"[*?\[]")
 _PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic).*")
 _SIDE = re.compile(r"(?<=stop)[a-z]?[+-]")
-
-Crossing = tuple[float, float]
-"""h and alpha of an orbit."""
 
 
 class Match(NamedTuple):
@@ -72,7 +70,7 @@ def chosen(
             return False
         if impacts is not None and not impacts[0] <= row.impacts <= impacts[1]:
             return False
-        if energy is not None and not row.h[0] <= energy <= row.h[1]:
+        if energy is not None and not crosses(row.h, energy):
             return False
         if fits is not None and not any(map(fits, row.label_names)):
             return False
@@ -172,9 +170,9 @@ def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fit
         if name.h is None and name.alpha is None and fits is None:
             out.append((0.0, Match(row.id, "family")))
             continue
-        if name.h is not None and not row.h[0] <= name.h <= row.h[1]:
+        if name.h is not None and not reaches(row.h, name.h):
             continue
-        if name.h is None and name.alpha is not None and not row.alpha[0] <= name.alpha <= row.alpha[1]:
+        if name.h is None and name.alpha is not None and not reaches(row.alpha, name.alpha):
             continue
         points = catalogue.track(row)
         if name.h is None and name.alpha is None:
@@ -182,44 +180,20 @@ def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fit
             middle = own[len(own) // 2] if own else (points[0][0], points[0][1])
             out.append((0.0, Match(row.id, "family", *middle)))
             continue
-        key, value = (0, name.h) if name.h is not None else (1, name.alpha)
-        assert value is not None
-        best: tuple[float, Crossing] | None = None
-        for crossing in _crossings(points, key, value, fits):
-            miss = abs(crossing[1] / name.alpha - 1.0) if name.h is not None and name.alpha is not None else 0.0
-            if miss < (best[0] if best else PIN_TOLERANCE):
-                best = (miss, crossing)
+        best = nearest_crossing(points, name.h, name.alpha, fits)
         if best is not None:
             out.append((best[0], Match(row.id, "family", *best[1])))
     least = min((miss for miss, _ in out), default=0.0)
     return [match for miss, match in out if miss <= least + 1e-9]
 
 
-def _crossings(
-    points: Sequence[tuple[float, float, str]], key: int, value: float, fits: Callable[[str], bool] | None
-) -> list[Crossing]:
-    """Where the track reaches a value of h (key 0) or alpha (key 1), by linear interpolation."""
-    out = []
-    for one, other in zip(points, [*points[1:], points[-1]], strict=True):
-        before, after = one[:2][key] - value, other[:2][key] - value
-        # Both ends of a family are named as they are printed, which can be a hair outside.
-        if before * after > 0.0 and abs(before) > 1e-5 * value:
-            continue
-        if fits is not None and not (fits(one[2]) or fits(other[2])):
-            continue
-        part = before / (before - after) if before * after < 0.0 else 0.0
-        out.append((one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])))
-    return out
-
-
 def _linear_mode(catalogue: Catalogue, label: Label) -> Match:
-    asked = str(canonical(label))
-    known = [node for node in catalogue.nodes if node.kind == "linear mode"]
-    for node in known:
-        if node.id == asked:
-            return Match(node.id, node.kind, node.h[1] if node.h else None, node.alpha)
-    there = ", ".join(node.id for node in known) or "none"
-    raise NameNotFound(f"{catalogue.path} has no linear mode {asked}; it has {there}")
+    known = {node.id: node for node in catalogue.nodes if node.kind == "linear mode"}
+    node = known.get(str(label))
+    if node is None:
+        turned = several_turns(label, lambda root: str(root) in known)
+        raise NameNotFound(turned or f"{catalogue.path} has no linear mode {label}; it has {', '.join(known) or 'none'}")
+    return Match(node.id, node.kind, node.h[1] if node.h else None, node.alpha)
 
 
 def _nothing(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], having: Sequence[FamilyRow]) -> str:
@@ -229,16 +203,10 @@ def _nothing(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], ha
     if having:
         listed = "; ".join(f"{row.id} with {_extent(row)}" for row in having[:4])
         return f"no orbit {label} at {_where(name)} in {catalogue.path}; families that have the label: {listed}"
-    existing: dict[str, Crossing] = {}
-    for row in families:
-        for part in row.labels:
-            existing.setdefault(part.label, (part.h[0], part.alpha[0]))
-    existing.pop("", None)
-    for root, turns in roots(label):
-        if turns > 1 and any(matches(root, parse(known)) for known in existing):
-            return f"{label} is {turns} turns of {root}; expected the name of a primitive orbit"
-    near = ", ".join(nearest(str(canonical(label)), existing)) or "none, it holds no family with a label"
-    return f"{catalogue.path} has no family {label}; nearest that exist: {near}"
+    existing = {part.label for row in families for part in row.labels if part.label}
+    turned = several_turns(label, lambda root: any(matches(root, parse(known)) for known in existing))
+    near = ", ".join(nearest_labels(label, existing)) or "none, it holds no family with a label"
+    return turned or f"{catalogue.path} has no family {label}; nearest that exist: {near}"
 
 
 def _where(name: Name) -> str:

@@ -52,16 +52,26 @@ class _Curve:
         )
         self.chords = np.diff(self.positions, axis=0)
         self.lengths = np.maximum(np.linalg.norm(self.chords, axis=1), 1e-150)
+        self.reach = NEAR * self.lengths + ON
+        # What is near a chord is no further outside the ranges of the chord's energies and quarter periods than that.
+        ends = self.positions[:, -2:]
+        self.low = np.minimum(ends[:-1], ends[1:]) - self.reach[:, None]
+        self.high = np.maximum(ends[:-1], ends[1:]) + self.reach[:, None]
 
     def arclength(self, position: np.ndarray, times: np.ndarray) -> float | None:
         """Where an orbit lies; None where it does not."""
         branch = self.branch
-        away = position - self.positions[:-1]
-        along = np.clip(np.einsum("ij,ij->i", away, self.chords) / self.lengths**2, 0.0, 1.0)
-        distance = np.linalg.norm(away - along[:, None] * self.chords, axis=1)
-        for i in np.flatnonzero(distance <= NEAR * self.lengths + ON):
+        level = position[-2:]
+        beside = np.flatnonzero(((self.low <= level) & (level <= self.high)).all(axis=1))
+        if not beside.size:
+            return None
+        away, chords = position - self.positions[beside], self.chords[beside]
+        parts = np.clip(np.einsum("ij,ij->i", away, chords) / self.lengths[beside] ** 2, 0.0, 1.0)
+        distance = np.linalg.norm(away - parts[:, None] * chords, axis=1)
+        for k in np.flatnonzero(distance <= self.reach[beside]):
+            i, along = int(beside[k]), float(parts[k])
             # From the nearer of the two points: at an end that grazes, and at a bifurcation, there is nothing to correct.
-            j = int(i + (along[i] > 0.5))
+            j = i + (along > 0.5)
             columns = branch.points
             longest = float(np.max(times))
             here = float(np.linalg.norm(position - self.positions[j]))
@@ -69,9 +79,9 @@ class _Curve:
                 if np.allclose(columns["flight_times"][j], times, rtol=0.0, atol=10.0 * ON * longest):
                     return float(columns["arclength"][j])
                 # Where the flight times change fast along the family, points this near are told apart by the correction.
-            found = self._corrected(int(i), j, position)
+            found = self._corrected(i, j, position)
             if found is not None and np.allclose(found, times, rtol=0.0, atol=10.0 * ON * longest):
-                return float(columns["arclength"][i] + along[i] * (columns["arclength"][i + 1] - columns["arclength"][i]))
+                return float(columns["arclength"][i] + along * (columns["arclength"][i + 1] - columns["arclength"][i]))
         return None
 
     def _corrected(self, i: int, j: int, position: np.ndarray) -> np.ndarray | None:

@@ -6,18 +6,24 @@ A picture is drawn from these columns alone, so it can be drawn again from them.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.diagram.pinned import pinned_names
+
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.impulsive import ImpulsiveOrbits, Manifold
+    from branches.name_pins import Pin
     from bvp.system import ImpactSystem
 
 __all__ = ["Atlas", "Bound", "Curve", "Threshold", "atlas_of", "linear_modes", "regime_bounds", "rescaled"]
+
+_NO_PINS: Mapping[str, Pin] = MappingProxyType({})
 
 COLUMNS = ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable")
 """Columns of numbers of a family, besides `velocities` and `label`; named as in the files of a branch."""
@@ -25,15 +31,16 @@ COLUMNS = ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable")
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A family: id, label, whether its name is pinned, and columns of length N.
+    """A family: its id, and columns of length N.
 
-    h, alpha, frequency, frequency_index : (N,) float. half_waves : (N,) int. stable : (N,) int, 1, 0, or -1 where it is undecided.
+    names : (N,) str, what the family is called at each point: its label, or a name that a scene pins. pinned : (N,) bool, where it is
+    that. h, alpha, frequency, frequency_index : (N,) float. half_waves : (N,) int. stable : (N,) int, 1, 0, or -1 where it is undecided.
     velocities : (N, n), NaN where the start is not at the origin. labels : (N,) str.
     """
 
     family: str
-    label: str
-    pinned: bool
+    names: np.ndarray
+    pinned: np.ndarray
     h: np.ndarray
     alpha: np.ndarray
     frequency: np.ndarray
@@ -42,6 +49,11 @@ class Curve:
     stable: np.ndarray
     velocities: np.ndarray
     labels: np.ndarray
+
+    @property
+    def label(self) -> str:
+        """What it is called where no name is pinned; "" where one is everywhere."""
+        return str(self.names[np.argmin(self.pinned)]) if len(self.names) and not self.pinned.all() else ""
 
 
 @dataclass(frozen=True)
@@ -127,7 +139,7 @@ def atlas_of(
     system: ImpactSystem,
     branches: Iterable[Branch],
     *,
-    pinned: Collection[str] = (),
+    pinned: Mapping[str, Pin] = _NO_PINS,
     manifold: Manifold | None = None,
     impulsive: ImpulsiveOrbits | None = None,
     bounds: Sequence[Bound] = (),
@@ -140,8 +152,8 @@ def atlas_of(
     system : ImpactSystem
     branches : iterable of Branch
         Of this system.
-    pinned : collection of str
-        Labels that a family goes by wherever it carries them, and that are written first where there is no room for all.
+    pinned : mapping of names to {"h", "alpha"}
+        Names that are written first where there is no room for all; see `branches.diagram.pinned.pinned_names`.
     manifold, impulsive : as `branches.impulsive` makes them, optional
     bounds : sequence of Bound
         Bounds of regimes, as from `regime_bounds`.
@@ -154,6 +166,8 @@ def atlas_of(
         For a branch of another system.
     """
     low, high = energy if energy is not None else (0.0, math.inf)
+    branches = list(branches)
+    named = pinned_names(branches, pinned)
     curves = []
     for branch in branches:
         if branch.system.describe() != system.describe():
@@ -165,11 +179,13 @@ def atlas_of(
                 continue
             labels = points["label"][part]
             label = branch.label if branch.label in labels else str(labels[len(labels) // 2])
-            label = next((name for name in pinned if name in labels), label)
             columns = {name: np.asarray(points[name][part]) for name in COLUMNS}
-            curves.append(
-                Curve(branch.id, label, label in pinned, velocities=points["velocities"][part], labels=labels.astype(str), **columns)
-            )
+            names, marked = np.full(len(part), label, dtype=object), np.zeros(len(part), dtype=bool)
+            for name in named.get(branch.id, ()):
+                mine = name.points(columns["h"], columns["alpha"], labels.tolist())
+                names[mine], marked[mine] = name.text, True
+            columns |= {"names": names.astype(str), "pinned": marked, "labels": labels.astype(str)}
+            curves.append(Curve(branch.id, velocities=points["velocities"][part], **columns))
     atlas = Atlas(system, tuple(curves), bounds=tuple(bounds))
     if manifold is not None:
         kept = np.isfinite(manifold.frequency)
@@ -197,8 +213,8 @@ def _impulsive_curve(found: ImpulsiveOrbits) -> Curve:
     frequency = np.array([0.5 * math.pi / orbit.alpha for orbit in found.orbits])
     return Curve(
         "",
-        "",
-        False,
+        names=np.full(len(labels), ""),
+        pinned=np.zeros(len(labels), dtype=bool),
         h=np.array([orbit.h for orbit in found.orbits]),
         alpha=np.array([orbit.alpha for orbit in found.orbits]),
         frequency=frequency,

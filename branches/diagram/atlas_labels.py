@@ -21,7 +21,7 @@ __all__ = ["Named", "label_curves", "names_of"]
 _SPACING = 7.0  # points between the places on a curve that a name may point to
 _ROOM = 13.0  # half the width of the surroundings that count as crowded
 _POOL, _ROUNDS = 4, 3  # names that wait for a place, for each that gets one; times that those without room give way
-_HIDDEN = 6.0  # point lengths of curves that a name may hide
+_HIDDEN, _HIDDEN_IN_DETAIL = 6.0, 1.0  # point lengths of curves that a name may hide
 FAR = 48.0
 """Points: a name that would stand further off than this is left out, as leaders across the picture tell nothing."""
 
@@ -29,12 +29,13 @@ FAR = 48.0
 class Named:
     """A curve of a panel with its family: x, y (N,) and breaks (N - 1,) where it is not joined."""
 
-    def __init__(self, curve: Curve | None, x: np.ndarray, y: np.ndarray, breaks: np.ndarray, text: str = ""):
+    def __init__(self, curve: Curve | None, x: np.ndarray, y: np.ndarray, breaks: np.ndarray, text: str = "", pinned: bool = False):
         self.curve = curve
         self.x = np.asarray(x, dtype=float)
         self.y = np.asarray(y, dtype=float)
         self.breaks = np.asarray(breaks, dtype=bool)
         self.text = text or ("" if curve is None else curve.label)
+        self.pinned = pinned
 
     @classmethod
     def point(cls, text: str, x: float, y: float) -> Named:
@@ -51,7 +52,7 @@ class Named:
         """Sort key: pinned first, then the longest range of energy."""
         if self.curve is None:
             return (False, 0.0, self.text)
-        return (not self.curve.pinned, -float(np.log(self.curve.h.max() / self.curve.h.min())), self.curve.family)
+        return (not self.pinned, -float(np.log(self.curve.h.max() / self.curve.h.min())), self.curve.family)
 
     def path(self) -> np.ndarray:
         """The curve (n, 2), with rows of NaN where it is broken."""
@@ -61,21 +62,32 @@ class Named:
         """Points (N, 2) of the curve where its label is the one written; other rows are NaN."""
         points = np.stack([self.x, self.y], axis=1)
         if self.curve is not None:
-            mine = self.curve.labels == self.text
+            mine = self.curve.pinned & (self.curve.names == self.text) if self.pinned else self.curve.labels == self.text
             if mine.any():
                 points[~mine] = np.nan
         return points
 
+    def names(self) -> list[Named]:
+        """The same curve with each of its pinned names; itself where it has none."""
+        if self.curve is None or not self.curve.pinned.any():
+            return [self]
+        texts = dict.fromkeys(self.curve.names[self.curve.pinned].tolist())
+        return [Named(self.curve, self.x, self.y, self.breaks, text, True) for text in texts]
+
 
 def names_of(curves: Sequence[Named], axes: Axes | None = None) -> list[Named]:
-    """The curves that have a label, one for each family, the most important first; those in sight of `axes` where it is given."""
-    chosen: dict[str, Named] = {}
-    for curve in sorted(curves, key=lambda curve: curve.importance):
-        if not curve.text or curve.key in chosen:
+    """The curves that have a name, one for each family but all that are pinned, the most important first; those in sight of `axes` where
+    it is given."""
+    chosen: dict[tuple[str, str], Named] = {}
+    families: set[str] = set()
+    for curve in sorted((name for curve in curves for name in curve.names()), key=lambda curve: curve.importance):
+        key = (curve.key, curve.text)
+        if not curve.text or key in chosen or (curve.key in families and not curve.pinned):
             continue
         if axes is not None and not len(_in_sight(axes, curve)):
             continue
-        chosen[curve.key] = curve
+        chosen[key] = curve
+        families.add(curve.key)
     return list(chosen.values())
 
 
@@ -108,7 +120,9 @@ def label_curves(
     keep_off: Sequence[Sequence[float]] = (),
     *,
     most: int,
+    always: Sequence[Named] = (),
     far: float = FAR,
+    detail: bool = False,
 ) -> set[str]:
     """Write names beside their curves, each at the least crowded place, with a leader where it has to stand off. A name without room near
     its curve gives way to the next one.
@@ -120,7 +134,9 @@ def label_curves(
     curves : polylines (n, 2) in data coordinates, kept off where possible
     keep_off : boxes in points that no name covers
     most : names that are written at most
+    always : names that are written before all others, and do not count
     far : points that a name stands off at most; three times that for a pinned one
+    detail : whether the names stand elsewhere, too, so that none has to touch a curve
 
     Returns
     -------
@@ -132,7 +148,8 @@ def label_curves(
     boxes = np.array(list(keep_off), dtype=float).reshape(-1, 4)
     paths = [axes.transData.transform(curve) * to_points for curve in curves]
     cover = Cover(frame.tolist(), paths)
-    waiting = _candidates(axes, names[: _POOL * most], boxes, cover, far)
+    first = _candidates(axes, always, boxes, cover, far)
+    waiting = _candidates(axes, names[: _POOL * most], boxes, cover, far, first)
     bounds = (frame + np.array([4.0, 4.0, -4.0, -4.0])).tolist()
 
     def placed(chosen: Sequence[_Candidate], slack: float = 1.0) -> list[tuple[_Candidate, Place]]:
@@ -143,9 +160,9 @@ def label_curves(
         pairs = zip(chosen, places, strict=True)
         return [(item, place) for item, place in pairs if place is not None and _reach(item, place) <= slack * item.far]
 
-    chosen: list[_Candidate] = []
+    chosen = first
     for _ in range(_ROUNDS):
-        room = most - len(chosen)
+        room = most - sum(item.named not in always for item in chosen)
         chosen, waiting = chosen + waiting[:room], waiting[room:]
         count = len(chosen)
         done = placed(chosen)
@@ -154,21 +171,22 @@ def label_curves(
             break
     else:
         done = placed(chosen, 1.5)
-    done = _readable(done, cover)
+    done = _readable(done, cover, detail)
     for item, place in done:
         _write(axes, item, place, to_points)
     return {item.named.key for item, _ in done}
 
 
-def _readable(done: Sequence[tuple[_Candidate, Place]], cover: Cover) -> list[tuple[_Candidate, Place]]:
-    """Those of the names, the most important first, that no leader strikes out and that hide no curve; a pinned one may touch a curve."""
+def _readable(done: Sequence[tuple[_Candidate, Place]], cover: Cover, detail: bool) -> list[tuple[_Candidate, Place]]:
+    """Those of the names, the most important first, that no leader strikes out and that hide no curve; a pinned one may touch a curve, but
+    not in a detail."""
     kept: list[tuple[_Candidate, Place]] = []
     boxes, starts, ends = np.empty((0, 4)), np.empty((0, 2)), np.empty((0, 2))
     for item, place in done:
         corner = np.array([place.left, place.bottom])
         box = np.concatenate([corner, corner + item.size])[None]
-        pinned = item.named.curve is None or item.named.curve.pinned
-        if not pinned and cover.within(box)[0] > _HIDDEN:
+        touches = (item.named.curve is None or item.named.pinned) and not detail
+        if not touches and cover.within(box)[0] > (_HIDDEN_IN_DETAIL if detail else _HIDDEN):
             continue
         start, end = item.at[None], np.array([place.leader or item.at])
         if crossing_boxes(starts, ends, box).any() or (place.leader and crossing_boxes(start, end, boxes).any()):
@@ -178,7 +196,9 @@ def _readable(done: Sequence[tuple[_Candidate, Place]], cover: Cover) -> list[tu
     return kept
 
 
-def _candidates(axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Cover, far: float) -> list[_Candidate]:
+def _candidates(
+    axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Cover, far: float, others: Sequence[_Candidate] = ()
+) -> list[_Candidate]:
     to_points = 72 / axes.figure.dpi
     renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
     out: list[_Candidate] = []
@@ -189,14 +209,13 @@ def _candidates(axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Co
         if not len(spots):
             continue
         crowded = cover.within(np.concatenate([spots - _ROOM, spots + _ROOM], axis=1))
-        for other in out:  # names that point to one place would push each other away
+        for other in (*others, *out):  # names that point to one place would push each other away
             crowded = crowded + 40.0 * (np.hypot(*(spots - other.at).T) < 2.0 * _ROOM)
         trial = axes.text(0, 0, written(named.text), fontsize=SMALL)
         size = np.array(trial.get_window_extent(renderer).size) * to_points
         trial.remove()
-        pinned = named.curve is not None and named.curve.pinned
         radius = 3.0 if len(named.x) == 1 else 0.8
-        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if pinned else far))
+        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if named.pinned else far))
     return out
 
 

@@ -21,8 +21,8 @@ TEXTS = ("kind", "family", "name", "label")
 WHOLE = ("curve", "pinned", "half_waves", "stable", "joined")
 NUMBERS = ("h", "alpha", "frequency", "frequency_index")
 COLUMNS = ("kind", "curve", "family", "name", "pinned", "label", *NUMBERS, "half_waves", "stable", "joined")
-"""Columns, besides `velocities`: name is that of the family, label that of the point; stable is 1, 0, or -1 where it is undecided; joined
-is 1 where the manifold goes on to the next row. NaN: does not exist."""
+"""Columns, besides `velocities`: name is what the family is called there, pinned is 1 where a scene pins that, label is that of the point;
+stable is 1, 0, or -1 where it is undecided; joined is 1 where the manifold goes on to the next row. NaN: does not exist."""
 
 
 def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -42,7 +42,8 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     if count:
         nowhere = np.full(count, np.nan)
         curve = Curve(
-            "", "", False, h=atlas.manifold_h, alpha=nowhere, frequency=atlas.manifold_frequency, frequency_index=nowhere,
+            "", np.full(count, ""), np.zeros(count, dtype=bool),
+            h=atlas.manifold_h, alpha=nowhere, frequency=atlas.manifold_frequency, frequency_index=nowhere,
             half_waves=np.zeros(count, dtype=int), stable=np.full(count, -1), velocities=np.full((count, n), np.nan),
             labels=np.full(count, ""),
         )  # fmt: skip
@@ -60,8 +61,8 @@ def _rows(kind: str, number: int, curve: Curve) -> dict[str, np.ndarray]:
         "kind": np.full(count, kind),
         "curve": np.full(count, number),
         "family": np.full(count, curve.family),
-        "name": np.full(count, curve.label),
-        "pinned": np.full(count, int(curve.pinned)),
+        "name": curve.names.astype(str),
+        "pinned": curve.pinned.astype(int),
         "label": curve.labels.astype(str),
         **{name: np.asarray(getattr(curve, name), dtype=float) for name in NUMBERS},
         "half_waves": np.asarray(curve.half_waves, dtype=int),
@@ -85,20 +86,20 @@ def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> A
     unknown = set(np.unique(kind).tolist()) - set(KINDS)
     if unknown:
         raise ValueError(f"rows of unknown kind {sorted(unknown)[0]!r}; expected {', '.join(KINDS)}")
-    curves = []
-    for number in np.unique(columns["curve"][kind == "family"]):
-        curves.append(_curve(columns, (kind == "family") & (columns["curve"] == number)))
+    rows = np.flatnonzero(kind == "family")
+    rows = rows[np.argsort(columns["curve"][rows], kind="stable")]
+    parts = np.split(rows, np.flatnonzero(np.diff(columns["curve"][rows])) + 1) if len(rows) else []
     manifold = kind == "manifold"
-    impulsive = kind == "impulsive"
+    impulsive = np.flatnonzero(kind == "impulsive")
     return Atlas(
         ImpactSystem.from_description(about["system"]),
-        tuple(curves),
+        tuple(_curve(columns, part) for part in parts),
         columns["h"][manifold],
         columns["frequency"][manifold],
         columns["joined"][manifold] == 1,
         str(about["manifold"]["window"]),
         int(about["manifold"]["periods"]),
-        _curve(columns, impulsive) if impulsive.any() else None,
+        _curve(columns, impulsive) if len(impulsive) else None,
         tuple(Bound(str(b["below"]), str(b["above"]), float(b["h"]), str(b["what"])) for b in about["bounds"]),
         float(about["clearance"]),
         float(about["natural_frequency"]),
@@ -106,12 +107,11 @@ def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> A
 
 
 def _curve(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> Curve:
-    first = int(np.argmax(rows))
     numbers = {name: columns[name][rows] for name in NUMBERS}
     return Curve(
-        str(columns["family"][first]),
-        str(columns["name"][first]),
-        bool(columns["pinned"][first]),
+        str(columns["family"][rows[0]]),
+        columns["name"][rows].astype(str),
+        columns["pinned"][rows] == 1,
         half_waves=columns["half_waves"][rows],
         stable=columns["stable"][rows],
         velocities=columns["velocities"][rows],

@@ -8,13 +8,20 @@ from __future__ import annotations
 __all__ = ["kept", "warm"]
 
 
-def kept(*, discovery: bool = False) -> bool:
-    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk; those of `discovery` too, if asked."""
+def kept(*, discovery: bool = False, impulsive: bool = False) -> bool:
+    """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk; those of `discovery`, and of
+    `impulsive` motions, too, if asked."""
     from branches.kernels.march import march
     from bvp.kernels.warm import kept as looking_kept
     from bvp.kernels.warm import stored
 
-    return looking_kept(discovery=discovery) and stored(march)
+    kernels = [march]
+    if impulsive:
+        from bvp.kernels.run import run
+        from bvp.kernels.trail import trail
+
+        kernels += [trail, run]
+    return looking_kept(discovery=discovery) and all(map(stored, kernels))
 
 
 def warm() -> None:

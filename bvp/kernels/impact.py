@@ -51,8 +51,8 @@ TURN, CROSSED = 6, 7
 
 STEP_LIMIT = 100_000
 NEAR = 1e9
-"""A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so, would
-be known no better than rounding of w over that speed."""
+"""A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so,
+would be known no better than rounding of w over that speed."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
 STEADY_FALL = 1.0 / 3.0
@@ -62,7 +62,8 @@ RENEW = 8
 """Steps after which the bounds of a motion that decays are taken anew: they stay valid, but it becomes smaller."""
 
 RELEASED = 1000.0
-"""Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other numbers."""
+"""Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other
+numbers."""
 
 
 def work_array(size, contacts):

@@ -35,8 +35,8 @@ RECIPROCAL = tuple(1.0 / k for k in range(2, 64))
 """1/2, 1/3, ..."""
 
 LOST = 4.0
-"""Size of the two exponentials of a pair, in the largest value of their sum over the flight, up to which they are taken apart: the square of
-it is the digits that a product can lose."""
+"""Size of the two exponentials of a pair, in the largest value of their sum over the flight, up to which they are taken apart: the square
+of it is the digits that a product can lose."""
 
 ROWS = 8
 

@@ -68,6 +68,7 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
     from branches.building.build import build, refuse_other_plan
     from branches.catalogue import Catalogue
     from saltus import __version__
+    from saltus.catalogue_records import impacts_text
     from saltus.first_run import prepare
     from saltus.progress import ProgressBar
 
@@ -78,7 +79,7 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         refuse_other_plan(catalogue, plan)
         print(
             f"build  {place}: h {bounds.energy[0]:g} to {bounds.energy[1]:g}, quarter period up to {bounds.quarter_period:g}, "
-            f"up to {bounds.impacts} impacts in half a period" + (f", and {len(plan.names)} names" if plan.names else ""),
+            f"up to {impacts_text(bounds.impacts)}" + (f", and {len(plan.names)} names" if plan.names else ""),
             file=words, flush=True,
         )  # fmt: skip
         prepare(discovery=True)
@@ -108,6 +109,10 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         lines.append(f"       of {report['halves']} families one side of a branch point was followed; the other is its image")
     if report["lost"]:
         lines.append(f"       at {len(report['lost'])} bifurcations no new family was found (dead ends of the graph, which say why)")
+    if not report["families"]:
+        from saltus.empty_bounds import nothing_inside
+
+        lines.append(f"       {nothing_inside(scene.system, bounds, scene.quarter_period)}")
     print("\n".join(lines), file=words)
     if arguments.json is not None:
         _write(arguments.json, {"bounds": bounds.plain(), **report})

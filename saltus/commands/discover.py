@@ -7,7 +7,7 @@ from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments, scene_arguments
-from saltus.arguments import positive, whole, whole_above_zero
+from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE
 from saltus.events_table import stability_word
 from saltus.outputs import Outputs
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="H", type=positive, required=True, help="the energy h")
     parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period alpha (default: the scene's)")
-    parser.add_argument("--max-impacts", metavar="K", type=whole, help="most impacts in half a period (default: not bounded)")
+    parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: not bounded)")
     parser.add_argument(
         "--ends",
         metavar="PAIRS",
@@ -32,7 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="kinds of orbits, as pairs of ends with commas between: origin-origin (default; includes the symmetric orbits, "
         "origin-rest and origin-stop), rest-rest, rest-stop, stop-stop",
     )
-    parser.add_argument("--max-starts", metavar="N", type=whole_above_zero, help="most starts followed (default: a million)")
+    parser.add_argument(
+        "--max-starts",
+        metavar="N",
+        type=whole_above_zero,
+        help="most starts followed (default: a million; fewer where a mode is fast)",
+    )
     parser.add_argument("--json", metavar="FILE", help="write all data as JSON; - is standard output, which then carries nothing else")
     catalogue_arguments.add_file(parser, "tell which family of this catalogue each orbit lies on")
     scene_arguments.add_arguments(parser)
@@ -124,13 +129,15 @@ def summary(found: Discovery) -> list[str]:
     -------
     list of str
     """
+    from saltus.catalogue_records import impacts_text
+
     counts = found.counts
-    bound = "any number of impacts" if found.impacts is None else f"up to {found.impacts} impacts in half a period"
+    bound = "any number of impacts" if found.impacts is None else f"up to {impacts_text(found.impacts)}"
     lines = [
         f"{len(found.orbits)} orbits at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
         f"between the ends {', '.join(found.ends)}",
         f"scan     {counts['starts']} starts, intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
-        f"{counts['at_grazing']} as narrow as rounding at a grazing; {counts['grazings']} grazings",
+        f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counts['grazings']} grazings",
         f"orbits   {counts['crossings']} crossings, {counts['repeated'] + counts['multiple_turns']} of them several turns, "
         f"{counts['polished']} polished, {counts['duplicates']} duplicates, {counts['inadmissible']} inadmissible, "
         f"{counts['unpolished']} not polished",

@@ -107,7 +107,7 @@ def _graph(catalogue: Catalogue, arguments: argparse.Namespace, kind: str) -> in
 
     graph = catalogue.graph()
     filters = family_filters.from_arguments(arguments)
-    if arguments.names or any(value not in (None, False) for value in filters.values()):
+    if arguments.names or family_filters.told(filters):
         kept = {row.id for row in catalogue.families(**filters)}
         if arguments.names:
             kept &= {catalogue.find(name).id for name in arguments.names}

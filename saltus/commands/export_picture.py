@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import catalogue_arguments, scene_arguments
-from saltus.arguments import energy_range, one_of, positive, whole_above_zero
+from saltus import catalogue_arguments, family_filters, scene_arguments
+from saltus.arguments import one_of, positive, whole_above_zero
 from saltus.errors import DONE, FAILED, BadInput, nearest, say
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_writable, replacing
 
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="families, as `saltus continue --json` writes them")
     catalogue_arguments.add_file(parser, "families of this catalogue (default: that of the scene in the user's data folder)")
     parser.add_argument("--data", metavar="FILE", help="draw from data that were exported before")
-    parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="energies shown (default: all that the families have)")
+    family_filters.add_arguments(parser, shown=True)
     parser.add_argument("--frequency", metavar="AXIS", type=one_of("index", "fundamental"), default="index", help="as in `saltus continue`")
     parser.add_argument("--impulsive", action="store_true", help="add the impulsive motions: their curve and the periodic ones")
     parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period of periodic impulsive orbits")
@@ -98,7 +98,8 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     if arguments.data is not None:
         from branches.export import read_atlas
 
-        for option in ("impulsive", "regimes", "energy", "scene", *scene_arguments.parameters(arguments)):
+        filters = family_filters.told(family_filters.from_arguments(arguments))
+        for option in ("impulsive", "regimes", "energy", "scene", *scene_arguments.parameters(arguments), *filters):
             if getattr(arguments, option) not in (None, False):
                 raise BadInput(f"--{option} chooses what is in the data, and {arguments.data} holds them already; give it without --data")
         atlas = read_atlas(arguments.data)
@@ -106,35 +107,50 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
             return atlas
         return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
 
-    from branches.record import read_branch
-
     scene = scene_arguments.from_arguments(arguments)
-    if arguments.branches:
-        branches = [read_branch(path) for path in arguments.branches]
-        if arguments.scene is not None or scene_arguments.parameters(arguments):
-            _require_system(scene, branches[0], arguments.branches[0])
-    else:
-        with catalogue_arguments.from_arguments(arguments) as catalogue:
-            branches = [catalogue.branch(row.id) for row in catalogue.families()]
-            if not branches:
-                raise BadInput(f"{catalogue.path} holds no family; expected one that saltus build or saltus continue --save has filled")
+    branches, everything = _families(arguments, scene)
     system = branches[0].system
     curve = periodic = None
-    energy = arguments.energy
+    energy = shown = arguments.energy if isinstance(arguments.energy, tuple) else None
     if arguments.impulsive:
         from branches.impulsive import impulsive_manifold, impulsive_orbits
         from saltus.first_run import prepare
 
-        prepare()
+        prepare(impulsive=True)
         if energy is None:
             energy = min(float(b.points["h"].min()) for b in branches), max(float(b.points["h"].max()) for b in branches)
         periodic = impulsive_orbits(system, energy, quarter_period=arguments.max_quarter_period or scene.quarter_period)
         curve = impulsive_manifold(system, energy)
     bounds: tuple[Bound, ...] = ()
     if arguments.regimes:
-        bounds, missing = regime_bounds(system, branches)
+        bounds, missing = regime_bounds(system, everything)
         for text in missing:
             print(f"note   no bound {text}", flush=True)
-    pinned = tuple(scene.pins_for(system))
-    atlas = atlas_of(system, branches, pinned=pinned, manifold=curve, impulsive=periodic, bounds=bounds, energy=arguments.energy)
+    atlas = atlas_of(system, branches, pinned=scene.pins_for(system), manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
     return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
+
+
+def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch], list[Branch]]:
+    """The families that the filters choose, and, where the regimes are asked for, whose bounds any family can tell, all of them."""
+    filters = family_filters.from_arguments(arguments)
+    if arguments.branches:
+        from branches.catalogue.find import chosen
+        from branches.catalogue.packing import pack
+        from branches.record import read_branch
+
+        everything = [read_branch(path) for path in arguments.branches]
+        if arguments.scene is not None or scene_arguments.parameters(arguments):
+            _require_system(scene, everything[0], arguments.branches[0])
+        kept = {row.id for row in chosen([pack(branch).row for branch in everything], **filters)}
+        place = "the files given"
+    else:
+        with catalogue_arguments.from_arguments(arguments) as catalogue:
+            place = str(catalogue.path)
+            if not len(catalogue):
+                raise BadInput(f"{place} holds no family; expected one that saltus build or saltus continue --save has filled")
+            kept = {row.id for row in catalogue.families(**filters)}
+            everything = [catalogue.branch(row.id) for row in catalogue.families() if arguments.regimes or row.id in kept]
+    branches = [branch for branch in everything if branch.id in kept]
+    if not branches:
+        raise BadInput(f"no family of {place} fits {family_filters.words(filters)}; saltus list shows those that there are")
+    return branches, everything

@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     longest = arguments.max_quarter_period or scene.quarter_period
     with catalogue_arguments.given(arguments, scene) as catalogue:
-        prepare()
+        prepare(impulsive=True)
         found = impulsive_orbits(scene.system, arguments.energy, quarter_period=longest, impacts=arguments.max_impacts)
         entries = records(found, catalogue)
     print(HEADER + ("  family" if arguments.catalogue is not None else ""), file=files.words)

@@ -10,6 +10,7 @@ from tests.branches.traced import traced
 
 SYSTEM = vibro_impact_nes()
 ENERGY = (0.03, 30.0)
+PINS = {"S13O00+": {}, "S31O11+": {}}
 
 
 @cache
@@ -39,5 +40,5 @@ def atlas():
     bounds, missing = regime_bounds(SYSTEM, families())
     assert not missing
     return atlas_of(
-        SYSTEM, families(), pinned=("S13O00+", "S31O11+"), manifold=curve(), impulsive=impulsive(), bounds=bounds, energy=ENERGY
+        SYSTEM, families(), pinned=PINS, manifold=curve(), impulsive=impulsive(), bounds=bounds, energy=ENERGY
     )

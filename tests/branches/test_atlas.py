@@ -12,8 +12,9 @@ import pytest
 
 from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
 from branches.diagram.atlas_data import linear_modes
-from branches.diagram.placement import overlapping
+from branches.diagram.placement import even_points, overlapping
 from branches.export import ExportError, read_atlas, write_atlas
+from branches.labels import canonical, parse
 from tests.branches import atlas_families as real
 from tests.branches.test_diagram import assert_texts_apart, by_gid, panels_of, text_boxes
 
@@ -136,10 +137,62 @@ def test_names_are_counted_and_pinned_ones_come_first():
         assert f"of {total} families named" in axes.get_xlabel()
         assert count == len(texts) <= most
         if most == 3:
-            others = [curve for curve in data.curves if not curve.pinned]
+            others = [curve for curve in data.curves if not curve.pinned.any()]
             widest = max(others, key=lambda curve: curve.h.max() / curve.h.min())
             assert count == 3 and {r"$\mathrm{S13}^{+}$", r"$\mathrm{S31O11}^{+}$"} < texts
             assert widest.label in ("S11O00-",) and r"$\mathrm{S11}^{-}$" in texts
+
+
+PINS = {
+    "U11+": {"h": 0.48, "alpha": 1.6903},
+    "U21+": {"h": 0.53, "alpha": 1.6453},
+    "U21-": {"h": 0.58, "alpha": 1.6186},
+    "S31O11-": {"h": 1.5, "alpha": 1.6376},
+    "S11-": {"h": 0.8},
+    "U(15)578-": {"h": 1.475, "alpha": 8.1792},
+    "S13+": {"h": 0.8, "alpha": 0.3},
+}
+
+
+def test_a_pin_marks_its_family_at_its_place():
+    """Oracle: the scene's own pins. U11+ and U21- are labels of the family that leaves S13+, U21+ is the literature's name of a point
+    that counts as U1101+; S31O11- counts as S33O11- there; a pin of a family that is not there, and one where no orbit is, mark nothing."""
+    data = atlas_of(real.SYSTEM, real.families(), pinned=PINS)
+    marked = {}
+    for curve in data.curves:
+        for name in dict.fromkeys(curve.names[curve.pinned].tolist()):
+            assert name not in marked
+            marked[name] = curve
+    assert set(marked) == {"U11+", "U21+", "U21-", "S31O11-", "S11-"}
+    born = marked["U11+"]
+    assert born is marked["U21+"] is marked["U21-"] and "U1101+" in born.labels
+    for name, label in (("U11+", "U1101+"), ("U21-", "U2101-"), ("S11-", "S11O00-")):
+        curve = marked[name]
+        here = set(curve.labels[(curve.names == name) & curve.pinned].tolist())
+        assert {str(canonical(parse(text))) for text in here} == {label}
+    for name, label in (("U21+", "U1101+"), ("S31O11-", "S33O11-")):
+        curve = marked[name]
+        (k,) = np.flatnonzero(curve.names == name)
+        assert str(canonical(parse(curve.labels[k]))) == label
+        away = np.hypot(np.log(curve.h / PINS[name]["h"]), np.log(curve.alpha / PINS[name]["alpha"]))
+        assert k == np.argmin(away) and away[k] < 0.05
+
+
+@pytest.mark.parametrize("figure", [atlas_figure, velocities_figure])
+def test_pinned_names_are_written_as_the_scene_writes_them(figure):
+    """Oracle: the texts of the picture; three names of one family count as one family."""
+    data = atlas_of(real.SYSTEM, real.families()[:2] + tuple(b for b in real.families() if "U1101+" in b.points["label"]), pinned=PINS)
+    drawn = figure(data)
+    axes = drawn.axes[-1]
+    texts = {text.get_text() for axes in drawn.axes for text in axes.texts}
+    assert {r"$\mathrm{U11}^{+}$", r"$\mathrm{U21}^{+}$", r"$\mathrm{U21}^{-}$"} < texts
+    assert r"$\mathrm{U1101}^{+}$" not in texts and "(3 of 3 families named" in axes.get_xlabel()
+
+
+def test_a_pin_outside_the_energies_shown_marks_nothing():
+    """Oracle: the range."""
+    data = atlas_of(real.SYSTEM, real.families(), pinned=PINS, energy=(0.56, 1.4))
+    assert {name for curve in data.curves for name in curve.names[curve.pinned]} == {"U21-", "S11-"}
 
 
 def test_insets_show_what_their_frames_frame_and_cover_nothing_but_empty_ground():
@@ -165,6 +218,44 @@ def test_insets_show_what_their_frames_frame_and_cover_nothing_but_empty_ground(
     at = axes.transData.transform(points[np.isfinite(points).all(axis=1)])
     inside = [(at > box[:2]).all(axis=1) & (at < box[2:]).all(axis=1) for box in (boxes[0], boxes[2])]
     assert np.mean(inside[0] | inside[1]) < 0.01
+
+
+@pytest.mark.parametrize("text", ["1:3", "0.2:0.4,0.7:1.2", "0.09:0.16,0.8:1.1", "0.5:2,0.7:1.4", "0.12:0.2,0.9:2.5"])
+@pytest.mark.parametrize("frequency", ["index", "fundamental"])
+def test_an_inset_shows_its_part_larger_and_in_full_view(text, frequency):
+    """Oracle: sizes of the part and of the inset (one that is as high as the picture is wider only), the scale of the axis; text extents
+    apart from each other, those of ticks in a corner and of the letter too, and those of names and letter against the curves there."""
+    figure = atlas_figure(real.atlas(), frequency=frequency, insets=[parse_inset(text)])
+    texts, boxes = assert_texts_apart(figure, "png")
+    panels = panels_of(figure)
+    axes, inset = panels["frequency"], panels["inset-a"]
+    (frame,) = by_gid(axes, "inset-a-frame")
+    shown = np.ptp(axes.transData.transform(frame.get_xydata()), axis=0)
+    larger = np.array(inset.bbox.size) > 1.05 * shown
+    assert larger[0] and (larger[1] or shown[1] > 0.6 * axes.bbox.height) and inset.get_yscale() == axes.get_yscale()
+    curves = [line.get_xydata() for line in lines_of(inset, "inset-a-").values() if line.get_linestyle() != "None"]
+    spots = np.concatenate([even_points(inset.transData.transform(curve) * 72 / 200, 0.5) for curve in curves])
+    for text, (left, bottom, right, top) in zip(texts, boxes, strict=True):
+        if text.axes is inset and (text.get_text().startswith("$\\mathrm{") or text.get_text() == "a"):
+            inside = (spots > [left + 1.0, bottom + 1.5]).all(axis=1) & (spots < [right - 1.0, top - 1.5]).all(axis=1)
+            assert inside.sum() <= 4, text.get_text()
+
+
+def test_names_in_insets_count():
+    """Oracle: the number asked for, and the texts of the picture and its insets."""
+    for most in (1, 3, 6):
+        figure = atlas_figure(real.atlas(), names=most, insets=[parse_inset(text) for text in INSETS])
+        axes = panels_of(figure)["frequency"]
+        texts = {text.get_text() for panel in figure.axes for text in panel.texts if text.get_text().startswith("$\\mathrm{")}
+        count = int(axes.get_xlabel().split("(")[1].split(" of ")[0])
+        assert len({text for text in texts if "L11" not in text}) == count <= most
+
+
+@pytest.mark.parametrize(("text", "words"), [("0.2:0.3,20:30", "nothing is drawn there"), ("0.04:29", "expected a smaller part")])
+def test_an_inset_without_use(text, words):
+    """Oracle: the message names it as it was given."""
+    with pytest.raises(ValueError, match=f"inset {text}: .*{words}"):
+        atlas_figure(real.atlas(), insets=[parse_inset(text)])
 
 
 @pytest.mark.parametrize("text", ["3:1", "1", "1:2:3", "1:2,3", "a:b", "0:1", "1:2,3:4,5:6", "1:2,4:3"])
@@ -271,8 +362,8 @@ def test_a_picture_drawn_from_its_exported_data_is_the_same(kind, tmp_path):
         again = read_atlas(path)
         assert picture(again, draw) == picture(data, draw)
         for before, after in zip(data.curves, again.curves, strict=True):
-            assert (after.family, after.label, after.pinned) == (before.family, before.label, before.pinned)
-            for name in ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable", "velocities", "labels"):
+            assert (after.family, after.label) == (before.family, before.label)
+            for name in ("names", "pinned", "h", "alpha", "frequency", "frequency_index", "half_waves", "stable", "velocities", "labels"):
                 np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
 
 
@@ -291,7 +382,7 @@ def test_tables_can_be_read_without_this_program(tmp_path):
     assert columns["h"][: len(data.curves[0].h)] == data.curves[0].h.tolist()
     mat = loadmat(tmp_path / "data.mat")
     np.testing.assert_array_equal(mat["h"][: len(data.curves[0].h), 0], data.curves[0].h)
-    assert mat["name"][0].rstrip() == data.curves[0].label
+    assert mat["name"][0].rstrip() == data.curves[0].names[0]
 
 
 def test_files_that_cannot_be_read(tmp_path):

@@ -23,6 +23,7 @@ from branches.labels import (
     latex,
     matches,
     nearest,
+    nearest_labels,
     parse,
     parse_name,
     roots,
@@ -384,6 +385,25 @@ def test_roots_find_what_was_turned(label, count):
         whole = Label(longer.kind, longer.m, longer.n, longer.parity, longer.p, longer.q, sign)
         assert (canonical(label), count) in roots(whole)
         assert all(matches(turns(root, times), whole) and root.m * times == whole.m for root, times in roots(whole))
+
+
+def test_nearest_labels_are_near_in_the_grammar():
+    """Oracle: the fields by hand; U3401, which the paper prints and nothing has, beside the labels with one impact that exist, each of
+    them once; what a label leaves open tells nothing apart."""
+    one_impact = ["U1101+", "U2101-", "U2201+", "U3210-", "U4401+", "U4410+", "U4401-"]
+    others = ["U3411-", "U3402+", "S33O11-", "S35O00+", "U3412-"]
+    assert set(nearest_labels(parse("U3401"), one_impact + others, 3)) == {"U4401+", "U4401-", "U3201-"}
+    assert nearest_labels(parse("U3421-"), one_impact + others, 1) == ("U3412-",)
+    assert nearest_labels(parse("U8353+"), ["U8353-", "U8344+", "U6353+"], 2) == ("U8335-", "U6335+")
+    assert nearest_labels(parse("S13O00-"), ["S13O00+", "S13E11-", "U1301-"], 1) == ("S13O00+",)
+    assert nearest_labels(parse("U21"), ["U2144+", "U2201+"], 1)[0] == "U2144+"
+    assert nearest_labels(parse("U21"), []) == ()
+
+
+@given(complete_labels(), st.lists(complete_labels(), min_size=1, max_size=6))
+def test_a_label_that_exists_is_the_nearest(label, others):
+    (found,) = nearest_labels(label, [str(other) for other in (*others, label)], 1)
+    assert canonical(parse(found)) == canonical(label)
 
 
 def test_labels_without_roots():

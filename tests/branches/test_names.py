@@ -85,6 +85,8 @@ def test_the_id_of_a_family_is_a_name():
         ("S39O11+", (0.2, 2.0), ["3 turns of S13O00+"]),
         ("L11+", (0.05, 1e4), ["linear mode", "0.1185078106"]),
         ("L11-", (0.05, 1e4), ["linear mode", "0.0864921894"]),
+        ("L22-", (0.05, 1e4), ["2 turns of L11-"]),
+        ("U3401", (0.09, 0.15), ["nearest that exist", "U4401+@h=", "U3201-@h="]),
         ("stop+-stop+:-:00000000", (0.05, 1e4), ["origin start only", "switching"]),
     ],
 )

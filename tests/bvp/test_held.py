@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import EventKind, MotionStatus, Mover, run
+from bvp.damped import Mover, run
 from bvp.forcing import Constant, Harmonic, Record
+from bvp.motion import EventKind, MotionStatus
 from bvp.shares import absorber_energy, split_damping
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain
@@ -32,7 +33,8 @@ def random_held(seed, n, restitution=0.0):
 @settings(max_examples=25, deadline=None)
 @given(st.integers(2, 4), st.integers(0, 2**31), st.booleans())
 def test_a_held_motion_is_that_of_the_constrained_equations(n, seed, forced):
-    """M u'' + C u' + K u = f + c force, c . u'' = 0: the residual of the dense output, by its own accelerations, and the sign of the force."""
+    """M u'' + C u' + K u = f + c force, c . u'' = 0: the residual of the dense output, by its own accelerations, and the sign of the
+    force."""
     system, row, u, v, rng = random_held(seed, n)
     press = 50.0 * row / (row @ np.linalg.solve(system.mass, row))
     forces = [Constant(press)] + ([Harmonic(1.3, cosine=rng.normal(size=n))] if forced else [])
@@ -77,9 +79,8 @@ def test_two_stops_are_held_and_released_one_by_one():
     def alone(k, bound, rate):
         return ImpactSystem([[1.0]], [[0.1]], [[k]], (Stop((1.0,), lower=bound, restitution=rate),))
 
-    together = ImpactSystem(
-        np.eye(2), 0.1 * np.eye(2), np.diag([1.0, 3.0]), (Stop((1.0, 0.0), lower=0.0, restitution=0.5), Stop((0.0, 1.0), lower=0.1, restitution=0.2))
-    )
+    stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.5), Stop((0.0, 1.0), lower=0.1, restitution=0.2))
+    together = ImpactSystem(np.eye(2), 0.1 * np.eye(2), np.diag([1.0, 3.0]), stops)
     first, second = Harmonic(0.7, cosine=[1.0], sine=[-1.0]), Harmonic(1.1, sine=[1.5])
     both = [Harmonic(0.7, cosine=[1.0, 0.0], sine=[-1.0, 0.0]), Harmonic(1.1, sine=[0.0, 1.5])]
     motion = run(together, [0.4, 0.3], [0.0, -1.0], 60.0, forces=both)
@@ -177,7 +178,7 @@ def test_many_motions_are_those_run_one_by_one():
     [
         (lambda mover: mover.run([0.0], [0.0, 0.0], 1.0), "u is a list of 2 finite numbers"),
         (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], -1.0), "duration is a finite time of 0 or more; received -1.0"),
-        (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], 1.0, marks=(0.5, 1.0)), "marks are fractions of the initial energy between 0 and 1"),
+        (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], 1.0, marks=(0.5, 1.0)), "marks are fractions of the initial energy"),
         (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], 1.0, max_impacts=-1), "max_impacts is a whole number"),
         (lambda mover: mover.run_many([[0.0, 0.0]], 1.0), r"states is an array of finite numbers of shape \(b, 4\)"),
         (lambda mover: mover.run([0.0, 0.0], [0.0, 1.0], 1.0).sample([2.0]), "the motion covers times 0 to 1; received 2"),

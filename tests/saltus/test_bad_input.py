@@ -41,6 +41,9 @@ CASES = [
     # a label that no orbit has in the range: what was searched, the nearest that exists
     ("continue S13O00- --energy 0.1:1", ["S13O00-", "0.1", "1", "nearest"]),
     ("orbit S13O00+ --energy 0.01", ["S13O00+", "0.01", "0.1185078"]),
+    ("continue U3401 --energy 0.1:0.14", ["U3401", "nearest that exist", "U3201-@h="]),
+    ("orbit U3401 --energy 0.13", ["U3401", "nearest that exist", "U3201-@h="]),
+    ("continue L22-", ["L22- is 2 turns of L11-"]),
     # a label that several families have
     ("continue S73O33- --mu 0.1000001", ["S73O33-", "@h="]),
     # a suffix that selects none of the orbits that exist
@@ -106,7 +109,8 @@ CASES = [
     ("discover --energy -2", ["--energy", "'-2'", "above 0"]),
     ("discover --energy nan", ["--energy", "'nan'", "a number"]),
     ("discover --energy 1 --max-quarter-period -1", ["--max-quarter-period", "'-1'", "above 0"]),
-    ("discover --energy 1 --max-impacts -1", ["--max-impacts", "'-1'", "0 or more"]),
+    ("discover --energy 1 --max-impacts -1", ["--max-impacts", "'-1'", "above 0"]),
+    ("discover --energy 1 --max-impacts 0", ["--max-impacts", "'0'", "above 0"]),
     ("discover --energy 1 --max-impacts 2.5", ["--max-impacts", "'2.5'", "whole"]),
     ("discover --energy 1 --ends rest-sop", ["'rest-sop'", "nearest: rest-stop"]),
     ("discover --energy 1 --ends origin-origin,", ["unknown ends ''"]),

@@ -131,3 +131,9 @@ def test_the_table_fits_the_terminal(columns):
     table = plain.split("orbits at h")[0].splitlines()[:-1]
     assert len(table) > 5 and max(len(line.rstrip()) for line in table) <= columns
     assert columns < 100 or "S11O00-" in plain
+
+
+def test_no_impacts_is_no_bound():
+    """Oracle: the words; an orbit without impacts is a linear mode."""
+    with pytest.raises(ValueError, match="at most 0 impacts .* expected 1 or more"):
+        saltus.discover(saltus.vibro_impact_nes(), 1.0, quarter_period=2.0, impacts=0)

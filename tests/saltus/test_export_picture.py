@@ -2,12 +2,14 @@
 
 import contextlib
 import io
+import json
 import shlex
 
 import pytest
 
 from saltus.__main__ import main
 from tests.branches import atlas_families as real
+from tests.branches.catalogue.families import real as families
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +55,41 @@ def test_regimes_and_impulsive_motions(folder):
     assert text.count("\nmanifold,") == 101 and text.count("\nimpulsive,") == 1 and '"below": "II"' in text.splitlines()[0]
 
 
+@pytest.mark.parametrize("what", ["fep", "velocities"])
+@pytest.mark.parametrize(
+    "filters", ["--label S*", "--energy 0.5", "--stable", "--ends origin-stop", "--impacts 1", "--energy 0.5 --stable --label S13+", ""]
+)
+def test_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters):
+    """Oracle: the ids that `saltus list` gives for the same words, from a catalogue and from files of the same families."""
+    _, out, _ = told(f"list --catalogue {catalogue} --json - {filters}")
+    expected = {family["id"] for family in json.loads(out)["families"]}
+    files = [tmp_path / f"{k}.json" for k in range(len(families()))]
+    for branch, file in zip(families(), files, strict=True):
+        branch.save(file)
+    for source in (f"--catalogue {catalogue}", f"--branches {' '.join(map(str, files))}"):
+        code, _, err = told(f"export {what} {source} --out {tmp_path}/a.json {filters}")
+        assert code == 0, err
+        columns = json.loads((tmp_path / "a.json").read_text())["columns"]
+        assert set(columns["family"]) == expected
+
+
+def test_families_without_start_velocities(tmp_path):
+    """Oracle: the ends; a family between a rest and a stop never passes the origin."""
+    from branches.linear_modes import families_at, linear_modes
+
+    begun = next(met for met in families_at(linear_modes(real.SYSTEM)[0], 1, 1, points=20) if "origin" not in met.ends)
+    begun.branch.save(tmp_path / "rest.json")
+    code, _, err = told(f"export velocities --branches {tmp_path}/rest.json --out {tmp_path}/a.png")
+    assert code == 2 and "where no orbit of these families starts" in err and err.count("\n") == 1
+
+
+def test_regimes_are_told_by_all_families(catalogue, tmp_path):
+    """Oracle: the symmetry breaking of S13O00+, which the filter leaves out."""
+    code, out, _ = told(f"export fep --catalogue {catalogue} --out {tmp_path}/a.csv --label S11- --regimes")
+    text = (tmp_path / "a.csv").read_text()
+    assert code == 0 and '"what": "SB of S13+"' in text and "S13O00+" not in text and "no bound III/IV" in out
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -69,6 +106,14 @@ def test_regimes_and_impulsive_motions(folder):
         ("export fep --out a.png --data {folder}/0.json --regimes", ["--regimes", "without --data"]),
         ("export fep --out a.png --branches {folder}/0.json --inset 3:1", ["3:1", "LO:HI"]),
         ("export velocities --out a.png --branches {folder}/0.json --inset 1:3", ["fep"]),
+        ("export fep --out a.png --data {folder}/0.json --label U*", ["--label", "without --data"]),
+        ("export fep --out a.png --branches {folder}/0.json --label Ux", ["character 2"]),
+        ("export fep --out a.png --branches {folder}/0.json --label U8* --stable", ["fits --label U8* --stable"]),
+        ("export velocities --out a.png --branches {folder}/0.json --energy 0", ["above 0"]),
+        ("export velocities --out a.png --branches {folder}/0.json --energy 2:1", ["reversed"]),
+        ("export fep --out a.png --branches {folder}/0.json --ends rest-rest", ["expected one of origin-stop"]),
+        ("export fep --out a.png --branches {folder}/0.json --impacts 5:1", ["0 <= LO <= HI"]),
+        ("export fep --out a.png --branches {folder}/0.json --labl U8", ["nearest: --label"]),
         ("export fep --out a.png --branches {folder}/0.json --clearance 0", ["above 0"]),
         ("export fep --out a.png --branches {folder}/0.json --energy 1e7:1e8", ["nothing to draw"]),
         ("export fep --out no/such/a.png --branches {folder}/0.json", ["no/such", "does not exist"]),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 from saltus import first_run
 
 
@@ -38,3 +40,39 @@ def test_cold_kernels_start_the_compiling_process(monkeypatch):
     first_run.prepare()
     assert seen["command"] == [sys.executable, "-m", "branches.kernels.warm"]
     assert all(path in seen["env"]["PYTHONPATH"] for path in sys.path if path)
+
+
+@pytest.mark.parametrize("missing", ["march", "trail", "run", "scan_interval"])
+def test_what_a_command_needs_is_looked_for(monkeypatch, missing):
+    """Oracle: one kernel is taken for not compiled; who needs it says so, and no other does."""
+    from branches.kernels.warm import kept
+
+    monkeypatch.setattr("bvp.kernels.warm.stored", lambda kernel: kernel.py_func.__name__ != missing)
+    assert kept() is (missing != "march")
+    assert kept(impulsive=True) is (missing not in ("march", "trail", "run"))
+    assert kept(discovery=True) is (missing not in ("march", "scan_interval"))
+
+
+@pytest.mark.parametrize(
+    ("words", "asked"),
+    [
+        ("impulsive --energy 1:2", {"impulsive": True}),
+        ("export fep --out a.png --catalogue {catalogue} --impulsive", {"impulsive": True}),
+        ("discover --energy 1", {"discovery": True}),
+        ("continue S13O00+", {}),
+    ],
+)
+def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_path, words, asked):
+    """Oracle: the kernels by hand; the command ends where it asks."""
+    from saltus.__main__ import main
+
+    seen = {}
+
+    def stop(**kernels):
+        seen.update(kernels)
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("saltus.first_run.prepare", stop)
+    assert main(words.format(catalogue=catalogue).split()) == 130
+    assert seen == asked

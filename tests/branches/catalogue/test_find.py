@@ -6,7 +6,7 @@ import saltus
 from branches.catalogue import Node
 from branches.labels import LabelSyntaxError
 from branches.name_errors import AmbiguousName, NameNotFound
-from tests.branches.catalogue.families import real, renamed, scene
+from tests.branches.catalogue.families import HIGH, real, renamed, scene
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +48,16 @@ def test_a_name_is_its_family(catalogue, name):
         assert match.alpha == pytest.approx(exact, rel=1e-4)
 
 
+def test_the_end_of_a_family_is_one_of_its_orbits(catalogue):
+    """Oracle: the energies between which the families were followed, which each bound meets to rounding only, and the printed digits of a
+    grazing; every family that `families` gives at the bound has an orbit there."""
+    at_bound = [row.id for row in catalogue.families(energy=HIGH)]
+    assert at_bound == [row.id for row in catalogue.families() if abs(row.h[1] / HIGH - 1.0) < 1e-10]
+    assert at_bound and all(catalogue.branch(id).orbits_at(energy=HIGH) for id in at_bound)
+    assert catalogue.find("S11-@h=20").id in at_bound and catalogue.find("S13+@h=0.1185078").id == real()[BACKBONE].id
+    assert {row.id for row in catalogue.families(energy=HIGH, label="S11-", stable=True)} == {real()[OUT_OF_PHASE].id}
+
+
 def test_either_start_of_an_unsymmetric_orbit_is_its_name(catalogue):
     """Oracle: Umnpq and Umnqp are one orbit."""
     labels = {label for label in real()[BORN].points["label"] if label}
@@ -72,15 +82,18 @@ def test_an_id_and_its_beginning(catalogue):
 
 
 def test_a_linear_mode(catalogue):
-    """Oracle: the node; L33+ is the same motion."""
-    assert catalogue.find("L11+") == catalogue.find("L33+") == ("L11+", "linear mode", 0.1185, 1.84, "")
-    with pytest.raises(NameNotFound, match=r"no linear mode L11-; it has L11\+"):
-        catalogue.find("L11-")
+    """Oracle: the node; the modes that there are."""
+    assert catalogue.find("L11+") == ("L11+", "linear mode", 0.1185, 1.84, "")
+    for name in ("L11-", "L22-"):
+        with pytest.raises(NameNotFound, match=rf"no linear mode {name}; it has L11\+"):
+            catalogue.find(name)
 
 
 MISSING = {
     "S39O11+": "S39O11\\+ is 3 turns of S13O00\\+",
+    "L33+": "L33\\+ is 3 turns of L11\\+",
     "U8353": "no family U8353; nearest that exist: ",
+    "U1201": r"nearest that exist: U1301\+, U1101\+, U2101-",
     "S79O33-": "nearest that exist: .*S77O33-",
     "S13+@h=20": r"no orbit S13O00\+ at h = 20 .* h = 0\.118508 to 14\.5537",
     "S77O33-@h=15": "no orbit S77O33- at h = 15",
