@@ -117,6 +117,8 @@ class Motion:
     marks : tuple of Mark
     start, final : (2n,) ndarray
         (u, v).
+    peaks : (n,) ndarray
+        Largest |u| of each coordinate.
     """
 
     system: ImpactSystem
@@ -143,6 +145,7 @@ class Motion:
     marks: tuple[Mark, ...]
     start: np.ndarray
     final: np.ndarray
+    peaks: np.ndarray
     numbers: np.ndarray
     """(k, 3) kind, contact and phase of each event."""
     states: np.ndarray
@@ -251,6 +254,7 @@ class Batch:
     marks : (b, Q, D + S + 2) ndarray
         Time of each mark and the totals there; NaN where it is not reached.
     final : (b, 2n) ndarray
+    peaks : (b, n) ndarray or None
     parts : tuple of D + S str
     fractions : (Q,) ndarray
     """
@@ -267,6 +271,7 @@ class Batch:
     totals: np.ndarray
     marks: np.ndarray
     final: np.ndarray
+    peaks: np.ndarray | None
     parts: tuple[str, ...]
     fractions: np.ndarray
 

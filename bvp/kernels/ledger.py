@@ -4,6 +4,7 @@ from bvp.kernels.bounds import dot
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
 from bvp.kernels.integral import integrals
+from bvp.kernels.peaks import peak_flight
 from bvp.kernels.phase import (
     EVENTS,
     HELD_TIME,
@@ -117,10 +118,18 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
 
 
 @part
-def fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work):
-    """Carry z, the clock and the sums over a flight."""
+def fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
+    """Carry z, the clock, the sums and the peaks over a flight."""
     if flight == 0.0:
         return
+    work = scratch.work
+    out = scratch.out
+    integral_work = scratch.integral
+    if peaks.shape[0]:
+        peak_flight(
+            phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.leave[f], z, flight, peaks, scratch.peak,
+            scratch.edge, work,
+        )  # fmt: skip
     total = damped(phases, f, z, flight, integral_work, out)
     if counts[MARK] < marks.shape[0]:
         mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, integral_work, out)

@@ -105,14 +105,16 @@ def held_after(phases, held, c, z):
 
 
 @kernel
-def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table, values, before, log, work, integral_work, out):
+def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch):
     """Carry a motion on until its duration, its most impacts, or a reason to return.
 
     z (N,) state of the phase; x (2 n + 2 G,) (u, v) and the states of the loads, from which a pending phase begins; counts (COUNTS,), clock
     (CLOCK,): see above; turns (G, 2) angles of the loads and sums (D + S + 1, 2), compensated; marks (Q, 3 + D + S): fractions of the
-    initial energy, ascending, then filled with
-    the time at which that much is gone and the sums there. out (R,); the other arrays are scratch. Returns the reason.
+    initial energy, ascending, then filled with the time at which that much is gone and the sums there; peaks (n,) largest displacements, or
+    empty where they are not wanted. Returns the reason.
     """
+    before = scratch.before
+    work = scratch.work
     width = 2 * phases.shape[0]
     contacts = phases.side.shape[1]
     while True:
@@ -149,7 +151,7 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
         holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
         if status == NONE:
             begin = clock[TIME]
-            fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
+            fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
             if end == duration:
                 if cannot_hit(phases, f, z):
                     counts[CLEAR] = 1
@@ -173,7 +175,7 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
             return STARTED_OUTSIDE
         if status == EXHAUSTED and flight == 0.0:
             return GAVE_UP
-        fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
+        fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
         times_matrix(phases.leave[f], z, x)
         for r in range(width):
             before[r] = x[r]
@@ -228,7 +230,8 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
             times_matrix(phases.enter[0], x, z)
         record(log, IMPACT, c, counts, clock, before, z, sums)
         counts[LEAVING] = c
-        if chatter(phases, after, c, z, x, (end - clock[TIME]) - clock[TIME_LOW], counts, clock, turns, sums, table, values):
+        rest = (end - clock[TIME]) - clock[TIME_LOW]
+        if chatter(phases, after, c, z, x, rest, counts, clock, turns, sums, scratch.table, scratch.values):
             for r in range(width):
                 before[r] = x[r]
             hold(phases, c, x, counts, clock, sums, marks, work)

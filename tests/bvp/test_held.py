@@ -173,6 +173,24 @@ def test_many_motions_are_those_run_one_by_one():
     assert (batch.held_time > 0.0).any()
 
 
+@pytest.mark.parametrize("forced", [False, True])
+def test_peaks_are_the_largest_displacements(forced):
+    """Against dense samples: none is larger, and one comes near to second order of their distance."""
+    mover = Mover(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]) if forced else None)
+    states = np.random.default_rng(5).normal(size=(8, 4)) * [0.2, 0.2, 2.0, 2.0]
+    batch = mover.run_many(states, 40.0, with_peaks=True)
+    for state, peaks in zip(states, batch.peaks, strict=True):
+        motion = mover.run(state[:2], state[2:], 40.0)
+        u, _ = motion.sample(np.linspace(0.0, 40.0, 40_001))
+        largest = np.abs(u).max(axis=0)
+        assert np.all(motion.peaks >= largest * (1 - 1e-14))
+        np.testing.assert_allclose(motion.peaks, largest, rtol=2e-3)
+        np.testing.assert_allclose(peaks, motion.peaks, rtol=1e-11)
+    closed = run(ImpactSystem([[1.0]], [[0.2]], [[1.0]], (Stop((1.0,), upper=9.0),)), [0.0], [1.0], 30.0)
+    w = math.sqrt(0.99)
+    assert closed.peaks[0] == pytest.approx(math.exp(-0.1 * math.atan2(w, 0.1) / w), rel=1e-14)
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [

@@ -1,0 +1,65 @@
+"""Largest displacements over a flight: at its ends and where a velocity passes zero, which is found as the next impact of that velocity."""
+
+from bvp.kernels.bounds import amplitudes, dot
+from bvp.kernels.compiled import kernel
+from bvp.kernels.flight import flow_state
+from bvp.kernels.impact import HIT, TOUCH, next_impact
+
+__all__ = ["PEAK_ROWS", "peak_flight"]
+
+PEAK_ROWS = 6
+"""Rows of the scratch array."""
+
+TURN_LIMIT = 100_000
+
+
+@kernel
+def row_times_matrix(rows, c, matrix, out):
+    """out[0] = rows[c] matrix."""
+    for r in range(matrix.shape[1]):
+        total = 0.0
+        for k in range(matrix.shape[0]):
+            total += rows[c, k] * matrix[k, r]
+        out[0, r] = total
+
+
+@kernel
+def peak_flight(pairs, mean, delta, matrix, leave, z, flight, peaks, scratch, edge, work):
+    """peaks (n,): the larger of themselves and |u| over a flight from z, with (u, v) = leave z. scratch (PEAK_ROWS, 1, N), edge (2, 1)."""
+    n = peaks.shape[0]
+    now = scratch[3, 0]
+    later = scratch[4, 0]
+    side = edge[0]
+    bound = edge[1]
+    bound[0] = 0.0
+    for i in range(n):
+        level, _, _ = amplitudes(pairs, mean, delta, matrix, leave, i, z, flight)
+        if level <= peaks[i]:
+            continue
+        peaks[i] = max(peaks[i], abs(dot(leave, i, z)))
+        for r in range(z.shape[0]):
+            now[r] = z[r]
+            scratch[0, 0, r] = leave[n + i, r]
+        row_times_matrix(leave, n + i, matrix, scratch[1])
+        row_times_matrix(scratch[1], 0, matrix, scratch[2])
+        rate = dot(leave, n + i, z)
+        if rate == 0.0:
+            rate = dot(scratch[1], 0, z)
+        side[0] = -1.0 if rate > 0.0 else 1.0
+        left = flight
+        leaving = -1
+        for _ in range(TURN_LIMIT):
+            status, _, step = next_impact(
+                pairs, mean, delta, matrix, scratch[0], scratch[1], scratch[2], side, bound, leaving, now, left, work
+            )
+            turns = status == HIT or status == TOUCH
+            flow_state(pairs, mean, delta, matrix, now, step if turns else left, later)
+            peaks[i] = max(peaks[i], abs(dot(leave, i, later)))
+            if not turns:
+                break
+            for r in range(z.shape[0]):
+                now[r] = later[r]
+            left -= step
+            if status == HIT:
+                side[0] = -side[0]
+            leaving = 0
