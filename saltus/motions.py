@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +13,13 @@ from saltus.errors import BadInput, one_line
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-    from bvp.damped import Motion
+    from bvp.motion import Motion
     from bvp.system import ImpactSystem
     from saltus.motion_start import Start
     from saltus.scene import Scene
     from transitions.extents import Extents
-    from transitions.record import Record
+    from transitions.motion import Motion as Shown
     from transitions.sharing import Sharing
-    from transitions.spectrum import Spectrum
     from transitions.stages import Stage
 
 __all__ = ["Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
@@ -54,8 +54,8 @@ class Told:
     watched : Watched
     reference : float
         The energy that shares are fractions of: the initial one; where there was none, what came in.
-    record, spectrum, stages : optional
-        Where they were asked for and can be told.
+    shown : transitions.motion.Motion or None
+        Its record and stages, where they can be told; else
     why_no_stages : str
     """
 
@@ -63,10 +63,13 @@ class Told:
     sharing: Sharing
     watched: Watched
     reference: float
-    record: Record | None = None
-    spectrum: Spectrum | None = None
-    stages: tuple[Stage, ...] | None = None
+    shown: Shown | None = None
     why_no_stages: str = ""
+
+    @property
+    def stages(self) -> Sequence[Stage] | None:
+        """Its stages, None where they cannot be told."""
+        return None if self.shown is None else self.shown.stages
 
     @property
     def shares_of(self) -> str:
@@ -128,7 +131,8 @@ def _told(
     leaving: str | None,
     nes: tuple[int, ...],
 ) -> Told:
-    from bvp.damped import MotionStatus, run
+    from bvp.damped import run
+    from bvp.motion import MotionStatus
     from transitions.drifts import drift_rows
     from transitions.extents import extents
 
@@ -152,13 +156,14 @@ def _told(
 
 
 def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | None) -> Told:
-    """The same with its record, spectrum and stages, as far as they can be told.
+    """The same with its record and stages, where they can be told.
 
     The families are those of the catalogue; else the one that the motion starts on, and the linear modes."""
     from transitions.families import families_of, relative
+    from transitions.motion import Motion as Shown
     from transitions.sampled import sampled, samples_of
     from transitions.spectrum import TooCoarse
-    from transitions.stages import spectrum_of, stages_of
+    from transitions.stages import stages_of
 
     gap = relative(scene.system)
     families = None
@@ -166,15 +171,14 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
         families = families_of(catalogue, gap)
     elif start.branch is not None:
         families = families_of([start.branch], gap)
-    samples, record = samples_of(told.motion), None
+    samples = samples_of(told.motion)
     while samples <= MOST_SAMPLES:
         try:
-            record = sampled(told.motion, told.sharing, samples)
-            spectrum = spectrum_of(record, gap)
-            stages = stages_of(record, gap, families, spectrum=spectrum)
-            return replace(told, record=record, spectrum=spectrum, stages=tuple(stages))
+            shown = Shown(scene.system, sampled(told.motion, told.sharing, samples), gap)
+            stages = stages_of(shown.record, gap, families, spectrum=shown.spectrum)
+            return replace(told, shown=replace(shown, stages=tuple(stages)))
         except TooCoarse:
             samples *= 2
         except ValueError as error:
-            return replace(told, record=record, why_no_stages=one_line(error))
+            return replace(told, why_no_stages=one_line(error))
     return replace(told, why_no_stages=f"its record would have {samples} samples, and {MOST_SAMPLES} are allowed")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.damped import EventKind
+from bvp.motion import EventKind
 from transitions.record import Record
 
 if TYPE_CHECKING:
-    from bvp.damped import Motion
+    from bvp.motion import Motion
     from transitions.sharing import Sharing
 
 __all__ = ["PER_PERIOD", "sampled", "samples_of"]
