@@ -20,6 +20,9 @@ from bvp.kernels.phase import (
 
 __all__ = ["add", "advance_clock", "damped", "dissipated", "fly", "hold", "lose", "record"]
 
+MARK_LEVEL = 4e-16
+"""Part of the initial energy to which the energy gone at a mark is met."""
+
 
 @kernel
 def add(sums, i, value):
@@ -76,6 +79,12 @@ def damped(phases, f, z, t, work, out):
     return total
 
 
+@part
+def passes_mark(phases, total, counts, clock, sums, marks):
+    """True where the next mark is passed while `total` more is dissipated."""
+    return dissipated(sums, phases.shape[1] + phases.shape[2]) + total >= marks[counts[MARK], 0] * clock[INITIAL]
+
+
 @kernel
 def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, out):
     """Write the marks that are passed within a flight on which `total` is dissipated."""
@@ -96,7 +105,7 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
             if not low < at < high:
                 at = 0.5 * (low + high)
             miss = damped(phases, f, z, at, work, out) - wanted
-            if abs(miss) <= 1e-16 * clock[INITIAL]:
+            if abs(miss) <= MARK_LEVEL * clock[INITIAL]:
                 break
             if miss > 0.0:
                 high = at
@@ -131,7 +140,7 @@ def fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
             scratch.edge, work,
         )  # fmt: skip
     total = damped(phases, f, z, flight, integral_work, out)
-    if counts[MARK] < marks.shape[0]:
+    if counts[MARK] < marks.shape[0] and passes_mark(phases, total, counts, clock, sums, marks):
         mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, integral_work, out)
         damped(phases, f, z, flight, integral_work, out)
     for k in range(phases.part.shape[0]):
