@@ -27,6 +27,7 @@ COMMANDS = {
     "export": ("saltus.commands.export", "write what a catalogue holds: plots of many families, the graph, points, orbits"),
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
     "section": ("saltus.commands.section", "make Poincare sections: many motions of one energy, or a plate of energies"),
+    "run": ("saltus.commands.run", "run one damped motion, event by event, and tell where its energy goes"),
     "impulsive": ("saltus.commands.impulsive", "find the orbits that start with the velocity of the oscillator alone"),
 }
 

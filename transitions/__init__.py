@@ -1,1 +1,1 @@
-"""Damped and chaotic motion beside the families of periodic orbits: where it goes, and where its energy goes."""
+"""Damped motion: where the energy goes, what its spectrum says over time, and which families of the undamped system it follows."""
