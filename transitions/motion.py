@@ -75,7 +75,8 @@ def atlas_behind(catalogue: Catalogue, motion: Motion) -> Atlas:
     rows = [row for row in catalogue.families() if row.impacts <= BACKBONE or row.id in followed]
     branches = [catalogue.branch(row.id) for row in rows]
     # Names without a pin: they stand on every family that has the label.
-    pinned: dict[str, dict[str, float]] = {name: {} for name in _labels(stage.follows for stage in motion.stages if stage.follows is not None)}
+    names = _labels(stage.follows for stage in motion.stages if stage.follows is not None)
+    pinned: dict[str, dict[str, float]] = {name: {} for name in names}
     energy = motion.record.energy[motion.record.energy > 0.0]
     low, high = (float(energy.min()), float(energy.max())) if len(energy) else (0.0, math.inf)
     return atlas_of(catalogue.system, branches, pinned=pinned, energy=(0.5 * low, 2.0 * high))
