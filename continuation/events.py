@@ -156,7 +156,9 @@ class EventFinder:
             if test.kind == "guard" and not positive_low and not positive_high:
                 step = locator.step(low)
                 crossings.append(Location("outside", "located", low, step, abs(locator.value(index, low)), step, step))
-            elif positive_low is not positive_high and (test.kind == "crossing" or positive_low):
+            elif positive_low is not positive_high and (positive_low or test.kind == "crossing"):
+                if test.kind == "crossing" and locator.changes_at_an_end(index, low, high):
+                    continue
                 crossings.append(locator.crossing(index, low, high, guard=test.kind == "guard"))
         return crossings
 

@@ -154,6 +154,10 @@ def _least(newest: float, other: float, tolerance: float) -> float:
     return max(0.5 * tolerance, 2 * math.ulp(max(abs(other), abs(newest)))) / abs(other - newest)
 
 
+def _signs_differ(a: float, b: float) -> bool:
+    return (a > 0.0) is not (b > 0.0)
+
+
 class Location(NamedTuple):
     """Where an event is, seen from the accepted point before it.
 
@@ -250,7 +254,7 @@ class Locator:
         """
         scale = max(abs(self.value(index, low)), abs(self.value(index, high)))
         if not guard:  # what ends a family is located from its own values alone: beyond the end of another guard they mean nothing
-            low, high = self._narrowed(index, low, high, lambda a, b: (a > 0.0) is not (b > 0.0))
+            low, high = self._narrowed(index, low, high, _signs_differ)
         value_low, value_high = self.value(index, low), self.value(index, high)
         tolerance, coincidence = self._settings.location_tolerance, self._settings.coincidence_tolerance
         found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance, coincidence)
@@ -271,6 +275,12 @@ class Locator:
     def ends_with_another(self, index: int) -> bool:
         """Whether a guard is violated first where another one has its zero: then that is the end, and this one tells no more of it."""
         return any(self.value(index, low) > 0.0 >= self.value(index, high) for low, high in self._ends)
+
+    def changes_at_an_end(self, index: int, low: float, high: float) -> bool:
+        """Whether a test function changes sign inside the last bracket of a guard that was located: by its pole or jump at the end, as far as
+        steps can tell."""
+        low, high = self._narrowed(index, low, high, _signs_differ)
+        return any(first <= low and high <= last for first, last in self._ends)
 
     def _narrowed(self, index: int, low: float, high: float, differ: Callable[[float, float], bool]) -> tuple[float, float]:
         """The first two neighbours, among the steps taken for other events, between which a test function that differs at low and high
