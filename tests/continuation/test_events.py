@@ -142,6 +142,14 @@ def test_terminal_event_is_the_last_point_and_later_events_are_none():
     assert end.reason is EndReason.EVENT
 
 
+@pytest.mark.parametrize("end", [1.03, 1.1 - 1e-11])
+def test_a_pole_at_the_end_of_a_family_is_no_event(end):
+    """Multipliers have a pole where an impact's speed goes through zero: also where a step ends so near to it that they are huge there."""
+    guard, pole = Marker("END", "guard", terminal=True), Marker("A", "crossing")
+    _, events, _ = run(Line((pole, lambda s: 1.0 / (end - s) if s != end else math.inf), (guard, lambda s: end - s)))
+    assert [event.code for event in events] == ["END"]
+
+
 def test_guard_may_rise_but_not_fall():
     _, events, _ = run(Line((Marker("G", "guard"), lambda s: math.sin(s - 1.0))))
     assert [event.arclength for event in events] == pytest.approx([1 + math.pi], abs=1e-10)
