@@ -277,8 +277,8 @@ class Locator:
         return any(self.value(index, low) > 0.0 >= self.value(index, high) for low, high in self._ends)
 
     def changes_at_an_end(self, index: int, low: float, high: float) -> bool:
-        """Whether a test function changes sign inside the last bracket of a guard that was located: as far as steps can tell, by its pole or
-        jump at the end."""
+        """Whether a test function changes sign inside the last bracket of a guard that was located: as far as steps can tell, by its pole
+        or jump at the end."""
         low, high = self._narrowed(index, low, high, _signs_differ)
         return any(first <= low and high <= last for first, last in self._ends)
 
