@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import saltus
 from branches.catalogue import Catalogue
@@ -60,7 +61,7 @@ def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn):
     renderer = figure.canvas.get_renderer()
     whole = figure.bbox
     boxes = []
-    for text in figure.findobj(lambda artist: hasattr(artist, "get_text") and artist.get_visible()):
+    for text in figure.findobj(lambda artist: isinstance(artist, Text) and artist.get_visible()):
         if text.get_text().strip() and not (text.axes and text.axes.get_label() == "<colorbar>"):
             box = text.get_window_extent(renderer)
             if box.width and box.height:

@@ -96,7 +96,7 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None) -> Fig
     spectrum = transition.spectrum
     with picture_settings():
         figure = new_figure(7.6)
-        figure.suptitle(rf"Transition from energy $h = {record.energy[0]:.6g}$   ({system_text(transition.system)})")
+        figure.suptitle(rf"Motion from energy $h = {record.energy[0]:.6g}$   ({system_text(transition.system)})")
         axes = figure.subplot_mosaic(
             [["series", "series"], ["share", "lost"], ["spectrum", "families"]], height_ratios=[0.72, 0.8, 1.25], width_ratios=[1.0, 1.0]
         )
@@ -167,15 +167,17 @@ def _draw_lost(axes: Axes, transition: Transition) -> None:
 
 
 def _band(spectrum: Spectrum) -> tuple[float, float]:
-    """Lowest and highest frequency with a fifth of the largest amplitude at any time, edges of the record apart, and a third of an octave
-    beside them."""
+    """Lowest and highest frequency with a fifth of the largest amplitude at any time, edges of the record apart, with room for names below
+    and a third of an octave above."""
     clear = spectrum.frequencies[:, None] > spectrum.cone[None, :]
     inside = np.where(clear, spectrum.amplitudes, 0.0) if clear.any() else spectrum.amplitudes
     seen = np.flatnonzero(inside.max(axis=1) >= SHARE * inside.max())
     last = len(spectrum.frequencies) - 1
-    beside = max(1, round(1.0 / (3.0 * spectrum.octaves)))
-    low, high = (max(0, int(seen[0]) - beside), min(last, int(seen[-1]) + beside)) if len(seen) else (0, last)
-    return float(spectrum.frequencies[low]), float(spectrum.frequencies[high])
+    if not len(seen):
+        return float(spectrum.frequencies[0]), float(spectrum.frequencies[last])
+    high = float(spectrum.frequencies[min(last, int(seen[-1]) + max(1, round(1.0 / (3.0 * spectrum.octaves))))])
+    low = float(spectrum.frequencies[max(0, int(seen[0]) - 1)])
+    return max(float(spectrum.frequencies[0]), low - 0.1 * (high - low)), high
 
 
 def _frequency_axis(axes: Axes, band: tuple[float, float], words: str, symbol: str) -> None:
