@@ -6,19 +6,22 @@ from bvp.kernels.flight import flow_state
 from bvp.kernels.integral import integrals
 from bvp.kernels.peaks import peak_flight
 from bvp.kernels.phase import (
+    CHATTER,
+    CONTACT,
     EVENTS,
     HELD_TIME,
     INITIAL,
     LOSS,
     MARK,
     PHASE,
+    SPAN,
     SPEED,
     TIME,
     TIME_LOW,
     times_matrix,
 )  # fmt: skip
 
-__all__ = ["add", "advance_clock", "damped", "dissipated", "fly", "hold", "lose", "record"]
+__all__ = ["add", "advance_clock", "damped", "dissipated", "fly", "hold", "lose", "record", "record_chatter"]
 
 MARK_LEVEL = 4e-16
 """Part of the initial energy to which the energy gone at a mark is met."""
@@ -193,3 +196,20 @@ def record(log, kind, contact, counts, clock, before, z, sums):
     for i in range(sums.shape[0]):
         log.sums[row, i] = sums[i, 0] + sums[i, 1]
     counts[EVENTS] = row + 1
+
+
+@kernel
+def record_chatter(phases, f, log, counts, clock, before, z, sums, scratch):
+    """Write that bounces are summed over the time up to now: a flight of the phase in which they end, up to the state z there."""
+    span = clock[SPAN]
+    clock[SPAN] = 0.0
+    row = counts[EVENTS]
+    if row >= log.numbers.shape[0]:
+        return
+    back = scratch.peak[5, 0]
+    flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], z, -span, back)
+    record(log, CHATTER, counts[CONTACT], counts, clock, before, back, sums)
+    log.values[row, 0] = clock[TIME] - span
+    damped(phases, f, back, span, scratch.integral, scratch.out)
+    for k in range(phases.part.shape[0]):
+        log.sums[row, phases.part[k]] -= scratch.out[k]

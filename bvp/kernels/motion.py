@@ -8,7 +8,7 @@ from bvp.kernels.bounds import dot
 from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
-from bvp.kernels.ledger import fly, hold, lose, record
+from bvp.kernels.ledger import fly, hold, lose, record, record_chatter
 from bvp.kernels.phase import (
     BOUNCES,
     BREAK,
@@ -28,6 +28,7 @@ from bvp.kernels.phase import (
     PHASE,
     PIECE,
     RELEASE,
+    SPAN,
     SPEED,
     STICK,
     TIME,
@@ -126,8 +127,10 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             times_matrix(phases.enter[f], x, z)
             counts[PHASE] = f
             counts[PENDING] = -1
+            if clock[SPAN] > 0.0:
+                record_chatter(phases, f, log, counts, clock, before, z, sums, scratch)
             record(log, counts[KIND], counts[CONTACT], counts, clock, before, z, sums)
-        if log.numbers.shape[0] and log.numbers.shape[0] - counts[EVENTS] <= contacts + 2:
+        if log.numbers.shape[0] and log.numbers.shape[0] - counts[EVENTS] <= contacts + 3:
             return FULL
         if counts[IMPACTS] >= most:
             return MOST

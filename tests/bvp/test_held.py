@@ -191,6 +191,22 @@ def test_peaks_are_the_largest_displacements(forced):
     assert closed.peaks[0] == pytest.approx(math.exp(-0.1 * math.atan2(w, 0.1) / w), rel=1e-14)
 
 
+def test_samples_of_summed_bounces_stay_at_the_stop():
+    """From the last impact that is told to the end of the bounces: the gap is closed to the height of a bounce, and energies go on."""
+    system = ImpactSystem([[1.0]], [[0.3]], [[1.0]], (Stop((1.0,), 0.5, restitution=0.7),))
+    motion = run(system, [0.9], [0.0], 20.0)
+    begin = int(np.flatnonzero(motion.kinds == EventKind.CHATTER.value)[0])
+    assert [EventKind(k).name for k in motion.kinds[begin - 1 :]] == ["IMPACT", "CHATTER", "STICK"]
+    assert motion.times[begin] == pytest.approx(motion.times[begin - 1], rel=1e-15)
+    times = np.linspace(motion.times[begin], motion.times[begin + 1], 50)
+    u, _ = motion.sample(times)
+    np.testing.assert_allclose(u, 0.5, atol=1e-13)
+    spent = motion.spent(times)
+    assert np.all(np.diff(spent.sum(axis=1)) >= -1e-16)
+    assert spent[-1].sum() == pytest.approx(motion.sums[begin + 1].sum(), rel=1e-15)
+    assert motion.stretches[0].end == motion.times[begin + 1]
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
