@@ -6,20 +6,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from transitions.record import Record
 from transitions.spectrum import Spectrum, Wavelet
-from transitions.stages import Companion, Follows, Stage, spectrum_of
+from transitions.stage import Stage
+from transitions.stages import spectrum_of
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from branches.diagram.atlas_data import Atlas
     from bvp.system import ImpactSystem
 
-__all__ = ["Transition", "atlas_behind", "stage_from_data"]
+__all__ = ["Transition", "atlas_behind", "require_same"]
 
 BACKBONE = 1.0
 """Families with so many impacts in half a period at most are drawn behind every motion."""
@@ -95,21 +96,3 @@ def require_same(undamped: ImpactSystem, moving: ImpactSystem) -> None:
     same = undamped.mass.shape == moving.mass.shape and np.array_equal(undamped.mass, moving.mass)
     if not (same and np.array_equal(undamped.stiffness, moving.stiffness) and places[0] == places[1]):
         raise ValueError("the families belong to a system with other masses, springs or stops than the one that moves")
-
-
-def stage_from_data(data: dict[str, Any]) -> Stage:
-    """A stage from what `transitions.stages.stages_as_data` makes of it.
-
-    Raises
-    ------
-    KeyError, TypeError
-        For what is none.
-    """
-    follows = data["follows"]
-    return Stage(
-        **{name: data[name] for name in ("start", "end", "periods", "frequency", "share", "dissipated_nes", "dissipated_lo", "impacts")},
-        frequencies=(data["frequencies"][0], data["frequencies"][1]),
-        energies=(data["energies"][0], data["energies"][1]),
-        companions=tuple(Companion(**item) for item in data["companions"]),
-        follows=None if follows is None else Follows(**{**follows, "others": tuple(follows["others"])}),
-    )

@@ -30,7 +30,7 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
     branches.files.WriteFailure
         If the file cannot be written; an old file is then unchanged.
     """
-    from transitions.stages import stages_as_data
+    from transitions.stage import stages_as_data
 
     record = transition.record
     about: dict[str, Any] = {
@@ -59,7 +59,8 @@ def read_transition(path: str | os.PathLike[str]) -> Transition:
         from bvp.system import ImpactSystem
         from transitions.record import Record
         from transitions.spectrum import Wavelet
-        from transitions.transition import Transition, stage_from_data
+        from transitions.stage import stage_from_data
+        from transitions.transition import Transition
 
         band = about["frequencies"]
         return Transition(

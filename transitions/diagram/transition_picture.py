@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from branches.diagram.atlas_data import Atlas
-    from transitions.stages import Stage
+    from transitions.stage import Stage
     from transitions.transition import Transition
 
 __all__ = ["draw_transition", "transition_figure"]
