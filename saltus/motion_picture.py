@@ -9,21 +9,21 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue
     from branches.diagram.atlas_data import Atlas
-    from transitions.motion import Motion
+    from transitions.transition import Transition
 
 __all__ = ["draw"]
 
 
-def draw(shown: Motion, catalogue: Catalogue | None, branch: Branch | None, path: Path) -> None:
+def draw(shown: Transition, catalogue: Catalogue | None, branch: Branch | None, path: Path) -> None:
     """Draw a motion into a file, over the families of a catalogue, else over the one that it starts on."""
-    from transitions.diagram.motion_picture import draw_motion
+    from transitions.diagram.transition_picture import draw_transition
 
-    draw_motion(shown, _behind(shown, catalogue, branch), path)
+    draw_transition(shown, _behind(shown, catalogue, branch), path)
 
 
-def _behind(shown: Motion, catalogue: Catalogue | None, branch: Branch | None) -> Atlas | None:
+def _behind(shown: Transition, catalogue: Catalogue | None, branch: Branch | None) -> Atlas | None:
     if catalogue is not None:
-        from transitions.motion import atlas_behind
+        from transitions.transition import atlas_behind
 
         return atlas_behind(catalogue, shown)
     if branch is None:

@@ -18,14 +18,18 @@ if TYPE_CHECKING:
     from saltus.motion_start import Start
     from saltus.scene import Scene
     from transitions.extents import Extents
-    from transitions.motion import Motion as Shown
     from transitions.sharing import Sharing
     from transitions.stages import Stage
+    from transitions.transition import Transition
 
 __all__ = ["Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
 
-MOST_SAMPLES = 2_000_000
-"""Samples of a record above which stages are not told."""
+MOST_SAMPLES = 400_000
+"""Samples of the record that stages are told from: about twenty seconds of work. A longer motion has them as far as these go."""
+
+
+FINEST = 64
+"""How many times more samples than by default are tried where the record is too coarse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +58,17 @@ class Told:
     watched : Watched
     reference : float
         The energy that shares are fractions of: the initial one; where there was none, what came in.
-    shown : transitions.motion.Motion or None
-        Its record and stages, where they can be told; else
+    shown : transitions.transition.Transition or None
+        Its record and stages, where they can be told.
     why_no_stages : str
+        Why they cannot, or not to the end.
     """
 
     motion: Motion
     sharing: Sharing
     watched: Watched
     reference: float
-    shown: Shown | None = None
+    shown: Transition | None = None
     why_no_stages: str = ""
 
     @property
@@ -160,10 +165,10 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
 
     The families are those of the catalogue; else the one that the motion starts on, and the linear modes."""
     from transitions.families import families_of, relative
-    from transitions.motion import Motion as Shown
     from transitions.sampled import sampled, samples_of
     from transitions.spectrum import TooCoarse
     from transitions.stages import stages_of
+    from transitions.transition import Transition
 
     gap = relative(scene.system)
     families = None
@@ -171,14 +176,21 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
         families = families_of(catalogue, gap)
     elif start.branch is not None:
         families = families_of([start.branch], gap)
-    samples = samples_of(told.motion)
-    while samples <= MOST_SAMPLES:
+    span, finer = told.motion.duration, 1
+    while True:
+        samples = finer * samples_of(told.motion, span)
+        if samples > MOST_SAMPLES:
+            span *= MOST_SAMPLES / samples
+            samples = MOST_SAMPLES
         try:
-            shown = Shown(scene.system, sampled(told.motion, told.sharing, samples), gap)
+            shown = Transition(scene.system, sampled(told.motion, told.sharing, samples, span), gap)
             stages = stages_of(shown.record, gap, families, spectrum=shown.spectrum)
-            return replace(told, shown=replace(shown, stages=tuple(stages)))
-        except TooCoarse:
-            samples *= 2
+        except TooCoarse as error:
+            finer *= 2
+            if finer > FINEST:
+                return replace(told, why_no_stages=one_line(error))
         except ValueError as error:
             return replace(told, why_no_stages=one_line(error))
-    return replace(told, why_no_stages=f"its record would have {samples} samples, and {MOST_SAMPLES} are allowed")
+        else:
+            note = "" if span == told.motion.duration else f"told up to time {span:.6g}, of which the record has {samples} samples"
+            return replace(told, shown=replace(shown, stages=tuple(stages)), why_no_stages=note)

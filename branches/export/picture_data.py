@@ -121,7 +121,7 @@ def read_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict[str, A
     reader = {"csv": _from_csv, "json": _from_json, "npz": _from_npz, "mat": _from_mat}[kind]
     with told(name):
         about, columns = reader(layout, content)
-        _check(layout, about, columns)
+        _check(layout, columns)
         return about, columns
 
 
@@ -136,11 +136,16 @@ def told(name: str) -> Iterator[None]:
         raise ExportError(f"{name} is no file of a picture's data that can be read: {' '.join(str(error).split())}") from error
 
 
-def _check(layout: Layout, about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> None:
-    if about.get("content") != layout.content:
+def _about(layout: Layout, about: Any) -> dict[str, Any]:
+    """What holds for all rows, when it is of the kind and schema that are read."""
+    if not isinstance(about, dict) or about.get("content") != layout.content:
         raise ValueError(f"it does not say that it holds {layout.named}")
     if about.get("schema") != 1:
         raise ValueError(f"its schema is {about.get('schema')!r}, expected 1")
+    return about
+
+
+def _check(layout: Layout, columns: Mapping[str, np.ndarray]) -> None:
     for name in (*layout.columns, *layout.wide):
         if name not in columns:
             raise KeyError(name)
@@ -156,6 +161,7 @@ def _from_csv(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
     head, _, rest = content.decode("utf-8").partition("\n")
     if not head.startswith("# {"):
         raise ValueError("its first line is not # {...}")
+    about = _about(layout, json.loads(head[2:]))
     rows = list(csv.reader(io.StringIO(rest)))
     if len({len(row) for row in rows}) != 1:
         raise ValueError("its rows have different numbers of cells, or there are none")
@@ -172,11 +178,11 @@ def _from_csv(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
     for wide in layout.wide:
         names = [name for name in rows[0] if name.startswith(f"{wide}.")]
         columns[wide] = np.array([[float(value) if value else math.nan for value in cells[name]] for name in names]).T
-    return json.loads(head[2:]), columns
+    return about, columns
 
 
 def _from_json(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    record = json.loads(content)
+    record = _about(layout, json.loads(content))
     kinds: dict[str, Any] = {**dict.fromkeys(layout.texts, str), **dict.fromkeys(layout.whole, int)}
     columns = {name: np.array(values, dtype=kinds.get(name, float)) for name, values in record.pop("columns").items()}
     return record, columns
@@ -184,7 +190,8 @@ def _from_json(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str
 
 def _from_npz(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return json.loads(str(file["about"])), {name: file[name] for name in file.files if name != "about"}
+        about = _about(layout, json.loads(str(file["about"])))
+        return about, {name: file[name] for name in file.files if name != "about"}
 
 
 def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -195,6 +202,7 @@ def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
         file = loadmat(io.BytesIO(content), chars_as_strings=True)
     except (MatReadError, zlib.error, OSError) as error:
         raise ValueError(str(error)) from error
+    about = _about(layout, json.loads(str(file["about"][0])))
     columns = {}
     for name in (*layout.columns, *layout.wide):
         values = file[name]
@@ -204,4 +212,4 @@ def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
             columns[name] = values if name in layout.wide else values[:, 0]
         if name in layout.whole:
             columns[name] = columns[name].astype(int)
-    return json.loads(str(file["about"][0])), columns
+    return about, columns

@@ -38,6 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput(f"--samples {arguments.samples}: expected 2 at least, the begin and the end of the motion")
     scene = scene_arguments.from_arguments(arguments)
 
+    from saltus.first_run import prepare_motion
     from saltus.motion_data import impact_table, json_text, motion_record, sample_table
     from saltus.motion_picture import draw
     from saltus.motion_text import comparison, describe
@@ -53,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"model  {line}", file=files.words, flush=True)
     with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
         start = motion_start.from_arguments(arguments, scene)
+        prepare_motion()
         told = run_scene(scene, start, duration, arguments.max_impacts)
         locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
         told = tell_stages(told, scene, start, catalogue)

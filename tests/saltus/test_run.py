@@ -266,6 +266,36 @@ def test_no_marks_no_shares(capsys, tmp_path):
     assert "stages   not told" in err
 
 
+def test_stages_of_a_long_motion_are_told_as_far_as_its_record_goes(capsys, monkeypatch):
+    """Oracle: the note, and stages that end before it; the other numbers are those of the whole motion."""
+    monkeypatch.setattr("saltus.motions.MOST_SAMPLES", 5000)
+    record = told(capsys, "--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
+    up_to = float(record["stages_note"].split()[4].rstrip(","))
+    assert 80.0 < up_to < 120.0 and record["stages"][-1]["end"] <= up_to < record["duration"] == 150.0
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_the_picture(capsys, tmp_path, catalogue, kind):
+    """Oracle: the file's own signature; over the family that the motion starts on, and over those of a catalogue."""
+    begins = {"png": b"\x89PNG", "svg": b"<?xml"}[kind]
+    words = ("run", "--on", "S13O00+", "--energy", "0.4", *DAMPED, "--duration", "60")
+    assert run(capsys, *words, "--plot", tmp_path / f"own.{kind}")[0] == 0
+    code, out, _ = run(capsys, *words, "--plot", tmp_path / f"kept.{kind}", "--catalogue", catalogue, "--clearance", "0.1")
+    assert code == 0 and "the picture is in natural units" in out
+    for name in ("own", "kept"):
+        assert (tmp_path / f"{name}.{kind}").read_bytes().startswith(begins)
+
+
+def test_what_has_no_record_has_no_picture(capsys, tmp_path):
+    """Oracle: exit code 1, one line, no file; what else was asked for is written."""
+    path = tmp_path / "unmarked.toml"
+    path.write_text(SCENE.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""))
+    words = ("--scene", path, "--state", "0,0,0,0,2,0", "--duration", "10", "--plot", tmp_path / "a.png", "--json", tmp_path / "a.json")
+    code, _, err = run(capsys, "run", *words)
+    assert code == 1 and "cannot draw" in err and "no coordinate is marked as NES" in err and len(err.splitlines()) == 1
+    assert not (tmp_path / "a.png").exists() and (tmp_path / "a.json").exists()
+
+
 def test_an_outcome_that_is_not_defined_is_a_failure_with_what_was_computed(capsys, tmp_path):
     """Oracle: exit code 1, the words, and the file."""
     (tmp_path / "corner.toml").write_text(CORNER)

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 from branches.export.picture_data import Layout, read_data, told, write_data
 
 if TYPE_CHECKING:
-    from transitions.motion import Motion
+    from transitions.transition import Transition
 
-__all__ = ["read_motion", "write_motion"]
+__all__ = ["read_transition", "write_transition"]
 
 _SINGLE = ("times", "energy", "nes_energy", "lo_energy", "dissipated_nes", "dissipated_lo")
 _WIDE = ("displacements", "velocities")
-_LAYOUT = Layout("motion", _SINGLE, _WIDE)
+_LAYOUT = Layout("transition", _SINGLE, _WIDE)
 
 
-def write_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
+def write_transition(transition: Transition, path: str | os.PathLike[str]) -> None:
     """Write a motion: csv, json, npz or mat, as the file's name ends.
 
     The rows are the times; what holds for all of them has the system, the times of the impacts, the gap coordinate, the wavelet and the
@@ -30,23 +30,23 @@ def write_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
     branches.files.WriteFailure
         If the file cannot be written; an old file is then unchanged.
     """
-    from transitions.stages import stages_as_data
+    from transitions.stage import stages_as_data
 
-    record = motion.record
+    record = transition.record
     about: dict[str, Any] = {
         "schema": 1,
-        "content": "motion",
-        "system": motion.system.describe(),
+        "content": "transition",
+        "system": transition.system.describe(),
         "impacts": record.impacts.tolist(),
-        "gap": list(motion.gap),
-        "wavelet": {"bandwidth": motion.wavelet.bandwidth, "centre": motion.wavelet.centre},
-        "frequencies": None if motion.frequencies is None else list(motion.frequencies),
-        "stages": stages_as_data(motion.stages),
+        "gap": list(transition.gap),
+        "wavelet": {"bandwidth": transition.wavelet.bandwidth, "centre": transition.wavelet.centre},
+        "frequencies": None if transition.frequencies is None else list(transition.frequencies),
+        "stages": stages_as_data(transition.stages),
     }
     write_data(_LAYOUT, about, {name: getattr(record, name) for name in (*_SINGLE, *_WIDE)}, path)
 
 
-def read_motion(path: str | os.PathLike[str]) -> Motion:
+def read_transition(path: str | os.PathLike[str]) -> Transition:
     """Read a motion.
 
     Raises
@@ -57,12 +57,13 @@ def read_motion(path: str | os.PathLike[str]) -> Motion:
     about, columns = read_data(_LAYOUT, path)
     with told(os.fspath(path)):
         from bvp.system import ImpactSystem
-        from transitions.motion import Motion, stage_from_data
         from transitions.record import Record
         from transitions.spectrum import Wavelet
+        from transitions.stage import stage_from_data
+        from transitions.transition import Transition
 
         band = about["frequencies"]
-        return Motion(
+        return Transition(
             ImpactSystem.from_description(about["system"]),
             Record(**{name: columns[name] for name in (*_SINGLE, *_WIDE)}, impacts=about["impacts"]),
             tuple(float(x) for x in about["gap"]),

@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from transitions.record import Record
 from transitions.spectrum import Spectrum, Wavelet
-from transitions.stages import Companion, Follows, Stage, spectrum_of
+from transitions.stage import Stage
+from transitions.stages import spectrum_of
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from branches.diagram.atlas_data import Atlas
     from bvp.system import ImpactSystem
 
-__all__ = ["Motion", "atlas_behind", "stage_from_data"]
+__all__ = ["Transition", "atlas_behind", "require_same"]
 
 BACKBONE = 1.0
 """Families with so many impacts in half a period at most are drawn behind every motion."""
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Transition:
     """A motion of a system, with its stages.
 
     Parameters
@@ -55,13 +56,13 @@ class Motion:
         return spectrum_of(self.record, self.gap, wavelet=self.wavelet, frequencies=self.frequencies)
 
 
-def atlas_behind(catalogue: Catalogue, motion: Motion) -> Atlas:
+def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
     """The families over which a motion is laid: those that its stages follow, and those with two impacts a period or fewer.
 
     Parameters
     ----------
     catalogue : Catalogue
-    motion : Motion
+    transition : Transition
 
     Raises
     ------
@@ -70,14 +71,16 @@ def atlas_behind(catalogue: Catalogue, motion: Motion) -> Atlas:
     """
     from branches.diagram.atlas_data import atlas_of
 
-    require_same(catalogue.system, motion.system)
-    followed = {stage.follows.family for stage in motion.stages if stage.follows is not None}
+    require_same(catalogue.system, transition.system)
+    followed = {stage.follows.family for stage in transition.stages if stage.follows is not None}
     rows = [row for row in catalogue.families() if row.impacts <= BACKBONE or row.id in followed]
     branches = [catalogue.branch(row.id) for row in rows]
-    # Names without a pin: they stand on every family that has the label.
-    names = _labels(stage.follows for stage in motion.stages if stage.follows is not None)
-    pinned: dict[str, dict[str, float]] = {name: {} for name in names}
-    energy = motion.record.energy[motion.record.energy > 0.0]
+    # A name without a cited point is for every family with the label: those that are followed are named first.
+    pinned: dict[str, dict[str, float]] = {
+        stage.follows.label: {} for stage in transition.stages if stage.follows is not None and stage.follows.impacts
+    }
+    pinned.pop("", None)
+    energy = transition.record.energy[transition.record.energy > 0.0]
     low, high = (float(energy.min()), float(energy.max())) if len(energy) else (0.0, math.inf)
     return atlas_of(catalogue.system, branches, pinned=pinned, energy=(0.5 * low, 2.0 * high))
 
@@ -93,25 +96,3 @@ def require_same(undamped: ImpactSystem, moving: ImpactSystem) -> None:
     same = undamped.mass.shape == moving.mass.shape and np.array_equal(undamped.mass, moving.mass)
     if not (same and np.array_equal(undamped.stiffness, moving.stiffness) and places[0] == places[1]):
         raise ValueError("the families belong to a system with other masses, springs or stops than the one that moves")
-
-
-def _labels(followed: Iterable[Follows]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(item.label for item in followed if item.label))
-
-
-def stage_from_data(data: dict[str, Any]) -> Stage:
-    """A stage from what `transitions.stages.stages_as_data` makes of it.
-
-    Raises
-    ------
-    KeyError, TypeError
-        For what is none.
-    """
-    follows = data["follows"]
-    return Stage(
-        **{name: data[name] for name in ("start", "end", "periods", "frequency", "share", "dissipated_nes", "dissipated_lo", "impacts")},
-        frequencies=(data["frequencies"][0], data["frequencies"][1]),
-        energies=(data["energies"][0], data["energies"][1]),
-        companions=tuple(Companion(**item) for item in data["companions"]),
-        follows=None if follows is None else Follows(**{**follows, "others": tuple(follows["others"])}),
-    )

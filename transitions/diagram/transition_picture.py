@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from branches.diagram.atlas_data import Atlas
-    from transitions.motion import Motion
-    from transitions.stages import Stage
+    from transitions.stage import Stage
+    from transitions.transition import Transition
 
-__all__ = ["draw_motion", "motion_figure"]
+__all__ = ["draw_transition", "transition_figure"]
 
 _COLUMNS, _INTERVALS = 1400, 600  # times, and intervals of energy, that a spectrum is drawn at
 _POINTS = 8000  # of a line over time
@@ -41,16 +41,16 @@ _ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "f
 _DEEP = 1e-8  # of the largest energy: what is below is not shown
 
 
-def draw_motion(
-    motion: Motion, atlas: Atlas | None, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None
+def draw_transition(
+    transition: Transition, atlas: Atlas | None, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None
 ) -> None:
     """Write the picture of a motion to a png, pdf or svg file.
 
     Parameters
     ----------
-    motion : Motion
+    transition : Transition
     atlas : Atlas or None
-        The families that the spectrum is laid over; see `transitions.motion.atlas_behind`.
+        The families that the spectrum is laid over; see `transitions.transition.atlas_behind`.
     path_or_file : path, or binary file open for writing
     format : "png", "pdf" or "svg"; by default what the file's name ends with
 
@@ -60,15 +60,15 @@ def draw_motion(
     """
     kind = files.picture_format(path_or_file, format)
     with picture_settings():
-        files.save(motion_figure(motion, atlas), path_or_file, kind)
+        files.save(transition_figure(transition, atlas), path_or_file, kind)
 
 
-def motion_figure(motion: Motion, atlas: Atlas | None = None) -> Figure:
+def transition_figure(transition: Transition, atlas: Atlas | None = None) -> Figure:
     """The picture of a motion as a matplotlib figure.
 
     Parameters
     ----------
-    motion : Motion
+    transition : Transition
     atlas : Atlas, optional
 
     Returns
@@ -84,37 +84,37 @@ def motion_figure(motion: Motion, atlas: Atlas | None = None) -> Figure:
     ValueError
         For an atlas in other units or of another system, or a motion without energy.
     """
-    record = motion.record
+    record = transition.record
     if not record.energy.max() > 0.0:
         raise ValueError("the motion has no energy: there is nothing to draw")
     if atlas is not None:
-        from transitions.motion import require_same
+        from transitions.transition import require_same
 
-        require_same(atlas.system, motion.system)
+        require_same(atlas.system, transition.system)
         if (atlas.clearance, atlas.natural_frequency) != (1.0, 1.0):
             raise ValueError(f"a motion is in natural units; the families have a clearance of {atlas.clearance:g}")
-    spectrum = motion.spectrum
+    spectrum = transition.spectrum
     with picture_settings():
         figure = new_figure(7.6)
-        figure.suptitle(rf"Motion from energy $h = {record.energy[0]:.6g}$   ({system_text(motion.system)})")
+        figure.suptitle(rf"Motion from energy $h = {record.energy[0]:.6g}$   ({system_text(transition.system)})")
         axes = figure.subplot_mosaic(
             [["series", "series"], ["share", "lost"], ["spectrum", "families"]], height_ratios=[0.72, 0.8, 1.25], width_ratios=[1.0, 1.0]
         )
-        _draw_series(axes["series"], motion)
-        _draw_share(axes["share"], motion)
-        _draw_lost(axes["lost"], motion)
+        _draw_series(axes["series"], transition)
+        _draw_share(axes["share"], transition)
+        _draw_lost(axes["lost"], transition)
         band = _band(spectrum)
         largest = float(spectrum.amplitudes.max())
-        mesh = _draw_spectrum(axes["spectrum"], motion, band, largest)
-        _draw_over_energy(axes["families"], motion, band, largest)
+        mesh = _draw_spectrum(axes["spectrum"], transition, band, largest)
+        _draw_over_energy(axes["families"], transition, band, largest)
         figure.colorbar(mesh, ax=[axes["spectrum"], axes["families"]], location="right", fraction=0.03, pad=0.01, label="amplitude")
         for name, letter in zip(axes, "abcde", strict=True):
             axes[name].set_title(f"({letter})", loc="left", fontsize=NORMAL, pad=3)
         _stabilities(axes["families"], atlas)
-        _caption(figure, motion.stages)
+        _caption(figure, transition.stages)
         settle_layout(figure)
         for name in ("series", "share", "lost", "spectrum"):
-            _mark_stages(axes[name], motion.stages, letters=name in ("series", "spectrum"))
+            _mark_stages(axes[name], transition.stages, letters=name in ("series", "spectrum"))
         if atlas is not None:
             _draw_families(axes["families"], atlas)
     return figure
@@ -124,58 +124,60 @@ def _thinned(times: np.ndarray) -> slice:
     return slice(None, None, max(1, len(times) // _POINTS))
 
 
-def _time_axis(axes: Axes, motion: Motion, count: int) -> None:
-    linear_axis(axes, "x", (float(motion.record.times[0]), float(motion.record.times[-1])), count, "time", "t")
+def _time_axis(axes: Axes, transition: Transition, count: int) -> None:
+    linear_axis(axes, "x", (float(transition.record.times[0]), float(transition.record.times[-1])), count, "time", "t")
 
 
-def _draw_series(axes: Axes, motion: Motion) -> None:
-    record = motion.record
+def _draw_series(axes: Axes, transition: Transition) -> None:
+    record = transition.record
     few = _thinned(record.times)
     order = sorted(range(record.degrees_of_freedom), key=lambda i: -float(np.ptp(record.displacements[:, i])))
     for i in order:
-        symbol = symbol_of(motion.system.coordinates[i])
+        symbol = symbol_of(transition.system.coordinates[i])
         look: dict[str, Any] = {"color": LINES[i % len(LINES)], "linewidth": 0.6, "label": f"${symbol}$"}
         (line,) = axes.plot(record.times[few], record.displacements[few, i], **look)
-        line.set_gid(f"series-{motion.system.coordinates[i]}")
+        line.set_gid(f"series-{transition.system.coordinates[i]}")
     linear_axis(axes, "y", linear_limits(record.displacements, 0.06), 5, "displacement", "u")
-    _time_axis(axes, motion, 10)
+    _time_axis(axes, transition, 10)
     axes.legend(**_ABOVE, ncols=len(order))
 
 
-def _draw_share(axes: Axes, motion: Motion) -> None:
-    record = motion.record
+def _draw_share(axes: Axes, transition: Transition) -> None:
+    record = transition.record
     few = _thinned(record.times)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(record.energy > 0.0, 100.0 * record.nes_energy / record.energy, np.nan)
     (line,) = axes.plot(record.times[few], share[few], color=LINES[0], linewidth=0.5)
     line.set_gid("share-nes")
     linear_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
-    _time_axis(axes, motion, 5)
+    _time_axis(axes, transition, 5)
 
 
-def _draw_lost(axes: Axes, motion: Motion) -> None:
-    record = motion.record
+def _draw_lost(axes: Axes, transition: Transition) -> None:
+    record = transition.record
     few = _thinned(record.times)
-    start = float(record.energy[0])
     nes, lo = record.dissipated_nes, record.dissipated_lo
+    start = float(record.energy[0]) or float(np.max(record.energy + nes + lo))  # of a motion from rest: what has come in
     for name, values, colour in (("both", nes + lo, BLACK), ("sink", nes, LINES[0]), ("oscillator", lo, LINES[1])):
         (line,) = axes.plot(record.times[few], 100.0 * values[few] / start, color=colour, linewidth=1.0, label=name)
         line.set_gid(f"lost-{name}")
     linear_axis(axes, "y", (0.0, 100.0), 5, "dissipated, of the start", r"\%")
-    _time_axis(axes, motion, 5)
+    _time_axis(axes, transition, 5)
     axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
 
 
 def _band(spectrum: Spectrum) -> tuple[float, float]:
-    """Lowest and highest frequency with a fifth of the largest amplitude at any time, edges of the record apart, and a third of an octave
-    beside them."""
+    """Lowest and highest frequency with a fifth of the largest amplitude at any time, edges of the record apart, with room for names below
+    and a third of an octave above."""
     clear = spectrum.frequencies[:, None] > spectrum.cone[None, :]
     inside = np.where(clear, spectrum.amplitudes, 0.0) if clear.any() else spectrum.amplitudes
     seen = np.flatnonzero(inside.max(axis=1) >= SHARE * inside.max())
     last = len(spectrum.frequencies) - 1
-    beside = max(1, round(1.0 / (3.0 * spectrum.octaves)))
-    low, high = (max(0, int(seen[0]) - beside), min(last, int(seen[-1]) + beside)) if len(seen) else (0, last)
-    return float(spectrum.frequencies[low]), float(spectrum.frequencies[high])
+    if not len(seen):
+        return float(spectrum.frequencies[0]), float(spectrum.frequencies[last])
+    high = float(spectrum.frequencies[min(last, int(seen[-1]) + max(1, round(1.0 / (3.0 * spectrum.octaves))))])
+    low = float(spectrum.frequencies[max(0, int(seen[0]) - 1)])
+    return max(float(spectrum.frequencies[0]), low - 0.1 * (high - low)), high
 
 
 def _frequency_axis(axes: Axes, band: tuple[float, float], words: str, symbol: str) -> None:
@@ -199,8 +201,8 @@ def _shading(largest: float) -> dict[str, Any]:
     return {"cmap": shades, "vmin": 0.0, "vmax": largest if largest > 0.0 else 1.0, "rasterized": True}
 
 
-def _draw_spectrum(axes: Axes, motion: Motion, band: tuple[float, float], largest: float) -> Any:
-    spectrum = motion.spectrum
+def _draw_spectrum(axes: Axes, transition: Transition, band: tuple[float, float], largest: float) -> Any:
+    spectrum = transition.spectrum
     few = slice(None, None, max(1, len(spectrum.times) // _COLUMNS))
     times = spectrum.times[few]
     edges = np.concatenate([[times[0]], 0.5 * (times[1:] + times[:-1]), [times[-1]]])
@@ -211,14 +213,14 @@ def _draw_spectrum(axes: Axes, motion: Motion, band: tuple[float, float], larges
     felt = axes.fill_between(times, band[0], np.maximum(cone, band[0]), **hatched)
     felt.set_gid("spectrum-cone")
     axes.plot(times, np.where(cone > band[0], cone, np.nan), color=GREY, linewidth=0.8, zorder=2.1)
-    symbol = gap_symbol(tuple(map(float, motion.gap)), motion.system.coordinates)
+    symbol = gap_symbol(transition.gap, transition.system.coordinates)
     _frequency_axis(axes, band, f"frequency in ${symbol}$", r"\omega")
-    _time_axis(axes, motion, 5)
+    _time_axis(axes, transition, 5)
     return mesh
 
 
-def _draw_over_energy(axes: Axes, motion: Motion, band: tuple[float, float], largest: float) -> None:
-    spectrum, record = motion.spectrum, motion.record
+def _draw_over_energy(axes: Axes, transition: Transition, band: tuple[float, float], largest: float) -> None:
+    spectrum, record = transition.spectrum, transition.record
     energies = np.interp(spectrum.times, record.times, record.energy)
     kept = energies > _DEEP * energies.max()
     limits = logarithmic_limits(energies[kept], 0.04)
