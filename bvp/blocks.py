@@ -20,7 +20,7 @@ from bvp.numerics import EPSILON, jacobi
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Blocks", "coupled_groups", "cut", "damped_blocks", "undamped_blocks"]
+__all__ = ["Blocks", "coupled_groups", "cut", "damped_blocks", "traceless", "undamped_blocks"]
 
 SEPARATION_LIMIT = 30.0
 """Largest entry of a Sylvester solution that still counts as a well-conditioned cut; rounding errors grow by about this
@@ -94,7 +94,7 @@ def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray)
         matrix[:n, n:] = np.eye(n)
         matrix[n:, :n] = -np.diag(squares)
         matrix[n:, n:] = -np.diag(np.diag(damping))
-        mean, delta = _traceless(matrix, _pairs(n))
+        mean, delta = traceless(matrix, _pairs(n))
         return Blocks("proportional", shapes, _pairs(n), mean, delta, matrix, to_state, from_state)
     pieces: list[np.ndarray] = []
     columns: list[np.ndarray] = []
@@ -118,7 +118,7 @@ def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray)
         layout.append((start, start + 1 if len(piece) == 2 else -len(piece)))
         start = stop
     pairs = np.array(layout, dtype=np.int64)
-    mean, delta = _traceless(matrix, pairs)
+    mean, delta = traceless(matrix, pairs)
     return Blocks("coupled", shapes, pairs, mean, delta, matrix, np.hstack(columns), np.vstack(rows))
 
 
@@ -259,7 +259,7 @@ def _pairs(n: int) -> np.ndarray:
     return np.stack([np.arange(n), np.arange(n, 2 * n)], axis=1).astype(np.int64)
 
 
-def _traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and delta of each block: B = mean + D, D^2 = delta for a pair; for larger blocks delta is 0 and unused."""
     mean, delta = np.zeros(len(pairs)), np.zeros(len(pairs))
     for k, (i, j) in enumerate(pairs):

@@ -100,3 +100,21 @@ def refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -
         if key not in known:
             near = get_close_matches(str(key), known, 1, 0.0)
             raise InvalidSystem(f"unknown key {key!r} in {where}; nearest known: {near[0] if near else ', '.join(known)}")
+
+
+def checked_damper(damping: np.ndarray, dampers: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Named parts of a damping matrix as arrays; ValueError where one has another shape or they do not sum to it."""
+    parts = {}
+    for name, value in dampers.items():
+        part = np.array(value, dtype=float)
+        if part.shape != damping.shape or not np.all(np.isfinite(part)):
+            raise ValueError(f"damper {name!r} is a finite matrix of shape {damping.shape}; received shape {part.shape}")
+        parts[str(name)] = part
+    total = sum(parts.values(), np.zeros_like(damping))
+    miss = np.abs(total - damping)
+    if np.any(miss > 1e-14 * np.abs(damping).max(initial=0.0)):
+        i, j = np.unravel_index(int(np.argmax(miss)), miss.shape)
+        raise ValueError(f"the dampers sum to the damping matrix; entry {i + 1},{j + 1} is {damping[i, j]:g}, theirs {total[i, j]:g}")
+    if not parts:
+        parts["all"] = total
+    return parts

@@ -5,7 +5,7 @@ import math
 
 from bvp.kernels.compiled import kernel, part
 
-__all__ = ["amplitudes", "block_growth", "dot", "envelope", "free_step", "growth_rate"]
+__all__ = ["amplitudes", "block_growth", "dot", "envelope", "fastest_rate", "free_step", "growth_rate"]
 
 MARGIN = 1.0 + 1e-9
 """Bounds are widened by this, far more than their own rounding."""
@@ -51,6 +51,26 @@ def block_growth(matrix, start, size):
                 total += 0.5 * abs(matrix[r, c] + matrix[c, r])
         worst = max(worst, total)
     return worst
+
+
+@kernel
+def fastest_rate(pairs, matrix):
+    """A rate that bounds how fast the terms of the series of exp(B t) can grow."""
+    fastest = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            half = 0.5 * (matrix[i, i] - matrix[j, j])
+            width = math.sqrt(half * half + abs(matrix[i, j] * matrix[j, i]))
+            fastest = max(fastest, 0.5 * abs(matrix[i, i] + matrix[j, j]) + width)
+        else:
+            for r in range(i, i - j):
+                total = 0.0
+                for q in range(i, i - j):
+                    total += abs(matrix[r, q])
+                fastest = max(fastest, total)
+    return fastest
 
 
 @kernel

@@ -20,7 +20,7 @@ import numpy as np
 
 from bvp.kernels.bounds import amplitudes, dot, free_step, growth_rate
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.flight import flow_state
+from bvp.kernels.flight import block_product, flow_state
 from bvp.kernels.near import SERIES_REACH, SERIES_TERMS, near_return, series
 
 __all__ = [
@@ -49,10 +49,14 @@ TURN, CROSSED = 6, 7
 """Verdicts inside the search: a certified turning point ahead; beyond the bound without a certificate before."""
 
 STEP_LIMIT = 100_000
-NEAR = 1000.0
-"""A start counts as near its stop until the distance is this many contact tolerances."""
+NEAR = 1e9
+"""A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so, would
+be known no better than rounding of w over that speed."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
+
+RELEASED = 1000.0
+"""Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other numbers."""
 
 
 def work_array(size, contacts):
@@ -217,11 +221,25 @@ def start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z):
 
 
 @kernel
+def parting(pairs, mean, delta, matrix, acceleration, side, c, z, window, other):
+    """Time over which a contact whose distance, rate and acceleration are 0 to rounding parts for certain, the third derivative of its
+    distance staying above 0; 0 where that is not."""
+    block_product(pairs, matrix, z, other)
+    third = -side[c] * dot(acceleration, c, other)
+    if third <= rounding_level(pairs, matrix, acceleration, c, other):
+        return 0.0
+    _, fourth, _ = amplitudes(pairs, mean, delta, matrix, acceleration, c, z, window)
+    return third / fourth if fourth > 0.0 else window
+
+
+@kernel
 def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, leaving, z, horizon, work):
     """The first hit or touch of the flight from z within 0 <= t <= horizon.
 
-    `leaving` is the contact that the flight starts on (-1: none), whose distance there is taken to be 0 exactly. Any other
-    contact within the tolerance at the start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
+    `leaving` is the contact that the flight starts on (-1: none is told), whose distance there is taken to be 0 exactly, and whose rate
+    counts to the last digit; of a contact that is not told the rate counts beyond rounding. -2 - c tells contact c whose force has just
+    come to 0, so that it starts with distance, rate and acceleration 0. Any other contact within the tolerance at the
+    start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
 
     Returns (status, contact, time): (NONE, -1, horizon), (HIT or TOUCH, contact, time), (PRESSED, contact, 0),
     (OUTSIDE, contact, 0), (EXHAUSTED, -1, time reached).
@@ -232,6 +250,10 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     jerk = work[2]
     coefficients = work[3]
     other = work[4, :size]
+    told = leaving >= 0
+    released = leaving < -1
+    if released:
+        leaving = -2 - leaving
     status, leaving = start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z)
     if status != NONE:
         return status, leaving, 0.0
@@ -239,6 +261,7 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     near = leaving >= 0
     fresh = leaving >= 0
     reach = -1.0
+    parts = False
     near_jerk = 0.0
     t = 0.0
     found = -1
@@ -266,15 +289,24 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                 near_jerk = max(near_jerk, jerk[c])
                 if count == 0:
                     force = rounding_level(pairs, matrix, acceleration, c, z)
-                    if slope < -rounding_level(pairs, matrix, rate_rows, c, z):
+                    still = rounding_level(pairs, matrix, rate_rows, c, z)
+                    if released:
+                        force *= RELEASED
+                        still *= RELEASED
+                    if slope < -still:
                         return HIT, c, 0.0
-                    if slope <= 0.0 and bend <= force:
-                        if curvature[c] > force:
-                            return PRESSED, c, 0.0
-                        continue  # it stays on the stop without pressing
-                    ahead = free_step(0.0, max(slope, 0.0), curvature[c])
+                    ahead = 0.0
+                    if slope <= (0.0 if told else still) and bend <= force:
+                        if bend >= -force:
+                            ahead = parting(pairs, mean, delta, matrix, acceleration, side, c, z, window, other)
+                        if ahead == 0.0:
+                            if curvature[c] > force:
+                                return PRESSED, c, 0.0
+                            continue  # it stays on the stop without pressing
+                        parts = True
                     if bend > 0.0 and near_jerk > 0.0:
                         ahead = max(ahead, 3.0 * bend / near_jerk)
+                    ahead = max(ahead, free_step(0.0, max(slope, 0.0), curvature[c]))
                     step = min(step, ahead)
                     continue
                 if d > NEAR * tolerance:
@@ -282,6 +314,9 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                 else:
                     if reach < 0.0:
                         reach = series(pairs, matrix, gap, side, c, z, coefficients, state, other)
+                        if parts:
+                            coefficients[1] = 0.0
+                            coefficients[2] = 0.0
                         flow_state(pairs, mean, delta, matrix, z, t, state)
                     near = reach * t <= SERIES_REACH
             fresh = fresh and (c != leaving or d <= tolerance)

@@ -6,7 +6,7 @@ by J: the start is no root of s, and a speed of leaving as tiny as rounding allo
 
 import math
 
-from bvp.kernels.bounds import dot, free_step
+from bvp.kernels.bounds import dot, fastest_rate, free_step
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import block_product
 
@@ -29,21 +29,7 @@ def series(pairs, matrix, gap, side, c, z, coefficients, state, other):
         coefficients[k] = -side[c] * dot(gap, c, other) * factor
         for r in range(z.shape[0]):
             state[r] = other[r]
-    fastest = 0.0
-    for k in range(pairs.shape[0]):
-        i = pairs[k, 0]
-        j = pairs[k, 1]
-        if j >= 0:
-            half = 0.5 * (matrix[i, i] - matrix[j, j])
-            width = math.sqrt(half * half + abs(matrix[i, j] * matrix[j, i]))
-            fastest = max(fastest, 0.5 * abs(matrix[i, i] + matrix[j, j]) + width)
-        else:
-            for r in range(i, i - j):
-                total = 0.0
-                for q in range(i, i - j):
-                    total += abs(matrix[r, q])
-                fastest = max(fastest, total)
-    return fastest
+    return fastest_rate(pairs, matrix)
 
 
 @kernel

@@ -1,0 +1,198 @@
+"""Loads f(t) of M u'' + C u' + K u = f(t): constant, harmonic, or a sampled record that is linear between its samples.
+
+Each is a fixed load times the state y of a small linear system of its own, y' = S y, so a forced flight is a free flight of a larger system
+and needs no time step. Of a record, level and slope are set anew at each sample; between samples its flight is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Constant", "Force", "Forcing", "Harmonic", "Record", "forcing_of", "ground_load"]
+
+
+def _finite(values: Any, name: str) -> np.ndarray:
+    """A finite one-dimensional array; ValueError else."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is a list of numbers; received {values!r}") from None
+    if array.ndim != 1 or not len(array) or not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} is a list of finite numbers; received {array.tolist()}")
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Constant:
+    """f = load.
+
+    Parameters
+    ----------
+    load : (n,) array_like
+        A force on each coordinate.
+    """
+
+    load: np.ndarray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "load", _finite(self.load, "load"))
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonic:
+    """f = cosine cos(frequency t) + sine sin(frequency t).
+
+    Parameters
+    ----------
+    frequency : float
+        In radians a unit of time, > 0.
+    cosine, sine : (n,) array_like or None
+        Forces on each coordinate; at least one is given.
+    """
+
+    frequency: float
+    cosine: np.ndarray | None = None
+    sine: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.frequency, (int, float, np.number)) and 0.0 < self.frequency < np.inf):
+            raise ValueError(f"frequency is a finite number above 0 (a load of frequency 0 is Constant); received {self.frequency!r}")
+        parts = [_finite(part, name) for name, part in (("cosine", self.cosine), ("sine", self.sine)) if part is not None]
+        if not parts or len({len(part) for part in parts}) > 1:
+            raise ValueError("a harmonic load has cosine, sine or both, of one length")
+        zero = np.zeros(len(parts[0]))
+        object.__setattr__(self, "cosine", zero if self.cosine is None else parts[0])
+        object.__setattr__(self, "sine", zero if self.sine is None else parts[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """f = load s(t), with s linear between samples and 0 before the first and after the last of them.
+
+    Parameters
+    ----------
+    load : (n,) array_like
+        Force on each coordinate for s = 1.
+    times, values : (k,) array_like
+        Samples of s, k >= 2, at ascending times.
+    """
+
+    load: np.ndarray
+    times: np.ndarray
+    values: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("load", "times", "values"):
+            object.__setattr__(self, name, _finite(getattr(self, name), name))
+        if len(self.times) != len(self.values) or len(self.times) < 2:
+            raise ValueError(f"a record has as many values as times, at least 2; received {len(self.values)} and {len(self.times)}")
+        wrong = np.flatnonzero(np.diff(self.times) <= 0.0)
+        if len(wrong):
+            raise ValueError(f"the times of a record ascend; received {self.times[wrong[0]]:g} before {self.times[wrong[0] + 1]:g}")
+
+
+Force = Constant | Harmonic | Record
+
+
+def ground_load(system: Any, direction: Any = None) -> np.ndarray:
+    """Load (n,) of a unit acceleration of the ground, -M r, in displacements relative to the ground.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    direction : (n,) array_like, optional
+        r, what each coordinate moves by where the whole structure moves by 1; ones by default.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> ground_load(vibro_impact_nes(mu=0.1))
+    array([-0.1, -1. ])
+    """
+    r = np.ones(system.degrees_of_freedom) if direction is None else _finite(direction, "direction")
+    if len(r) != system.degrees_of_freedom:
+        raise ValueError(f"direction has an entry for each of {system.degrees_of_freedom} coordinates; received {len(r)}")
+    return -(system.mass @ r)
+
+
+@dataclass(frozen=True, eq=False)
+class Forcing:
+    """All loads on a system: f(t) = sum_g loads[g] y_g(t), each y_g of two entries.
+
+    Attributes
+    ----------
+    loads : (G, n, 2) ndarray
+    frequency : (G,) ndarray
+        Above 0: y = (cos, sin)(frequency t). 0: y = (level, slope), with level' = slope.
+    breaks : (K,) ndarray
+        Ascending, the first 0: instants at which levels and slopes are set anew.
+    levels : (K, G, 2) ndarray
+        Level and slope from each break on (zero for harmonics).
+    sizes : (G, 2) ndarray
+        Largest |y|.
+    """
+
+    loads: np.ndarray
+    frequency: np.ndarray
+    breaks: np.ndarray
+    levels: np.ndarray
+    sizes: np.ndarray
+
+    def state(self, time: float) -> np.ndarray:
+        """y at a time, (2 G,)."""
+        k = max(int(np.searchsorted(self.breaks, time, side="right")) - 1, 0)
+        out = self.levels[k].copy()
+        out[:, 0] += out[:, 1] * (time - self.breaks[k])
+        moving = self.frequency > 0.0
+        out[moving] = np.stack([np.cos(self.frequency * time), np.sin(self.frequency * time)], axis=1)[moving]
+        return out.ravel()
+
+    def force(self, time: float) -> np.ndarray:
+        """f at a time, (n,)."""
+        return np.einsum("gnk,gk->n", self.loads, self.state(time).reshape(-1, 2))
+
+
+def forcing_of(forces: Any, n: int) -> Forcing:
+    """The loads on a system of n coordinates from one load, a list of them or None; ValueError for anything else.
+
+    Examples
+    --------
+    >>> forcing_of([Harmonic(2.0, sine=[1.0]), Constant([3.0])], 1).force(0.25).round(12)
+    array([3.47942554])
+    """
+    if forces is None:
+        forces = ()
+    if isinstance(forces, Constant | Harmonic | Record):
+        forces = (forces,)
+    if not isinstance(forces, Sequence) or not all(isinstance(force, Constant | Harmonic | Record) for force in forces):
+        raise ValueError(f"forces is a list of Constant, Harmonic and Record loads; received {forces!r}")
+    count = len(forces)
+    records = [force for force in forces if isinstance(force, Record)]
+    breaks = np.unique(np.concatenate([[0.0], *(record.times[record.times > 0.0] for record in records)]))
+    loads, frequency = np.zeros((count, n, 2)), np.zeros(count)
+    levels, sizes = np.zeros((len(breaks), count, 2)), np.ones((count, 2))
+    for g, force in enumerate(forces):
+        columns = [force.cosine, force.sine] if isinstance(force, Harmonic) else [force.load]
+        for k, column in enumerate(columns):
+            if len(column) != n:
+                raise ValueError(f"a load has an entry for each of {n} coordinates; received {len(column)}")
+            loads[g, :, k] = column
+        if isinstance(force, Harmonic):
+            frequency[g] = force.frequency
+            continue
+        sizes[g, 1] = 0.0
+        if isinstance(force, Constant):
+            levels[:, g, 0] = 1.0
+            continue
+        slopes = np.diff(force.values) / np.diff(force.times)
+        at = np.searchsorted(force.times, breaks, side="right") - 1
+        inside = (at >= 0) & (at < len(slopes))
+        first = at[inside]
+        levels[inside, g, 0] = force.values[first] + slopes[first] * (breaks[inside] - force.times[first])
+        levels[inside, g, 1] = slopes[first]
+        sizes[g] = np.abs(force.values).max(), np.abs(slopes).max()
+    return Forcing(loads, frequency, breaks, levels, sizes)

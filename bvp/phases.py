@@ -1,0 +1,406 @@
+"""Phases of contact: the motion with none of the stops held, and with some of them held, each as blocks for one and the same flight.
+
+While the gaps w_S = c_S . u of the stops S are held, u = T r + U w_S with T a basis of c_S u = 0 and U = M^-1 c' (c M^-1 c')^-1: the reduced
+motion T'MT r'' + T'CT r' + T'KT r = T'(f - K U w_S) has one degree of freedom less for each stop held, and kinetic energy keeps r and w apart.
+The held gaps and the loads are states y' = S y of their own. With X S - B X = G, z = z~ + X y takes z' = B z + G y to z~' = B z~: the
+particular solution is X y. Where it would be large beside the gaps - a load at resonance, or on a coordinate that hardly resists - the
+difference z - X y would cancel, and the block and the load share one larger block instead, whose exponential has no such limit.
+
+A contact that is held presses with the force by which the motion would leave the constraint; that force is a linear function of the state, and
+takes the place of the contact's distance: the release is its next zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bvp.blocks import Blocks, damped_blocks, traceless, undamped_blocks
+from bvp.forcing import Forcing
+from bvp.kernels.motion import Phases
+from bvp.numerics import EPSILON, undamped_modes
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["Meters", "Phase", "PhaseTable", "meters_of", "phase_of"]
+
+PARTICULAR_LIMIT = 30.0
+"""Largest particular solution that is split off, in gaps, and in what the load moves without resonance: the digits that its difference can
+lose."""
+
+NEVER = 1e300
+"""Bound of a gap that cannot be reached."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """The matrices of a reduced system, in the manner of `ImpactSystem`."""
+
+    mass: np.ndarray
+    damping: np.ndarray
+    stiffness: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Meters:
+    """What a run sums up over its flights: integrals of weight (a . y)(b . v) or weight (b . v)^2.
+
+    Attributes
+    ----------
+    velocity : (R, n) ndarray
+        b.
+    load : (R,) int64 ndarray
+        Index among the 2 G entries y of the loads, or -1 where the square of b . v is integrated.
+    weight : (R,) ndarray
+    part : (R,) int64 ndarray
+        The sum that it goes to: 0 .. dampers - 1, then the stops, then the work of the loads.
+    dampers : tuple of str
+    """
+
+    velocity: np.ndarray
+    load: np.ndarray
+    weight: np.ndarray
+    part: np.ndarray
+    dampers: tuple[str, ...]
+
+
+def meters_of(dampers: dict[str, np.ndarray], forcing: Forcing, stops: int) -> Meters:
+    """The meters of named parts of the damping matrix and of the work of the loads; v'Cv goes by the eigenvectors of C's symmetric part."""
+    velocity, load, weight, part = [], [], [], []
+    for k, matrix in enumerate(dampers.values()):
+        values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+        for value, vector in zip(values, vectors.T, strict=True):
+            if abs(value) > 8.0 * len(values) * EPSILON * np.abs(values).max():
+                velocity.append(vector)
+                load.append(-1)
+                weight.append(value)
+                part.append(k)
+    for g in range(len(forcing.loads)):
+        for k in range(2):
+            column = forcing.loads[g, :, k]
+            if np.any(column):
+                velocity.append(column)
+                load.append(2 * g + k)
+                weight.append(1.0)
+                part.append(len(dampers) + stops)
+    n = next(iter(dampers.values())).shape[0]
+    return Meters(
+        np.array(velocity, dtype=float).reshape(-1, n),
+        np.array(load, dtype=np.int64),
+        np.array(weight, dtype=float),
+        np.array(part, dtype=np.int64),
+        tuple(dampers),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """One phase, for N states Z: arrays as in `bvp.modes.Modes`, and
+
+    held : int
+        Bit c is set where contact c is held.
+    leave : (2n, N) ndarray
+        (u, v) = leave Z.
+    enter : (N, 2n + 2G) ndarray
+        Z = enter (u, v, y); velocities across a held gap are dropped.
+    first, second : (R, N) ndarray
+        Rows of the meters: their integrand is (first . Z)(second . Z).
+    """
+
+    held: int
+    pairs: np.ndarray
+    mean: np.ndarray
+    delta: np.ndarray
+    matrix: np.ndarray
+    leave: np.ndarray
+    enter: np.ndarray
+    gap: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    side: np.ndarray
+    bound: np.ndarray
+    push: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+
+
+def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) -> Phase:
+    """The phase in which the contacts of the bits of `held` are held.
+
+    Raises
+    ------
+    RuntimeError
+        Where an eigenvalue iteration does not converge, or the held gaps depend on each other.
+    """
+    n = system.degrees_of_freedom
+    modes = system.modes
+    contacts = [c for c in range(len(modes.contact_side)) if held >> c & 1]
+    rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts]).reshape(-1, n)
+    k = len(contacts)
+    inverse_rows = np.linalg.solve(system.mass, rows.T)
+    compliance = rows @ inverse_rows
+    if k and np.linalg.cond(compliance) > 1e12:
+        raise RuntimeError("stops are held whose gaps depend on each other")
+    basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:] if k else np.eye(n)
+    lift = np.linalg.solve(compliance, inverse_rows.T).T if k else np.zeros((n, 0))
+    blocks, left = _blocks(system, basis, k)
+    m = n - k
+    loads = np.concatenate([np.zeros((k, m, 2)), np.einsum("nm,gnk->gmk", basis, forcing.loads)])
+    noise = np.abs(basis).T @ np.abs(system.stiffness) @ np.abs(lift)
+    frozen = basis.T @ system.stiffness @ lift
+    loads[:k, :, 0] = -np.where(np.abs(frozen) <= 8.0 * n * EPSILON * noise, 0.0, frozen).T
+    frequency = np.concatenate([np.zeros(k), forcing.frequency])
+    bounds = [abs(modes.contact_bound[c]) for c in contacts]
+    sizes = np.concatenate([np.array([[bound, 0.0] for bound in bounds]).reshape(-1, 2), forcing.sizes])
+    layout = _join(system, blocks, basis, loads, frequency, sizes)
+    size = len(layout.matrix)
+    reduced = np.zeros((2 * n, 2 * m))
+    reduced[:n, :m] = reduced[n:, m:] = basis
+    leave = reduced @ layout.position
+    for j in range(k):
+        leave[:n, layout.masters[j]] += lift[:, j]
+    down = np.zeros((2 * m, 2 * n))
+    down[:m, :n] = down[m:, n:] = left
+    generators = np.zeros((2 * (k + len(forcing.loads)), 2 * n + 2 * len(forcing.loads)))
+    for j in range(k):
+        generators[2 * j, :n] = rows[j]
+    generators[2 * k :, 2 * n :] = np.eye(2 * len(forcing.loads))
+    enter = layout.states @ np.hstack([blocks.from_state @ down, np.zeros((2 * m, 2 * len(forcing.loads)))]) + layout.loads @ generators
+    outer = np.zeros((2 * len(forcing.loads), size))
+    for g in range(len(forcing.loads)):
+        outer[2 * g, layout.masters[k + g]] = outer[2 * g + 1, layout.masters[k + g] + 1] = 1.0
+    gap, rate = np.zeros((len(modes.contact_side), size)), np.zeros((len(modes.contact_side), size))
+    acceleration = np.zeros_like(gap)
+    side, bound = modes.contact_side.copy(), modes.contact_bound.copy()
+    fixed = {int(modes.contact_stop[c]) for c in contacts}
+    press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, leave, outer)) if k else gap[:0]
+    for c in range(len(side)):
+        if c in contacts:
+            gap[c] = side[c] * press[contacts.index(c)]
+            rate[c] = gap[c] @ layout.matrix
+            acceleration[c] = rate[c] @ layout.matrix
+            side[c], bound[c] = -1.0, 0.0
+        elif int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
+            side[c], bound[c] = 1.0, NEVER
+        else:
+            row = np.array(system.stops[modes.contact_stop[c]].gap)
+            gap[c], rate[c] = row @ leave[:n], row @ leave[n:]
+            acceleration[c] = rate[c] @ layout.matrix
+    push = np.zeros_like(gap)
+    if not k:
+        for c in range(len(side)):
+            row = np.array(system.stops[modes.contact_stop[c]].gap)
+            participation = blocks.shapes.T @ row
+            push[c] = enter[:, n : 2 * n] @ (blocks.shapes @ participation / (participation @ participation))
+    second = meters.velocity @ leave[n:]
+    first = np.where((meters.load < 0)[:, None], second, outer[meters.load] if len(outer) else second)
+    arrays = (layout.pairs, layout.mean, layout.delta, layout.matrix, leave, enter, gap, rate, acceleration, side, bound, push, first, second)
+    return Phase(held, *(np.ascontiguousarray(array + 0) for array in arrays))
+
+
+def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks, np.ndarray]:
+    """The blocks of the reduced system and the map r = left u; the free system keeps its own modes."""
+    modes = system.modes
+    if not held:
+        own = Blocks(modes.layout, modes.shapes, modes.pairs, modes.mean, modes.delta, modes.matrix, modes.to_state, modes.from_state)
+        return own, np.eye(len(basis))
+    mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping, system.stiffness))
+    m = len(mass)
+    if not m:
+        none = np.zeros((0, 0))
+        return Blocks("undamped", none, np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), none, none, none), basis.T
+    mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
+    rounding = 4.0 * len(basis) * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
+    damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
+    squares, shapes = undamped_modes(mass, stiffness)
+    scale = 8.0 * len(basis) * EPSILON * np.einsum(
+        "ik,ij,jk->k", np.abs(basis @ shapes), np.abs(system.stiffness), np.abs(basis @ shapes)
+    )  # fmt: skip
+    squares = np.where(np.abs(squares) <= scale, 0.0, squares)
+    if np.any(damping):
+        blocks = damped_blocks(Reduced(mass, damping, stiffness), squares, shapes)
+    else:
+        blocks = undamped_blocks(mass, squares, shapes)
+    return blocks, np.linalg.solve(mass, basis.T @ system.mass)
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """Blocks joined with loads: Z = states z + loads y, (r, r') = position Z; `masters`: where the state of each load begins in Z."""
+
+    pairs: np.ndarray
+    mean: np.ndarray
+    delta: np.ndarray
+    matrix: np.ndarray
+    position: np.ndarray
+    states: np.ndarray
+    loads: np.ndarray
+    masters: list[int]
+
+
+def _join(
+    system: ImpactSystem, blocks: Blocks, basis: np.ndarray, loads: np.ndarray, frequency: np.ndarray, sizes: np.ndarray
+) -> _Layout:
+    """Each block beside its loads, split where the particular solution is of the size of the gaps, joined where it is not."""
+    m, count = basis.shape[1], len(loads)
+    gaps = np.array([stop.gap for stop in system.stops])
+    reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
+    inverse = blocks.from_state[:, m:] @ _mass_inverse(blocks) if m else np.zeros((0, 0))
+    pieces: list[tuple[list[int], list[int], np.ndarray]] = []
+    particular = np.zeros((2 * m, 2 * count))
+    for i, j in blocks.pairs:
+        index = [i, j] if j >= 0 else list(range(i, i - j))
+        own = blocks.matrix[np.ix_(index, index)]
+        joined = []
+        for g in range(count):
+            drive = inverse[index] @ loads[g]
+            if not np.any(drive):
+                continue
+            solution = _sylvester(own, _generator(frequency[g]), drive)
+            if solution is not None:
+                moved = np.abs(gaps @ basis @ blocks.to_state[:m, index] @ solution) @ sizes[g]
+                if np.all(moved <= PARTICULAR_LIMIT * reach) and _amplification(own, frequency[g]) <= PARTICULAR_LIMIT:
+                    particular[np.ix_(index, [2 * g, 2 * g + 1])] = solution
+                    continue
+            joined.append(g)
+        whole = np.zeros((len(index) + 2 * len(joined),) * 2)
+        whole[: len(index), : len(index)] = own
+        for k, g in enumerate(joined):
+            at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
+            whole[: len(index), at] = inverse[index] @ loads[g]
+            whole[at, at] = _generator(frequency[g])
+        pieces.append((index, joined, whole))
+    pieces += [([], [g], _generator(frequency[g])) for g in range(count)]
+    plain = not count
+    size = sum(len(piece[2]) for piece in pieces)
+    matrix, position = np.zeros((size, size)), np.zeros((2 * m, size))
+    states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
+    pairs, masters, start = [], [], 0
+    for index, joined, whole in pieces:
+        width = len(whole)
+        place = np.array(index) if plain else np.arange(start, start + width)
+        pairs.append((place[0], place[1] if width == 2 else -width))
+        matrix[np.ix_(place, place)] = whole
+        position[:, place[: len(index)]] = blocks.to_state[:, index]
+        states[place[: len(index)], index] = 1.0
+        into[place[: len(index)]] = -particular[index]
+        for k, g in enumerate(joined):
+            for entry in range(2):
+                into[place[len(index) + 2 * k + entry], 2 * g + entry] = 1.0
+        if not index:
+            masters.append(start)
+            position[:, place] += blocks.to_state @ particular[:, 2 * joined[0] : 2 * joined[0] + 2]
+        start += width
+    layout = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    mean, delta = traceless(matrix, layout)
+    return _Layout(layout, mean, delta, matrix, position, states, into, masters)
+
+
+def _mass_inverse(blocks: Blocks) -> np.ndarray:
+    """M^-1 of the reduced system, Phi Phi'."""
+    return blocks.shapes @ blocks.shapes.T
+
+
+def _generator(frequency: float) -> np.ndarray:
+    """S of a load: a rotation, or level and slope."""
+    return np.array([[0.0, -frequency], [frequency, 0.0]]) if frequency > 0.0 else np.array([[0.0, 1.0], [0.0, 0.0]])
+
+
+def _sylvester(block: np.ndarray, generator: np.ndarray, drive: np.ndarray) -> np.ndarray | None:
+    """X with X S - B X = G; None where B and S share an eigenvalue to rounding."""
+    size = len(block)
+    operator = np.kron(np.eye(size), generator.T) - np.kron(block, np.eye(2))
+    if np.linalg.cond(operator) > 1e14:
+        return None
+    return np.linalg.solve(operator, drive.ravel()).reshape(size, 2)
+
+
+def _amplification(block: np.ndarray, frequency: float) -> float:
+    """How near a load is to resonance with a block: the largest rate over the least distance of the rates; 1 for loads that do not turn."""
+    if frequency == 0.0:
+        return 1.0
+    rates = np.linalg.eigvals(block)
+    return float(max(np.abs(rates).max(), frequency) / max(np.abs(rates - 1j * frequency).min(), np.finfo(float).tiny))
+
+
+def _free_acceleration(
+    system: ImpactSystem, inverse_rows: np.ndarray, forcing: Forcing, leave: np.ndarray, outer: np.ndarray
+) -> np.ndarray:
+    """Rows of c_S . M^-1 (f - C v - K u), which the held stops have to take away."""
+    n = system.degrees_of_freedom
+    force = -(system.stiffness @ leave[:n]) - system.damping @ leave[n:]
+    if len(outer):
+        force = force + np.concatenate(list(forcing.loads), axis=1) @ outer
+    return inverse_rows.T @ force
+
+
+def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:
+    """True where the gap of a stop is not fixed by the held ones."""
+    if not len(rows):
+        return True
+    row = np.array(system.stops[stop].gap)
+    left = row - np.linalg.lstsq(rows.T, row, rcond=None)[0] @ rows
+    return bool(np.abs(left).max() > 1e-12 * np.abs(row).max())
+
+
+class PhaseTable:
+    """The phases of a system under its loads that a run has met so far, stacked for the kernels; it grows when a run asks for one more."""
+
+    def __init__(self, system: ImpactSystem, forcing: Forcing, meters: Meters) -> None:
+        self.system, self.forcing, self.meters = system, forcing, meters
+        self.phases = [phase_of(system, 0, forcing, meters)]
+
+    def add(self, held: int) -> None:
+        """Make one more phase."""
+        self.phases.append(phase_of(self.system, held, self.forcing, self.meters))
+        self.__dict__.pop("stacked", None)
+
+    def index(self, held: int) -> int:
+        """Its index, or -1."""
+        return next((k for k, phase in enumerate(self.phases) if phase.held == held), -1)
+
+    @cached_property
+    def stacked(self) -> Phases:
+        """All phases in arrays of one size: smaller ones have entries that stay 0, and blocks that act on the last of these alone."""
+        count = max(len(phase.pairs) for phase in self.phases)
+        size = max(len(phase.matrix) + (len(phase.pairs) < count) for phase in self.phases)
+        modes = self.system.modes
+        contacts = len(modes.contact_side)
+        n, y = self.system.degrees_of_freedom, 2 * len(self.forcing.loads)
+        number, meters = len(self.phases), len(self.meters.weight)
+        pairs = np.empty((number, count, 2), dtype=np.int64)
+        pairs[:] = size - 1, -1
+        stacked = {
+            "mean": np.zeros((number, count)),
+            "delta": np.zeros((number, count)),
+            "matrix": np.zeros((number, size, size)),
+            "leave": np.zeros((number, 2 * n, size)),
+            "enter": np.zeros((number, size, 2 * n + y)),
+            **{key: np.zeros((number, contacts, size)) for key in ("gap", "rate", "acceleration", "push")},
+            **{key: np.zeros((number, contacts)) for key in ("side", "bound")},
+            **{key: np.zeros((number, meters, size)) for key in ("first", "second")},
+        }
+        for k, phase in enumerate(self.phases):
+            pairs[k, : len(phase.pairs)] = phase.pairs
+            for key, array in stacked.items():
+                own = getattr(phase, key)
+                array[(k, *(slice(0, length) for length in own.shape))] = own
+        reduced = np.array([1.0 / (row @ np.linalg.solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
+        return Phases(
+            held=np.array([phase.held for phase in self.phases], dtype=np.int64),
+            pairs=pairs,
+            **stacked,
+            restitution=modes.contact_restitution,
+            contact_mass=reduced[modes.contact_stop],
+            contact_stop=modes.contact_stop,
+            weight=self.meters.weight,
+            part=self.meters.part,
+            frequency=self.forcing.frequency,
+            breaks=self.forcing.breaks,
+            levels=self.forcing.levels,
+            shape=np.array([n, len(self.meters.dampers), len(self.system.stops)], dtype=np.int64),
+        )

@@ -1,0 +1,158 @@
+"""Damped and forced motions. Oracles: closed forms of bouncing, chattering, release and steady vibration, the balance of energies, the
+conservative run, and scipy's integrator."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from bvp.damped import EventKind, Mover, MotionStatus, run
+from bvp.forcing import Constant, Harmonic, Record
+from bvp.run import run as plain_run
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp.twins import chain
+
+
+def ball(restitution, k=0.0, c=0.0, lower=0.0):
+    return ImpactSystem([[1.0]], [[c]], [[k]], (Stop((1.0,), lower, restitution=restitution),))
+
+
+@pytest.mark.parametrize("restitution", [0.01, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
+@pytest.mark.parametrize("gravity", [1.0, 9.81])
+def test_chatter_accumulates_at_its_closed_form_time(restitution, gravity):
+    """A particle under constant load: the first impact with v = sqrt(2 g h), rest 2 v r/(g (1 - r)) after it; all energy goes to the stop."""
+    motion = run(ball(restitution), [0.5], [0.0], 3000.0, forces=Constant([-gravity]))
+    speed = math.sqrt(gravity)
+    rest = speed / gravity + 2.0 * speed * restitution / (gravity * (1.0 - restitution))
+    assert motion.status is MotionStatus.DURATION_REACHED
+    assert motion.kinds[-1] == EventKind.STICK.value
+    assert abs(motion.times[-1] - rest) <= 1e-10 * max(1.0, 0.01 / (1 - restitution))
+    assert motion.switch_error <= 1e-10
+    assert motion.held_time == pytest.approx(3000.0 - rest, rel=1e-12)
+    assert motion.work == pytest.approx(0.5 * gravity, rel=1e-12)
+    assert motion.dissipated["stop a"] == pytest.approx(0.5 * gravity, rel=1e-12)
+    assert motion.balance_error < 1e-12
+    np.testing.assert_allclose(motion.final, 0.0, atol=1e-12)
+
+
+def bouncing_on(c, bound, restitution, u):
+    """u'' + c u' + u = 0 let go at u on u >= bound: time of the end of its bounces, and the loss at the stop, in 40 digits, bounce by bounce."""
+    with mpmath.workdps(40):
+        c, bound, restitution, u = (mpmath.mpf(x) for x in (c, bound, restitution, u))
+        w = mpmath.sqrt(1 - c * c / 4)
+
+        def motion(u, v, t):
+            e = mpmath.exp(-c * t / 2)
+            s, k = mpmath.sin(w * t) / w, mpmath.cos(w * t)
+            return e * (u * k + (v + c * u / 2) * s), e * (v * k - (u + c * v / 2) * s)
+
+        v, time, lost, guess = mpmath.mpf(0), mpmath.mpf(0), mpmath.mpf(0), mpmath.mpf(1)
+        while True:
+            early, late = guess / 20, guess / 10
+            while motion(u, v, late)[0] > bound:
+                early, late = late, late + guess / 20
+            flight = mpmath.findroot(lambda t, u=u, v=v: (motion(u, v, t)[0] - bound) / t, (early, late), solver="anderson")
+            u, v = motion(u, v, flight)
+            time += flight
+            lost += (1 - restitution**2) * v * v / 2
+            u, v = bound, -restitution * v
+            guess = 2 * v / bound
+            if v < mpmath.mpf(10) ** -13:
+                return float(time + guess / (1 - restitution)), float(lost + v * v / 2)
+
+
+@pytest.mark.parametrize("restitution", [0.1, 0.5, 0.7, 0.9])
+def test_chatter_under_a_force_that_changes_ends_where_all_of_its_bounces_end(restitution):
+    """The oscillator pressed on u >= 1/2 while it moves; 40 digits, bounce by bounce to a speed of 1e-13."""
+    system = ImpactSystem([[1.0]], [[0.3]], [[1.0]], (Stop((1.0,), 0.5, restitution=restitution),))
+    motion = run(system, [0.9], [0.0], 100.0)
+    rest, lost = bouncing_on(0.3, 0.5, restitution, 0.9)
+    assert motion.kinds[-1] == EventKind.STICK.value
+    assert abs(motion.times[-1] - rest) <= 1e-12
+    assert motion.dissipated["stop a"] == pytest.approx(lost, rel=1e-12)
+    assert motion.balance_error < 1e-14
+
+
+@pytest.mark.parametrize("c", [0.0, 0.2, 2.0, 5.0])
+def test_a_mass_held_against_a_stop_by_a_spring_is_released(c):
+    """u1 rests on u1 >= 0, joined to u2 by a spring; u2 swings alone, u2'' + c u2' + u2 = 0 (spring 1, mass 1), and presses while u2 < 0.
+
+    Released when u2 crosses 0: u2 = -1 at rest, undamped pi/2; damped by the closed form of the oscillator (never, if c >= 2)."""
+    system = ImpactSystem(np.diag([0.5, 1.0]), np.diag([0.0, c]), [[1.0, -1.0], [-1.0, 1.0]], (Stop((1.0, 0.0), 0.0, restitution=0.3),))
+    motion = run(system, [0.0, -1.0], [0.0, 0.0], 30.0)
+    assert motion.kinds[1] == EventKind.STICK.value and motion.times[1] == 0.0
+    if c >= 2.0:
+        assert len(motion.kinds) == 2 and motion.held_time == 30.0
+        return
+    w = math.sqrt(1.0 - c * c / 4.0)
+    closed = (math.pi - math.atan2(w, c / 2.0)) / w if c else math.pi / 2
+    released = motion.times[2]
+    assert motion.kinds[2] == EventKind.RELEASE.value
+    assert abs(released - closed) <= 1e-14 * 8
+    assert motion.kinds[3] == EventKind.IMPACT.value if len(motion.kinds) > 3 else True
+    after = motion.sample([released + 1e-3])[0][0]
+    assert after[0] > 0.0
+    assert motion.balance_error < 1e-13
+
+
+def test_zero_restitution_sticks_or_leaves_and_one_never_sticks():
+    stuck = run(ball(0.0), [0.5], [0.0], 5.0, forces=Constant([-1.0]))
+    assert [EventKind(k).name for k in stuck.kinds] == ["START", "IMPACT", "STICK"] and stuck.held_time == 4.0
+    leaves = run(ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=0.5, restitution=0.0),)), [0.0], [1.0], 9.0)
+    assert leaves.held_time == 0.0 and leaves.impacts == 1 and leaves.touches == 1
+    bounces = run(ball(1.0), [0.5], [0.0], 5000.0, forces=Constant([-1.0]))
+    assert bounces.held_time == 0.0 and bounces.impacts == 2500
+    np.testing.assert_allclose(bounces.times[1:], 1.0 + 2.0 * np.arange(2500), rtol=1e-12)
+
+
+@pytest.mark.parametrize("start", [([0.0, 0.0], [2.0, 1.5]), ([0.3, 0.1], [0.0, -4.0])])
+@pytest.mark.parametrize(("lam", "rho"), [(0.0, 1.0), (0.01, 0.7), (0.3, 0.9)])
+def test_impacts_are_those_of_the_plain_run(start, lam, rho):
+    system = vibro_impact_nes(0.1, 0.1, lam, rho)
+    motion, plain = run(system, *start, 8.0), plain_run(system, *start, 8.0)
+    hits = motion.kinds == EventKind.IMPACT.value
+    assert hits.sum() == len(plain.times) >= 2
+    np.testing.assert_allclose(motion.times[hits], plain.times, rtol=1e-13)
+    np.testing.assert_allclose(motion.before[hits], plain.before, atol=1e-12)
+    u, v = motion.sample([0.3, 5.0])
+    np.testing.assert_allclose(np.hstack([u, v]), np.hstack(plain.sample([0.3, 5.0])), atol=1e-12)
+
+
+def test_elastic_undamped_motion_keeps_its_energy_over_a_hundred_thousand_impacts():
+    system = vibro_impact_nes(0.1, 0.1)
+    motion = run(system, [0.0, 0.0], [0.0, 1.5], 1e9, max_impacts=100_000)
+    assert motion.status is MotionStatus.IMPACTS_FULL and motion.impacts == 100_000
+    assert abs(motion.energy - motion.initial_energy) <= 1e-10 * motion.initial_energy
+    assert motion.totals.sum() == 0.0
+
+
+def test_the_balance_closes_over_ten_thousand_impacts():
+    """rho = 0.999, light damping; and harmonically forced with rho = 0.7: the balance to 1e-12 of the initial energy."""
+    light = run(vibro_impact_nes(0.1, 0.1, 1e-5, 0.999), [0.0, 0.0], [0.0, 30.0], 1e6, max_impacts=10_000)
+    assert light.impacts == 10_000 and light.balance_error < 1e-12
+    forced = run(
+        vibro_impact_nes(0.1, 0.1, 0.05, 0.7), [0.0, 0.0], [0.0, 5.0], 1e9,
+        forces=Harmonic(1.0, cosine=[0.0, 1.0]), max_impacts=10_000,
+    )  # fmt: skip
+    assert forced.impacts == 10_000
+    assert forced.balance_error < 1e-12
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.0, 1.0), st.integers(0, 2**31), st.sampled_from([0.0, 0.02, 0.5]), st.booleans())
+def test_no_restitution_hangs_and_the_balance_closes(rho, seed, lam, forced):
+    rng = np.random.default_rng(seed)
+    system = vibro_impact_nes(rng.uniform(0.05, 2.0), rng.uniform(0.0, 2.0), lam, rho)
+    forces = Harmonic(rng.uniform(0.3, 2.0), cosine=rng.normal(size=2)) if forced else None
+    motion = run(system, [0.0, 0.0], 3 * rng.normal(size=2), 100.0, forces=forces, max_impacts=5000)
+    assert motion.status in (MotionStatus.DURATION_REACHED, MotionStatus.IMPACTS_FULL)
+    turned_over = motion.initial_energy + abs(motion.work) + motion.totals[:-1].sum()
+    assert abs(motion.balance) <= 1e-12 * turned_over
+    u, _ = motion.sample(np.linspace(0.0, motion.duration, 500))
+    assert np.all(np.abs(u[:, 0] - u[:, 1]) <= 1.0 + 1e-12)
+    assert np.all(motion.totals[:-1] >= 0.0)
+    assert motion.switch_error < 1e-10

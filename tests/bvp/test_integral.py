@@ -1,0 +1,108 @@
+"""Integrals of products along a flight. Oracle: mpmath at 40 digits, the integral of the matrix by the exponential of a larger matrix
+(Van Loan), over damping ratios through critical damping, rigid bodies and loads; and the three ways of summing against each other."""
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bvp.kernels.integral import doubled_integrals, integral_work, integrals, series_integrals
+from bvp.kernels.bounds import fastest_rate
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp.test_modes import exceptional_point
+from tests.bvp.twins import first_order
+
+EPSILON = np.finfo(float).eps
+
+
+def exact(matrix, first, second, z, t):
+    """Integral of (a . exp(A s) z)(b . exp(A s) z): the corner of the exponential of [[-A', a b'], [0, A]]."""
+    n = len(matrix)
+    with mpmath.workdps(60 + int(2 * np.abs(matrix).sum() * t / 2.3)):
+        a = mpmath.matrix(np.asarray(matrix).tolist())
+        whole = mpmath.zeros(2 * n)
+        for i in range(n):
+            for j in range(n):
+                whole[i, j] = -a[j, i]
+                whole[n + i, n + j] = a[i, j]
+                whole[i, n + j] = mpmath.mpf(float(first[i])) * mpmath.mpf(float(second[j]))
+        whole = mpmath.expm(whole * mpmath.mpf(t))
+        flow, corner = whole[n:, n:], whole[:n, n:]
+        start = mpmath.matrix([mpmath.mpf(float(x)) for x in z])
+        return float((start.T * flow.T * corner * start)[0])
+
+
+def compiled(system, first, second, z, t):
+    """The kernel on the modes of a system, with rows and state in (u, v)."""
+    modes = system.modes
+    rows = [np.array([row]) @ modes.to_state for row in (first, second)]
+    out = np.zeros(1)
+    integrals(*modes.blocks, *rows, np.ones(1), modes.from_state @ z, t, integral_work(len(z), 1), out)
+    return out[0]
+
+
+def one(c, k):
+    return ImpactSystem([[1.0]], [[c]], [[k]], (Stop((1.0,), -1.0, 1.0),))
+
+
+@pytest.mark.parametrize("offset", [-0.9, -0.5, -1e-2, -1e-4, -1e-8, -1e-12, -1e-15, 0.0, 1e-15, 1e-12, 1e-8, 1e-4, 1e-2, 0.5])
+@pytest.mark.parametrize("t", [1e-4, 0.3, 0.99, 3.0, 40.0])
+def test_dissipation_through_critical_damping(offset, t):
+    """zeta = 1 + offset, the integral of v^2 to rounding of itself, on both sides and at it."""
+    system = one(2.0 * (1.0 + offset), 1.0)
+    v, z = np.array([0.0, 1.0]), np.array([0.3, -1.1])
+    assert compiled(system, v, v, z, t) == pytest.approx(exact(first_order(system), v, v, z, t), rel=100 * EPSILON)
+
+
+@pytest.mark.parametrize("k", [0.0, 1e-12, -0.5])
+@pytest.mark.parametrize("c", [0.0, 1e-9, 0.3, 50.0])
+@pytest.mark.parametrize("t", [0.2, 7.0])
+def test_rigid_bodies_and_negative_stiffness(k, c, t):
+    v, z = np.array([0.0, 1.0]), np.array([0.3, -1.1])
+    assert compiled(one(c, k), v, v, z, t) == pytest.approx(exact(first_order(one(c, k)), v, v, z, t), rel=200 * EPSILON)
+
+
+@pytest.mark.parametrize("t", [1e-6, 0.01, 0.9, 2.5, 30.0, 400.0])
+def test_the_damper_of_the_reference_system(t):
+    system = vibro_impact_nes(lam=0.01)
+    row, z = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.4, -0.2, 1.0, 1.5])
+    assert compiled(system, row, row, z, t) == pytest.approx(exact(first_order(system), row, row, z, t), rel=200 * EPSILON)
+
+
+def test_light_damping_over_a_flight_without_end():
+    """u'' + c u' + u = 0 from v = 1: c times the integral of v^2 is all of the energy, 1/2."""
+    for c in (1e-12, 1e-3, 1.9999999, 2.0, 2.0000001, 1e4):
+        assert c * compiled(one(c, 1.0), [0.0, 1.0], [0.0, 1.0], np.array([0.0, 1.0]), 1e18 if c < 1.0 else 1e6) == pytest.approx(0.5, rel=1e-13)
+
+
+def test_a_larger_block():
+    system = exceptional_point()
+    row, z = np.array([0.0, 0.0, 1.0, -0.5]), np.array([0.4, -0.2, 1.0, 1.5])
+    for t in (0.1, 3.0, 60.0):
+        assert compiled(system, row, row, z, t) == pytest.approx(exact(first_order(system), row, row, z, t), rel=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 3), st.integers(0, 2**31), st.floats(-3, 1.0), st.floats(1e-3, 10.0))
+def test_random_systems_and_unequal_rows(n, seed, size, t):
+    """Any damping; the product of two different rates; scaled by the integrals of their squares."""
+    rng = np.random.default_rng(seed)
+    half, root = rng.normal(size=(n, n)), rng.normal(size=(n, n))
+    system = ImpactSystem(
+        np.diag(rng.uniform(0.3, 3.0, n)), 10.0**size * half @ half.T, root @ root.T, (Stop(tuple(rng.normal(size=n)), -1.0, 1.0),)
+    )
+    a, b, z = rng.normal(size=(3, 2 * n))
+    modes = system.modes
+    matrix = first_order(system)
+    size = np.sqrt(exact(matrix, a, a, z, t) * exact(matrix, b, b, z, t))
+    assert abs(compiled(system, a, b, z, t) - exact(matrix, a, b, z, t)) <= 1e-12 * size
+    rows = [np.array([row]) @ modes.to_state for row in (a, b)]
+    start, fastest = modes.from_state @ z, fastest_rate(modes.pairs, modes.matrix)
+    for way in ("series", "doubled"):
+        out = np.zeros(1)
+        if way == "series":
+            series_integrals(*modes.blocks, *rows, np.ones(1), start, t, int(fastest * t) + 1, integral_work(2 * n, 1), out)
+        else:
+            doubled_integrals(*modes.blocks, *rows, np.ones(1), start, t, fastest, out)
+        assert abs(out[0] - exact(matrix, a, b, z, t)) <= 1e-12 * size
