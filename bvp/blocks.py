@@ -11,20 +11,39 @@ x 4 block.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from bvp.numerics import EPSILON, jacobi
 
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
-
-__all__ = ["Blocks", "coupled_groups", "cut", "damped_blocks", "traceless", "undamped_blocks"]
+__all__ = ["Blocks", "Dynamics", "Matrices", "coupled_groups", "cut", "damped_blocks", "traceless", "undamped_blocks"]
 
 SEPARATION_LIMIT = 30.0
 """Largest entry of a Sylvester solution that still counts as a well-conditioned cut; rounding errors grow by about this
 factor."""
+
+
+class Dynamics(Protocol):
+    """What has M, C and K."""
+
+    @property
+    def mass(self) -> np.ndarray: ...
+
+    @property
+    def damping(self) -> np.ndarray: ...
+
+    @property
+    def stiffness(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """M, C and K of a system without stops."""
+
+    mass: np.ndarray
+    damping: np.ndarray
+    stiffness: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +81,7 @@ def undamped_blocks(mass: np.ndarray, squares: np.ndarray, shapes: np.ndarray) -
     )
 
 
-def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
+def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
     """The blocks of a damped system.
 
     Where no two modes are coupled (proportional damping) z = (q, p) with pairs (k, n + k) and B[n+k, n+k] = -2 zeta_k w_k.
@@ -70,7 +89,8 @@ def damped_blocks(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray)
 
     Parameters
     ----------
-    system : ImpactSystem
+    system : Dynamics
+        An `ImpactSystem`, or `Matrices` alone.
     squares, shapes : (n,) and (n, n) ndarray
         Of the undamped modes.
 
@@ -142,7 +162,7 @@ def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:
     return sorted(groups, key=lambda group: (len(group) == 1, group))
 
 
-def _turn_repeated(system: ImpactSystem, squares: np.ndarray, shapes: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def _turn_repeated(system: Dynamics, squares: np.ndarray, shapes: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Within repeated frequencies the shapes are free: take those that the (symmetric) damping does not couple."""
     if not np.array_equal(system.damping, system.damping.T):
         return shapes

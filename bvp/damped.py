@@ -1,280 +1,31 @@
-"""One motion of any system between its stops: damped, forced, with inelastic impacts, chattering and sticking, and where its energy goes."""
+"""One motion of any system between its stops: damped, forced, with inelastic impacts, chattering and sticking, and where its energy
+goes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from enum import Enum
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bvp.checks import checked_damper
-from bvp.forcing import Forcing, forcing_of
+from bvp.forcing import forcing_of
 from bvp.impact import checked_state, contact_index
 from bvp.kernels import motion as kernels
+from bvp.kernels import phase as places
 from bvp.kernels.chatter import LEVELS
 from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
-from bvp.phases import PhaseTable, meters_of
-from bvp.shares import absorber_energy, split_damping
+from bvp.kernels.motions import many
+from bvp.meters import meters_of
+from bvp.motion import STATUS, Batch, Mark, Motion
+from bvp.phase_table import PhaseTable
+from bvp.shares import split_damping
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Batch", "EventKind", "Mark", "Motion", "MotionStatus", "Mover", "Stretch", "run"]
-
-
-class MotionStatus(Enum):
-    """How a motion ended; the value says it in words."""
-
-    DURATION_REACHED = "the duration was reached"
-    IMPACTS_FULL = "the most impacts allowed have happened; allow more impacts to run on"
-    SIMULTANEOUS = (
-        "two stops are hit at the same instant and their impulses interact; the outcome is not defined by restitution"
-    )
-    OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
-    UNDECIDED = "contacts are made and lost again without time passing; change the state at which the motion stopped a little"
-    EXHAUSTED = "the search for the next impact gave up; ask for a shorter duration"
-
-
-_STATUS = {
-    kernels.REACHED: MotionStatus.DURATION_REACHED,
-    kernels.MOST: MotionStatus.IMPACTS_FULL,
-    kernels.INTERACTING: MotionStatus.SIMULTANEOUS,
-    kernels.STARTED_OUTSIDE: MotionStatus.OUTSIDE,
-    kernels.CYCLING: MotionStatus.UNDECIDED,
-    kernels.GAVE_UP: MotionStatus.EXHAUSTED,
-}
-
-
-class EventKind(Enum):
-    """What happened at an event of a motion."""
-
-    START = kernels.START
-    IMPACT = kernels.IMPACT
-    TOUCH = kernels.TOUCHED
-    STICK = kernels.STICK
-    RELEASE = kernels.RELEASE
-    BREAK = kernels.BREAK
-    PIECE = kernels.PIECE
-
-
-@dataclass(frozen=True)
-class Mark:
-    """The moment at which a fraction of the initial energy is gone: time (None where it is not reached) and what each damper and stop has
-    dissipated until then."""
-
-    fraction: float
-    time: float | None
-    dissipated: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """A part of the motion with the same contacts held: begin, end, and their letters (none in free flight)."""
-
-    begin: float
-    end: float
-    held: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """What a motion recorded: k events, each the begin of a flight (row 0 is the start).
-
-    Attributes
-    ----------
-    system : ImpactSystem
-    status : MotionStatus
-    duration : float
-        Time reached.
-    kinds : (k,) int64 ndarray
-        Values of `EventKind`.
-    times : (k,) ndarray
-    contacts : (k,) int64 ndarray
-        Index into `Modes.contact_letters`, -1 for none.
-    speeds, losses : (k,) ndarray
-        Speed of approach across the gap and energy lost, at impacts and where a contact begins to be held.
-    before : (k, 2n) ndarray
-        (u, v) just before each event.
-    sums : (k, D + S + 1) ndarray
-        Up to each event: energy dissipated by each of D dampers and S stops, work done by the loads.
-    totals : (D + S + 1,) ndarray
-        The same over the whole motion.
-    parts : tuple of D + S str
-        Names of the dampers, then "stop a", "stop b", ...
-    impacts, touches : int
-    last_impact : float or None
-        Time of the last impact.
-    clear_from : float or None
-        Time from which it is proven that no impact is possible any more; None where it is not.
-    held_time : float
-        Time with a contact held.
-    switch_error : float
-        Largest error, in time, of the ends of chattering.
-    initial_energy, energy : float
-        At time 0 and at `duration`.
-    marks : tuple of Mark
-    start, final : (2n,) ndarray
-        (u, v).
-    """
-
-    system: ImpactSystem
-    forcing: Forcing
-    status: MotionStatus
-    duration: float
-    kinds: np.ndarray
-    times: np.ndarray
-    contacts: np.ndarray
-    speeds: np.ndarray
-    losses: np.ndarray
-    before: np.ndarray
-    sums: np.ndarray
-    totals: np.ndarray
-    parts: tuple[str, ...]
-    impacts: int
-    touches: int
-    last_impact: float | None
-    clear_from: float | None
-    held_time: float
-    switch_error: float
-    initial_energy: float
-    energy: float
-    marks: tuple[Mark, ...]
-    start: np.ndarray
-    final: np.ndarray
-    numbers: np.ndarray
-    """(k, 3) kind, contact and phase of each event."""
-    states: np.ndarray
-    """(k, N) state of its phase in which each flight begins."""
-    mover: Mover
-
-    @property
-    def work(self) -> float:
-        """Work done by the loads."""
-        return float(self.totals[-1])
-
-    @property
-    def dissipated(self) -> dict[str, float]:
-        """Energy dissipated by each damper and stop."""
-        return dict(zip(self.parts, self.totals[:-1].tolist(), strict=True))
-
-    @property
-    def balance(self) -> float:
-        """Initial energy + work - dissipated - present energy: 0 but for rounding."""
-        return float(np.sum([self.initial_energy, self.work, *(-self.totals[:-1]), -self.energy]))
-
-    @property
-    def balance_error(self) -> float:
-        """|balance| over the initial energy, or over the energy that came in where there was none."""
-        incoming = self.initial_energy if self.initial_energy > 0.0 else max(abs(self.work), self.totals[:-1].sum(), abs(self.energy))
-        return abs(self.balance) / incoming if incoming > 0.0 else abs(self.balance)
-
-    @cached_property
-    def stretches(self) -> tuple[Stretch, ...]:
-        """The motion as stretches of free flights and of contacts held."""
-        letters = self.system.modes.contact_letters
-        held = [self.mover.table.phases[f].held for f in self.numbers[:, 2]]
-        out: list[Stretch] = []
-        for k, bits in enumerate(held):
-            names = tuple(letter for c, letter in enumerate(letters) if bits >> c & 1)
-            end = float(self.times[k + 1]) if k + 1 < len(held) else self.duration
-            if out and out[-1].held == names:
-                out[-1] = Stretch(out[-1].begin, end, names)
-            else:
-                out.append(Stretch(float(self.times[k]), end, names))
-        return tuple(out)
-
-    def sample(self, times: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements and velocities at any times of the motion, after the event at the time of an event.
-
-        Parameters
-        ----------
-        times : (j,) array_like
-            Within 0 and `duration`.
-
-        Returns
-        -------
-        u, v : (j, n) ndarray
-
-        Raises
-        ------
-        ValueError
-            For a time outside the motion.
-        """
-        wanted = self._times(times)
-        out = np.empty((len(wanted), len(self.start)))
-        phases = self.mover.table.stacked
-        kernels.sample(phases, self.times, self.numbers, self.states, wanted, np.empty(phases.matrix.shape[1]), out)
-        n = self.system.degrees_of_freedom
-        return out[:, :n], out[:, n:]
-
-    def spent(self, times: Any) -> np.ndarray:
-        """What each damper and stop has dissipated, and the work of the loads, up to any times: (j, D + S + 1)."""
-        wanted = self._times(times)
-        out = np.empty((len(wanted), len(self.totals)))
-        phases = self.mover.table.stacked
-        kernels.spent(phases, self.times, self.numbers, self.states, self.sums, wanted, self.mover.integral_work(), np.empty(len(phases.weight)), out)
-        return out
-
-    def shares(self, times: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Energy of the absorber, and of the rest, at any times: (j,) each; ValueError where the system names no absorber."""
-        mass, stiffness = absorber_energy(self.system)
-        u, v = self.sample(times)
-        absorber = 0.5 * (np.einsum("ji,ik,jk->j", v, mass, v) + np.einsum("ji,ik,jk->j", u, stiffness, u))
-        return absorber, self.system.energy(u, v) - absorber
-
-    def _times(self, times: Any) -> np.ndarray:
-        wanted = np.atleast_1d(np.asarray(times, dtype=float))
-        if wanted.ndim != 1:
-            raise ValueError(f"times is a list of times; received shape {wanted.shape}")
-        wrong = ~((wanted >= 0.0) & (wanted <= self.duration))
-        if np.any(wrong):
-            raise ValueError(f"the motion covers times 0 to {self.duration:g}; received {wanted[wrong][0]:g}")
-        return wanted
-
-
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """What is left of many motions, b of them: arrays of length b.
-
-    Attributes
-    ----------
-    status : tuple of MotionStatus
-        Of each motion.
-    duration, last_impact, clear_from, held_time, initial_energy, energy : (b,) ndarray
-        As in `Motion`; NaN where there is none.
-    impacts, touches : (b,) int64 ndarray
-    totals : (b, D + S + 1) ndarray
-        Dissipated by each damper and stop, and the work of the loads.
-    marks : (b, Q, D + S + 2) ndarray
-        Time of each mark and the totals there; NaN where it is not reached.
-    final : (b, 2n) ndarray
-    parts : tuple of D + S str
-    fractions : (Q,) ndarray
-    """
-
-    status: tuple[MotionStatus, ...]
-    duration: np.ndarray
-    impacts: np.ndarray
-    touches: np.ndarray
-    last_impact: np.ndarray
-    clear_from: np.ndarray
-    held_time: np.ndarray
-    initial_energy: np.ndarray
-    energy: np.ndarray
-    totals: np.ndarray
-    marks: np.ndarray
-    final: np.ndarray
-    parts: tuple[str, ...]
-    fractions: np.ndarray
-
-    @property
-    def balance(self) -> np.ndarray:
-        """Initial energy + work - dissipated - present energy, (b,)."""
-        return self.initial_energy + self.totals[:, -1] - self.totals[:, :-1].sum(axis=1) - self.energy
+__all__ = ["Mover", "run"]
 
 
 class Mover:
@@ -301,6 +52,17 @@ class Mover:
         self.table = PhaseTable(system, self.forcing, self.meters)
         self.parts = (*self.dampers, *(f"stop {stop.name}" for stop in system.stops))
 
+    def _log(self, room: int) -> places.Log:
+        """An empty record of so many events."""
+        n, size = self.system.degrees_of_freedom, self.table.stacked.matrix.shape[1]
+        return places.Log(
+            np.zeros((room, 3), dtype=np.int64),
+            np.zeros((room, 3)),
+            np.zeros((room, 2 * n)),
+            np.zeros((room, size)),
+            np.zeros((room, len(self.parts) + 1)),
+        )
+
     def integral_work(self) -> np.ndarray:
         """Scratch array for the integrals."""
         return integral_work(self.table.stacked.matrix.shape[1], len(self.meters.weight))
@@ -321,65 +83,65 @@ class Mover:
         contact = contact_index(system, leaving)
         n, parts = system.degrees_of_freedom, len(self.parts)
         initial = system.energy(start[:n], start[n:])
-        counts, clock = np.zeros(kernels.COUNTS, dtype=np.int64), np.zeros(kernels.CLOCK)
-        counts[kernels.LEAVING] = counts[kernels.CONTACT] = contact
-        clock[kernels.INITIAL] = initial
+        counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
+        counts[places.LEAVING] = counts[places.CONTACT] = contact
+        clock[places.INITIAL] = initial
         turns = np.zeros((len(self.forcing.loads), 2))
         sums, marked = np.zeros((parts + 1, 2)), np.zeros((len(fractions) if initial > 0.0 else 0, parts + 3))
         marked[:, 0] = fractions[: len(marked)]
         x = np.concatenate([start, np.zeros(2 * len(self.forcing.loads))])
         table, values = np.zeros((LEVELS, 2 * n + parts + 2)), np.zeros(2 * n + parts + 2)
         before, out = start.copy(), np.zeros(len(self.meters.weight))
-        pieces: list[kernels.Log] = []
+        pieces: list[places.Log] = []
         room, z = 256, np.zeros(0)
         while True:
             phases = self.table.stacked
             size = phases.matrix.shape[1]
-            if counts[kernels.PENDING] >= 0:
+            if counts[places.PENDING] >= 0:
                 z = np.zeros(size)
-            log = kernels.Log(
-                np.zeros((room, 3), dtype=np.int64), np.zeros((room, 3)), np.zeros((room, 2 * n)), np.zeros((room, size)), np.zeros((room, parts + 1))
-            )  # fmt: skip
-            counts[kernels.EVENTS] = 0
+            log = self._log(room)
+            counts[places.EVENTS] = 0
             status = kernels.move(
                 phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, table, values, before, log,
                 work_array(size, len(phases.restitution)), self.integral_work(), out,
             )  # fmt: skip
-            pieces.append(kernels.Log(*(array[: counts[kernels.EVENTS]] for array in log)))
+            pieces.append(places.Log(*(array[: counts[places.EVENTS]] for array in log)))
             if status == kernels.NEW_PHASE:
-                self.table.add(int(counts[kernels.PENDING]))
+                self.table.add(int(counts[places.PENDING]))
             elif status != kernels.FULL:
                 break
             room = min(2 * room, 1 << 16)
         phases = self.table.stacked
         size = phases.matrix.shape[1]
         states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
-        numbers, values_, before_, sums_ = (np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums"))
-        final = phases.leave[counts[kernels.PHASE]] @ np.pad(z, (0, size - len(z)))
+        numbers, columns, before_, sums_ = (
+            np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
+        )
+        final = phases.leave[counts[places.PHASE]] @ np.pad(z, (0, size - len(z)))
         return Motion(
             system=system,
             forcing=self.forcing,
-            status=_STATUS[status],
-            duration=float(duration) if status == kernels.REACHED else float(clock[kernels.TIME]),
+            status=STATUS[status],
+            duration=float(duration) if status == kernels.REACHED else float(clock[places.TIME]),
             kinds=numbers[:, 0],
-            times=values_[:, 0],
+            times=columns[:, 0],
             contacts=numbers[:, 1],
-            speeds=values_[:, 1],
-            losses=values_[:, 2],
+            speeds=columns[:, 1],
+            losses=columns[:, 2],
             before=before_,
             sums=sums_,
             totals=sums.sum(axis=1),
             parts=self.parts,
-            impacts=int(counts[kernels.IMPACTS]),
-            touches=int(counts[kernels.TOUCHES]),
-            last_impact=float(clock[kernels.LAST_IMPACT]) if counts[kernels.IMPACTS] else None,
-            clear_from=float(clock[kernels.CLEAR_TIME]) if counts[kernels.CLEAR] else None,
-            held_time=float(clock[kernels.HELD_TIME]),
-            switch_error=float(clock[kernels.SWITCH_ERROR]),
+            impacts=int(counts[places.IMPACTS]),
+            touches=int(counts[places.TOUCHES]),
+            last_impact=float(clock[places.LAST_IMPACT]) if counts[places.IMPACTS] else None,
+            clear_from=float(clock[places.CLEAR_TIME]) if counts[places.CLEAR] else None,
+            held_time=float(clock[places.HELD_TIME]),
+            switch_error=float(clock[places.SWITCH_ERROR]),
             initial_energy=initial,
             energy=system.energy(final[:n], final[n:]),
             marks=tuple(
-                Mark(float(fraction), *_mark(marked[k], self.parts) if k < counts[kernels.MARK] else (None, {}))
+                Mark(float(fraction), *_mark(marked[k], self.parts) if k < counts[places.MARK] else (None, {}))
                 for k, fraction in enumerate(fractions)
             ),
             start=start,
@@ -426,24 +188,23 @@ class Mover:
         fractions = self._checked(duration, max_impacts, marks)
         summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2)))
         summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
-        counts, clock = np.zeros(kernels.COUNTS, dtype=np.int64), np.zeros(kernels.CLOCK)
+        counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
         turns, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
         x, width = np.zeros(2 * n + 2 * len(self.forcing.loads)), 2 * n + parts + 2
         first = 0
         while True:
             phases = self.table.stacked
             size = phases.matrix.shape[1]
-            log = kernels.Log(*(np.zeros((0, k), dtype=kind) for k, kind in ((3, np.int64), (3, float), (2 * n, float), (size, float), (parts + 1, float))))
-            reason, first = kernels.many(
+            reason, first = many(
                 phases, starts, float(duration), int(max_impacts), first, fractions, np.zeros(size), x, counts, clock, turns, sums,
-                np.zeros((len(fractions), parts + 3)), np.zeros((LEVELS, width)), np.zeros(width), np.zeros(2 * n), log,
+                np.zeros((len(fractions), parts + 3)), np.zeros((LEVELS, width)), np.zeros(width), np.zeros(2 * n), self._log(0),
                 work_array(size, len(phases.restitution)), self.integral_work(), np.zeros(len(self.meters.weight)), summary,
             )  # fmt: skip
             if reason != kernels.NEW_PHASE:
                 break
-            self.table.add(int(counts[kernels.PENDING]))
+            self.table.add(int(counts[places.PENDING]))
         return Batch(
-            status=tuple(_STATUS[int(reason)] for reason in summary[:, 0]),
+            status=tuple(STATUS[int(reason)] for reason in summary[:, 0]),
             duration=summary[:, 1],
             impacts=summary[:, 2].astype(np.int64),
             touches=summary[:, 3].astype(np.int64),

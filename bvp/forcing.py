@@ -7,7 +7,7 @@ and needs no time step. Of a record, level and slope are set anew at each sample
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -50,23 +50,23 @@ class Harmonic:
     ----------
     frequency : float
         In radians a unit of time, > 0.
-    cosine, sine : (n,) array_like or None
-        Forces on each coordinate; at least one is given.
+    cosine, sine : (n,) array_like, optional
+        Forces on each coordinate; at least one is given, the other is zero.
     """
 
     frequency: float
-    cosine: np.ndarray | None = None
-    sine: np.ndarray | None = None
+    cosine: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    sine: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         if not (isinstance(self.frequency, (int, float, np.number)) and 0.0 < self.frequency < np.inf):
             raise ValueError(f"frequency is a finite number above 0 (a load of frequency 0 is Constant); received {self.frequency!r}")
-        parts = [_finite(part, name) for name, part in (("cosine", self.cosine), ("sine", self.sine)) if part is not None]
+        parts = [_finite(part, name) for name, part in (("cosine", self.cosine), ("sine", self.sine)) if np.size(part)]
         if not parts or len({len(part) for part in parts}) > 1:
             raise ValueError("a harmonic load has cosine, sine or both, of one length")
         zero = np.zeros(len(parts[0]))
-        object.__setattr__(self, "cosine", zero if self.cosine is None else parts[0])
-        object.__setattr__(self, "sine", zero if self.sine is None else parts[-1])
+        object.__setattr__(self, "cosine", zero if not np.size(self.cosine) else parts[0])
+        object.__setattr__(self, "sine", zero if not np.size(self.sine) else parts[-1])
 
 
 @dataclass(frozen=True, eq=False)

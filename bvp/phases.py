@@ -1,100 +1,37 @@
 """Phases of contact: the motion with none of the stops held, and with some of them held, each as blocks for one and the same flight.
 
-While the gaps w_S = c_S . u of the stops S are held, u = T r + U w_S with T a basis of c_S u = 0 and U = M^-1 c' (c M^-1 c')^-1: the reduced
-motion T'MT r'' + T'CT r' + T'KT r = T'(f - K U w_S) has one degree of freedom less for each stop held, and kinetic energy keeps r and w apart.
+While the gaps w_S = c_S . u of the stops S are held, u = T r + U w_S with T a basis of c_S u = 0 and U = M^-1 c' (c M^-1 c')^-1: the
+reduced
+motion T'MT r'' + T'CT r' + T'KT r = T'(f - K U w_S) has one degree of freedom less for each stop held, and kinetic energy keeps r and w
+apart.
 The held gaps and the loads are states y' = S y of their own. With X S - B X = G, z = z~ + X y takes z' = B z + G y to z~' = B z~: the
 particular solution is X y. Where it would be large beside the gaps - a load at resonance, or on a coordinate that hardly resists - the
 difference z - X y would cancel, and the block and the load share one larger block instead, whose exponential has no such limit.
 
-A contact that is held presses with the force by which the motion would leave the constraint; that force is a linear function of the state, and
-takes the place of the contact's distance: the release is its next zero.
+A contact that is held presses with the force by which the motion would leave the constraint; that force is a linear function of the
+state, and takes the place of the contact's distance: the release is its next zero.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.blocks import Blocks, damped_blocks, traceless, undamped_blocks
+from bvp.blocks import Blocks, Matrices, damped_blocks, undamped_blocks
 from bvp.forcing import Forcing
-from bvp.kernels.motion import Phases
+from bvp.joined import join
+from bvp.meters import Meters
 from bvp.numerics import EPSILON, undamped_modes
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Meters", "Phase", "PhaseTable", "meters_of", "phase_of"]
-
-PARTICULAR_LIMIT = 30.0
-"""Largest particular solution that is split off, in gaps, and in what the load moves without resonance: the digits that its difference can
-lose."""
+__all__ = ["Phase", "phase_of"]
 
 NEVER = 1e300
 """Bound of a gap that cannot be reached."""
-
-
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """The matrices of a reduced system, in the manner of `ImpactSystem`."""
-
-    mass: np.ndarray
-    damping: np.ndarray
-    stiffness: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Meters:
-    """What a run sums up over its flights: integrals of weight (a . y)(b . v) or weight (b . v)^2.
-
-    Attributes
-    ----------
-    velocity : (R, n) ndarray
-        b.
-    load : (R,) int64 ndarray
-        Index among the 2 G entries y of the loads, or -1 where the square of b . v is integrated.
-    weight : (R,) ndarray
-    part : (R,) int64 ndarray
-        The sum that it goes to: 0 .. dampers - 1, then the stops, then the work of the loads.
-    dampers : tuple of str
-    """
-
-    velocity: np.ndarray
-    load: np.ndarray
-    weight: np.ndarray
-    part: np.ndarray
-    dampers: tuple[str, ...]
-
-
-def meters_of(dampers: dict[str, np.ndarray], forcing: Forcing, stops: int) -> Meters:
-    """The meters of named parts of the damping matrix and of the work of the loads; v'Cv goes by the eigenvectors of C's symmetric part."""
-    velocity, load, weight, part = [], [], [], []
-    for k, matrix in enumerate(dampers.values()):
-        values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-        for value, vector in zip(values, vectors.T, strict=True):
-            if abs(value) > 8.0 * len(values) * EPSILON * np.abs(values).max():
-                velocity.append(vector)
-                load.append(-1)
-                weight.append(value)
-                part.append(k)
-    for g in range(len(forcing.loads)):
-        for k in range(2):
-            column = forcing.loads[g, :, k]
-            if np.any(column):
-                velocity.append(column)
-                load.append(2 * g + k)
-                weight.append(1.0)
-                part.append(len(dampers) + stops)
-    n = next(iter(dampers.values())).shape[0]
-    return Meters(
-        np.array(velocity, dtype=float).reshape(-1, n),
-        np.array(load, dtype=np.int64),
-        np.array(weight, dtype=float),
-        np.array(part, dtype=np.int64),
-        tuple(dampers),
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +93,7 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
     frequency = np.concatenate([np.zeros(k), forcing.frequency])
     bounds = [abs(modes.contact_bound[c]) for c in contacts]
     sizes = np.concatenate([np.array([[bound, 0.0] for bound in bounds]).reshape(-1, 2), forcing.sizes])
-    layout = _join(system, blocks, basis, loads, frequency, sizes)
+    layout = join(system, blocks, basis, loads, frequency, sizes)
     size = len(layout.matrix)
     reduced = np.zeros((2 * n, 2 * m))
     reduced[:n, :m] = reduced[n:, m:] = basis
@@ -198,7 +135,8 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
             push[c] = enter[:, n : 2 * n] @ (blocks.shapes @ participation / (participation @ participation))
     second = meters.velocity @ leave[n:]
     first = np.where((meters.load < 0)[:, None], second, outer[meters.load] if len(outer) else second)
-    arrays = (layout.pairs, layout.mean, layout.delta, layout.matrix, leave, enter, gap, rate, acceleration, side, bound, push, first, second)
+    flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)
+    arrays = (*flight, leave, enter, gap, rate, acceleration, side, bound, push, first, second)
     return Phase(held, *(np.ascontiguousarray(array + 0) for array in arrays))
 
 
@@ -222,109 +160,10 @@ def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks,
     )  # fmt: skip
     squares = np.where(np.abs(squares) <= scale, 0.0, squares)
     if np.any(damping):
-        blocks = damped_blocks(Reduced(mass, damping, stiffness), squares, shapes)
+        blocks = damped_blocks(Matrices(mass, damping, stiffness), squares, shapes)
     else:
         blocks = undamped_blocks(mass, squares, shapes)
     return blocks, np.linalg.solve(mass, basis.T @ system.mass)
-
-
-@dataclass(frozen=True, eq=False)
-class _Layout:
-    """Blocks joined with loads: Z = states z + loads y, (r, r') = position Z; `masters`: where the state of each load begins in Z."""
-
-    pairs: np.ndarray
-    mean: np.ndarray
-    delta: np.ndarray
-    matrix: np.ndarray
-    position: np.ndarray
-    states: np.ndarray
-    loads: np.ndarray
-    masters: list[int]
-
-
-def _join(
-    system: ImpactSystem, blocks: Blocks, basis: np.ndarray, loads: np.ndarray, frequency: np.ndarray, sizes: np.ndarray
-) -> _Layout:
-    """Each block beside its loads, split where the particular solution is of the size of the gaps, joined where it is not."""
-    m, count = basis.shape[1], len(loads)
-    gaps = np.array([stop.gap for stop in system.stops])
-    reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
-    inverse = blocks.from_state[:, m:] @ _mass_inverse(blocks) if m else np.zeros((0, 0))
-    pieces: list[tuple[list[int], list[int], np.ndarray]] = []
-    particular = np.zeros((2 * m, 2 * count))
-    for i, j in blocks.pairs:
-        index = [i, j] if j >= 0 else list(range(i, i - j))
-        own = blocks.matrix[np.ix_(index, index)]
-        joined = []
-        for g in range(count):
-            drive = inverse[index] @ loads[g]
-            if not np.any(drive):
-                continue
-            solution = _sylvester(own, _generator(frequency[g]), drive)
-            if solution is not None:
-                moved = np.abs(gaps @ basis @ blocks.to_state[:m, index] @ solution) @ sizes[g]
-                if np.all(moved <= PARTICULAR_LIMIT * reach) and _amplification(own, frequency[g]) <= PARTICULAR_LIMIT:
-                    particular[np.ix_(index, [2 * g, 2 * g + 1])] = solution
-                    continue
-            joined.append(g)
-        whole = np.zeros((len(index) + 2 * len(joined),) * 2)
-        whole[: len(index), : len(index)] = own
-        for k, g in enumerate(joined):
-            at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
-            whole[: len(index), at] = inverse[index] @ loads[g]
-            whole[at, at] = _generator(frequency[g])
-        pieces.append((index, joined, whole))
-    pieces += [([], [g], _generator(frequency[g])) for g in range(count)]
-    plain = not count
-    size = sum(len(piece[2]) for piece in pieces)
-    matrix, position = np.zeros((size, size)), np.zeros((2 * m, size))
-    states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
-    pairs, masters, start = [], [], 0
-    for index, joined, whole in pieces:
-        width = len(whole)
-        place = np.array(index) if plain else np.arange(start, start + width)
-        pairs.append((place[0], place[1] if width == 2 else -width))
-        matrix[np.ix_(place, place)] = whole
-        position[:, place[: len(index)]] = blocks.to_state[:, index]
-        states[place[: len(index)], index] = 1.0
-        into[place[: len(index)]] = -particular[index]
-        for k, g in enumerate(joined):
-            for entry in range(2):
-                into[place[len(index) + 2 * k + entry], 2 * g + entry] = 1.0
-        if not index:
-            masters.append(start)
-            position[:, place] += blocks.to_state @ particular[:, 2 * joined[0] : 2 * joined[0] + 2]
-        start += width
-    layout = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    mean, delta = traceless(matrix, layout)
-    return _Layout(layout, mean, delta, matrix, position, states, into, masters)
-
-
-def _mass_inverse(blocks: Blocks) -> np.ndarray:
-    """M^-1 of the reduced system, Phi Phi'."""
-    return blocks.shapes @ blocks.shapes.T
-
-
-def _generator(frequency: float) -> np.ndarray:
-    """S of a load: a rotation, or level and slope."""
-    return np.array([[0.0, -frequency], [frequency, 0.0]]) if frequency > 0.0 else np.array([[0.0, 1.0], [0.0, 0.0]])
-
-
-def _sylvester(block: np.ndarray, generator: np.ndarray, drive: np.ndarray) -> np.ndarray | None:
-    """X with X S - B X = G; None where B and S share an eigenvalue to rounding."""
-    size = len(block)
-    operator = np.kron(np.eye(size), generator.T) - np.kron(block, np.eye(2))
-    if np.linalg.cond(operator) > 1e14:
-        return None
-    return np.linalg.solve(operator, drive.ravel()).reshape(size, 2)
-
-
-def _amplification(block: np.ndarray, frequency: float) -> float:
-    """How near a load is to resonance with a block: the largest rate over the least distance of the rates; 1 for loads that do not turn."""
-    if frequency == 0.0:
-        return 1.0
-    rates = np.linalg.eigvals(block)
-    return float(max(np.abs(rates).max(), frequency) / max(np.abs(rates - 1j * frequency).min(), np.finfo(float).tiny))
 
 
 def _free_acceleration(
@@ -345,62 +184,3 @@ def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:
     row = np.array(system.stops[stop].gap)
     left = row - np.linalg.lstsq(rows.T, row, rcond=None)[0] @ rows
     return bool(np.abs(left).max() > 1e-12 * np.abs(row).max())
-
-
-class PhaseTable:
-    """The phases of a system under its loads that a run has met so far, stacked for the kernels; it grows when a run asks for one more."""
-
-    def __init__(self, system: ImpactSystem, forcing: Forcing, meters: Meters) -> None:
-        self.system, self.forcing, self.meters = system, forcing, meters
-        self.phases = [phase_of(system, 0, forcing, meters)]
-
-    def add(self, held: int) -> None:
-        """Make one more phase."""
-        self.phases.append(phase_of(self.system, held, self.forcing, self.meters))
-        self.__dict__.pop("stacked", None)
-
-    def index(self, held: int) -> int:
-        """Its index, or -1."""
-        return next((k for k, phase in enumerate(self.phases) if phase.held == held), -1)
-
-    @cached_property
-    def stacked(self) -> Phases:
-        """All phases in arrays of one size: smaller ones have entries that stay 0, and blocks that act on the last of these alone."""
-        count = max(len(phase.pairs) for phase in self.phases)
-        size = max(len(phase.matrix) + (len(phase.pairs) < count) for phase in self.phases)
-        modes = self.system.modes
-        contacts = len(modes.contact_side)
-        n, y = self.system.degrees_of_freedom, 2 * len(self.forcing.loads)
-        number, meters = len(self.phases), len(self.meters.weight)
-        pairs = np.empty((number, count, 2), dtype=np.int64)
-        pairs[:] = size - 1, -1
-        stacked = {
-            "mean": np.zeros((number, count)),
-            "delta": np.zeros((number, count)),
-            "matrix": np.zeros((number, size, size)),
-            "leave": np.zeros((number, 2 * n, size)),
-            "enter": np.zeros((number, size, 2 * n + y)),
-            **{key: np.zeros((number, contacts, size)) for key in ("gap", "rate", "acceleration", "push")},
-            **{key: np.zeros((number, contacts)) for key in ("side", "bound")},
-            **{key: np.zeros((number, meters, size)) for key in ("first", "second")},
-        }
-        for k, phase in enumerate(self.phases):
-            pairs[k, : len(phase.pairs)] = phase.pairs
-            for key, array in stacked.items():
-                own = getattr(phase, key)
-                array[(k, *(slice(0, length) for length in own.shape))] = own
-        reduced = np.array([1.0 / (row @ np.linalg.solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
-        return Phases(
-            held=np.array([phase.held for phase in self.phases], dtype=np.int64),
-            pairs=pairs,
-            **stacked,
-            restitution=modes.contact_restitution,
-            contact_mass=reduced[modes.contact_stop],
-            contact_stop=modes.contact_stop,
-            weight=self.meters.weight,
-            part=self.meters.part,
-            frequency=self.forcing.frequency,
-            breaks=self.forcing.breaks,
-            levels=self.forcing.levels,
-            shape=np.array([n, len(self.meters.dampers), len(self.system.stops)], dtype=np.int64),
-        )

@@ -1,7 +1,7 @@
 """Whose energy: quadratic forms of the absorber and of the rest, and the dampers across the gaps and elsewhere.
 
-For an absorber carried by a primary mass the absorber's share is its kinetic energy and the spring between the two (Lee et al., Physica D 238
-(2009) 1868, section 3); the primary's share is the rest. Dampers across a gap belong to the absorber, all others to the primary.
+For an absorber carried by a primary mass the absorber's share is its kinetic energy and the spring between the two (Lee et al., Physica D
+238 (2009) 1868, section 3); the primary's share is the rest. Dampers across a gap belong to the absorber, all others to the primary.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d
     a step without a root          h = 2 d/(-d' + sqrt(d'^2 + 2 W d)),  or  3 d''/J  where d' >= 0 and d'' > 0;
     a certified root               where d' < 0 and 4 W d <= d'^2: exactly one root within 2 d/|d'| (Newton-Kantorovich); d here
                                    counts the contact tolerance, so that rounding cannot make a hit of a touch;
+                                   or where |d'''| <= J keeps d' below a third of its start until d < 0: d falls through its one root;
     a certified turning point      where d' < 0 < d'' and 4 J |d'| <= d''^2: d falls to its one minimum within 2 |d'|/d'' and is
                                    convex there, so the value at the minimum decides between passing, a touch and a hit.
 
@@ -50,13 +51,19 @@ TURN, CROSSED = 6, 7
 
 STEP_LIMIT = 100_000
 NEAR = 1e9
-"""A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so, would
-be known no better than rounding of w over that speed."""
+"""A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so,
+would be known no better than rounding of w over that speed."""
 ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
+STEADY_FALL = 1.0 / 3.0
+"""Part of its rate at which a distance falls at least until it passes 0, where that certifies the root."""
+
+RENEW = 8
+"""Steps after which the bounds of a motion that decays are taken anew: they stay valid, but it becomes smaller."""
 
 RELEASED = 1000.0
-"""Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other numbers."""
+"""Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other
+numbers."""
 
 
 def work_array(size, contacts):
@@ -195,6 +202,11 @@ def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
     reach = -2.0 * (distance + tolerance) / slope
     if 4.0 * min(curvature, abs(bend) + jerk * reach) * (distance + tolerance) <= slope * slope and reach <= window:
         return HIT, quadratic_step(d, slope, bend)
+    guess = quadratic_step(distance + tolerance, slope, bend)
+    ahead = 1.25 * guess
+    if ahead <= window and slope + ahead * (bend + 0.5 * jerk * ahead) <= STEADY_FALL * slope:
+        if distance + tolerance + ahead * (slope + ahead * (0.5 * bend + jerk * ahead / 6.0)) <= 0.0:
+            return HIT, guess
     if bend > 0.0 and -4.0 * jerk * slope <= bend * bend and -2.0 * slope <= bend * window:
         return TURN, 0.0
     return NONE, step
@@ -218,6 +230,15 @@ def start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z):
         ):
             leaving = c
     return NONE, leaving
+
+
+@kernel
+def same_row(rows, a, b):
+    """True where two rows are equal: the two contacts of one stop share their bounds."""
+    for r in range(rows.shape[1]):
+        if rows[a, r] != rows[b, r]:
+            return False
+    return True
 
 
 @kernel
@@ -268,18 +289,29 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     kind = NONE
     for r in range(size):
         state[r] = z[r]
+    level = 0.0
+    last_second = 0.0
     for count in range(STEP_LIMIT):
+        renew = count == 0 or (not steady and (growth > 0.0 or count % RENEW == 0))
         window = math.inf if steady else 2.0 * (horizon - t)
         if growth > 0.0:
             window = min(window, 1.0 / growth)
         step = min(window, horizon - t)
+        known = -1
         for c in range(side.shape[0]):
             if c == found:
                 continue
-            if count == 0 or not steady:
-                level, curvature[c], jerk[c] = amplitudes(
-                    pairs, mean, delta, matrix, gap, c, state, min(window, 2.0 * (horizon - t))
-                )
+            if renew:
+                if c > 0 and known == c - 1 and same_row(gap, c - 1, c):
+                    second = last_second
+                    jerk[c] = jerk[c - 1]
+                else:
+                    level, second, jerk[c] = amplitudes(
+                        pairs, mean, delta, matrix, gap, c, state, min(window, 2.0 * (horizon - t))
+                    )
+                    last_second = second
+                known = c
+                curvature[c] = second
                 if level < side[c] * bound[c]:
                     curvature[c] = -1.0  # w cannot reach the bound
             if curvature[c] < 0.0:

@@ -27,12 +27,16 @@ TERMS = 19
 STRETCHES = 24
 """Stretches above which the doubled matrix is cheaper."""
 
-APART = 0.25
-"""|delta| t^2 above which the two exponentials of a pair are taken apart; below, their difference would cancel. t is the time that the
-motion lasts: the flight, or what its decay leaves of it."""
-
-SMALL = 0.4
+SMALL = 0.1
 """|x t| below which (exp(x t) - 1)/(x t) is a series."""
+
+SERIES = 9
+RECIPROCAL = tuple(1.0 / k for k in range(2, 64))
+"""1/2, 1/3, ..."""
+
+LOST = 4.0
+"""Size of the two exponentials of a pair, in the largest value of their sum over the flight, up to which they are taken apart: the square
+of it is the digits that a product can lose."""
 
 ROWS = 8
 
@@ -53,9 +57,9 @@ def mean_exponential(real, imaginary, end_real, end_imaginary, t):
         return (a * real + end_imaginary * imaginary) / below, (end_imaginary * real - a * imaginary) / below
     total = 1.0
     other = 0.0
-    for k in range(12, 1, -1):
-        product = (total * x - other * y) / k
-        other = (total * y + other * x) / k
+    for k in range(SERIES - 1, -1, -1):
+        product = (total * x - other * y) * RECIPROCAL[k]
+        other = (total * y + other * x) * RECIPROCAL[k]
         total = product + 1.0
     return total * t, other * t
 
@@ -111,13 +115,17 @@ def weights(pairs, mean, delta, matrix, rows, c, z, t, work, at):
                 continue
             if delta[k] == 0.0 and beta == 0.0:
                 work[at, 2 * k] = alpha
-            elif abs(delta[k]) * min(t, 1.0 / abs(m)) ** 2 < APART:
+                continue
+            w = math.sqrt(abs(delta[k]))
+            lasting = min(t, 1.0 / abs(m))
+            if abs(beta) > LOST * w * max(abs(alpha), abs(beta) * lasting):
                 return False
-            elif delta[k] < 0.0:
+            if delta[k] < 0.0:
                 work[at, 2 * k] = alpha
-                work[at + 1, 2 * k] = -beta / math.sqrt(-delta[k])
+                work[at + 1, 2 * k] = -beta / w
             else:
-                w = math.sqrt(delta[k]) if m > 0.0 else -math.sqrt(delta[k])
+                if m <= 0.0:
+                    w = -w
                 work[at, 2 * k] = 0.5 * (alpha + beta / w)
                 work[at, 2 * k + 1] = 0.5 * (alpha - beta / w)
         else:
@@ -152,33 +160,47 @@ def product_integral(slots, work, first, second, t):
 
 
 @kernel
-def series_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, stretches, work, out):
+def terms_of(x):
+    """Taylor terms whose rest is below 1e-17 of the first for a rate times time of x <= 1: x^k/k! falls below."""
+    size = 1.0
+    terms = 1
+    while size > 1e-17 and terms < TERMS:
+        size *= x * RECIPROCAL[terms - 1]
+        terms += 1
+    return terms
+
+
+@kernel
+def series_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, fastest, stretches, work, out):
     """out += the integrals, stretch by stretch, by Taylor series."""
     size = z.shape[0]
     h = t / stretches
     state = work[4, :size]
     term = work[5, :size]
     other = work[6, :size]
+    terms = terms_of(fastest * h)
     for r in range(size):
         state[r] = z[r]
     for stretch in range(stretches):
         for r in range(size):
             term[r] = state[r]
-        for k in range(TERMS + 1):
+        for k in range(terms + 1):
             for c in range(first.shape[0]):
                 work[ROWS + 2 * c, k] = dot(first, c, term)
                 work[ROWS + 2 * c + 1, k] = dot(second, c, term)
             block_product(pairs, matrix, term, other)
+            factor = h if k == 0 else h * RECIPROCAL[k - 1]
             for r in range(size):
-                term[r] = other[r] * h / (k + 1)
+                term[r] = other[r] * factor
         for c in range(first.shape[0]):
+            a = ROWS + 2 * c
             total = 0.0
-            for k in range(TERMS, -1, -1):
+            for order in range(2 * terms, 0, -1):
                 part = 0.0
-                for q in range(TERMS, -1, -1):
-                    part += work[ROWS + 2 * c + 1, q] / (k + q + 1)
-                total += part * work[ROWS + 2 * c, k]
-            out[c] += weight[c] * total * h
+                for k in range(max(0, order - terms), min(order, terms) + 1):
+                    part += work[a, k] * work[a + 1, order - k]
+                total += part * RECIPROCAL[order - 1]
+            out[c] += weight[c] * (total + work[a, 0] * work[a + 1, 0]) * h
         if stretch + 1 < stretches:
             flow_state(pairs, mean, delta, matrix, state, h, other)
             for r in range(size):
@@ -271,6 +293,6 @@ def integrals(pairs, mean, delta, matrix, first, second, weight, z, t, work, out
         out[c] = 0.0
     fastest = fastest_rate(pairs, matrix)
     if fastest * t <= STRETCHES:
-        series_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, int(fastest * t) + 1, work, out)
+        series_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, fastest, int(fastest * t) + 1, work, out)
     else:
         doubled_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, fastest, out)

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
-from bvp.damped import EventKind, Mover, MotionStatus, run
-from bvp.forcing import Constant, Harmonic, Record
+from bvp.damped import run
+from bvp.forcing import Constant, Harmonic
+from bvp.motion import EventKind, MotionStatus
 from bvp.run import run as plain_run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp.twins import chain
 
 
 def ball(restitution, k=0.0, c=0.0, lower=0.0):
@@ -24,7 +23,8 @@ def ball(restitution, k=0.0, c=0.0, lower=0.0):
 @pytest.mark.parametrize("restitution", [0.01, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
 @pytest.mark.parametrize("gravity", [1.0, 9.81])
 def test_chatter_accumulates_at_its_closed_form_time(restitution, gravity):
-    """A particle under constant load: the first impact with v = sqrt(2 g h), rest 2 v r/(g (1 - r)) after it; all energy goes to the stop."""
+    """A particle under constant load: the first impact with v = sqrt(2 g h), rest 2 v r/(g (1 - r)) after it; all energy goes to the
+    stop."""
     motion = run(ball(restitution), [0.5], [0.0], 3000.0, forces=Constant([-gravity]))
     speed = math.sqrt(gravity)
     rest = speed / gravity + 2.0 * speed * restitution / (gravity * (1.0 - restitution))
@@ -40,7 +40,8 @@ def test_chatter_accumulates_at_its_closed_form_time(restitution, gravity):
 
 
 def bouncing_on(c, bound, restitution, u):
-    """u'' + c u' + u = 0 let go at u on u >= bound: time of the end of its bounces, and the loss at the stop, in 40 digits, bounce by bounce."""
+    """u'' + c u' + u = 0 let go at u on u >= bound: time of the end of its bounces, and the loss at the stop, in 40 digits, bounce by
+    bounce."""
     with mpmath.workdps(40):
         c, bound, restitution, u = (mpmath.mpf(x) for x in (c, bound, restitution, u))
         w = mpmath.sqrt(1 - c * c / 4)

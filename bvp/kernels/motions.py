@@ -1,0 +1,121 @@
+"""Many motions in one call, and what a recorded motion was at any time."""
+
+import math
+
+from bvp.kernels.compiled import kernel
+from bvp.kernels.flight import flow_state
+from bvp.kernels.ledger import damped
+from bvp.kernels.motion import NEW_PHASE, REACHED, move
+from bvp.kernels.phase import (
+    CLEAR,
+    CLEAR_TIME,
+    CLOCK,
+    COUNTS,
+    HELD_TIME,
+    IMPACTS,
+    INITIAL,
+    LAST_IMPACT,
+    LEAVING,
+    MARK,
+    PHASE,
+    TIME,
+    TOUCHES,
+    times_matrix,
+)  # fmt: skip
+
+__all__ = ["many", "sample", "spent"]
+
+
+@kernel
+def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, table, values, before, log, work,
+         integral_work, out, summary):
+    """Motions from starts (B, 2 n), the `first`-th and on, without a record of events: one row of summary (B, 9 + (D + S + 1) +
+    Q (D + S + 2)) each: reason, time reached, impacts, touches, last impact (NaN: none), clear from (NaN: not proven), time held, initial
+    energy (read), final energy (left to the caller), sums, then each mark's time (NaN: not reached) and sums. starts become final states.
+
+    Returns (reason, start): NEW_PHASE at the start that wants one more phase - add it and call again from there - or REACHED and B.
+    """
+    width = 2 * phases.shape[0]
+    parts = sums.shape[0]
+    for b in range(first, starts.shape[0]):
+        for k in range(COUNTS):
+            counts[k] = 0
+        for k in range(CLOCK):
+            clock[k] = 0.0
+        counts[LEAVING] = -1
+        for g in range(turns.shape[0]):
+            turns[g, 0] = 0.0
+            turns[g, 1] = 0.0
+        for k in range(parts):
+            sums[k, 0] = 0.0
+            sums[k, 1] = 0.0
+        for k in range(width):
+            x[k] = starts[b, k]
+        clock[INITIAL] = summary[b, 7]
+        for q in range(fractions.shape[0]):
+            marks[q, 0] = fractions[q]
+        if not clock[INITIAL] > 0.0:
+            counts[MARK] = fractions.shape[0]
+        status = move(
+            phases, duration, most, z, x, counts, clock, turns, sums, marks, table, values, before, log, work, integral_work, out
+        )
+        if status == NEW_PHASE:
+            return NEW_PHASE, b
+        row = summary[b]
+        row[0] = status
+        row[1] = duration if status == REACHED else clock[TIME]
+        row[2] = counts[IMPACTS]
+        row[3] = counts[TOUCHES]
+        row[4] = clock[LAST_IMPACT] if counts[IMPACTS] > 0 else math.nan
+        row[5] = clock[CLEAR_TIME] if counts[CLEAR] > 0 else math.nan
+        row[6] = clock[HELD_TIME]
+        times_matrix(phases.leave[counts[PHASE]], z, x)
+        for k in range(width):
+            starts[b, k] = x[k]
+        for k in range(parts):
+            row[9 + k] = sums[k, 0] + sums[k, 1]
+        at = 9 + parts
+        reached = counts[MARK] if clock[INITIAL] > 0.0 else 0
+        for q in range(fractions.shape[0]):
+            for k in range(1 + parts):
+                row[at + k] = marks[q, 1 + k] if q < reached else math.nan
+            at += 1 + parts
+    return REACHED, starts.shape[0]
+
+
+@kernel
+def sample(phases, begins, numbers, states, times, z, out):
+    """out[i] = (u, v) at times[i] of flights that begin at begins (ascending) in the phases numbers[:, 2] with the given states; the last
+    begin counts. z (N,) is scratch."""
+    for i in range(times.shape[0]):
+        low = 0
+        high = begins.shape[0]
+        while high - low > 1:
+            middle = (low + high) // 2
+            if begins[middle] <= times[i]:
+                low = middle
+            else:
+                high = middle
+        f = numbers[low, 2]
+        flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], states[low], times[i] - begins[low], z)
+        times_matrix(phases.leave[f], z, out[i])
+
+
+@kernel
+def spent(phases, begins, numbers, states, sums, times, work, integral, out):
+    """out[i] = the sums at times[i], of flights as in `sample` that begin with the given sums."""
+    for i in range(times.shape[0]):
+        low = 0
+        high = begins.shape[0]
+        while high - low > 1:
+            middle = (low + high) // 2
+            if begins[middle] <= times[i]:
+                low = middle
+            else:
+                high = middle
+        f = numbers[low, 2]
+        damped(phases, f, states[low], times[i] - begins[low], work, integral)
+        for k in range(out.shape[1]):
+            out[i, k] = sums[low, k]
+        for k in range(phases.part.shape[0]):
+            out[i, phases.part[k]] += integral[k]

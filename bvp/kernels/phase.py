@@ -1,0 +1,127 @@
+"""What the kernels know of a system's phases of contact (see `bvp.phases`), and where a motion through them keeps its numbers."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels.bounds import amplitudes
+from bvp.kernels.compiled import kernel
+
+__all__ = [
+    "BOUNCES", "BOUNCING", "BREAK", "BREAK_INDEX", "CLEAR", "CLEAR_TIME", "CLOCK", "CONTACT", "COUNTS", "EVENTS", "HELD_TIME", "IDLE",
+    "IMPACT", "IMPACTS", "INITIAL", "KIND", "LAST_IMPACT", "LEAVING", "LOSS", "Log", "MARK", "PENDING", "PHASE", "PIECE", "Phases",
+    "REFERENCE", "REFERENCE_LOW", "RELEASE", "ROWS", "SPEED", "START", "STICK", "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHED", "TOUCHES",
+    "cannot_hit", "find_phase", "reset_loads", "times_matrix", "write_loads",
+]  # fmt: skip
+
+START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE = range(7)
+"""Kinds of events in the log: the start; an impact; a touch; a contact that is held from here on; one that is held no more; a load that is
+set anew; a flight that goes on."""
+
+(
+    PHASE, LEAVING, PENDING, KIND, CONTACT, EVENTS, IMPACTS, TOUCHES, IDLE, MARK, BREAK_INDEX, BOUNCES, ROWS, BOUNCING, CLEAR, COUNTS,
+) = range(16)  # fmt: skip
+"""Entries of counts, and their number."""
+
+(TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, CLOCK) = range(12)
+"""Entries of clock, and their number."""
+
+
+class Phases(NamedTuple):
+    """F phases of N states (see `bvp.phases`), and what they share, for n coordinates, m contacts, R meters and G loads."""
+
+    held: np.ndarray  # (F,) int64
+    pairs: np.ndarray  # (F, P, 2)
+    mean: np.ndarray  # (F, P)
+    delta: np.ndarray  # (F, P)
+    matrix: np.ndarray  # (F, N, N)
+    leave: np.ndarray  # (F, 2 n, N)
+    enter: np.ndarray  # (F, N, 2 n + 2 G)
+    gap: np.ndarray  # (F, m, N)
+    rate: np.ndarray  # (F, m, N)
+    acceleration: np.ndarray  # (F, m, N)
+    push: np.ndarray  # (F, m, N), of phase 0
+    side: np.ndarray  # (F, m)
+    bound: np.ndarray  # (F, m)
+    first: np.ndarray  # (F, R, N)
+    second: np.ndarray  # (F, R, N)
+    restitution: np.ndarray  # (m,)
+    contact_mass: np.ndarray  # (m,) 1/(c M^-1 c)
+    contact_stop: np.ndarray  # (m,) int64
+    weight: np.ndarray  # (R,)
+    part: np.ndarray  # (R,) int64
+    frequency: np.ndarray  # (G,)
+    breaks: np.ndarray  # (K,)
+    levels: np.ndarray  # (K, G, 2)
+    shape: np.ndarray  # (3,) int64: n, dampers D, stops S
+
+
+class Log(NamedTuple):
+    """What is recorded of each event; no rows where nothing is."""
+
+    numbers: np.ndarray  # (E, 3) int64: kind, contact, phase after
+    values: np.ndarray  # (E, 3) time, speed of approach, energy lost
+    before: np.ndarray  # (E, 2 n) (u, v) just before
+    states: np.ndarray  # (E, N) state of the phase after
+    sums: np.ndarray  # (E, D + S + 1) dissipated by each damper and stop, work done, since the start
+
+
+@kernel
+def find_phase(phases, held):
+    """Index of the phase in which just these contacts are held, or -1."""
+    for f in range(phases.held.shape[0]):
+        if phases.held[f] == held:
+            return f
+    return -1
+
+
+@kernel
+def cannot_hit(phases, f, z):
+    """True where the bound of every gap, over all time to come, stays below its stop."""
+    for c in range(phases.side.shape[1]):
+        if (phases.held[f] >> c) & 1 != 0:
+            return False
+        level, _, _ = amplitudes(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.gap[f], c, z, math.inf)
+        if not level < phases.side[f, c] * phases.bound[f, c]:
+            return False
+    return True
+
+
+@kernel
+def times_matrix(matrix, x, out):
+    """out = matrix x."""
+    for r in range(matrix.shape[0]):
+        total = 0.0
+        for c in range(matrix.shape[1]):
+            total += matrix[r, c] * x[c]
+        out[r] = total
+
+
+@kernel
+def write_loads(phases, index, clock, turns, x):
+    """The present states of the loads, into x[2 n:]. The angles of harmonics are compensated sums, turns (G, 2): the product of a frequency
+    with a long time would round to less than the flights are exact to."""
+    at = 2 * phases.shape[0]
+    for g in range(phases.frequency.shape[0]):
+        if phases.frequency[g] > 0.0:
+            c = math.cos(turns[g, 0])
+            s = math.sin(turns[g, 0])
+            x[at + 2 * g] = c - turns[g, 1] * s
+            x[at + 2 * g + 1] = s + turns[g, 1] * c
+        else:
+            slope = phases.levels[index, g, 1]
+            x[at + 2 * g] = phases.levels[index, g, 0] + slope * ((clock[TIME] - phases.breaks[index]) + clock[TIME_LOW])
+            x[at + 2 * g + 1] = slope
+
+
+@kernel
+def reset_loads(phases, f, index, z):
+    """What a break adds to the levels and slopes of the loads, in z."""
+    span = phases.breaks[index] - phases.breaks[index - 1]
+    at = 2 * phases.shape[0]
+    for g in range(phases.frequency.shape[0]):
+        slope = phases.levels[index, g, 1] - phases.levels[index - 1, g, 1]
+        level = phases.levels[index, g, 0] - (phases.levels[index - 1, g, 0] + phases.levels[index - 1, g, 1] * span)
+        for r in range(z.shape[0]):
+            z[r] += phases.enter[f, r, at + 2 * g] * level + phases.enter[f, r, at + 2 * g + 1] * slope

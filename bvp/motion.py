@@ -1,0 +1,276 @@
+"""What a motion is when it has been run: its events, its dense output, and where its energy went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.kernels import motion as kernels
+from bvp.kernels import phase as places
+from bvp.kernels.motions import sample, spent
+from bvp.shares import absorber_energy
+
+if TYPE_CHECKING:
+    from bvp.damped import Mover
+    from bvp.forcing import Forcing
+    from bvp.system import ImpactSystem
+
+__all__ = ["STATUS", "Batch", "EventKind", "Mark", "Motion", "MotionStatus", "Stretch"]
+
+
+class MotionStatus(Enum):
+    """How a motion ended; the value says it in words."""
+
+    DURATION_REACHED = "the duration was reached"
+    IMPACTS_FULL = "the most impacts allowed have happened; allow more impacts to run on"
+    SIMULTANEOUS = (
+        "two stops are hit at the same instant and their impulses interact; the outcome is not defined by restitution"
+    )
+    OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
+    UNDECIDED = "contacts are made and lost again without time passing; change the state at which the motion stopped a little"
+    EXHAUSTED = "the search for the next impact gave up; ask for a shorter duration"
+
+
+STATUS = {
+    kernels.REACHED: MotionStatus.DURATION_REACHED,
+    kernels.MOST: MotionStatus.IMPACTS_FULL,
+    kernels.INTERACTING: MotionStatus.SIMULTANEOUS,
+    kernels.STARTED_OUTSIDE: MotionStatus.OUTSIDE,
+    kernels.CYCLING: MotionStatus.UNDECIDED,
+    kernels.GAVE_UP: MotionStatus.EXHAUSTED,
+}
+"""What the kernels return, but for what asks to be called again."""
+
+
+class EventKind(Enum):
+    """What happened at an event of a motion."""
+
+    START = places.START
+    IMPACT = places.IMPACT
+    TOUCH = places.TOUCHED
+    STICK = places.STICK
+    RELEASE = places.RELEASE
+    BREAK = places.BREAK
+    PIECE = places.PIECE
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The moment at which a fraction of the initial energy is gone: time (None where it is not reached) and what each damper and stop has
+    dissipated until then."""
+
+    fraction: float
+    time: float | None
+    dissipated: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of the motion with the same contacts held: begin, end, and their letters (none in free flight)."""
+
+    begin: float
+    end: float
+    held: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a motion recorded: k events, each the begin of a flight (row 0 is the start).
+
+    Attributes
+    ----------
+    system : ImpactSystem
+    status : MotionStatus
+    duration : float
+        Time reached.
+    kinds : (k,) int64 ndarray
+        Values of `EventKind`.
+    times : (k,) ndarray
+    contacts : (k,) int64 ndarray
+        Index into `Modes.contact_letters`, -1 for none.
+    speeds, losses : (k,) ndarray
+        Speed of approach across the gap and energy lost, at impacts and where a contact begins to be held.
+    before : (k, 2n) ndarray
+        (u, v) just before each event.
+    sums : (k, D + S + 1) ndarray
+        Up to each event: energy dissipated by each of D dampers and S stops, work done by the loads.
+    totals : (D + S + 1,) ndarray
+        The same over the whole motion.
+    parts : tuple of D + S str
+        Names of the dampers, then "stop a", "stop b", ...
+    impacts, touches : int
+    last_impact : float or None
+        Time of the last impact.
+    clear_from : float or None
+        Time from which it is proven that no impact is possible any more; None where it is not.
+    held_time : float
+        Time with a contact held.
+    switch_error : float
+        Largest error, in time, of the ends of chattering.
+    initial_energy, energy : float
+        At time 0 and at `duration`.
+    marks : tuple of Mark
+    start, final : (2n,) ndarray
+        (u, v).
+    """
+
+    system: ImpactSystem
+    forcing: Forcing
+    status: MotionStatus
+    duration: float
+    kinds: np.ndarray
+    times: np.ndarray
+    contacts: np.ndarray
+    speeds: np.ndarray
+    losses: np.ndarray
+    before: np.ndarray
+    sums: np.ndarray
+    totals: np.ndarray
+    parts: tuple[str, ...]
+    impacts: int
+    touches: int
+    last_impact: float | None
+    clear_from: float | None
+    held_time: float
+    switch_error: float
+    initial_energy: float
+    energy: float
+    marks: tuple[Mark, ...]
+    start: np.ndarray
+    final: np.ndarray
+    numbers: np.ndarray
+    """(k, 3) kind, contact and phase of each event."""
+    states: np.ndarray
+    """(k, N) state of its phase in which each flight begins."""
+    mover: Mover
+
+    @property
+    def work(self) -> float:
+        """Work done by the loads."""
+        return float(self.totals[-1])
+
+    @property
+    def dissipated(self) -> dict[str, float]:
+        """Energy dissipated by each damper and stop."""
+        return dict(zip(self.parts, self.totals[:-1].tolist(), strict=True))
+
+    @property
+    def balance(self) -> float:
+        """Initial energy + work - dissipated - present energy: 0 but for rounding."""
+        return float(np.sum([self.initial_energy, self.work, *(-self.totals[:-1]), -self.energy]))
+
+    @property
+    def balance_error(self) -> float:
+        """|balance| over the initial energy, or over the energy that came in where there was none."""
+        incoming = self.initial_energy if self.initial_energy > 0.0 else max(abs(self.work), self.totals[:-1].sum(), abs(self.energy))
+        return abs(self.balance) / incoming if incoming > 0.0 else abs(self.balance)
+
+    @cached_property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The motion as stretches of free flights and of contacts held."""
+        letters = self.system.modes.contact_letters
+        held = [self.mover.table.phases[f].held for f in self.numbers[:, 2]]
+        out: list[Stretch] = []
+        for k, bits in enumerate(held):
+            names = tuple(letter for c, letter in enumerate(letters) if bits >> c & 1)
+            end = float(self.times[k + 1]) if k + 1 < len(held) else self.duration
+            if out and out[-1].held == names:
+                out[-1] = Stretch(out[-1].begin, end, names)
+            else:
+                out.append(Stretch(float(self.times[k]), end, names))
+        return tuple(out)
+
+    def sample(self, times: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities at any times of the motion, after the event at the time of an event.
+
+        Parameters
+        ----------
+        times : (j,) array_like
+            Within 0 and `duration`.
+
+        Returns
+        -------
+        u, v : (j, n) ndarray
+
+        Raises
+        ------
+        ValueError
+            For a time outside the motion.
+        """
+        wanted = self._times(times)
+        out = np.empty((len(wanted), len(self.start)))
+        phases = self.mover.table.stacked
+        sample(phases, self.times, self.numbers, self.states, wanted, np.empty(phases.matrix.shape[1]), out)
+        n = self.system.degrees_of_freedom
+        return out[:, :n], out[:, n:]
+
+    def spent(self, times: Any) -> np.ndarray:
+        """What each damper and stop has dissipated, and the work of the loads, up to any times: (j, D + S + 1)."""
+        wanted = self._times(times)
+        out = np.empty((len(wanted), len(self.totals)))
+        phases = self.mover.table.stacked
+        work, integral = self.mover.integral_work(), np.empty(len(phases.weight))
+        spent(phases, self.times, self.numbers, self.states, self.sums, wanted, work, integral, out)
+        return out
+
+    def shares(self, times: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Energy of the absorber, and of the rest, at any times: (j,) each; ValueError where the system names no absorber."""
+        mass, stiffness = absorber_energy(self.system)
+        u, v = self.sample(times)
+        absorber = 0.5 * (np.einsum("ji,ik,jk->j", v, mass, v) + np.einsum("ji,ik,jk->j", u, stiffness, u))
+        return absorber, self.system.energy(u, v) - absorber
+
+    def _times(self, times: Any) -> np.ndarray:
+        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        if wanted.ndim != 1:
+            raise ValueError(f"times is a list of times; received shape {wanted.shape}")
+        wrong = ~((wanted >= 0.0) & (wanted <= self.duration))
+        if np.any(wrong):
+            raise ValueError(f"the motion covers times 0 to {self.duration:g}; received {wanted[wrong][0]:g}")
+        return wanted
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What is left of many motions, b of them: arrays of length b.
+
+    Attributes
+    ----------
+    status : tuple of MotionStatus
+        Of each motion.
+    duration, last_impact, clear_from, held_time, initial_energy, energy : (b,) ndarray
+        As in `Motion`; NaN where there is none.
+    impacts, touches : (b,) int64 ndarray
+    totals : (b, D + S + 1) ndarray
+        Dissipated by each damper and stop, and the work of the loads.
+    marks : (b, Q, D + S + 2) ndarray
+        Time of each mark and the totals there; NaN where it is not reached.
+    final : (b, 2n) ndarray
+    parts : tuple of D + S str
+    fractions : (Q,) ndarray
+    """
+
+    status: tuple[MotionStatus, ...]
+    duration: np.ndarray
+    impacts: np.ndarray
+    touches: np.ndarray
+    last_impact: np.ndarray
+    clear_from: np.ndarray
+    held_time: np.ndarray
+    initial_energy: np.ndarray
+    energy: np.ndarray
+    totals: np.ndarray
+    marks: np.ndarray
+    final: np.ndarray
+    parts: tuple[str, ...]
+    fractions: np.ndarray
+
+    @property
+    def balance(self) -> np.ndarray:
+        """Initial energy + work - dissipated - present energy, (b,)."""
+        return self.initial_energy + self.totals[:, -1] - self.totals[:, :-1].sum(axis=1) - self.energy

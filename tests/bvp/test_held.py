@@ -1,0 +1,194 @@
+"""Stops that are held, several at once, and marks, shares and parts of the dissipation. Oracles: the same motion of a system that has the
+constraint built in, a stop of very little restitution, closed forms, the conservative flight."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bvp.damped import Mover, run
+from bvp.forcing import Constant, Harmonic, Record
+from bvp.motion import EventKind, MotionStatus
+from bvp.shares import absorber_energy, split_damping
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp.twins import chain
+
+
+def random_held(seed, n, restitution=0.0):
+    """A random damped system pressed onto one stop by a constant load, at rest there."""
+    rng = np.random.default_rng(seed)
+    half, root, top = rng.normal(size=(3, n, n))
+    mass = top @ top.T + n * np.eye(n)
+    row = rng.normal(size=n)
+    system = ImpactSystem(mass, 0.3 * half @ half.T, root @ root.T + np.eye(n), (Stop(tuple(row), upper=0.2, restitution=restitution),))
+    u = rng.normal(size=n)
+    u += row * (0.2 - row @ u) / (row @ row)
+    v = rng.normal(size=n)
+    v -= np.linalg.solve(mass, row) * (row @ v) / (row @ np.linalg.solve(mass, row))
+    return system, row, u, v, rng
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(2, 4), st.integers(0, 2**31), st.booleans())
+def test_a_held_motion_is_that_of_the_constrained_equations(n, seed, forced):
+    """M u'' + C u' + K u = f + c force, c . u'' = 0: the residual of the dense output, by its own accelerations, and the sign of the
+    force."""
+    system, row, u, v, rng = random_held(seed, n)
+    press = 50.0 * row / (row @ np.linalg.solve(system.mass, row))
+    forces = [Constant(press)] + ([Harmonic(1.3, cosine=rng.normal(size=n))] if forced else [])
+    motion = run(system, u, v, 2.0, forces=forces)
+    assert [stretch.held for stretch in motion.stretches if stretch.end > 0.0] == [("+",)]
+    times = np.linspace(0.1, 1.9, 7)
+    h = 1e-4
+    for t in times:
+        (a, b, c), (_, rate, _) = motion.sample([t - h, t, t + h])
+        np.testing.assert_allclose(row @ b, 0.2, atol=1e-13)
+        np.testing.assert_allclose(row @ rate, 0.0, atol=1e-13)
+        acceleration = (a - 2 * b + c) / h**2
+        force = system.mass @ acceleration + system.damping @ rate + system.stiffness @ b - motion.forcing.force(t)
+        multiplier = (force @ row) / (row @ row)
+        assert multiplier < 0.0
+        np.testing.assert_allclose(force, multiplier * row, atol=2e-5 * np.abs(force).max())
+    assert motion.balance_error < 1e-12 and motion.held_time == 2.0
+
+
+def test_a_release_is_where_the_force_vanishes_and_not_later():
+    """Chain of three, pressed by a record that fades: the multiplier, from the constrained equations in numpy, changes sign there."""
+    system = chain([0.5, 1.0, 2.0], [1.0, 0.7], ground=0.3, damping=0.05, stops=(Stop((1.0, 0.0, 0.0), lower=-0.1, restitution=0.0),))
+    forces = Record([-1.0, 0.2, 0.0], [0.0, 4.0], [2.0, -1.0])
+    motion = run(system, [-0.1, 0.3, -0.2], [0.0, 0.1, 0.0], 4.0, forces=forces)
+    at = int(np.flatnonzero(motion.kinds == EventKind.RELEASE.value)[0])
+    row = np.array([1.0, 0.0, 0.0])
+    inverse = np.linalg.inv(system.mass)
+
+    def force(state, t):
+        free = inverse @ (motion.forcing.force(t) - system.stiffness @ state[:3] - system.damping @ state[3:])
+        return -(row @ free) / (row @ inverse @ row)
+
+    time = motion.times[at]
+    assert abs(force(motion.before[at], time)) < 1e-14
+    for t in np.linspace(motion.times[at - 1], time - 1e-3, 200):
+        assert force(np.hstack(motion.sample([t]))[0], t) > 0.0
+    assert motion.sample([time + 0.01])[0][0, 0] > -0.1
+
+
+def test_two_stops_are_held_and_released_one_by_one():
+    """Two separate masses as one system: each as if alone."""
+    def alone(k, bound, rate):
+        return ImpactSystem([[1.0]], [[0.1]], [[k]], (Stop((1.0,), lower=bound, restitution=rate),))
+
+    stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.5), Stop((0.0, 1.0), lower=0.1, restitution=0.2))
+    together = ImpactSystem(np.eye(2), 0.1 * np.eye(2), np.diag([1.0, 3.0]), stops)
+    first, second = Harmonic(0.7, cosine=[1.0], sine=[-1.0]), Harmonic(1.1, sine=[1.5])
+    both = [Harmonic(0.7, cosine=[1.0, 0.0], sine=[-1.0, 0.0]), Harmonic(1.1, sine=[0.0, 1.5])]
+    motion = run(together, [0.4, 0.3], [0.0, -1.0], 60.0, forces=both)
+    one = run(alone(1.0, 0.0, 0.5), [0.4], [0.0], 60.0, forces=first)
+    two = run(alone(3.0, 0.1, 0.2), [0.3], [-1.0], 60.0, forces=second)
+    assert motion.status is MotionStatus.DURATION_REACHED
+    np.testing.assert_allclose(motion.final, [one.final[0], two.final[0], one.final[1], two.final[1]], atol=1e-9)
+    assert {stretch.held for stretch in motion.stretches} >= {(), ("b-",), ("a-", "b-")}
+    assert motion.dissipated["stop a"] == pytest.approx(one.dissipated["stop a"], rel=1e-9)
+    assert motion.dissipated["stop b"] == pytest.approx(two.dissipated["stop a"], rel=1e-9)
+    assert motion.balance_error < 1e-12
+
+
+def test_impacts_that_interact_with_a_held_stop():
+    """Three masses in a row: the middle one is hit away from its stop, and leaves it; hit towards it, the motion stops and says so."""
+    stops = (Stop((0.0, 1.0, 0.0), lower=0.0, restitution=0.0), Stop((-1.0, 1.0, 0.0), lower=-1.0, restitution=0.6))
+    system = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.diag([0.0, 1e-3, 1.0]), stops)
+    away = run(system, [0.0, 0.0, 0.0], [2.0, 0.0, 0.0], 0.9, forces=Constant([0.0, -1.0, 0.0]))
+    assert away.status is MotionStatus.DURATION_REACHED
+    assert [s.held for s in away.stretches][-2:] == [("a-",), ()]
+    stops = (Stop((0.0, 1.0, 0.0), lower=0.0, restitution=0.0), Stop((-1.0, 1.0, 0.0), upper=1.0, restitution=0.6))
+    system = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.diag([0.0, 1e-3, 1.0]), stops)
+    into = run(system, [0.0, 0.0, 0.0], [-2.0, 0.0, 0.0], 0.9, forces=Constant([0.0, -1.0, 0.0]))
+    assert into.status is MotionStatus.SIMULTANEOUS and into.duration == pytest.approx(0.5, rel=1e-12)
+
+
+def test_simultaneous_impacts_of_stops_that_interact_end_the_motion():
+    mass = np.array([[1.0, 0.3], [0.3, 1.0]])
+    system = ImpactSystem(mass, np.zeros((2, 2)), mass, (Stop((1.0, 0.0), upper=0.5), Stop((0.0, 1.0), upper=0.5)))
+    motion = run(system, [0.0, 0.0], [1.0, 1.0], 5.0)
+    assert motion.status is MotionStatus.SIMULTANEOUS and motion.duration == pytest.approx(math.pi / 6, rel=1e-12)
+    assert "interact" in motion.status.value and motion.balance_error < 1e-14
+
+
+def test_marks_are_the_times_at_which_so_much_is_gone():
+    """Against the cumulated dissipation at those times, in flights, at impacts and in the tail."""
+    motion = run(vibro_impact_nes(0.1, 0.1, 0.01, 0.7), [0.0, 0.0], [0.0, 4.0], 3000.0, marks=(0.1, 0.5, 0.85, 0.9, 0.99, 0.999999))
+    assert motion.clear_from is not None and motion.clear_from >= motion.last_impact
+    for mark in motion.marks:
+        spent = motion.spent([mark.time])[0, :-1]
+        just_before = motion.spent([mark.time * (1 - 1e-13)])[0, :-1].sum()
+        assert just_before <= mark.fraction * motion.initial_energy * (1 + 1e-12)
+        assert spent.sum() >= mark.fraction * motion.initial_energy * (1 - 1e-12)
+        np.testing.assert_allclose(list(mark.dissipated.values()), spent, rtol=1e-11)
+    late = run(vibro_impact_nes(0.1, 0.1, 0.0, 0.7), [0.0, 0.0], [0.0, 4.0], 3000.0, marks=(0.5, 0.9999999)).marks
+    assert late[0].time is not None and late[1].time is None
+
+
+def test_shares_of_the_reference_system_are_the_papers():
+    """NES: mu u1'^2/2 + sigma (u1 - u2)^2/2; LO: (u2'^2 + u2^2)/2."""
+    system = vibro_impact_nes(0.1, 0.3, 0.02, 0.8)
+    motion = run(system, [0.0, 0.0], [0.0, 3.0], 30.0)
+    times = np.linspace(0.0, 30.0, 31)
+    absorber, rest = motion.shares(times)
+    u, v = motion.sample(times)
+    np.testing.assert_allclose(absorber, 0.05 * v[:, 0] ** 2 + 0.15 * (u[:, 0] - u[:, 1]) ** 2, rtol=1e-13, atol=1e-16)
+    np.testing.assert_allclose(rest, 0.5 * (v[:, 1] ** 2 + u[:, 1] ** 2), rtol=1e-12)
+    np.testing.assert_allclose(absorber + rest, 4.5 - motion.spent(times)[:, :-1].sum(axis=1), rtol=1e-12)
+
+
+def test_dampers_across_gaps_are_told_from_the_rest():
+    """C = 0.2 (1, -1)'(1, -1) + diag(0, 0.05): 0.2 belongs to the gap; the parts are each the integral of their own v'Cv."""
+    gap = 0.2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    plain = vibro_impact_nes(0.1, 0.1, 0.05, 0.7)
+    system = ImpactSystem(plain.mass, plain.damping + gap, plain.stiffness, plain.stops, absorber=0, primary=1)
+    parts = split_damping(system)
+    np.testing.assert_allclose(parts["gaps"], gap, atol=1e-16)
+    np.testing.assert_allclose(parts["rest"], plain.damping, atol=1e-16)
+    motion = run(system, [0.0, 0.0], [0.0, 3.0], 20.0)
+    own = run(system, [0.0, 0.0], [0.0, 3.0], 20.0, dampers={"all": system.damping})
+    assert motion.dissipated["gaps"] + motion.dissipated["rest"] == pytest.approx(own.dissipated["all"], rel=1e-12)
+    assert motion.dissipated["gaps"] > 0.0 < motion.dissipated["rest"] and motion.balance_error < 1e-13
+    np.testing.assert_array_equal(absorber_energy(system)[0], np.diag([0.1, 0.0]))
+    with pytest.raises(ValueError, match="names no absorber"):
+        absorber_energy(ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=1.0),)))
+
+
+def test_many_motions_are_those_run_one_by_one():
+    mover = Mover(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]))
+    states = np.random.default_rng(4).normal(size=(20, 4)) * [0.2, 0.2, 2.0, 2.0]
+    batch = mover.run_many(states, 60.0, marks=(0.5, 0.9))
+    for k, state in enumerate(states):
+        motion = Mover(mover.system, forces=Harmonic(1.2, cosine=[0.0, 0.4])).run(state[:2], state[2:], 60.0, marks=(0.5, 0.9))
+        assert batch.impacts[k] == motion.impacts and batch.status[k] is motion.status
+        np.testing.assert_allclose(batch.final[k], motion.final, atol=1e-11)
+        np.testing.assert_allclose(batch.totals[k], motion.totals, rtol=1e-11)
+        assert batch.held_time[k] == pytest.approx(motion.held_time, rel=1e-11, abs=1e-15)
+        for q, mark in enumerate(motion.marks):
+            assert np.isnan(batch.marks[k, q, 0]) if mark.time is None else batch.marks[k, q, 0] == pytest.approx(mark.time, rel=1e-10)
+    assert (batch.held_time > 0.0).any()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda mover: mover.run([0.0], [0.0, 0.0], 1.0), "u is a list of 2 finite numbers"),
+        (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], -1.0), "duration is a finite time of 0 or more; received -1.0"),
+        (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], 1.0, marks=(0.5, 1.0)), "marks are fractions of the initial energy"),
+        (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], 1.0, max_impacts=-1), "max_impacts is a whole number"),
+        (lambda mover: mover.run_many([[0.0, 0.0]], 1.0), r"states is an array of finite numbers of shape \(b, 4\)"),
+        (lambda mover: mover.run([0.0, 0.0], [0.0, 1.0], 1.0).sample([2.0]), "the motion covers times 0 to 1; received 2"),
+    ],
+)
+def test_bad_input_is_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call(Mover(vibro_impact_nes()))
+
+
+def test_a_start_beyond_a_stop_is_said():
+    motion = run(vibro_impact_nes(), [1.5, 0.0], [0.0, 0.0], 1.0)
+    assert motion.status is MotionStatus.OUTSIDE and motion.duration == 0.0
