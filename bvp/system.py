@@ -200,6 +200,22 @@ class ImpactSystem:
         return None
 
     @property
+    def underlying(self) -> ImpactSystem:
+        """The underlying conservative system: the same masses, springs and stops, without damping, restitution 1 at every stop.
+
+        Examples
+        --------
+        >>> vibro_impact_nes(mu=0.2, lam=0.01, rho=0.7).underlying.describe()
+        {'model': 'vibro_impact_nes', 'mu': 0.2, 'sigma': 0.1, 'lam': 0.0, 'rho': 1.0}
+        """
+        if self.is_conservative:
+            return self
+        if self._is_its_model():
+            return vibro_impact_nes(**{**(self.parameters or {}), "lam": 0.0, "rho": 1.0})
+        stops = tuple(replace(stop, restitution=1.0) for stop in self.stops)
+        return replace(self, damping=np.zeros_like(self.damping), stops=stops, model=None, parameters=None)
+
+    @property
     def has_odd_symmetry(self) -> bool:
         """True where u -> -u is a symmetry: every stop has lower == -upper."""
         return all(stop.is_symmetric for stop in self.stops)

@@ -1,1 +1,1 @@
-"""Scenes that ship with saltus, as TOML: systems of the literature with their bounds and the names that it uses."""
+"""Scenes that ship with saltus, as TOML: systems with their bounds, the names that the literature uses, and records of their loads."""

@@ -26,6 +26,7 @@ COMMANDS = {
     "path": ("saltus.commands.path", "find the shortest chain of bifurcations between two families of a catalogue"),
     "export": ("saltus.commands.export", "write what a catalogue holds: plots of many families, the graph, points, orbits"),
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
+    "run": ("saltus.commands.run", "run one damped motion, event by event, and tell where its energy goes"),
     "impulsive": ("saltus.commands.impulsive", "find the orbits that start with the velocity of the oscillator alone"),
 }
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bvp.forcing import Force
     from bvp.system import ImpactSystem
 
-__all__ = ["explain", "explain_search"]
+__all__ = ["explain", "explain_motion", "explain_search"]
 
 _PARTS = {1: "whole", 2: "half", 4: "quarter"}
 
@@ -92,6 +95,39 @@ def explain_search(system: ImpactSystem) -> list[str]:
     else:
         choice = "no ends at the origin, and every orbit is solved over half a period"
     return [*_of_system(system), f"{'equal' if system.has_odd_symmetry else 'unequal'} gaps on both sides -> {choice}", *_REVERSIBLE]
+
+
+def explain_motion(system: ImpactSystem, forces: Sequence[Force] = ()) -> list[str]:
+    """Say which model is chosen for one motion, and why.
+
+    Parameters
+    ----------
+    system : bvp.system.ImpactSystem
+    forces : sequence of bvp.forcing loads
+
+    Returns
+    -------
+    list of str
+        Lines ``reason -> choice``.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> print("\\n".join(explain_motion(vibro_impact_nes(lam=0.01, rho=0.7))))
+    damped -> complex modes: free flight is a sum of decaying exponentials, exact to rounding
+    restitution below 1 -> bounces that accumulate are summed to their end, and a contact that is pressed is held with one coordinate less
+    no loads -> no particular solution
+    """
+    modes = "damped -> complex modes: free flight is a sum of decaying exponentials, exact to rounding"
+    lines = [modes] if system.damping.any() else _of_system(system)[:-1]
+    if all(stop.restitution == 1.0 for stop in system.stops):
+        lines.append(_of_system(system)[-1])
+    else:
+        how = "bounces that accumulate are summed to their end, and a contact that is pressed is held with one coordinate less"
+        lines.append(f"restitution below 1 -> {how}")
+    kinds = ", ".join(dict.fromkeys(type(force).__name__.lower() for force in forces))
+    choice = f"{kinds} -> each load is the state of a linear system of its own, and the flight with it exact" if kinds else ""
+    return [*lines, choice or "no loads -> no particular solution"]
 
 
 def _of_system(system: ImpactSystem) -> list[str]:

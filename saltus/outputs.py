@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import IO, TextIO
 
 from saltus.errors import DONE, FAILED, BadInput, say
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
@@ -28,11 +28,15 @@ class Outputs:
         Paths, or ``-`` for standard output.
     plot : str or None
         Path of a picture.
+    npz, mat : str or None
+        Paths of files of arrays.
     """
 
     json: str | None = None
     csv: str | None = None
     plot: str | None = None
+    npz: str | None = None
+    mat: str | None = None
 
     def check(self) -> None:
         """Refuse what could not be written.
@@ -45,10 +49,16 @@ class Outputs:
         for path in (self.json, self.csv):
             if path is not None:
                 check_writable(path)
+        for kind, path in (("npz", self.npz), ("mat", self.mat)):
+            if path == STANDARD_OUTPUT:
+                raise BadInput(f"{kind} cannot go to standard output: expected a file")
+            if path is not None:
+                check_writable(path)
         if self.plot is not None:
             check_picture(self.plot)
         taken: dict[str, str] = {}
-        for option, path in (("--json", self.json), ("--csv", self.csv), ("--plot", self.plot)):
+        places = {"--json": self.json, "--csv": self.csv, "--plot": self.plot, "--npz": self.npz, "--mat": self.mat}
+        for option, path in places.items():
             if path is None:
                 continue
             place = path if path == STANDARD_OUTPUT else os.path.realpath(path)
@@ -62,15 +72,23 @@ class Outputs:
         """The stream for what is told: standard error where standard output carries data."""
         return sys.stderr if STANDARD_OUTPUT in (self.json, self.csv) else sys.stdout
 
-    def write(self, json: Callable[[], str], csv: Callable[[], str], draw: Callable[[Path], None]) -> int:
+    def write(
+        self,
+        json: Callable[[], str],
+        csv: Callable[[], str],
+        draw: Callable[[Path], None] | None = None,
+        arrays: Callable[[str, IO[bytes]], None] | None = None,
+    ) -> int:
         """Write what was asked for. One failure does not keep the others from being written.
 
         Parameters
         ----------
         json, csv : callable
             Return the text of the file.
-        draw : callable
+        draw : callable, optional
             Draws into the file that it is given.
+        arrays : callable, optional
+            Writes arrays in the format that it is given, "npz" or "mat", into the file that it is given.
 
         Returns
         -------
@@ -79,13 +97,24 @@ class Outputs:
         """
 
         def picture(path: str) -> None:
+            assert draw is not None
             with replacing(path) as beside:
                 draw(beside)
+
+        def binary(kind: str) -> Callable[[str], None]:
+            def write(path: str) -> None:
+                assert arrays is not None
+                with replacing(path) as beside, beside.open("wb") as file:
+                    arrays(kind, file)
+
+            return write
 
         code = DONE
         jobs = (
             (self.json, lambda path: write_data(path, json())),
             (self.csv, lambda path: write_data(path, csv())),
+            (self.npz, binary("npz")),
+            (self.mat, binary("mat")),
             (self.plot, picture),
         )
         for path, job in jobs:
@@ -102,15 +131,20 @@ class Outputs:
         return code
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json``, ``--csv`` and ``--plot``."""
+def add_arguments(parser: argparse.ArgumentParser, *, arrays: bool = False, plot: bool = True) -> None:
+    """Add ``--json``, ``--csv`` and ``--plot``; and ``--npz`` and ``--mat``, for a command that has arrays."""
     parser.add_argument("--json", metavar="FILE", help=f"write all data as JSON{_HYPHEN}")
     parser.add_argument("--csv", metavar="FILE", help=f"write all data as CSV{_HYPHEN}")
-    parser.add_argument("--plot", metavar="FILE", help="draw a picture: FILE.png, FILE.pdf or FILE.svg")
+    if arrays:
+        parser.add_argument("--npz", metavar="FILE", help="write all data as arrays of numpy")
+        parser.add_argument("--mat", metavar="FILE", help="write all data as arrays of Matlab")
+    if plot:
+        parser.add_argument("--plot", metavar="FILE", help="draw a picture: FILE.png, FILE.pdf or FILE.svg")
 
 
 def from_arguments(arguments: argparse.Namespace) -> Outputs:
     """Return the outputs asked for, checked."""
-    outputs = Outputs(json=arguments.json, csv=arguments.csv, plot=arguments.plot)
+    own = {name: getattr(arguments, name, None) for name in ("plot", "npz", "mat")}
+    outputs = Outputs(json=arguments.json, csv=arguments.csv, **own)
     outputs.check()
     return outputs

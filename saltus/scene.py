@@ -2,7 +2,8 @@
 
 A scene is a TOML file. ``[system]`` is ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``, or the matrices
 ``mass``, ``damping``, ``stiffness`` with ``[[stops]]`` (``c``, ``lower``, ``upper``, ``restitution``, ``name``) and
-``[coordinates]`` (``names``, ``LO``, ``NES``). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``: where names are
+``[coordinates]`` (``names``, ``LO``, ``NES``; each of the two a name or a list of them). ``[ground]`` and ``[[forces]]`` are loads
+(`saltus.scene_loads`). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``: where names are
 searched; ``[complete]`` the same three: where every family is found by a build. ``[names]``
 pins a bare name to a cited point. What is not known is refused.
 """
@@ -13,18 +14,22 @@ import math
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from branches.files import reason
 from saltus.errors import BadInput, nearest, one_line
+from saltus.scene_coordinates import described, marked
+from saltus.scene_loads import read_loads
 from saltus.table import Table
 
 if TYPE_CHECKING:
+    from bvp.forcing import Force
     from bvp.system import ImpactSystem
 
 __all__ = ["DEFAULT", "Scene", "load_scene"]
@@ -52,6 +57,10 @@ class Scene:
         the search.
     title, source : str
         What the scene is, and where it is published.
+    nes, lo : tuple of int
+        Indices of the coordinates marked as those of the nonlinear energy sink and of the linear oscillator.
+    forces : tuple of bvp.forcing loads
+        Motion of the ground and forces on coordinates.
     """
 
     system: ImpactSystem
@@ -62,6 +71,14 @@ class Scene:
     complete: Mapping[str, Any] = field(default_factory=dict)
     title: str = ""
     source: str = ""
+    nes: tuple[int, ...] = ()
+    lo: tuple[int, ...] = ()
+    forces: tuple[Force, ...] = ()
+
+    @property
+    def underlying(self) -> Scene:
+        """The scene of the undamped elastic system without loads, against whose families damped motion is read."""
+        return replace(self, system=self.system.underlying, forces=())
 
     @property
     def bounds(self) -> dict[str, Any]:
@@ -113,12 +130,13 @@ def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) 
     0.37
     """
     shipped = _shipped()
+    folder: Path | Traversable = resources.files("catalogues")
     if path is not None and (not isinstance(path, str | os.PathLike) or not os.fspath(path)):
         raise BadInput(f"scene {path!r}: expected a TOML file or the name of a scene that ships: {', '.join(sorted(shipped))}")
     if path is None:
         where, text = DEFAULT, shipped[DEFAULT]
     elif Path(path).exists() or os.fspath(path) not in shipped:
-        where, text = os.fspath(path), _read(Path(path), shipped)
+        where, text, folder = os.fspath(path), _read(Path(path), shipped), Path(path).parent
     else:
         where, text = os.fspath(path), shipped[os.fspath(path)]
     try:
@@ -127,7 +145,7 @@ def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) 
         raise BadInput(f"scene {where} is no TOML: {error}") from error
     except RecursionError as error:
         raise BadInput(f"scene {where} is no TOML that can be read: its values are nested too deeply") from error
-    return _build(Table(content, f"scene {where}"), parameters)
+    return _build(Table(content, f"scene {where}"), parameters, folder)
 
 
 @cache
@@ -153,13 +171,14 @@ def _read(path: Path, shipped: Mapping[str, str]) -> str:
         raise BadInput(f"cannot read scene {path}: {said}") from error
 
 
-def _build(scene: Table, overrides: Mapping[str, float]) -> Scene:
-    scene.only("system", "stops", "coordinates", "bounds", "complete", "names", "title", "source")
+def _build(scene: Table, overrides: Mapping[str, float], folder: Path | Traversable) -> Scene:
+    scene.only("system", "stops", "coordinates", "ground", "forces", "bounds", "complete", "names", "title", "source")
     own, system = _system(scene, overrides)
     pins = _pins(scene.table("names", {}))
     bounds = _bounds(scene.table("bounds"))
-    # A cited point says nothing about another system.
-    holds = system.describe() == own.describe()
+    nes, lo = marked(scene.table("coordinates", {}), system)
+    # A cited point says nothing about another system; damping and restitution do not belong to the one whose families have names.
+    holds = system.underlying.describe() == own.underlying.describe()
     return Scene(
         system=system,
         **bounds,
@@ -167,6 +186,9 @@ def _build(scene: Table, overrides: Mapping[str, float]) -> Scene:
         complete=MappingProxyType(_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds),
         title=scene.text("title", ""),
         source=scene.text("source", ""),
+        nes=nes,
+        lo=lo,
+        forces=read_loads(scene, system, folder),
     )
 
 
@@ -234,7 +256,7 @@ def _system(scene: Table, overrides: Mapping[str, float]) -> tuple[ImpactSystem,
         system.matrix(required)
     description["stops"] = [stop.content() for stop in _stops(scene)]
     if "coordinates" in scene.keys():
-        description["coordinates"] = _coordinates(scene.table("coordinates"))
+        description["coordinates"] = described(scene.table("coordinates"))
     system_of_scene = _described(description, scene.where)
     return system_of_scene, system_of_scene
 
@@ -247,14 +269,6 @@ def _stops(scene: Table) -> list[Table]:
         stop.only("c", "lower", "upper", "restitution", "name")
         stop.numbers("c")
     return stops
-
-
-def _coordinates(coordinates: Table) -> dict[str, object]:
-    coordinates.only("names", "LO", "NES")
-    known = {"names": "names", "LO": "primary", "NES": "absorber"}
-    if "names" in coordinates.keys():
-        coordinates.texts("names")
-    return {known[key]: value for key, value in coordinates.content().items()}
 
 
 def _described(description: Mapping[str, Any], where: str) -> ImpactSystem:

@@ -11,17 +11,12 @@ from saltus import catalogue_arguments, outputs, scene_arguments
 from saltus.arguments import positive
 from saltus.errors import BadInput
 from saltus.events_table import stability_word
+from saltus.orbit_choice import agreed, family_of, select
 
 if TYPE_CHECKING:
-    from branches.branch import Branch
-    from branches.labels import Name
     from branches.orbit import Orbit
-    from saltus.scene import Scene
 
 __all__ = ["add_arguments", "run"]
-
-TOLERANCE = 0.01
-"""How far, relatively, a selecting value may be from the orbit that it selects."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,12 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.labels import parse_name
 
     name = parse_name(arguments.name)
-    for option, said, given in (("--energy", name.h, arguments.energy), ("--alpha", name.alpha, arguments.alpha)):
-        if said is not None and given is not None and said != given:
-            key = "h" if option == "--energy" else "alpha"
-            raise BadInput(f"{arguments.name} says {key} = {said:.10g} and {option} says {given:.10g}: expected one of them")
-    energy = arguments.energy if arguments.energy is not None else name.h
-    alpha = arguments.alpha if arguments.alpha is not None else name.alpha
+    energy = agreed(arguments.name, "h", name.h, "--energy", arguments.energy)
+    alpha = agreed(arguments.name, "alpha", name.alpha, "--alpha", arguments.alpha)
     if energy is None and alpha is None:
         raise BadInput(f"which orbit of {name}? expected --energy H or --alpha A")
     scene = scene_arguments.from_arguments(arguments)
@@ -55,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         for line in explain(scene.system, arguments.name):
             print(f"model  {line}", file=files.words, flush=True)
-    orbit = _select(_family(arguments, scene, energy), name, energy, alpha)
+    orbit = select(family_of(arguments.name, scene, energy, arguments.catalogue), name, energy, alpha)
     for line in describe(orbit):
         print(line, file=files.words, flush=True)
 
@@ -67,76 +58,6 @@ def run(arguments: argparse.Namespace) -> int:
         draw_orbit(orbit, path)
 
     return files.write(json=lambda: orbit_to_json(orbit), csv=lambda: orbit_to_csv(orbit), draw=draw)
-
-
-def _family(arguments: argparse.Namespace, scene: Scene, energy: float | None) -> Branch:
-    """The family as a catalogue has it; else traced over the scene's energies, and past them as far as the energy asked for."""
-    if arguments.catalogue is not None:
-        with catalogue_arguments.open_file(arguments.catalogue, scene) as catalogue:
-            match = catalogue.find(arguments.name)
-            if match.kind != "family":
-                raise BadInput(f"{arguments.name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
-            return catalogue.branch(match.id)
-    from saltus.first_run import prepare
-    from saltus.progress import ProgressBar
-    from saltus.tracing import trace
-
-    prepare()
-    low, high = scene.energy
-    if energy is not None:
-        low, high = min(low, 0.9 * energy), max(high, 1.1 * energy)
-    with ProgressBar() as bar:
-        return trace(arguments.name, scene=scene, energy=(low, high), on_point=bar.update)
-
-
-def _select(branch: Branch, name: Name, energy: float | None, alpha: float | None) -> Orbit:
-    """Find the one orbit of a family with an energy, with a quarter period, or nearest to both."""
-    key, value, other, wish = ("h", energy, "alpha", alpha) if energy is not None else ("alpha", alpha, "h", None)
-    assert value is not None
-    found = branch.orbits_at(energy=value) if key == "h" else branch.orbits_at(alpha=value)
-    # A family carries several labels: where some of its orbits here have the label asked for, the others are not meant.
-    found = _distinct([orbit for orbit in found if _has_label(orbit, name)] or found)
-    if not found:
-        values = branch.points[key]
-        raise BadInput(
-            f"no orbit of {name} has {key} = {value:.15g}: the family was followed from {key} = {values.min():.15g} to {values.max():.15g}"
-        )
-    if wish is not None:
-        nearest = min(found, key=lambda orbit: abs(getattr(orbit, other) - wish))
-        if abs(getattr(nearest, other) - wish) > TOLERANCE * wish:
-            raise BadInput(f"no orbit of {name} has {key} = {value:.10g} and {other} = {wish:.10g}; nearest: {_list([nearest])}")
-        return nearest
-    if len(found) > 1:
-        raise BadInput(f"{len(found)} orbits of {name} have {key} = {value:.10g}, expected one of {_list(found)}")
-    return found[0]
-
-
-def _distinct(orbits: list[Orbit]) -> list[Orbit]:
-    """Each orbit once: a family that turns back on itself passes through the same orbit twice, the second time from its other end."""
-    from branches.identity import same_orbit
-
-    kept: list[Orbit] = []
-    for orbit in orbits:
-        mine = (orbit.problem, orbit.solution.y)
-        if not any(abs(other.alpha / orbit.alpha - 1.0) < 1e-9 and same_orbit((other.problem, other.solution.y), mine) for other in kept):
-            kept.append(orbit)
-    return kept
-
-
-def _has_label(orbit: Orbit, name: Name) -> bool:
-    """Tell whether an orbit has the label of a name."""
-    from branches.labels import matches, parse
-
-    return name.label is not None and bool(orbit.label) and matches(name.label, parse(orbit.label))
-
-
-def _list(orbits: list[Orbit]) -> str:
-    """Name orbits with the suffix that selects each, with as many digits as tell them apart."""
-    for digits in range(6, 18):
-        suffixes = {f"@h={orbit.h:.{digits}g},alpha={orbit.alpha:.{digits}g}" for orbit in orbits}
-        if len(suffixes) == len(orbits):
-            break
-    return " ".join(f"{orbit.label}@h={orbit.h:.{digits}g},alpha={orbit.alpha:.{digits}g}" for orbit in orbits)
 
 
 def describe(orbit: Orbit) -> list[str]:

@@ -21,7 +21,7 @@ def listed(section, key):
 def test_all_code_is_installed_and_nothing_else():
     """Oracle: each folder with Python files, except tests and benchmarks, is a package that setup.cfg includes."""
     included = set(find_packages(str(ROOT), include=listed("options.packages.find", "include")))
-    top = {"bvp", "continuation", "branches", "saltus", "catalogues"}
+    top = {"bvp", "continuation", "branches", "transitions", "saltus", "catalogues"}
     folders = {".".join(path.parent.relative_to(ROOT).parts) for name in top for path in (ROOT / name).rglob("*.py")}
     assert included == folders
     assert {name.partition(".")[0] for name in included} == top
@@ -31,7 +31,7 @@ def test_each_dependency_has_its_reason_in_the_readme():
     """Oracle: setup.cfg."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     for line in listed("options", "install_requires") + listed("options.extras_require", "test"):
-        name = re.match(r"[a-z]+", line).group()
+        name = re.match(r"[a-z-]+", line).group()
         assert re.search(rf"^\| {name} \| \S.*\|$", readme, re.MULTILINE), name
 
 
@@ -48,7 +48,7 @@ def test_the_licence_is_mit():
     assert CONFIGURATION["metadata"]["license"] == "MIT"
 
 
-@pytest.mark.parametrize("package", ["bvp", "continuation", "branches", "saltus", "catalogues"])
+@pytest.mark.parametrize("package", ["bvp", "continuation", "branches", "transitions", "saltus", "catalogues"])
 def test_a_package_imports_alone(package):
     """Oracle: it has a docstring that says what it is for."""
     assert importlib.import_module(package).__doc__

@@ -1,0 +1,80 @@
+"""`saltus run`: one damped motion, event by event, and where its energy goes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import IO
+
+from saltus import catalogue_arguments, motion_start, outputs, scene_arguments, units
+from saltus.arguments import positive, whole, whole_above_zero
+from saltus.errors import DONE, FAILED, BadInput
+
+__all__ = ["add_arguments", "run"]
+
+SAMPLES = 2000
+MOST_IMPACTS = 10_000_000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    motion_start.add_arguments(parser)
+    parser.add_argument("--duration", metavar="T", type=positive, help="time to run (default: as long as the scene's records last)")
+    parser.add_argument("--max-impacts", metavar="K", type=whole, default=MOST_IMPACTS, help="end there (default: ten million)")
+    parser.add_argument("--samples", metavar="N", type=whole_above_zero, help=f"times in the time series of the files (default: {SAMPLES})")
+    parser.add_argument("--locked", action="store_true", help="run the system with its sink locked too, and compare peaks and mean squares")
+    catalogue_arguments.add_file(parser, "tell the families that stages follow from this catalogue; --on is taken from it, too")
+    outputs.add_arguments(parser, arrays=True, plot=False)
+    units.add_arguments(parser)
+    scene_arguments.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code."""
+    files = outputs.from_arguments(arguments)
+    if arguments.samples is not None and arguments.samples < 2:
+        raise BadInput(f"--samples {arguments.samples}: expected 2 at least, the begin and the end of the motion")
+    scene = scene_arguments.from_arguments(arguments)
+
+    from saltus.motion_data import impact_table, json_text, motion_record, sample_table
+    from saltus.motion_text import comparison, describe
+    from saltus.motions import default_duration, run_locked, run_scene, tell_stages
+
+    duration = arguments.duration if arguments.duration is not None else default_duration(scene)
+    if duration is None:
+        raise BadInput("how long? expected --duration T: the scene has no record that would tell")
+    if arguments.model:
+        from saltus.model import explain_motion
+
+        for line in explain_motion(scene.system, scene.forces):
+            print(f"model  {line}", file=files.words, flush=True)
+    with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
+        start = motion_start.from_arguments(arguments, scene)
+        told = run_scene(scene, start, duration, arguments.max_impacts)
+        locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
+        told = tell_stages(told, scene, start, catalogue)
+    scale = units.from_arguments(arguments)
+    record = motion_record(told, scene, start, scale, locked)
+    for line in describe(told, start, record, scale):
+        print(line, file=files.words)
+    if locked is not None:
+        for line in comparison(record):
+            print(line, file=files.words)
+
+    from branches.export.table_files import csv_text, write_binary
+
+    samples = arguments.samples or SAMPLES
+
+    def text() -> str:
+        return json_text(record, None if arguments.samples is None else sample_table(told, samples, scale))
+
+    def series() -> str:
+        return csv_text(sample_table(told, samples, scale))
+
+    def arrays(kind: str, file: IO[bytes]) -> None:
+        table = {**sample_table(told, samples, scale), **impact_table(told, scale)}
+        about = {key: value for key, value in record.items() if key not in ("impacts", "forces")}
+        write_binary(table, kind, file, about=json.dumps(about, allow_nan=False))
+
+    code = files.write(json=text, csv=series, arrays=arrays)
+    return max(code, DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED)

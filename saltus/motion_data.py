@@ -1,0 +1,177 @@
+"""A damped motion as plain data: the record for JSON, and tables of its samples and impacts."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.units import Units
+
+if TYPE_CHECKING:
+    from branches.export.table_files import Table
+    from bvp.forcing import Force
+    from saltus.motion_start import Start
+    from saltus.motions import Told
+    from saltus.scene import Scene
+
+__all__ = ["impact_table", "json_text", "motion_record", "sample_table"]
+
+SCHEMA = 1
+
+
+def motion_record(told: Told, scene: Scene, start: Start, units: Units, locked: Told | None = None) -> dict[str, Any]:
+    """The motion as JSON has it."""
+    from transitions.stages import stages_as_data
+
+    motion, t, e = told.motion, units.time, units.energy
+    nes, lo = told.shares
+    return {
+        "schema": SCHEMA,
+        "system": scene.system.describe(),
+        "forces": [_force(force) for force in scene.forces],
+        "units": {"clearance": units.length, "natural_frequency": units.frequency},
+        "initial": {
+            **start.record(),
+            "u": (motion.start[: len(start.u)] * units.length).tolist(),
+            "v": (motion.start[len(start.u) :] * units.speed).tolist(),
+            "energy": motion.initial_energy * e,
+        },
+        "duration": motion.duration * t,
+        "ended": {"reason": motion.status.name, "text": motion.status.value},
+        "impacts": _impacts(told, units),
+        "chatter": _chatter(told, units),
+        "sticking": [{"begin": s.begin * t, "end": s.end * t, "stops": list(s.held)} for s in motion.stretches if s.held],
+        "sticking_time": motion.held_time * t,
+        "switch_error": motion.switch_error * t,
+        "shares": {"nes": nes, "lo": lo},
+        "shares_of": {"what": told.shares_of, "energy": told.reference * e},
+        "at": {f"{100.0 * mark.fraction:.10g}": _mark(told, mark, units) for mark in motion.marks},
+        "dissipated": {part: value * e for part, value in motion.dissipated.items()},
+        "work": motion.work * e,
+        "energy": motion.energy * e,
+        "peaks": _peaks(told, units),
+        "last_impact": None if motion.last_impact is None else motion.last_impact * t,
+        "no_impact_from": None if motion.clear_from is None else motion.clear_from * t,
+        "energy_balance_error": motion.balance_error,
+        "stages": None if told.stages is None else [_in_units(stage, units) for stage in stages_as_data(told.stages)],
+        "stages_note": told.why_no_stages or None,
+        "locked": None if locked is None else {"peaks": _peaks(locked, units), "energy_balance_error": locked.motion.balance_error},
+    }
+
+
+def json_text(record: dict[str, Any], samples: Table | None = None) -> str:
+    """The JSON text of a record, an impact a line; with the samples where they are given, a list for each column."""
+    from branches.export.table_files import plain_columns
+
+    whole = record if samples is None else {**record, "samples": plain_columns(samples)}
+    lines = []
+    for key, value in whole.items():
+        rows = isinstance(value, list) and len(value) > 0 and isinstance(value[0], dict)
+        listed = "[\n    " + ",\n    ".join(json.dumps(row, allow_nan=False) for row in value) + "\n  ]" if rows else ""
+        lines.append(f"  {json.dumps(key)}: {listed or json.dumps(value, allow_nan=False)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def sample_table(told: Told, samples: int, units: Units) -> Table:
+    """The motion at uniform times: displacements, velocities, energies, what was dissipated, the work of the loads."""
+    times = np.linspace(0.0, told.motion.duration, samples)
+    u, v = told.motion.sample(times)
+    whole, nes, lo = told.sharing.energies(told.motion, times)
+    by_nes, by_lo, work = told.sharing.dissipated(told.motion, times)
+    energies = {"energy": whole, "nes_energy": nes, "lo_energy": lo, "dissipated_nes": by_nes, "dissipated_lo": by_lo, "work": work}
+    return {
+        "time": times * units.time,
+        "u": u * units.length,
+        "v": v * units.speed,
+        **{name: values * units.energy for name, values in energies.items()},
+    }
+
+
+def impact_table(told: Told, units: Units) -> Table:
+    """The impacts, a column each of their entries."""
+    rows = _impacts(told, units)
+    names = ("time", "stop", "speed", "speed_after", "energy_lost")
+    return {f"impact_{name}": np.array([row[name] for row in rows], dtype=str if name == "stop" else float) for name in names}
+
+
+def _impacts(told: Told, units: Units) -> list[dict[str, Any]]:
+    from bvp.damped import EventKind
+
+    motion = told.motion
+    modes = motion.system.modes
+    rows = np.flatnonzero(motion.kinds == EventKind.IMPACT.value).tolist()
+    out = []
+    for k in rows:
+        contact = int(motion.contacts[k])
+        speed = float(motion.speeds[k]) * units.speed
+        out.append(
+            {
+                "time": float(motion.times[k]) * units.time,
+                "stop": modes.contact_letters[contact],
+                "speed": speed,
+                "speed_after": float(modes.contact_restitution[contact]) * speed,
+                "energy_lost": float(motion.losses[k]) * units.energy,
+            }
+        )
+    return out
+
+
+def _chatter(told: Told, units: Units) -> list[dict[str, Any]]:
+    """Where a contact began to be held, with what the stops have dissipated since the last impact: the bounces that were summed."""
+    from bvp.damped import EventKind
+
+    motion = told.motion
+    stops = slice(len(motion.parts) - len(motion.system.stops), len(motion.parts))
+    out = []
+    for k in np.flatnonzero(motion.kinds == EventKind.STICK.value).tolist():
+        lost = (motion.sums[k] - motion.sums[k - 1])[stops].sum()
+        letter = motion.system.modes.contact_letters[int(motion.contacts[k])]
+        out.append({"time": float(motion.times[k]) * units.time, "stop": letter, "energy_lost": float(lost) * units.energy})
+    return out
+
+
+def _mark(told: Told, mark: Any, units: Units) -> dict[str, float | None]:
+    """When a fraction of the initial energy is gone, and who has dissipated it; None where it is not."""
+    if mark.time is None or not told.motion.initial_energy > 0.0:
+        return {"time": None, "nes": None, "lo": None}
+    nes, lo = told.sharing.totals(mark.dissipated)
+    return {"time": mark.time * units.time, "nes": nes / told.reference, "lo": lo / told.reference}
+
+
+def _peaks(told: Told, units: Units) -> dict[str, dict[str, dict[str, float]]]:
+    """Peak, its time and root mean square, of displacements, gaps and drifts."""
+    found = told.watched.extents
+
+    def entry(k: int) -> dict[str, float]:
+        return {
+            "peak": float(found.peaks[k]) * units.length,
+            "time": float(found.times[k]) * units.time,
+            "rms": float(found.rms[k]) * units.length,
+        }
+
+    groups = {"displacements": told.watched.coordinates, "gaps": told.watched.gaps, "drifts": told.watched.drifts}
+    return {group: {name: entry(k) for name, k in members.items()} for group, members in groups.items()}
+
+
+def _force(force: Force) -> dict[str, Any]:
+    """A load; of a record the samples."""
+    from bvp.forcing import Constant, Harmonic
+
+    if isinstance(force, Constant):
+        return {"kind": "constant", "load": force.load.tolist()}
+    if isinstance(force, Harmonic):
+        cosine, sine = (np.asarray(part).tolist() for part in (force.cosine, force.sine))
+        return {"kind": "harmonic", "frequency": force.frequency, "cosine": cosine, "sine": sine}
+    return {"kind": "record", "load": force.load.tolist(), "times": force.times.tolist(), "values": force.values.tolist()}
+
+
+def _in_units(stage: dict[str, Any], units: Units) -> dict[str, Any]:
+    """The numbers of a stage in the units asked for."""
+    scales = dict.fromkeys(("start", "end"), units.time) | dict.fromkeys(("frequency", "frequencies"), units.frequency)
+    scales |= dict.fromkeys(("energies", "dissipated_nes", "dissipated_lo"), units.energy)
+    out = dict(stage)
+    for name, scale in scales.items():
+        out[name] = [scale * value for value in out[name]] if isinstance(out[name], list) else scale * out[name]
+    return out

@@ -1,0 +1,103 @@
+"""The table of a damped motion: where it starts, its impacts, where the energy goes, peaks, stages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from saltus.units import Units
+
+if TYPE_CHECKING:
+    from saltus.motion_start import Start
+    from saltus.motions import Told
+
+__all__ = ["comparison", "describe"]
+
+SHOWN = 12
+"""Impacts that are listed; the files hold all."""
+
+
+def describe(told: Told, start: Start, record: dict[str, Any], units: Units) -> Iterator[str]:
+    """The lines that tell a motion.
+
+    Parameters
+    ----------
+    told : Told
+    start : Start
+    record : dict
+        `saltus.motion_data.motion_record` of it.
+    units : Units
+    """
+    initial, motion = record["initial"], told.motion
+    yield f"start    {start.text}, energy {initial['energy']:.10g}"
+    yield f"state    u = {_numbers(initial['u'])}  v = {_numbers(initial['v'])}"
+    yield f"ended    {motion.status.value}, at time {record['duration']:.10g}"
+    last = f", the last at {record['last_impact']:.10g}" if record["last_impact"] is not None else ""
+    never = f"; none is possible any more from {record['no_impact_from']:.10g} on" if record["no_impact_from"] is not None else ""
+    yield f"impacts  {motion.impacts}{last}{never}"
+    if record["sticking"] or record["chatter"]:
+        chatter = f"chattering ends {len(record['chatter'])} times, each time known to {record['switch_error']:.1e}"
+        yield f"sticking {len(record['sticking'])} times, {record['sticking_time']:.10g} in all; {chatter}"
+    nes, lo = told.shares
+    reference = record["shares_of"]
+    left = motion.energy / told.reference if told.reference > 0.0 else 0.0
+    of = f"of the {reference['what']} {reference['energy']:.10g}"
+    yield f"shares   NES {nes:.4%}  LO {lo:.4%}  still there {left:.4%}  {of}"
+    yield f"balance  error {record['energy_balance_error']:.1e}" + (f", work of the loads {record['work']:.10g}" if motion.work else "")
+    if told.motion.initial_energy > 0.0 and motion.marks:
+        yield f"{'gone':>6}  {'time':>14}  {'by NES':>9}  {'by LO':>9}"
+        for name, at in record["at"].items():
+            if at["time"] is None:
+                yield f"{name + ' %':>6}  {'not reached':>14}"
+            else:
+                yield f"{name + ' %':>6}  {at['time']:>14.10g}  {at['nes']:>9.4%}  {at['lo']:>9.4%}"
+    yield f"{'':<24}  {'peak':>14}  {'at time':>14}  {'rms':>14}"
+    for group in ("displacements", "gaps", "drifts"):
+        for name, entry in record["peaks"][group].items():
+            yield f"{name:<24}  {entry['peak']:>14.8g}  {entry['time']:>14.8g}  {entry['rms']:>14.8g}"
+    yield from _impact_lines(record["impacts"])
+    yield from _stage_lines(told, record)
+
+
+def comparison(record: dict[str, Any]) -> Iterator[str]:
+    """The lines that set a motion beside that with the sink locked."""
+    yield f"{'NES free and locked':<24}  {'peak':>12}  {'locked':>12}  {'ratio':>7}  {'rms':>12}  {'locked':>12}  {'ratio':>7}"
+    for group in ("displacements", "drifts"):
+        for name, other in record["locked"]["peaks"][group].items():
+            own = record["peaks"][group].get(name)
+            if own is None:
+                continue
+            cells = [cell for key in ("peak", "rms") for cell in (own[key], other[key], own[key] / other[key] if other[key] else 1.0)]
+            yield f"{name:<24}  " + "  ".join(f"{x:>7.4f}" if k % 3 == 2 else f"{x:>12.6g}" for k, x in enumerate(cells))
+
+
+def _numbers(values: list[float]) -> str:
+    return " ".join(f"{value:.10g}" for value in values)
+
+
+def _impact_lines(impacts: list[dict[str, Any]]) -> Iterator[str]:
+    if not impacts:
+        return
+    yield f"{'impact':>6}  {'time':>16}  stop  {'speed':>14}  {'after':>14}  {'energy lost':>14}"
+    for k, row in enumerate(impacts[:SHOWN], 1):
+        numbers = f"{row['speed']:>14.8g}  {row['speed_after']:>14.8g}  {row['energy_lost']:>14.8g}"
+        yield f"{k:>6}  {row['time']:>16.12g}  {row['stop']:<4}  {numbers}"
+    if len(impacts) > SHOWN:
+        yield f"{'...':>6}  and {len(impacts) - SHOWN} more, which --json lists"
+
+
+def _stage_lines(told: Told, record: dict[str, Any]) -> Iterator[str]:
+    if told.stages is None:
+        yield f"stages   not told: {told.why_no_stages}"
+        return
+    if not told.stages:
+        yield "stages   none: no ridge of the spectrum holds for three periods"
+        return
+    titles = f"{'stage':<5}  {'from':>9}  {'to':>9}  {'periods':>7}  {'frequency':>9}  {'energy':>19}  {'by NES':>8}  {'by LO':>8}"
+    yield f"{titles}  follows"
+    scale = record["shares_of"]["energy"] or 1.0
+    for k, (stage, data) in enumerate(zip(told.stages, record["stages"], strict=True), 1):
+        span = f"{data['energies'][1]:.4g} to {data['energies'][0]:.4g}"
+        shares = f"{data['dissipated_nes'] / scale:>8.3%}  {data['dissipated_lo'] / scale:>8.3%}"
+        head = f"{k:<5}  {data['start']:>9.5g}  {data['end']:>9.5g}  {data['periods']:>7.1f}  {data['frequency']:>9.5g}"
+        yield f"{head}  {span:>19}  {shares}  {stage.text}"

@@ -1,0 +1,180 @@
+"""One damped motion of a scene with all that is told of it: shares, peaks, stages, and the same with the sink locked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import BadInput, one_line
+
+if TYPE_CHECKING:
+    from branches.catalogue import Catalogue
+    from bvp.damped import Motion
+    from bvp.system import ImpactSystem
+    from saltus.motion_start import Start
+    from saltus.scene import Scene
+    from transitions.extents import Extents
+    from transitions.record import Record
+    from transitions.sharing import Sharing
+    from transitions.spectrum import Spectrum
+    from transitions.stages import Stage
+
+__all__ = ["Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
+
+MOST_SAMPLES = 2_000_000
+"""Samples of a record above which stages are not told."""
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """Displacements, gaps and drifts with their extents.
+
+    Attributes
+    ----------
+    coordinates, gaps, drifts : dict of str to int
+        Index of each in `extents`.
+    """
+
+    coordinates: dict[str, int]
+    gaps: dict[str, int]
+    drifts: dict[str, int]
+    extents: Extents
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """A motion and what is told of it.
+
+    Attributes
+    ----------
+    sharing : Sharing
+    watched : Watched
+    reference : float
+        The energy that shares are fractions of: the initial one; where there was none, what came in.
+    record, spectrum, stages : optional
+        Where they were asked for and can be told.
+    why_no_stages : str
+    """
+
+    motion: Motion
+    sharing: Sharing
+    watched: Watched
+    reference: float
+    record: Record | None = None
+    spectrum: Spectrum | None = None
+    stages: tuple[Stage, ...] | None = None
+    why_no_stages: str = ""
+
+    @property
+    def shares_of(self) -> str:
+        """What shares are fractions of."""
+        return "initial energy" if self.motion.initial_energy > 0.0 else "energy that came in"
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """(NES, LO) dissipated over the whole motion."""
+        nes, lo = self.sharing.totals(self.motion.dissipated)
+        return (nes / self.reference, lo / self.reference) if self.reference > 0.0 else (0.0, 0.0)
+
+
+def default_duration(scene: Scene) -> float | None:
+    """The end of the longest record among the scene's loads, None where there is none."""
+    from bvp.forcing import Record
+
+    return max((float(force.times[-1]) for force in scene.forces if isinstance(force, Record)), default=None)
+
+
+def run_scene(scene: Scene, start: Start, duration: float, max_impacts: int) -> Told:
+    """Run a scene from a start.
+
+    Raises
+    ------
+    BadInput
+        Where the start lies beyond a stop.
+    """
+    from transitions.sharing import sharing_of
+
+    shared = sharing_of(scene.system, scene.nes, scene.lo)
+    return _told(scene.system, shared, scene.forces, start.u, start.v, duration, max_impacts, start.leaving, scene.nes)
+
+
+def run_locked(scene: Scene, start: Start, duration: float, max_impacts: int) -> Told:
+    """The same with the NES locked, from the displacements and velocities of the other coordinates.
+
+    Raises
+    ------
+    BadInput
+        Where the NES cannot be locked, or the start lies beyond a stop that stays.
+    """
+    from transitions.locked import lock
+    from transitions.sharing import sharing_of
+
+    system, forces = lock(scene.system, scene.nes, scene.forces)
+    kept = [k for k in range(scene.system.degrees_of_freedom) if k not in scene.nes]
+    return _told(system, sharing_of(system), forces, start.u[kept], start.v[kept], duration, max_impacts, None, ())
+
+
+def _told(
+    system: ImpactSystem,
+    shared: Sharing,
+    forces: Any,
+    u: np.ndarray,
+    v: np.ndarray,
+    duration: float,
+    max_impacts: int,
+    leaving: str | None,
+    nes: tuple[int, ...],
+) -> Told:
+    from bvp.damped import MotionStatus, run
+    from transitions.drifts import drift_rows
+    from transitions.extents import extents
+
+    motion = run(system, u, v, duration, forces=list(forces), dampers=shared.dampers, max_impacts=max_impacts, leaving=leaving)
+    if motion.status is MotionStatus.OUTSIDE:
+        gaps = [(float(np.dot(stop.gap, u)), stop) for stop in system.stops]
+        w, stop = max(gaps, key=lambda pair: max(pair[0] - pair[1].upper, pair[1].lower - pair[0]))
+        raise BadInput(f"the start lies beyond stop {stop.name}: its gap is {w:g}, expected {stop.lower:g} to {stop.upper:g}")
+    gap_rows = {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops}
+    drifts = drift_rows(system, nes)
+    rows = np.array([*np.eye(system.degrees_of_freedom), *gap_rows.values(), *drifts.values()])
+    n, m = system.degrees_of_freedom, len(gap_rows)
+    watched = Watched(
+        {name: k for k, name in enumerate(system.coordinates)},
+        {name: n + k for k, name in enumerate(gap_rows)},
+        {name: n + m + k for k, name in enumerate(drifts)},
+        extents(motion, rows),
+    )
+    came_in = math.fsum([*motion.dissipated.values(), motion.energy])
+    return Told(motion, shared, watched, motion.initial_energy if motion.initial_energy > 0.0 else came_in)
+
+
+def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | None) -> Told:
+    """The same with its record, spectrum and stages, as far as they can be told.
+
+    The families are those of the catalogue; else the one that the motion starts on, and the linear modes."""
+    from transitions.families import families_of, relative
+    from transitions.sampled import sampled, samples_of
+    from transitions.spectrum import TooCoarse
+    from transitions.stages import spectrum_of, stages_of
+
+    gap = relative(scene.system)
+    families = None
+    if catalogue is not None:
+        families = families_of(catalogue, gap)
+    elif start.branch is not None:
+        families = families_of([start.branch], gap)
+    samples, record = samples_of(told.motion), None
+    while samples <= MOST_SAMPLES:
+        try:
+            record = sampled(told.motion, told.sharing, samples)
+            spectrum = spectrum_of(record, gap)
+            stages = stages_of(record, gap, families, spectrum=spectrum)
+            return replace(told, record=record, spectrum=spectrum, stages=tuple(stages))
+        except TooCoarse:
+            samples *= 2
+        except ValueError as error:
+            return replace(told, record=record, why_no_stages=one_line(error))
+    return replace(told, why_no_stages=f"its record would have {samples} samples, and {MOST_SAMPLES} are allowed")

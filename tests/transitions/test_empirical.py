@@ -1,0 +1,81 @@
+"""Empirical mode decomposition: tones that are known, what sums to what, and the package that may be missing."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from transitions.empirical import NotInstalled, decompose, orthogonality_index
+
+TIMES = 0.02 * np.arange(10_000)
+
+
+def test_two_tones_are_two_modes_with_their_frequencies_and_amplitudes():
+    """Oracle: the tones, which are orthogonal; the index by its double sum."""
+    modes = decompose(TIMES, np.cos(4.0 * TIMES) + 1.5 * np.cos(0.9 * TIMES + 0.4))
+    assert modes.mean_frequencies[:2] == pytest.approx([4.0, 0.9], rel=0.01)
+    middle = slice(2000, 8000)
+    for k, (tone, frequency, amplitude) in enumerate(((np.cos(4.0 * TIMES), 4.0, 1.0), (1.5 * np.cos(0.9 * TIMES + 0.4), 0.9, 1.5))):
+        assert np.abs(modes.functions[k] - tone)[middle].max() < 0.05
+        assert np.median(modes.frequencies[k][middle]) == pytest.approx(frequency, rel=0.01)
+        assert np.median(modes.amplitudes[k][middle]) == pytest.approx(amplitude, rel=0.02)
+    assert abs(orthogonality_index(modes.functions[:, middle], modes.residue[middle])) < 0.01  # the ends of the record are another matter
+    parts = [*modes.functions, modes.residue]
+    pairs = sum(float(parts[i] @ parts[j]) for i in range(len(parts)) for j in range(len(parts)) if i != j)
+    whole = sum(parts)
+    assert modes.orthogonality == pytest.approx(pairs / float(whole @ whole), rel=1e-9)
+
+
+def test_the_frequency_of_a_chirp_is_the_rate_of_its_phase():
+    """Oracle: the derivative of the phase, to 2 % away from the ends."""
+    frequency = np.exp(TIMES / 150.0)
+    modes = decompose(TIMES, np.sin(150.0 * (frequency - 1.0)))
+    middle = slice(1000, 9000)
+    assert np.abs(modes.frequencies[0] / frequency - 1.0)[middle].max() < 0.02
+
+
+def test_the_parts_sum_to_the_signal():
+    """Oracle: the signal, to rounding."""
+    random = np.random.default_rng(2)
+    signal = np.cumsum(random.standard_normal(len(TIMES))) + 0.1 * TIMES
+    for most in (None, 1, 3):
+        modes = decompose(TIMES, signal, most=most)
+        np.testing.assert_allclose(modes.functions.sum(axis=0) + modes.residue, signal, rtol=0.0, atol=1e-9 * np.abs(signal).max())
+        assert modes.frequencies.shape == modes.amplitudes.shape == modes.functions.shape
+        if most is not None:
+            assert len(modes.functions) <= most + 1
+
+
+def test_the_index_of_orthogonality():
+    """Oracle: by hand; tones of different frequencies over whole periods are orthogonal, a part and its copy are not: 2 c^2/(2 c)^2."""
+    turn = 2.0 * math.pi * np.arange(1000) / 1000
+    assert orthogonality_index(np.stack([np.cos(turn), np.sin(3 * turn)])) == pytest.approx(0.0, abs=1e-14)
+    assert orthogonality_index(np.stack([np.cos(turn)]), np.cos(turn)) == pytest.approx(0.5)
+    assert orthogonality_index(np.zeros((2, 5))) == 0.0
+    assert decompose(TIMES, np.cos(TIMES)).orthogonality == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_missing_package_is_told_in_one_line(monkeypatch):
+    """Oracle: the words."""
+    monkeypatch.setitem(sys.modules, "PyEMD", None)
+    with pytest.raises(NotInstalled, match=r'pip install "saltus\[emd\]"') as caught:
+        decompose(TIMES, np.cos(TIMES))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("times", "signal", "most", "said"),
+    [
+        (TIMES**2, TIMES, None, "equal steps"),
+        (TIMES[:5], TIMES[:5], None, "8 times or more"),
+        (TIMES, np.cos(TIMES), 0, "most is a whole number"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(times, signal, most, said):
+    """Oracle: the words."""
+    with pytest.raises(ValueError, match=said) as caught:
+        decompose(times, signal, most=most)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,361 @@
+"""Stages: signals whose stages are known, motions on families that are known, and the search for the best cut against all cuts."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import saltus
+from branches.catalogue import Catalogue
+from tests.transitions.motions import of_run, synthetic
+from transitions.families import NEAR, Family, Meeting, families_of, harmonics
+from transitions.following import Line, stretches, unlike
+from transitions.ridges import HOLDS, SHARE, amplitude_of_motion
+from transitions.spectrum import Wavelet
+from transitions.stages import changes, spectrum_of, stages_as_data, stages_of
+
+GAP = (1.0, -1.0)
+STEP = 0.02
+
+
+def joined(*pieces):
+    """Times, signal and rate of tones one after the other: (frequency, amplitude, periods), phases without a jump of the signal at zero."""
+    signal, rate = [], []
+    for frequency, amplitude, count in pieces:
+        t = STEP * np.arange(round(2.0 * math.pi * count / frequency / STEP))
+        signal.append(amplitude * np.sin(frequency * t))
+        rate.append(amplitude * frequency * np.cos(frequency * t))
+    signal, rate = np.concatenate(signal), np.concatenate(rate)
+    return STEP * np.arange(len(signal)), signal, rate
+
+
+def test_a_tone_of_twenty_periods_and_a_jump_are_two_stages():
+    """Oracle: the signal: frequencies, where it jumps, energies and what is lost of a given exponential decay."""
+    times, signal, rate = joined((1.0, 1.0, 20), (2.6, 0.8, 40))
+    energy = 3.0 * np.exp(-times / 50.0)
+    first, second = stages_of(synthetic(times, signal, rate, energy, impacts=[10.0, 20.0, 150.0]), GAP)
+    jump = 40.0 * math.pi
+    assert first.start == 0.0 and second.end == pytest.approx(times[-1], abs=0.1)
+    assert first.end == pytest.approx(jump, abs=2.0 * math.pi) and second.start == pytest.approx(jump, abs=2.0 * math.pi)
+    assert first.periods == pytest.approx(20, abs=1) and second.periods == pytest.approx(40, abs=1)
+    for stage, frequency in ((first, 1.0), (second, 2.6)):
+        assert stage.frequency == pytest.approx(frequency, rel=0.005)
+        assert stage.share == pytest.approx(1.0, abs=0.05)
+        high, low = (3.0 * math.exp(-t / 50.0) for t in (stage.start, stage.end))
+        assert stage.energies == pytest.approx((low, high), rel=1e-3)
+        assert (stage.dissipated_nes, stage.dissipated_lo) == pytest.approx((0.75 * (high - low), 0.25 * (high - low)), rel=1e-3)
+        assert stage.follows is None and stage.text == "follows no family"
+    assert (first.impacts, second.impacts) == (2, 1)
+    assert changes([first, second]) == []
+
+
+def test_what_lasts_less_than_three_periods_is_no_stage():
+    """Oracle: two periods of a tone do not interrupt the slower one before and after them; four are a stage."""
+    for count, expected in ((2, [1.0]), (4, [1.0, 3.0, 1.0])):
+        found = stages_of(synthetic(*joined((1.0, 1.0, 20), (3.0, 1.0, count), (1.0, 1.0, 20))), GAP)
+        assert [stage.frequency for stage in found] == pytest.approx(expected, rel=0.05)
+
+
+def test_a_chirp_is_one_stage():
+    """Oracle: the derivative of the phase at both ends."""
+    times = STEP * np.arange(20_000)
+    frequency = np.exp(times / 200.0)
+    (stage,) = stages_of(synthetic(times, np.sin(200.0 * (frequency - 1.0)), frequency * np.cos(200.0 * (frequency - 1.0))), GAP)
+    assert (stage.start, stage.end) == pytest.approx((0.0, times[-1]), abs=0.1)
+    assert stage.frequencies == pytest.approx((frequency[0], frequency[-1]), rel=0.05)
+    assert stage.periods == pytest.approx(200.0 * (frequency[-1] - 1.0) / (2.0 * math.pi), rel=0.01)
+
+
+def test_two_tones_are_a_stage_with_a_companion_until_the_weaker_is_left():
+    """Oracle: the signal, exp(-t/60) cos t + 0.3 cos 3t: the ridges cross at 60 log(1/0.3)."""
+    times = STEP * np.arange(20_000)
+    decay = np.exp(-times / 60.0)
+    signal = decay * np.cos(times) + 0.3 * np.cos(3.0 * times)
+    rate = -decay * (np.cos(times) / 60.0 + np.sin(times)) - 0.9 * np.sin(3.0 * times)
+    first, second = stages_of(synthetic(times, signal, rate), GAP)
+    assert (first.frequency, second.frequency) == pytest.approx((1.0, 3.0), rel=0.01)
+    assert first.end == pytest.approx(60.0 * math.log(1.0 / 0.3), abs=3.0)
+    (companion,) = first.companions
+    assert companion.ratio == pytest.approx(3.0, rel=0.01)
+    mean = 60.0 * (1.0 - math.exp(-first.end / 60.0)) / first.end
+    assert companion.amplitude == pytest.approx(0.3 / mean, rel=0.05)
+
+
+def noise(times, low, high, seed):
+    """Noise of unit variance of many tones between two frequencies, and its rate."""
+    random = np.random.default_rng(seed)
+    tones, phases = random.uniform(low, high, 300), random.uniform(0.0, 2.0 * math.pi, 300)
+    angles = np.multiply.outer(times, tones) + phases
+    scale = math.sqrt(2.0 / 300)
+    return scale * np.cos(angles).sum(axis=1), -scale * (tones * np.sin(angles)).sum(axis=1)
+
+
+def test_a_tone_in_noise_is_one_stage():
+    """Oracle: the tone."""
+    times = STEP * np.arange(10_000)
+    hiss, rate = noise(times, 4.0, 25.0, 1)
+    (stage,) = stages_of(synthetic(times, np.cos(1.3 * times) + 0.3 * hiss, -1.3 * np.sin(1.3 * times) + 0.3 * rate), GAP)
+    assert stage.frequency == pytest.approx(1.3, rel=0.01) and stage.periods > 40
+
+
+def test_nothing_that_moves_has_no_stage():
+    """Oracle: a constant."""
+    times = STEP * np.arange(5000)
+    assert stages_of(synthetic(times, np.full(5000, 0.3), np.zeros(5000)), GAP) == []
+
+
+def test_many_equal_tones_have_no_ridge_that_counts():
+    """Oracle: fourteen tones, each at 1.5 times the frequency of the last, carry a fourteenth of the amplitude each."""
+    times = 0.002 * np.arange(60_000)
+    tones = 1.5 ** np.arange(14)
+    slow = np.sum([np.cos(w * times) for w in tones[:4]], axis=0)
+    fast = [stage.frequency for stage in stages_of(synthetic(times, 5.0 * slow, np.gradient(5.0 * slow, times)), GAP)]
+    assert fast and max(fast) < 1.1 * tones[3]
+    assert 1.0 / 14.0 < SHARE
+
+
+def test_the_amplitude_of_a_motion_is_half_of_its_range_around():
+    """Oracle: minimum and maximum over each window by brute force."""
+    random = np.random.default_rng(3)
+    times, signal = 0.1 * np.arange(400), random.standard_normal(400)
+    at, frequencies = times[::7], random.uniform(0.5, 8.0, len(times[::7]))
+    found = amplitude_of_motion(times, signal, at, frequencies)
+    for t, w, value in zip(at, frequencies, found, strict=True):
+        first, last = (int(np.clip(round((t + side * 2.0 * math.pi / w) / 0.1), 0, 399)) for side in (-1, 1))
+        assert value == 0.5 * np.ptp(signal[first : last + 1])
+
+
+# -- families ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def scenes(small_scene, tmp_path_factory):
+    """The small reference scene, and one with another mass ratio, open."""
+    from branches.building.bounds import Bounds, Plan
+    from branches.building.build import build
+    from saltus.executors import open_executor
+
+    path = tmp_path_factory.mktemp("heavy") / "heavy.sqlite"
+    heavy = saltus.vibro_impact_nes(mu=0.2, sigma=0.1)
+    with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=heavy) as catalogue:
+        build(catalogue, Plan.within(Bounds((0.05, 100.0), 2.2, 3)), executor, workers)
+    with Catalogue(small_scene[0]) as light, Catalogue(path) as other:
+        yield {"light": (light, families_of(light)), "heavy": (other, families_of(other))}
+
+
+def modes(mu=0.1, sigma=0.1):
+    """Frequencies and participations of the modes in u1 - u2, by numpy alone."""
+    root = np.sqrt(np.array([mu, 1.0]))
+    squares, vectors = np.linalg.eigh(np.array([[sigma, -sigma], [-sigma, 1.0 + sigma]]) / np.outer(root, root))
+    shapes = vectors / root[:, None]
+    return np.sqrt(squares), shapes[0] - shapes[1]
+
+
+@pytest.mark.parametrize("alpha", [1.66, 1.7, 1.8, 0.3, 0.9])
+def test_harmonics_of_a_backbone_are_those_of_its_impulses(alpha):
+    """Oracle: each mode's steady response to impulses P of alternating side each half period, 4 P/T sum b_k^2/(w_k^2 - (2 pi j/T)^2) at the
+    odd harmonics j, with P = 2/G, G = sum b_k^2 tan(w_k alpha)/w_k; the amplitude is 1, where it hits the stops."""
+    system = saltus.vibro_impact_nes(mu=0.1, sigma=0.1)
+    branch = saltus.trace("S13O00+" if alpha > 1.4 else "S11O00-", system, energy=(0.06, 20.0))
+    orbit = branch.orbit_at(alpha=alpha)
+    w, b = modes()
+    impulse = 2.0 / np.sum(b**2 * np.tan(w * alpha) / w)
+    odd = np.arange(1, 32, 2)
+    turning = 2.0 * np.pi * odd / (4.0 * alpha)
+    expected = np.abs(4.0 * impulse / (4.0 * alpha) * np.sum(b[:, None] ** 2 / (w[:, None] ** 2 - turning**2), axis=0))
+    found = harmonics(orbit, np.array(GAP))
+    np.testing.assert_allclose(found[odd - 1], expected, atol=2e-3)
+    np.testing.assert_allclose(found[odd], 0.0, atol=1e-9)
+
+
+def test_harmonics_between_the_orbits_that_are_read_are_interpolated(scenes):
+    """Oracle: the harmonics of the orbits themselves at points between."""
+    catalogue, families = scenes["light"]
+    off = []
+    for family in [family for family in families.members if family.load is not None][::6]:
+        branch = catalogue.branch(family.id)
+        for i in range(3, len(branch), max(1, len(branch) // 3)):
+            off.append(np.abs(harmonics(branch.orbit(i), np.array(GAP)) - family.shares_at(float(i), GAP)).max())
+    assert len(off) > 30 and np.median(off) < 0.01 and np.max(off) < 0.08
+
+
+@pytest.mark.parametrize("scene", ["light", "heavy"])
+def test_the_motion_of_a_stable_orbit_is_one_stage_on_its_own_family(scenes, scene):
+    """Oracle: the catalogue. Orbits whose strong harmonics the wavelet parts; what fits as well by spectrum and impacts is told, and has no
+    fewer impacts than what is named."""
+    catalogue, families = scenes[scene]
+    impacts = {family.id: family.impacts for family in families.members}
+    told = named = 0
+    for row in catalogue.families():
+        points = catalogue.points(row.id)
+        stable = np.flatnonzero(points["stable"] == 1)
+        if not len(stable) or row.impacts > 4:
+            continue
+        orbit = catalogue.branch(row.id).orbit(int(stable[len(stable) // 2]))
+        strong = np.flatnonzero(harmonics(orbit, np.array(GAP)) > 0.14) + 1
+        if np.any(strong[1:] < 1.4 * strong[:-1]):
+            continue
+        u, v = orbit.sample(np.array([0.3]))
+        record = of_run(orbit.system, u[0], v[0], max(60.0, 6.0 * orbit.period), 0.01)
+        (stage,) = stages_of(record, GAP, families)
+        follows = stage.follows
+        assert follows is not None and row.id in (follows.family, *follows.others), (row.id, stage)
+        assert follows.impacts <= impacts[row.id]
+        period = 2.0 * np.pi / stage.frequency
+        assert stage.start < period and stage.end > record.duration - period
+        told, named = told + 1, named + (follows.family == row.id)
+        if follows.family == row.id:
+            harmonic = follows.harmonic * 2.0 * np.pi / orbit.period
+            assert abs(math.log2(stage.frequency / harmonic)) < 0.02 and follows.deviation < 0.02
+            assert follows.share > SHARE and not changes([stage])[1:]
+    assert told >= 12 and named >= 8
+
+
+def test_closely_spaced_harmonics_need_a_sharper_wavelet():
+    """Oracle: U8353- at h = 1.9458, alpha = 4.9065 (Lee et al. 2009): its harmonics 8, 9 and 10 carry a third to a half of
+    the amplitude, and a wavelet parts neighbours of ratio 1.1 where its sharpness is some thirty."""
+    branch = saltus.trace("U8353-", saltus.vibro_impact_nes(mu=0.1, sigma=0.1), energy=(1.8, 2.1))
+    orbit = min(branch.orbits_at(energy=1.9458), key=lambda orbit: abs(orbit.alpha - 4.9065))
+    assert orbit.alpha == pytest.approx(4.9065, abs=1e-3)
+    count = 12 * int(orbit.period / STEP)
+    u, v = orbit.sample(STEP * np.arange(count))
+    record = replace(synthetic(STEP * np.arange(count), u @ GAP, v @ GAP, np.full(count, orbit.h)), impacts=_impacts(orbit, STEP * count))
+    families = families_of([branch])
+    sharp = spectrum_of(record, GAP, wavelet=Wavelet(2.0, 6.0))
+    (stage,) = stages_of(record, GAP, families, spectrum=sharp)
+    assert stage.follows.family == branch.id and stage.follows.label == "U8353-"
+    parts = harmonics(orbit, np.array(GAP))
+    assert stage.follows.harmonic == np.argmax(parts) + 1
+
+
+def _impacts(orbit, duration):
+    turns = range(int(duration / orbit.period) + 1)
+    return sorted(t for k in turns for t in (impact.time + k * orbit.period for impact in orbit.impacts) if t < duration)
+
+
+def test_free_motion_is_on_a_linear_mode(scenes):
+    """Oracle: the modes in closed form; with both, the one that moves u1 - u2 more, and the other beside it."""
+    catalogue, families = scenes["light"]
+    w, b = modes()
+    shapes = catalogue.system.modes.shapes
+    for first, second in ((0.5, 0.0), (0.0, 0.5), (0.3, 0.15), (0.1, 0.3)):
+        u = 0.6 * (first * shapes[:, 0] / abs(b[0]) + second * shapes[:, 1] / abs(b[1]))
+        record = of_run(catalogue.system, u, [0.0, 0.0], 300.0)
+        assert not len(record.impacts)
+        (stage,) = stages_of(record, GAP, families)
+        k = int(second > first)
+        assert (stage.follows.label, stage.follows.harmonic, stage.follows.impacts) == (("L11+", "L11-")[k], 1, 0)
+        assert abs(math.log2(stage.frequency / w[k])) < 0.01 and stage.follows.others == ()
+        if first and second:
+            assert stage.companions[0].ratio == pytest.approx(w[1 - k] / w[k], rel=0.02)
+            leak = math.exp(-0.5 * (Wavelet().sharpness * (w[k] / w[1 - k] - 1.0)) ** 2)  # of the one at the frequency of the other
+            # Near the edges, where the two are not parted, it counts as zero.
+            edges = 2.0 * Wavelet().reach * 2.0 * math.pi / min(w) / 300.0
+            ratio = min(first, second) / max(first, second)
+            assert (1.0 - edges) * ratio - leak < stage.companions[0].amplitude < ratio + leak
+
+
+def test_a_linear_mode_is_not_followed_while_there_are_impacts(scenes):
+    """Oracle: the same free motion, with impacts told."""
+    catalogue, families = scenes["light"]
+    shapes = catalogue.system.modes.shapes
+    record = of_run(catalogue.system, 0.2 * shapes[:, 0], [0.0, 0.0], 200.0)
+    (stage,) = stages_of(replace(record, impacts=np.arange(1.0, 199.0, 2.0)), GAP, families)
+    assert stage.follows is None or stage.follows.impacts > 0
+
+
+def test_weakly_damped_motion_leaves_a_backbone_for_a_linear_mode(scenes):
+    """Oracle: the backbone that it starts on, which is stable there; free motion, which is on modes; the balance of what was lost."""
+    catalogue, families = scenes["light"]
+    row = catalogue.find("S13O00+")
+    orbit = catalogue.branch(row.id).orbits_at(energy=2.0)[0]
+    u, v = orbit.sample(np.zeros(1))
+    record = of_run(saltus.vibro_impact_nes(mu=0.1, sigma=0.1, lam=0.02, rho=0.95), u[0], v[0], 500.0)
+    found = stages_of(record, GAP, families)
+    assert found[0].follows.label == "S13O00+" and found[0].start == 0.0
+    assert found[-1].follows.label == "L11+" and found[-1].end == pytest.approx(500.0, abs=0.1)
+    for stage, following in itertools.pairwise(found):
+        assert stage.end <= following.start and stage.energies[0] >= following.energies[0]
+    assert found[-1].start >= record.impacts[-1] and found[-1].impacts == 0
+    assert sum(stage.dissipated_nes for stage in found) <= record.dissipated_nes[-1] * (1.0 + 1e-9)
+    told = changes(found)
+    assert (told[0].kind, told[0].label, told[0].time) == ("capture", "S13O00+", 0.0)
+    assert (told[1].kind, told[1].label) == ("escape", "S13O00+") and (told[-1].kind, told[-1].label) == ("capture", "L11+")
+    data = stages_as_data(found)
+    assert data[0]["follows"]["label"] == "S13O00+" and data[0]["energies"] == list(found[0].energies)
+
+
+def test_families_of_another_gap_coordinate_or_system_are_refused(scenes):
+    """Oracle: the words, one line."""
+    catalogue, families = scenes["light"]
+    times, signal, rate = joined((1.0, 1.0, 20))
+    with pytest.raises(ValueError, match="told by the gap coordinate"):
+        stages_of(synthetic(times, signal, rate), (1.0, 0.0), families)
+    with pytest.raises(ValueError, match="3 entries"):
+        families_of(catalogue, (1.0, -1.0, 0.0))
+    with pytest.raises(ValueError, match="no family to follow"):
+        families_of([])
+    heavy = scenes["heavy"][0]
+    with pytest.raises(ValueError, match="another system"):
+        families_of([catalogue.branch(catalogue.families()[0].id), heavy.branch(heavy.families()[0].id)])
+
+
+# -- cutting -------------------------------------------------------------------------------------------------------------------
+
+
+def meeting(name, deviation):
+    """A meeting of a family without orbits."""
+    family = Family(name, np.ones(2), np.ones(2), np.array(["", ""]), 2)
+    deviation = np.array(deviation)
+    return Meeting(family, 1, deviation, np.ones(len(deviation)), np.zeros(len(deviation)))
+
+
+def test_the_cut_is_the_cheapest_of_all():
+    """Oracle: all ways to give each place one of two families or none, tried one by one."""
+    random = np.random.default_rng(5)
+    turns = 1.5 * np.arange(9)
+    for _ in range(12):
+        rows = [np.where(random.random(9) < 0.75, random.uniform(-NEAR, NEAR, 9), np.nan) for _ in range(2)]
+        met = [meeting("a", rows[0]), meeting("b", rows[1])]
+
+        def cost(states, rows=rows):
+            total = 0.0
+            for j, state in enumerate(states):
+                total += 1.5 * (1.0 if not state else (rows[state - 1][j] / NEAR) ** 2)
+                if j and state != states[j - 1]:
+                    total += 0.5 * HOLDS * (1 if 0 in (state, states[j - 1]) else 2)
+            return total
+
+        def lasting(row):
+            runs = [len(list(group)) for fits, group in itertools.groupby(np.isfinite(row)) if fits]
+            return max(runs, default=0) >= 3  # of places 1.5 periods apart
+
+        usable = [0, *(k + 1 for k in range(2) if lasting(rows[k]))]
+        best = min((s for s in itertools.product(usable, repeat=9) if not math.isnan(cost(s))), key=cost)
+        expected = []
+        for state, group in itertools.groupby(range(9), key=lambda j: best[j]):
+            places = list(group)
+            state = state if turns[places[-1]] - turns[places[0]] >= HOLDS else 0
+            if expected and expected[-1][0] == 0 and state == 0:
+                expected[-1][1].extend(places)
+            else:
+                expected.append([state, places])
+        found = stretches(met, turns)
+        names = [["", "a", "b"][state] for state, _ in expected]
+        assert [(s.meeting.family.id if s.meeting else "", s.first, s.last) for s in found] == [
+            (name, places[0], places[-1]) for name, (_, places) in zip(names, expected, strict=True)
+        ]
+
+
+def test_lines_without_a_partner_count_whole():
+    """Oracle: by hand."""
+    orbit = np.array([0.7, 0.0, 0.3, 0.0])
+    assert unlike(orbit, 1, [Line(1.0, 0.7), Line(3.0, 0.3)], 1.0) == pytest.approx(0.0)
+    assert unlike(orbit, 1, [Line(1.0, 1.4), Line(3.0, 0.4)], 2.0) == pytest.approx(0.1)
+    assert unlike(orbit, 1, [Line(1.0, 0.7)], 1.0) == pytest.approx(0.3)
+    assert unlike(orbit, 1, [Line(1.0, 0.7), Line(3.0, 0.3), Line(2.5, 0.4)], 1.0) == pytest.approx(0.4)
+    assert unlike(orbit, 3, [Line(1.0, 0.3), Line(1.0 / 3.0, 0.7)], 1.0) == pytest.approx(0.0)

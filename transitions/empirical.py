@@ -1,0 +1,124 @@
+"""Empirical mode decomposition of a signal, with the instantaneous frequencies of its modes by the Hilbert transform.
+
+The sifting is that of the package EMD-signal, an optional part of the installation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Modes", "NotInstalled", "decompose", "orthogonality_index"]
+
+
+class NotInstalled(ImportError):
+    """A package that is asked for only here is missing; the message is one line and says what to install."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """A signal as a sum of intrinsic mode functions and a residue.
+
+    Parameters
+    ----------
+    times : (m,) float
+    functions : (k, m) float
+        The intrinsic mode functions, the fastest first.
+    residue : (m,) float
+        What has no oscillation left; the signal is the sum of all.
+    frequencies : (k, m) float
+        Instantaneous angular frequencies, the rate of the phase of the analytic signal; not positive where a mode has riding waves, and
+        without meaning near the ends of the record.
+    amplitudes : (k, m) float
+        Modulus of the analytic signal.
+    orthogonality : float
+        Index of orthogonality, see `orthogonality_index`.
+    """
+
+    times: np.ndarray
+    functions: np.ndarray
+    residue: np.ndarray
+    frequencies: np.ndarray
+    amplitudes: np.ndarray
+    orthogonality: float
+
+    @property
+    def mean_frequencies(self) -> np.ndarray:
+        """Angular frequency (k,) of each mode, weighted by its squared amplitude: the centre of its power spectrum."""
+        return np.sum(self.frequencies * self.amplitudes**2, axis=1) / np.sum(self.amplitudes**2, axis=1)
+
+
+def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None) -> Modes:
+    """Decompose a signal into intrinsic mode functions.
+
+    Parameters
+    ----------
+    times : (m,) float
+        Uniform.
+    signal : (m,) float
+    most : int, optional
+        Most functions; the rest is the residue.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    NotInstalled
+        Where EMD-signal is missing.
+    ValueError
+        For times that are not uniform, or fewer than eight.
+
+    Notes
+    -----
+    Huang, Shen, Long, Wu, Shih, Zheng, Yen, Tung, Liu, Proc. R. Soc. Lond. A 454 (1998) 903.
+    """
+    try:
+        from PyEMD import EMD
+    except ImportError as error:
+        message = 'empirical mode decomposition needs the package EMD-signal, which is not installed; expected: pip install "saltus[emd]"'
+        raise NotInstalled(message) from error
+    from scipy.signal import hilbert
+
+    from transitions.spectrum import checked
+
+    times, signal, step = checked(times, signal)
+    if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
+        raise ValueError(f"most is a whole number of 1 or more; received {most!r}")
+    sifting = EMD()
+    sifting.emd(signal, times - times[0], max_imf=-1 if most is None else most)
+    functions, residue = sifting.get_imfs_and_residue()
+    functions = np.asarray(functions, dtype=float).reshape(-1, len(times))
+    residue = signal - functions.sum(axis=0)
+    analytic = hilbert(functions, axis=1) if len(functions) else np.zeros((0, len(times)), dtype=complex)
+    phase = np.unwrap(np.angle(analytic), axis=1)
+    frequencies = np.gradient(phase, step, axis=1) if len(functions) else np.zeros((0, len(times)))
+    return Modes(times, functions, residue, frequencies, np.abs(analytic), orthogonality_index(functions, residue))
+
+
+def orthogonality_index(functions: np.ndarray, residue: np.ndarray | None = None) -> float:
+    """How far the parts of a decomposition are from being orthogonal.
+
+    Parameters
+    ----------
+    functions : (k, m) float
+    residue : (m,) float, optional
+        Counted as a part where it is given.
+
+    Returns
+    -------
+    float
+        sum_t sum_{i != j} c_i(t) c_j(t) / sum_t X(t)^2 with X the sum of all parts c: 0 where they are orthogonal. It is the index of
+        Huang et al. (1998), with the sums over time taken of numerator and denominator apart, as X passes through zero.
+
+    Examples
+    --------
+    >>> orthogonality_index(np.array([[1.0, 0.0], [0.0, 2.0]])), orthogonality_index(np.array([[1.0, 1.0], [1.0, 1.0]]))
+    (0.0, 0.5)
+    """
+    parts: Any = functions if residue is None else np.vstack([functions, residue])
+    whole = float(np.sum(np.sum(parts, axis=0) ** 2))
+    return (whole - float(np.sum(parts**2))) / whole if whole > 0.0 else 0.0

@@ -1,0 +1,141 @@
+"""Synthetic accelerograms: white noise through two filters of the ground, under an envelope.
+
+A layer of ground with frequency w_g and damping z_g shakes as a(t) = -(2 z_g w_g x' + w_g^2 x), x'' + 2 z_g w_g x' + w_g^2 x = -n(t), for
+white noise n in the rock below (Kanai 1957, Tajimi 1960); a second filter, y'' + 2 z_f w_f y' + w_f^2 y = a, of which y'' is taken,
+removes what is far below w_f, so that the velocity does not drift (Clough & Penzien, Dynamics of Structures, 1975). The envelope rises as
+the square of time, stays, and decays exponentially (Jennings, Housner & Tsai, 1968). The noise is constant over each step, and the filters
+are exact for that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Ground", "envelope", "filtered", "record_text", "synthetic_record"]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The two filters: angular frequencies, in radians a unit of time, and damping ratios. By default those of firm soil, in seconds."""
+
+    frequency: float = 15.0
+    damping: float = 0.6
+    low_frequency: float = 1.5
+    low_damping: float = 0.6
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0.0 < value < np.inf:
+                raise ValueError(f"{name} of the ground is a finite number above 0; received {value!r}")
+
+
+def filtered(noise: np.ndarray, step: float, ground: Ground) -> np.ndarray:
+    """The acceleration (m,) at the times 0, step, ... of ground at rest at time 0, for noise (m,) that is constant over each step.
+
+    Examples
+    --------
+    >>> filtered(np.zeros(3), 0.1, Ground())
+    array([0., 0., 0.])
+    """
+    from scipy.linalg import expm
+
+    w, z, v, y = ground.frequency, ground.damping, ground.low_frequency, ground.low_damping
+    # states x, x', y, y', and the noise, which is constant over a step
+    matrix = np.array(
+        [
+            [0.0, 1.0, 0.0, 0.0, 0.0],
+            [-w * w, -2.0 * z * w, 0.0, 0.0, -1.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0],
+            [-w * w, -2.0 * z * w, -v * v, -2.0 * y * v, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0],
+        ]
+    )
+    flow = expm(matrix * step)[:4]
+    state, out = np.zeros(5), np.empty(len(noise))
+    for k, value in enumerate(noise):
+        out[k] = matrix[3] @ state
+        state[4] = value
+        state[:4] = flow @ state
+    return out
+
+
+def envelope(times: np.ndarray, rise: float, decay_from: float, decay: float) -> np.ndarray:
+    """(t/rise)^2 up to `rise`, 1 up to `decay_from`, then exp(-(t - decay_from)/decay).
+
+    Examples
+    --------
+    >>> envelope(np.array([0.0, 1.0, 2.0, 5.0, 7.0]), 2.0, 5.0, 2.0).round(4)
+    array([0.    , 0.25  , 1.    , 1.    , 0.3679])
+    """
+    return np.where(times < rise, (times / rise) ** 2, np.exp(-np.maximum(times - decay_from, 0.0) / decay))
+
+
+def synthetic_record(
+    seed: int,
+    *,
+    duration: float = 20.0,
+    step: float = 0.02,
+    peak: float = 3.0,
+    ground: Ground | None = None,
+    rise: float = 2.0,
+    decay_from: float = 8.0,
+    decay: float = 3.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times and accelerations of a synthetic record.
+
+    Parameters
+    ----------
+    seed : int
+        Of the noise: the same seed gives the same record.
+    duration, step : float
+        The record has a sample at 0, step, ..., duration.
+    peak : float
+        Largest acceleration.
+    ground : Ground, optional
+    rise, decay_from, decay : float
+        Of the envelope.
+
+    Returns
+    -------
+    times, accelerations : (m,) ndarray
+
+    Raises
+    ------
+    ValueError
+        For values that are not finite and above 0, or a record of fewer than two samples.
+
+    Examples
+    --------
+    >>> times, accelerations = synthetic_record(1)
+    >>> len(times), float(times[-1]), float(abs(accelerations).max())
+    (1001, 20.0, 3.0)
+    """
+    named = {"duration": duration, "step": step, "peak": peak, "rise": rise, "decay_from": decay_from, "decay": decay}
+    for name, value in named.items():
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"{name} of a record is a finite number above 0; received {value!r}")
+    count = round(duration / step)
+    if count < 1:
+        raise ValueError(f"a record of {duration:g} in steps of {step:g} has one sample; expected two at least")
+    times = np.linspace(0.0, duration, count + 1)
+    # RandomState: its streams stay the same in all versions of numpy.
+    noise = np.random.RandomState(seed).standard_normal(count + 1)
+    shaped = filtered(noise * envelope(times, rise, decay_from, decay), step, ground or Ground())
+    return times, shaped * (peak / np.abs(shaped).max())
+
+
+def record_text(times: np.ndarray, accelerations: np.ndarray, remark: str = "") -> str:
+    """A record as CSV: columns time and acceleration, to a millionth of the unit.
+
+    Examples
+    --------
+    >>> print(record_text(np.array([0.0, 0.02]), np.array([0.0, -1.5]), "by hand"), end="")
+    # by hand
+    time,acceleration
+    0,0.000000
+    0.02,-1.500000
+    """
+    rows = [f"{time:.10g},{value + 0.0:.6f}" for time, value in zip(times, accelerations, strict=True)]
+    return "\n".join([*([f"# {remark}"] if remark else []), "time,acceleration", *rows]) + "\n"

@@ -1,0 +1,1 @@
+"""Compiled arithmetic of `transitions`, on plain arrays."""

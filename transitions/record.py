@@ -1,0 +1,125 @@
+"""A motion as columns over uniform times: displacements, velocities, energies and what was dissipated, with the times of the impacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+__all__ = ["Record"]
+
+_UNIFORM = 1e-6  # of a step: differences of times that rounding of long records makes are far below
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A motion sampled at m uniform times, in natural units (time 1/sqrt(k/M), lengths in clearances).
+
+    Parameters
+    ----------
+    times : (m,) array_like
+        Uniform and rising, m >= 2.
+    displacements, velocities : (m, n) array_like
+        At an impact the velocities are those after it.
+    energy, nes_energy, lo_energy : (m,) array_like
+        Total; that of the sink (its kinetic energy and the coupling spring); that of the rest.
+    dissipated_nes, dissipated_lo : (m,) array_like
+        Dissipated since the first time: by stops and dampers on gap coordinates; by all other dampers.
+    impacts : (k,) array_like
+        Times of the impacts, in order.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, values that are not finite, times that are not uniform, impacts out of order.
+
+    Examples
+    --------
+    >>> times = np.linspace(0.0, 10.0, 101)
+    >>> u = np.stack([np.cos(times), 0.1 * np.cos(times)], axis=1)
+    >>> still = np.zeros(101)
+    >>> record = Record(times, u, np.gradient(u, times, axis=0), still + 1.0, still, still, still, still, [])
+    >>> record.step, float(record.along((1.0, -1.0))[0][0])
+    (0.1, 0.9)
+    """
+
+    times: np.ndarray
+    displacements: np.ndarray
+    velocities: np.ndarray
+    energy: np.ndarray
+    nes_energy: np.ndarray
+    lo_energy: np.ndarray
+    dissipated_nes: np.ndarray
+    dissipated_lo: np.ndarray
+    impacts: np.ndarray
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            try:
+                values = np.array(getattr(self, item.name), dtype=float)
+            except (TypeError, ValueError):
+                raise ValueError(f"{item.name} of a record are numbers; received {getattr(self, item.name)!r}") from None
+            if not np.isfinite(values).all():
+                raise ValueError(f"{item.name} of a record are finite; number {int(np.argmax(~np.isfinite(values.ravel()))) + 1} is not")
+            values.setflags(write=False)
+            object.__setattr__(self, item.name, values)
+        times = self.times
+        if times.ndim != 1 or len(times) < 2:
+            raise ValueError(f"times of a record are a list of two or more; received shape {times.shape}")
+        count = len(times)
+        if self.displacements.ndim != 2 or len(self.displacements) != count or self.displacements.shape[1] < 1:
+            raise ValueError(f"displacements of a record have shape ({count}, n); received {self.displacements.shape}")
+        if self.velocities.shape != self.displacements.shape:
+            raise ValueError(f"velocities of a record have shape {self.displacements.shape}; received {self.velocities.shape}")
+        for name in ("energy", "nes_energy", "lo_energy", "dissipated_nes", "dissipated_lo"):
+            if getattr(self, name).shape != (count,):
+                raise ValueError(f"{name} of a record has shape ({count},); received {getattr(self, name).shape}")
+        if self.impacts.ndim != 1 or np.any(np.diff(self.impacts) < 0.0):
+            raise ValueError("impacts of a record are times in order")
+        step = (times[-1] - times[0]) / (count - 1)
+        if not step > 0.0:
+            raise ValueError(f"times of a record rise; received {times[0]:g} to {times[-1]:g}")
+        away = np.abs(times - (times[0] + step * np.arange(count)))
+        if away.max() > _UNIFORM * step:
+            raise ValueError(
+                f"times of a record are uniform; received {times[int(np.argmax(away))]:.10g} "
+                f"where steps of {step:g} expect {times[0] + step * int(np.argmax(away)):.10g}"
+            )
+
+    @property
+    def step(self) -> float:
+        """Time between two samples."""
+        return float((self.times[-1] - self.times[0]) / (len(self.times) - 1))
+
+    @property
+    def duration(self) -> float:
+        """From the first time to the last."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """n."""
+        return self.displacements.shape[1]
+
+    def along(self, gap: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A gap coordinate w = gap . u and its rate.
+
+        Parameters
+        ----------
+        gap : (n,) float
+            (1, -1) for u1 - u2.
+
+        Returns
+        -------
+        w, rate : (m,) float
+
+        Raises
+        ------
+        ValueError
+            For another number of entries.
+        """
+        row = np.asarray(gap, dtype=float)
+        if row.shape != (self.degrees_of_freedom,):
+            raise ValueError(f"the gap coordinate has {row.size} entries; the record has {self.degrees_of_freedom} coordinates")
+        return self.displacements @ row, self.velocities @ row

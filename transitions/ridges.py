@@ -1,0 +1,229 @@
+"""Ridges of a wavelet spectrum: maxima over frequency that go on from one time to the next, and when one of them holds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from transitions.spectrum import Spectrum
+
+__all__ = ["HOLDS", "SHARE", "Held", "Ridge", "amplitude_of_motion", "held", "periods", "ridges"]
+
+SHARE = 0.2
+"""Least part of the motion's amplitude that a ridge carries: a fifth."""
+
+HOLDS = 3.0
+"""Periods for which a ridge holds at least."""
+
+_FAINT = 0.25 * SHARE  # maxima with a smaller part are not looked at
+_DRIFT = 0.25  # octaves in one period of its own that a ridge may move: what goes faster is a jump to another
+
+
+@dataclass(frozen=True, eq=False)
+class Ridge:
+    """A maximum of the spectrum that goes on in time.
+
+    Parameters
+    ----------
+    first : int
+        Its first column of the spectrum.
+    frequencies, amplitudes, shares : (j,) float
+        Angular frequency and amplitude at successive columns, read between the rows of the spectrum, and the part of the motion's
+        amplitude. What an edge of the record takes of the amplitude is given back.
+    """
+
+    first: int
+    frequencies: np.ndarray
+    amplitudes: np.ndarray
+    shares: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.frequencies)
+
+
+@dataclass(frozen=True)
+class Held:
+    """An interval in which one ridge is the largest: columns `first` to `last` of the spectrum, both included."""
+
+    ridge: Ridge
+    first: int
+    last: int
+
+    def _part(self, values: np.ndarray) -> np.ndarray:
+        return values[self.first - self.ridge.first : self.last + 1 - self.ridge.first]
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Angular frequencies of the ridge in it."""
+        return self._part(self.ridge.frequencies)
+
+    @property
+    def amplitudes(self) -> np.ndarray:
+        """Amplitudes of the ridge in it."""
+        return self._part(self.ridge.amplitudes)
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Parts of the motion's amplitude."""
+        return self._part(self.ridge.shares)
+
+
+def periods(frequencies: np.ndarray, step: float) -> float:
+    """Turns of a phase of these angular frequencies at successive times, `step` apart."""
+    return float(np.sum(0.5 * (frequencies[1:] + frequencies[:-1]))) * step / (2.0 * math.pi)
+
+
+def amplitude_of_motion(times: np.ndarray, signal: np.ndarray, at: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
+    """Half of the range of a signal within one period before and after each of some times, (j,).
+
+    Parameters
+    ----------
+    times, signal : (m,) float
+        Uniform times.
+    at, frequencies : (j,) float
+        Times, and the angular frequencies whose periods are meant.
+    """
+    step = (times[-1] - times[0]) / (len(times) - 1)
+    period = 2.0 * math.pi / frequencies
+    first, last = (np.clip(np.round((at + side * period - times[0]) / step).astype(int), 0, len(signal) - 1) for side in (-1.0, 1.0))
+    level = np.floor(np.log2(last - first + 1)).astype(int)
+    out = np.empty(len(at))
+    highest = lowest = signal  # over 2^b samples from each on: two of these cover any window of up to twice as many
+    for b in range(int(level.max(initial=-1)) + 1):
+        if b:
+            half = 2 ** (b - 1)
+            highest, lowest = np.maximum(highest[:-half], highest[half:]), np.minimum(lowest[:-half], lowest[half:])
+        mine = level == b
+        one, other = first[mine], last[mine] + 1 - 2**b
+        out[mine] = 0.5 * (np.maximum(highest[one], highest[other]) - np.minimum(lowest[one], lowest[other]))
+    return out
+
+
+def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ridge]:
+    """All ridges that are not faint, in the order in which they begin.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+    times, signal : (m,) float
+        What it is the spectrum of.
+
+    Returns
+    -------
+    list of Ridge
+        Maxima of successive columns are one ridge where each is the other's nearest in frequency, and no further than a quarter of an
+        octave in one of their periods, or one row of the spectrum. A ridge that is lost for less than a period goes on.
+    """
+    amplitudes = spectrum.amplitudes
+    step = float(spectrum.times[1] - spectrum.times[0])
+    inner = amplitudes[1:-1]
+    columns, rows = np.nonzero(((inner > amplitudes[:-2]) & (inner >= amplitudes[2:])).T)
+    rows = rows + 1
+    below, here, above = (np.log(np.maximum(amplitudes[rows + k, columns], 1e-300)) for k in (-1, 0, 1))
+    # The logarithm of the response to a tone is nearly a parabola of that of the frequency.
+    bend = below - 2.0 * here + above
+    shift = np.where(bend < 0.0, 0.5 * (below - above) / np.where(bend < 0.0, bend, -1.0), 0.0)
+    level = np.log2(spectrum.frequencies[rows]) + shift * spectrum.octaves
+    frequencies = 2.0**level
+    at = spectrum.times[columns]
+    heights = np.exp(here - 0.25 * (below - above) * shift) / spectrum.inside(at, frequencies)
+    motion = amplitude_of_motion(times, signal, at, frequencies)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(motion > 0.0, heights / motion, 0.0)
+    kept = shares >= _FAINT
+    columns, level, heights, shares = columns[kept], level[kept], heights[kept], shares[kept]
+    following = _linked(columns, level, amplitudes.shape[1], spectrum.octaves, step)
+    out = []
+    for start in sorted(set(range(len(columns))) - set(following.tolist())):
+        chain = [start]
+        while following[chain[-1]] >= 0:
+            chain.append(int(following[chain[-1]]))
+        out.append(_ridge(columns[chain], level[chain], heights[chain], shares[chain]))
+    return out
+
+
+def _ridge(columns: np.ndarray, level: np.ndarray, heights: np.ndarray, shares: np.ndarray) -> Ridge:
+    every = np.arange(columns[0], columns[-1] + 1)
+    filled = (np.interp(every, columns, values) for values in (level, heights, shares))
+    level, heights, shares = filled
+    return Ridge(int(columns[0]), 2.0**level, heights, shares)
+
+
+def _linked(columns: np.ndarray, level: np.ndarray, count: int, spacing: float, step: float) -> np.ndarray:
+    """Index of the maximum that follows each, -1 where none does: `columns` do not fall, `level` is the frequency in octaves."""
+    bounds = np.searchsorted(columns, np.arange(count + 1))
+    following = np.full(len(columns), -1)
+    reach = np.maximum(spacing, _DRIFT * 2.0**level * step / (2.0 * math.pi))
+    for column in range(count - 1):
+        here, there = slice(bounds[column], bounds[column + 1]), slice(bounds[column + 1], bounds[column + 2])
+        if here.start == here.stop or there.start == there.stop:
+            continue
+        apart = np.abs(level[here][:, None] - level[there][None, :])
+        near, back = np.argmin(apart, axis=1), np.argmin(apart, axis=0)
+        one = np.arange(len(near))
+        linked = (back[near] == one) & (apart[one, near] <= reach[here])
+        following[here] = np.where(linked, there.start + near, -1)
+    followed = np.zeros(len(columns), dtype=bool)
+    followed[following[following >= 0]] = True
+    for end in np.flatnonzero(following < 0):
+        period = 2.0 * math.pi / 2.0 ** level[end]
+        stop = bounds[min(count, int(columns[end] + period / step) + 1)]
+        open_ = np.arange(bounds[columns[end] + 1], stop)
+        open_ = open_[~followed[open_]]
+        gaps = (columns[open_] - columns[end]) * step / period
+        apart = np.abs(level[open_] - level[end])
+        fits = apart <= np.maximum(spacing, _DRIFT * gaps)
+        if fits.any():
+            chosen = int(open_[fits][np.argmin(columns[open_][fits] * 1e3 + apart[fits])])
+            following[end], followed[chosen] = chosen, True
+    return following
+
+
+def held(spectrum: Spectrum, found: list[Ridge]) -> list[Held]:
+    """The intervals in which one ridge is the largest and carries a fifth of the motion's amplitude, for three of its periods or more.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+    found : list of Ridge
+        As `ridges` gives them.
+
+    Returns
+    -------
+    list of Held
+        In order of time. A ridge that goes on is not interrupted where it is not the largest for less than three periods.
+    """
+    step = float(spectrum.times[1] - spectrum.times[0])
+    best = np.full(len(spectrum.times), -1)
+    height = np.zeros(len(spectrum.times))
+    for number, ridge in enumerate(found):
+        part = slice(ridge.first, ridge.first + len(ridge))
+        larger = (ridge.shares >= SHARE) & (ridge.amplitudes > height[part])
+        best[part] = np.where(larger, number, best[part])
+        height[part] = np.where(larger, ridge.amplitudes, height[part])
+
+    def lasts(number: int, first: int, last: int) -> float:
+        return periods(found[number].frequencies[first - found[number].first : last + 1 - found[number].first], step)
+
+    stack: list[tuple[int, int, int]] = []
+    for run in _runs(best):
+        number, _, last = run
+        if number < 0:
+            continue
+        k = len(stack) - 1
+        while k >= 0 and stack[k][0] != number and lasts(*stack[k]) < HOLDS:
+            k -= 1
+        if k >= 0 and stack[k][0] == number and lasts(number, stack[k][2], run[1]) < HOLDS:
+            run = (number, stack[k][1], last)
+            del stack[k:]
+        stack.append(run)
+    return [Held(found[number], first, last) for number, first, last in stack if lasts(number, first, last) >= HOLDS]
+
+
+def _runs(numbers: np.ndarray) -> list[tuple[int, int, int]]:
+    """Stretches of one number: the number, first and last index."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(numbers)) + 1])
+    ends = np.concatenate([starts[1:], [len(numbers)]]) - 1
+    return [(int(numbers[a]), int(a), int(b)) for a, b in zip(starts, ends, strict=True)]

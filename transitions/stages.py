@@ -1,0 +1,361 @@
+"""Stages of a motion: intervals in which one ridge of its spectrum holds, and the family of the undamped system that it follows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from transitions.families import Families, Meeting
+from transitions.following import Line, Stretch, best_of, stretches
+from transitions.record import Record
+from transitions.ridges import HOLDS, Held, Ridge, amplitude_of_motion, held, periods, ridges
+from transitions.spectrum import Spectrum, morlet_spectrum
+
+__all__ = ["Change", "Companion", "Follows", "Stage", "changes", "spectrum_of", "stages_of", "stages_as_data"]
+
+_PLACES = 4.0  # in a period of the ridge, at which it is compared with families
+_MOST_PLACES = 4000
+_NOTHING = 1e-300  # an energy of which there is a logarithm
+
+
+@dataclass(frozen=True)
+class Follows:
+    """What a stage follows.
+
+    Parameters
+    ----------
+    family, label : str
+        Id, and the label of its orbit in the middle of the stage ("" outside the grammar of labels).
+    harmonic : int
+        k of the harmonic k 2 pi/T that the ridge is at.
+    deviation : float
+        Mean distance of the ridge from it, in octaves.
+    share : float
+        Part of the orbit's amplitude that the harmonic carries, mean over the stage.
+    impacts : int
+        In a period of the orbit; 0 of a linear mode.
+    others : tuple of str
+        Ids of the other families that fit as well (`transitions.following.best_of` says what that means): by spectrum and impacts they are
+        not told apart, and this one is named because it has the fewest impacts in a period.
+    """
+
+    family: str
+    label: str
+    harmonic: int
+    deviation: float
+    share: float
+    impacts: int
+    others: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Companion:
+    """Another ridge that goes on for half of a stage or more: its frequency and amplitude (0 where it is not) in those of the stage's."""
+
+    ratio: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class Stage:
+    """An interval in which one ridge holds.
+
+    Parameters
+    ----------
+    start, end : float
+        Times.
+    periods : float
+        Of the ridge.
+    frequency : float
+        Angular, geometric mean over the stage.
+    frequencies, energies : (float, float)
+        Lowest and highest in it; the energy is the total.
+    share : float
+        Part of the amplitude of the relative motion that the ridge carries, mean over the stage.
+    dissipated_nes, dissipated_lo : float
+        In it.
+    impacts : int
+        In it.
+    companions : tuple of Companion
+        Strongest first.
+    follows : Follows or None
+        None: it is at no harmonic of any family that carries a fifth of the orbit's amplitude, or no families were given.
+    """
+
+    start: float
+    end: float
+    periods: float
+    frequency: float
+    frequencies: tuple[float, float]
+    energies: tuple[float, float]
+    share: float
+    dissipated_nes: float
+    dissipated_lo: float
+    impacts: int
+    companions: tuple[Companion, ...]
+    follows: Follows | None
+
+    @property
+    def text(self) -> str:
+        """What it follows, in words.
+
+        Examples
+        --------
+        >>> Stage(0, 9, 3, 2.1, (2, 2.2), (1, 2), 0.9, 0, 0, 3, (), None).text
+        'follows no family'
+        """
+        if self.follows is None:
+            return "follows no family"
+        which = f"harmonic {self.follows.harmonic} of {self.follows.label or self.follows.family}"
+        count = len(self.follows.others)
+        return which + (f" ({count} other{'s fit' if count > 1 else ' fits'} as well)" if count else "")
+
+
+@dataclass(frozen=True)
+class Change:
+    """A family that is taken up or left: time, "capture" or "escape", id, label and harmonic."""
+
+    time: float
+    kind: str
+    family: str
+    label: str
+    harmonic: int
+
+
+def spectrum_of(record: Record, gap: Sequence[float], **options: Any) -> Spectrum:
+    """The wavelet spectrum of a gap coordinate of a record.
+
+    Parameters
+    ----------
+    record : Record
+    gap : (n,) float
+        (1, -1) for u1 - u2.
+    **options
+        As for `transitions.spectrum.morlet_spectrum`.
+    """
+    w, rate = record.along(gap)
+    return morlet_spectrum(record.times, w, rate, **options)
+
+
+def stages_of(record: Record, gap: Sequence[float], families: Families | None = None, *, spectrum: Spectrum | None = None) -> list[Stage]:
+    """The stages of a motion.
+
+    A stage is an interval in which one ridge of the spectrum of the gap coordinate is the largest, and carries a fifth of the amplitude,
+    for three of its periods or more. What it follows is told by its frequency and the energy, both averaged over three periods: within
+    0.05 octave of a harmonic of a family's orbit at that energy that carries a fifth of that orbit's amplitude. A family with impacts is
+    followed only where there is an impact within one of its periods, and a linear mode only where there is none.
+
+    Parameters
+    ----------
+    record : Record
+    gap : (n,) float
+        (1, -1) for u1 - u2.
+    families : Families, optional
+        As `transitions.families.families_of` gives them, for the same gap coordinate.
+    spectrum : Spectrum, optional
+        Of the gap coordinate; by default `spectrum_of` makes it.
+
+    Returns
+    -------
+    list of Stage
+        In order of time.
+
+    Raises
+    ------
+    ValueError
+        For families of another gap coordinate.
+    transitions.spectrum.TooCoarse
+        For a record with too few samples.
+    """
+    w, _ = record.along(gap)
+    if families is not None and not np.allclose(families.gap, gap, rtol=1e-12, atol=0.0):
+        raise ValueError(f"the families are told by the gap coordinate {families.gap}; the stages are asked for that of {tuple(gap)}")
+    spectrum = spectrum or spectrum_of(record, gap)
+    if not np.ptp(w) > 0.0:
+        return []
+    found = ridges(spectrum, record.times, w)
+    out: list[Stage] = []
+    for interval in held(spectrum, found):
+        out += [_stage(record, spectrum, found, part) for part in _parts(record, w, spectrum, found, interval, families)]
+    return out
+
+
+def changes(stages: Sequence[Stage]) -> list[Change]:
+    """The captures and escapes between stages, in order of time.
+
+    Stages that follow one family with one harmonic, one right after the other, are not told apart by an escape.
+    """
+    out: list[Change] = []
+    for i, stage in enumerate(stages):
+        if stage.follows is None:
+            continue
+        name = stage.follows
+        what = (name.family, name.label, name.harmonic)
+        one = (name.family, name.harmonic)
+        before = stages[i - 1].follows if i else None
+        after = stages[i + 1].follows if i + 1 < len(stages) else None
+        if before is None or (before.family, before.harmonic) != one:
+            out.append(Change(stage.start, "capture", *what))
+        if i + 1 < len(stages) and (after is None or (after.family, after.harmonic) != one):
+            out.append(Change(stage.end, "escape", *what))
+    return out
+
+
+def stages_as_data(stages: Sequence[Stage]) -> list[dict[str, Any]]:
+    """Stages as plain data for JSON; what follows no family has ``follows`` null."""
+    out = []
+    for stage in stages:
+        data = asdict(stage)
+        data["frequencies"], data["energies"] = list(stage.frequencies), list(stage.energies)
+        data["companions"] = list(data["companions"])
+        out.append(data)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Part of an interval, and the families that fit it, the best first, at the places `first` to `last` where they are compared."""
+
+    held: Held
+    meetings: Sequence[Meeting] = ()
+    first: int = 0
+    last: int = 0
+
+
+def _parts(
+    record: Record, w: np.ndarray, spectrum: Spectrum, found: Sequence[Ridge], interval: Held, families: Families | None
+) -> list[_Part]:
+    """The interval, cut where another family is followed."""
+    if families is None:
+        return [_Part(interval)]
+    step = float(spectrum.times[1] - spectrum.times[0])
+    pitch = interval.frequencies
+    turns = np.concatenate([[0.0], np.cumsum(0.5 * (pitch[1:] + pitch[:-1]))]) * step / (2.0 * math.pi)
+    times = spectrum.times[interval.first : interval.last + 1]
+    energy = np.interp(times, record.times, record.energy)
+    even = np.linspace(0.0, turns[-1], min(_MOST_PLACES, int(_PLACES * turns[-1]) + 2))
+    places = np.unique(np.searchsorted(turns, even).clip(0, len(turns) - 1))
+    mean_pitch = np.exp(_averaged(np.log(pitch), turns, places))
+    mean_energy = np.exp(_averaged(np.log(np.maximum(energy, _NOTHING)), turns, places))
+    meetings = [_where_it_can(item, record, times[places], mean_pitch) for item in families.meet(mean_energy, mean_pitch)]
+    out: list[_Part] = []
+    cut = stretches(meetings, turns[places])
+    for i, stretch in enumerate(cut):
+        first = 0 if i == 0 else int(places[stretch.first])
+        last = len(turns) - 1 if i + 1 == len(cut) else int(places[cut[i + 1].first])
+        part = Held(interval.ridge, interval.first + first, interval.first + last)
+        if stretch.meeting is not None:
+            best = _best(record, w, spectrum, found, part, stretch, meetings, families.gap)
+            out.append(_Part(part, best, stretch.first, stretch.last))
+        elif turns[last] - turns[first] >= HOLDS:
+            out.append(_Part(part))
+    return out
+
+
+def _best(
+    record: Record,
+    w: np.ndarray,
+    spectrum: Spectrum,
+    found: Sequence[Ridge],
+    part: Held,
+    stretch: Stretch,
+    meetings: Sequence[Meeting],
+    gap: tuple[float, ...],
+) -> list[Meeting]:
+    frequency = float(np.exp(np.mean(np.log(part.frequencies))))
+    amplitude = float(np.mean(part.amplitudes))
+    lines = [Line(1.0, amplitude), *(Line(item.ratio, item.amplitude * amplitude) for item in _companions(found, part, frequency))]
+    times = spectrum.times[part.first : part.last + 1]
+
+    @cache
+    def size(count: int) -> float:
+        # An orbit of so many periods of the ridge shows its whole range within half of them on each side.
+        return float(np.mean(amplitude_of_motion(record.times, w, times, 2.0 * part.frequencies / count)))
+
+    impacts = _impacts(record, times[0], times[-1])
+    return best_of(stretch, meetings, gap, lines, size, impacts, periods(part.frequencies, float(times[1] - times[0])))
+
+
+def _averaged(values: np.ndarray, turns: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Mean of values (m,) over three periods around each place, or as much of that as there is."""
+    half = 0.5 * HOLDS
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(turns))])
+    low = np.clip(turns[places] - half, 0.0, turns[-1])
+    high = np.clip(turns[places] + half, 0.0, turns[-1])
+    return (np.interp(high, turns, area) - np.interp(low, turns, area)) / (high - low)
+
+
+def _where_it_can(meeting: Meeting, record: Record, times: np.ndarray, pitch: np.ndarray) -> Meeting:
+    """The meeting without the places where the motion has impacts and the family none, or the other way round."""
+    period = 2.0 * math.pi * meeting.harmonic / pitch
+    impacts = record.impacts
+    if len(impacts):
+        after = np.searchsorted(impacts, times)
+        since = times - np.where(after > 0, impacts[np.maximum(after - 1, 0)], -np.inf)
+        until = np.where(after < len(impacts), impacts[np.minimum(after, len(impacts) - 1)], np.inf) - times
+        near = np.minimum(since, until) <= period
+    else:
+        near = np.zeros(len(times), dtype=bool)
+    return meeting._replace(deviation=np.where(near == (meeting.family.impacts > 0), meeting.deviation, np.nan))
+
+
+def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Part) -> Stage:
+    ridge = part.held
+    start, end = float(spectrum.times[ridge.first]), float(spectrum.times[ridge.last])
+    pitch = ridge.frequencies
+    energy = record.energy[(record.times >= start) & (record.times <= end)]
+    frequency = float(np.exp(np.mean(np.log(pitch))))
+
+    def within(values: np.ndarray) -> float:
+        return float(np.interp(end, record.times, values) - np.interp(start, record.times, values))
+
+    follows = None
+    if part.meetings:
+        meeting = part.meetings[0]
+        places = slice(part.first, part.last + 1)
+        follows = Follows(
+            meeting.family.id,
+            meeting.family.label_at(meeting.point[(part.first + part.last) // 2]),
+            meeting.harmonic,
+            float(np.mean(np.abs(meeting.deviation[places]))),
+            float(np.mean(meeting.share[places])),
+            meeting.family.impacts,
+            tuple(other.family.id for other in part.meetings[1:]),
+        )
+    return Stage(
+        start,
+        end,
+        periods(pitch, float(spectrum.times[1] - spectrum.times[0])),
+        frequency,
+        (float(pitch.min()), float(pitch.max())),
+        (float(energy.min()), float(energy.max())),
+        float(np.mean(ridge.shares)),
+        within(record.dissipated_nes),
+        within(record.dissipated_lo),
+        _impacts(record, start, end),
+        _companions(found, ridge, frequency),
+        follows,
+    )
+
+
+def _impacts(record: Record, start: float, end: float) -> int:
+    return int(np.count_nonzero((record.impacts >= start) & (record.impacts <= end)))
+
+
+def _companions(found: Sequence[Ridge], part: Held, frequency: float) -> tuple[Companion, ...]:
+    length = part.last + 1 - part.first
+    amplitude = float(np.mean(part.amplitudes))
+    out = []
+    for ridge in found:
+        first, stop = max(part.first, ridge.first), min(part.last + 1, ridge.first + len(ridge))
+        if ridge is part.ridge or 2 * (stop - first) < length:
+            continue
+        mine = slice(first - ridge.first, stop - ridge.first)
+        ratio = float(np.exp(np.mean(np.log(ridge.frequencies[mine])))) / frequency
+        out.append(Companion(ratio, float(np.sum(ridge.amplitudes[mine])) / length / amplitude))
+    return tuple(sorted(out, key=lambda item: -item.amplitude))
