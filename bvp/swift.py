@@ -22,7 +22,7 @@ from bvp.shares import split_damping
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLEARED", "DECLINED", "FULL_COUNT", "TIMED", "SwiftRuns", "swift_numbers", "swift_runs"]
+__all__ = ["CLEARED", "DECLINED", "FULL_COUNT", "TIMED", "SwiftRuns", "swift_numbers", "swift_runs", "with_restitution"]
 
 CLEARED, TIMED, FULL_COUNT, DECLINED = kernels.CLEARED, kernels.TIMED, kernels.FULL_COUNT, kernels.DECLINED
 
@@ -151,6 +151,13 @@ def swift_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = None
             numbers[base], numbers[base + 1] = meters.part[k], meters.weight[k]
             numbers[base + 2 : base + 6] = meters.velocity[k] @ out[2:]
     return numbers
+
+
+def with_restitution(numbers: np.ndarray, restitution: float) -> np.ndarray:
+    """The numbers of the same system with another restitution, above 0 and up to 1."""
+    changed = numbers.copy()
+    changed[places.RESTITUTION] = restitution
+    return changed
 
 
 def swift_runs(
