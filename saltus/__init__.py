@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from saltus.discovery import discover
     from saltus.scene import Scene, load_scene
     from saltus.tracing import trace
+    from transitions.study.study import Study
 
 __all__ = [
     "Branch",
@@ -32,6 +33,7 @@ __all__ = [
     "Orbit",
     "Scene",
     "Stop",
+    "Study",
     "discover",
     "load_scene",
     "read_branch",
@@ -50,6 +52,7 @@ _HOME = {
     "Orbit": "branches.orbit",
     "Scene": "saltus.scene",
     "Stop": "bvp.system",
+    "Study": "transitions.study.study",
     "discover": "saltus.discovery",
     "load_scene": "saltus.scene",
     "read_branch": "branches.record",

@@ -28,6 +28,8 @@ COMMANDS = {
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
     "run": ("saltus.commands.run", "run one damped motion, event by event, and tell where its energy goes"),
     "impulsive": ("saltus.commands.impulsive", "find the orbits that start with the velocity of the oscillator alone"),
+    "study": ("saltus.commands.study", "run many damped motions over a grid or a Latin hypercube of parameters"),
+    "plot": ("saltus.commands.plot", "draw the results of a study: maps, lines against each parameter, the best point"),
 }
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from branches.files import reason, replacing
 
-__all__ = ["FORMATS", "DamagedBlock", "block_path", "read_block", "write_block"]
+__all__ = ["FORMATS", "DamagedBlock", "ForeignBlock", "block_path", "read_block", "write_block"]
 
 FORMATS = ("npz", "parquet")
 
@@ -22,6 +22,10 @@ _ABOUT = "about"
 
 class DamagedBlock(ValueError):
     """A block that is not what was written; the message names it and says why."""
+
+
+class ForeignBlock(ValueError):
+    """A whole block of another study."""
 
 
 def block_path(folder: Path, number: int, kind: str) -> Path:
@@ -77,17 +81,23 @@ def read_block(path: Path, digest: str, number: int, count: int) -> dict[str, np
     Raises
     ------
     DamagedBlock
-        Where it cannot be read, its CRC is another one, or it is a block of something else.
+        Where it cannot be read, its CRC is another one, or it is another block.
+    ForeignBlock
+        Where it is whole, and of another study.
     """
     try:
         about, columns = _read_parquet(path) if path.suffix == ".parquet" else _read_npz(path)
         told = json.loads(about)
         if told["crc"] != _crc(columns):
             raise ValueError("its CRC is not that of its numbers")
-        if (told["study"], told["block"]) != (digest, number):
-            raise ValueError(f"it is block {told['block']} of study {told['study']}")
+        if told["study"] != digest:
+            raise ForeignBlock(f"{path.name} belongs to another study; expected an empty folder, or one of this study")
+        if told["block"] != number:
+            raise ValueError(f"it is block {told['block']}")
         if any(len(values) != count for values in columns.values()):
             raise ValueError(f"it has not {count} runs")
+    except ForeignBlock:
+        raise
     except OSError as error:
         raise DamagedBlock(f"{path.name} cannot be read: {reason(error)}") from error
     except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import cached_property
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -111,20 +111,13 @@ class Plan:
         """First run of a block, and of the next one."""
         return number * self.block, min((number + 1) * self.block, self.count)
 
-    @cached_property
-    def _sample(self) -> np.ndarray:
-        """The hypercube, (runs, axes), in [0, 1)."""
-        from scipy.stats import qmc
-
-        return qmc.LatinHypercube(len(self.axes), seed=self.seed).random(self.runs)
-
     def values(self, first: int, last: int) -> dict[str, np.ndarray]:
         """The varied parameters of the runs from `first` to before `last`, (b,) each; a family as its index."""
         if self.design == "grid":
             index = np.unravel_index(np.arange(first, last), self.shape)
             grids = [np.arange(float(len(axis.values))) if axis.is_family else np.array(axis.grid()) for axis in self.axes]
             return {axis.name: grid[k] for axis, grid, k in zip(self.axes, grids, index, strict=True)}
-        return {axis.name: axis.place(self._sample[first:last, k]) for k, axis in enumerate(self.axes)}
+        return {axis.name: axis.place(_sample(len(self.axes), self.runs, self.seed)[first:last, k]) for k, axis in enumerate(self.axes)}
 
     def plain(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -144,6 +137,14 @@ class Plan:
         """The inverse of `plain`, but for the loads, which a plan that is read back has no use for."""
         known = {**plain, "axes": tuple(map(Axis.from_plain, plain["axes"])), "forces": ()}
         return cls(**{**known, "nes": tuple(plain["nes"]), "lo": tuple(plain["lo"])})
+
+
+@lru_cache(maxsize=1)
+def _sample(axes: int, runs: int, seed: int) -> np.ndarray:
+    """A Latin hypercube, (runs, axes), in [0, 1)."""
+    from scipy.stats import qmc
+
+    return qmc.LatinHypercube(axes, seed=seed).random(runs)
 
 
 def _plain(value: Any) -> Any:

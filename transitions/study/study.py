@@ -53,7 +53,8 @@ class Best:
 
 def write_plan(folder: Path, plan: Plan, kind: str, version: str) -> None:
     """Write what a study is beside its blocks."""
-    about = {"schema": SCHEMA, "saltus": version, "digest": plan.digest, "format": kind, "columns": list(block_columns(plan)), "plan": plan.plain()}
+    about = {"schema": SCHEMA, "saltus": version, "digest": plan.digest, "format": kind}
+    about |= {"columns": list(block_columns(plan)), "plan": plan.plain()}
     write_text(folder / PLAN, json.dumps(about, indent=1) + "\n")
 
 
@@ -73,11 +74,18 @@ def read_plan(folder: Path) -> tuple[Plan, str, str]:
     except OSError as error:
         raise NoStudy(f"cannot read {folder / PLAN}: {reason(error)}") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise NoStudy(f"{folder / PLAN} is damaged: {' '.join(str(error).split())}; the same saltus study command writes it again") from error
+        said = " ".join(str(error).split())
+        raise NoStudy(f"{folder / PLAN} is damaged: {said}; the same saltus study command writes it again") from error
 
 
 def finished_blocks(folder: Path, plan: Plan, digest: str, kind: str, damaged: Callable[[str], None]) -> set[int]:
-    """The blocks that are on disk and whole; `damaged` is told of each that is not."""
+    """The blocks that are on disk and whole; `damaged` is told of each that is not.
+
+    Raises
+    ------
+    ForeignBlock
+        For one of another study.
+    """
     found = set()
     for number in range(plan.blocks):
         path = block_path(folder, number, kind)
