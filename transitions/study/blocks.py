@@ -65,7 +65,8 @@ def write_block(path: Path, columns: Mapping[str, np.ndarray], digest: str, numb
             pyarrow.parquet.write_table(table.replace_schema_metadata({_ABOUT: about}), beside, use_dictionary=False)
             return
         with open(beside, "wb") as file:
-            np.savez(file, **{_ABOUT: np.frombuffer(about.encode(), dtype=np.uint8), **columns})
+            arrays: dict[str, Any] = {_ABOUT: np.frombuffer(about.encode(), dtype=np.uint8), **columns}
+            np.savez(file, **arrays)
 
 
 def read_block(path: Path, digest: str, number: int, count: int) -> dict[str, np.ndarray]:

@@ -134,7 +134,7 @@ def run_block(plan: Plan, given: Mapping[str, np.ndarray], starts: Starts | None
     if not plan.forces:
         _compiled(plan, made, which, rho, states, energies, there, out)
     movers = _Movers(plan)
-    for b in np.flatnonzero(out["ended"] == -1.0):
+    for b in np.flatnonzero(out["ended"] == -1.0).tolist():
         one = made[which[b]]
         mover = movers.get(descriptions[which[b]], None if rho is None else float(rho[b]), one.sharing)
         _one(plan, mover, one.sharing, states[b], str(leaving[b]), b, out)
@@ -181,7 +181,7 @@ def _compiled(
         table = np.array([made[k].numbers for k in used])
     else:
         pairs, system = np.unique(np.stack([which[some], rho[some]], axis=1), axis=0, return_inverse=True)
-        table = np.array([with_restitution(made[int(k)].numbers, float(r)) for k, r in pairs])
+        table = np.array([with_restitution(_numbers(made[int(k)]), float(r)) for k, r in pairs])
     runs = swift_runs(
         table, system.ravel(), states[some], energies[some], duration=plan.duration, to_rest=plan.until == CLEAR,
         max_impacts=plan.impacts, fractions=FRACTIONS,
@@ -204,6 +204,11 @@ def _compiled(
     out["ended"][some] = np.where(clear, Ending.CLEAR.code, np.where(reason == FULL_COUNT, Ending.IMPACTS_FULL.code, timed))
     out["duration"][some] = np.where(clear, np.nan_to_num(runs.last_impact[good], nan=0.0), runs.duration[good])
     out["balance_error"][some] = error
+
+
+def _numbers(made: _Made) -> np.ndarray:
+    assert made.numbers is not None
+    return made.numbers
 
 
 def _one(plan: Plan, mover: Mover, sharing: Sharing, state: np.ndarray, leaving: str, b: int, out: dict[str, np.ndarray]) -> None:

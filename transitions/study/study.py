@@ -211,8 +211,10 @@ class Study:
         """Runs about the one at a place, without it."""
         if self.plan.design == "grid":
             index = np.array(np.unravel_index(self.runs, self.plan.shape))
-            near = np.abs(index - index[:, at : at + 1]).max(axis=0) == 1
-            return self.runs[near]
+            steps = np.abs(index - index[:, at : at + 1])
+            # Families have no order: only runs of the same one are near.
+            steps[[axis.is_family for axis in self.plan.axes]] *= 2
+            return self.runs[steps.max(axis=0) == 1]
         places = np.array([self._place(axis) for axis in self.plan.axes])
         distance = np.square(places - places[:, at : at + 1]).sum(axis=0)
         nearest = np.argsort(distance, kind="stable")[1 : 2 * len(places) + 2]
@@ -222,7 +224,7 @@ class Study:
         """Where each run lies on an axis, 0 to 1."""
         values = self._columns[f"given.{axis.name}"]
         if axis.is_family:
-            return values / max(1, len(axis.values) - 1)
+            return 10.0 * values
         values = np.log(values) if axis.scale == "log" and np.all(values > 0.0) else values
         span = np.ptp(values)
         return (values - values.min()) / span if span > 0.0 else np.zeros(len(values))

@@ -1,0 +1,1 @@
+"""Pictures of damped motion; matplotlib is loaded only when one is drawn."""
