@@ -168,7 +168,7 @@ def swift_runs(
     *,
     duration: float,
     to_rest: bool,
-    max_impacts: int,
+    max_impacts: Any,
     fractions: Sequence[float],
 ) -> SwiftRuns:
     """Motions from many states.
@@ -187,7 +187,7 @@ def swift_runs(
         Longest time.
     to_rest : bool
         Where no impact is possible any more and both modes come to rest, the motion counts to infinite time.
-    max_impacts : int
+    max_impacts : int or (b,) array_like of int
     fractions : sequence of float
         Ascending, of the initial energy.
     """
@@ -197,9 +197,10 @@ def swift_runs(
     rates = np.hypot(numbers[:, places.MEAN : places.MEAN + 2], numbers[:, places.FREQUENCY : places.FREQUENCY + 2])
     rests = np.all(numbers[:, places.MEAN : places.MEAN + 2] < -SETTLES * rates, axis=1) & to_rest
     wanted = np.array(fractions, dtype=float)
+    most = np.ascontiguousarray(np.broadcast_to(max_impacts, len(starts)), dtype=np.int64)
     out = np.empty((len(starts), kernels.COLUMNS + len(wanted)))
     kernels.swift_runs(
-        numbers, meters, np.ascontiguousarray(which, dtype=np.int64), starts, initial, float(duration), rests, int(max_impacts), wanted,
+        numbers, meters, np.ascontiguousarray(which, dtype=np.int64), starts, initial, float(duration), rests, most, wanted,
         np.empty(4), np.empty(places.PARTS), out,
     )  # fmt: skip
     ended = np.where(out[:, kernels.REASON] == CLEARED, rests[which], False)

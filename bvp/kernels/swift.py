@@ -386,7 +386,7 @@ def swift_run(system, meters, start, initial, duration, unbounded, most, fractio
 def swift_runs(systems, meters, which, starts, initial, duration, unbounded, most, fractions, state, taken, out):
     """`swift_run` from each of starts (B, 4), (u, v), in the system systems[which[b]] with meters[which[b]] meters, of energy initial[b].
 
-    out (B, COLUMNS + Q): its results, NaN but for the reason where it is declined; state (4,) and taken (PARTS,) are scratch. Starts become
+    most (B,): of impacts; out (B, COLUMNS + Q): its results, NaN but for the reason where it is declined; state (4,) and taken (PARTS,) are scratch. Starts become
     final states, except of those that are declined."""
     for b in range(starts.shape[0]):
         for k in range(4):
@@ -394,7 +394,7 @@ def swift_runs(systems, meters, which, starts, initial, duration, unbounded, mos
         for k in range(out.shape[1]):
             out[b, k] = math.nan
         s = which[b]
-        reason = swift_run(systems[s], meters[s], state, initial[b], duration, unbounded[s], most, fractions, taken, out[b])
+        reason = swift_run(systems[s], meters[s], state, initial[b], duration, unbounded[s], most[b], fractions, taken, out[b])
         out[b, REASON] = reason
         if reason == DECLINED:
             for k in range(fractions.shape[0]):

@@ -168,7 +168,7 @@ def fraction_time(system, meters, p1, q1, p2, q2, length, whole, wanted, parts):
         better = t + change
         if not low <= better <= high:
             better = 0.5 * (low + high) if high < math.inf else 2.0 * t + 1.0
-        if abs(better - t) <= 1e-15 * t or abs(miss) <= 1e-16 * whole:
+        if abs(better - t) <= 1e-14 * t or abs(miss) <= 4e-16 * whole:
             break
         t = better
     return t

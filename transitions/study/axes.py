@@ -58,8 +58,8 @@ class Axis:
         """The values of a grid."""
         if self.values:
             return self.values
-        # Both ends are the numbers that were given.
-        return (self.low, *self._between(np.arange(1, self.points - 1) / (self.points - 1)).tolist(), self.high)
+        spaced = np.geomspace if self.scale == "log" else np.linspace
+        return tuple(spaced(self.low, self.high, self.points).tolist())
 
     def place(self, fractions: np.ndarray) -> np.ndarray:
         """The values at fractions in [0, 1) of the axis, (b,): of listed ones, each has an equal part; of names, their indices."""
