@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from saltus.scene import Scene, load_scene
     from saltus.tracing import trace
     from transitions.section import Section, section
+    from transitions.study.study import Study
 
 __all__ = [
     "Branch",
@@ -40,6 +41,7 @@ __all__ = [
     "Scene",
     "Section",
     "Stop",
+    "Study",
     "discover",
     "ground_load",
     "load_scene",
@@ -65,6 +67,7 @@ _HOME = {
     "Scene": "saltus.scene",
     "Section": "transitions.section",
     "Stop": "bvp.system",
+    "Study": "transitions.study.study",
     "discover": "saltus.discovery",
     "ground_load": "bvp.forcing",
     "load_scene": "saltus.scene",

@@ -23,7 +23,7 @@ SCHEMA = 1
 
 def motion_record(told: Told, scene: Scene, start: Start, units: Units, locked: Told | None = None) -> dict[str, Any]:
     """The motion as JSON has it."""
-    from transitions.stages import stages_as_data
+    from transitions.stage import stages_as_data
 
     motion, t, e = told.motion, units.time, units.energy
     nes, lo = told.shares

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
     from saltus.scene import Scene
 
-__all__ = ["TOLERANCE", "agreed", "family_of", "list_orbits", "select"]
+__all__ = ["TOLERANCE", "agreed", "family_of", "list_orbits", "orbits_of", "select"]
 
 TOLERANCE = 0.01
 """How far, relatively, a selecting value may be from the orbit that it selects."""
@@ -56,9 +56,7 @@ def select(branch: Branch, name: Name, energy: float | None, alpha: float | None
     """Find the one orbit of a family with an energy, with a quarter period, or nearest to both."""
     key, value, other, wish = ("h", energy, "alpha", alpha) if energy is not None else ("alpha", alpha, "h", None)
     assert value is not None
-    found = branch.orbits_at(energy=value) if key == "h" else branch.orbits_at(alpha=value)
-    # A family carries several labels: where some of its orbits here have the label asked for, the others are not meant.
-    found = _distinct([orbit for orbit in found if _has_label(orbit, name)] or found)
+    found = orbits_of(branch, name, energy, alpha)
     if not found:
         values = branch.points[key]
         raise BadInput(
@@ -72,6 +70,13 @@ def select(branch: Branch, name: Name, energy: float | None, alpha: float | None
     if len(found) > 1:
         raise BadInput(f"{len(found)} orbits of {name} have {key} = {value:.10g}, expected one of {list_orbits(found)}")
     return found[0]
+
+
+def orbits_of(branch: Branch, name: Name, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
+    """The orbits of a family with an energy, or else with a quarter period, that a name can mean."""
+    found = branch.orbits_at(energy=energy) if energy is not None else branch.orbits_at(alpha=alpha)
+    # A family carries several labels: where some of its orbits here have the label asked for, the others are not meant.
+    return _distinct([orbit for orbit in found if _has_label(orbit, name)] or found)
 
 
 def _distinct(orbits: list[Orbit]) -> list[Orbit]:

@@ -1,0 +1,174 @@
+"""A system of two oscillating modes as one row of numbers: their turns, and what dampers take over a flight (see `bvp.kernels.swift`).
+
+What is dissipated are integrals of squares of sums of two decaying oscillations: of exponentials of the sums of two rates, in closed form.
+"""
+
+import math
+
+from bvp.kernels.compiled import kernel, part
+
+__all__ = [
+    "AT", "FORM", "FREQUENCY", "INTO", "LEVELS", "LOWER", "MASS", "MEAN", "METERS", "OUT", "PARTS", "PUSH", "RESTITUTION", "STEP", "TURNS",
+    "UPPER", "fraction_time", "spend", "turned", "turned_a_little",
+]  # fmt: skip
+
+MEAN, FREQUENCY, STEP, LOWER, UPPER, RESTITUTION, MASS, PUSH, INTO, OUT, TURNS, FORM, METERS = 0, 2, 4, 5, 6, 7, 8, 9, 13, 29, 45, 93, 101
+"""Where the numbers of a system stand: m and w of the modes; h; the bounds; restitution; mass across the gap; (p, q) of a unit of speed
+across the gap; (p, q) of (u, v), 4 x 4, and back; e^{mt} (cos wt, sin wt) of both modes for h, h/2, .. h/2^11; mass and stiffness; then
+for each meter its part, weight and b . v as a row over (p, q)."""
+
+LEVELS = 12
+
+PARTS = 3
+"""Parts of the dissipation that are told apart."""
+
+AT = 6
+"""Numbers of a meter."""
+
+RECIPROCAL = tuple(1.0 / k for k in range(10, 1, -1))
+
+SERIES = 0.1
+"""|x t| below which (e^{xt} - 1)/x is a series."""
+
+
+@part
+def turned(m, w, t):
+    """e^{mt} (cos wt, sin wt)."""
+    e = math.exp(m * t)
+    return e * math.cos(w * t), e * math.sin(w * t)
+
+
+@part
+def turned_a_little(m, w, t, c, s):
+    """(c, s) turned by e^{(m + iw)t} for |t| so small that five terms of the series hold all digits."""
+    x = m * t
+    y = w * t
+    real = 1.0
+    imaginary = 0.0
+    for factor in (1.0 / 5.0, 1.0 / 4.0, 1.0 / 3.0, 1.0 / 2.0, 1.0):
+        product = 1.0 + (real * x - imaginary * y) * factor
+        imaginary = (real * y + imaginary * x) * factor
+        real = product
+    return c * real - s * imaginary, c * imaginary + s * real
+
+
+@part
+def mean_decay(rate, end, t):
+    """Integral of exp(rate s) over 0 <= s <= t, given its value at the end."""
+    x = rate * t
+    if not abs(x) <= SERIES:
+        value = (end - 1.0) / rate
+    elif abs(x) <= 0.01:
+        value = 1.0 + x * (1.0 / 4.0) * (1.0 + x * (1.0 / 5.0) * (1.0 + x * (1.0 / 6.0)))
+        value = t * (1.0 + x * (1.0 / 2.0) * (1.0 + x * (1.0 / 3.0) * value))
+    else:
+        value = 1.0
+        for k in range(9):
+            value = 1.0 + value * x * RECIPROCAL[k]
+        value *= t
+    return value
+
+
+@part
+def mean_turn(real, imaginary, end_real, end_imaginary, t):
+    """Integral of exp((real + i imaginary) s) over 0 <= s <= t, given its value at the end; imaginary is not 0."""
+    x = real * t
+    y = imaginary * t
+    if not abs(x) + abs(y) <= SERIES:
+        below = 1.0 / (real * real + imaginary * imaginary)
+        a = end_real - 1.0
+        first = (a * real + end_imaginary * imaginary) * below
+        second = (end_imaginary * real - a * imaginary) * below
+    else:
+        total = 1.0
+        other = 0.0
+        for k in range(9):
+            product = (total * x - other * y) * RECIPROCAL[k]
+            other = (total * y + other * x) * RECIPROCAL[k]
+            total = product + 1.0
+        first = total * t
+        second = other * t
+    return first, second
+
+
+@kernel
+def spend(system, meters, p1, q1, p2, q2, t, c1, s1, c2, s2, taken):
+    """What each part dissipates over a flight of t (infinite: all to come) from the given state, into taken (PARTS,), and their sum;
+    (c, s) = e^{mt} (cos wt, sin wt) at its end."""
+    m1 = system[MEAN]
+    m2 = system[MEAN + 1]
+    w1 = system[FREQUENCY]
+    w2 = system[FREQUENCY + 1]
+    for k in range(PARTS):
+        taken[k] = 0.0
+    if meters == 0:
+        return 0.0
+    a1 = mean_decay(2.0 * m1, c1 * c1 + s1 * s1, t)
+    a2 = mean_decay(2.0 * m2, c2 * c2 + s2 * s2, t)
+    c11, s11 = mean_turn(2.0 * m1, 2.0 * w1, c1 * c1 - s1 * s1, 2.0 * c1 * s1, t)
+    c22, s22 = mean_turn(2.0 * m2, 2.0 * w2, c2 * c2 - s2 * s2, 2.0 * c2 * s2, t)
+    cs, ss = mean_turn(m1 + m2, w1 + w2, c1 * c2 - s1 * s2, c1 * s2 + s1 * c2, t)
+    cd, sd = mean_turn(m1 + m2, w1 - w2, c1 * c2 + s1 * s2, s1 * c2 - c1 * s2, t)
+    total = 0.0
+    for k in range(meters):
+        at = METERS + AT * k
+        x1 = system[at + 2] * p1 + system[at + 3] * q1
+        y1 = system[at + 2] * q1 - system[at + 3] * p1
+        x2 = system[at + 4] * p2 + system[at + 5] * q2
+        y2 = system[at + 4] * q2 - system[at + 5] * p2
+        own = 0.5 * ((x1 * x1 + y1 * y1) * a1 + (x1 * x1 - y1 * y1) * c11) + x1 * y1 * s11
+        own += 0.5 * ((x2 * x2 + y2 * y2) * a2 + (x2 * x2 - y2 * y2) * c22) + x2 * y2 * s22
+        own += (x1 * x2 + y1 * y2) * cd + (y1 * x2 - x1 * y2) * sd + (x1 * x2 - y1 * y2) * cs + (x1 * y2 + y1 * x2) * ss
+        own *= system[at + 1]
+        taken[int(system[at])] += own
+        total += own
+    return total
+
+
+@kernel
+def taken_after(system, meters, p1, q1, p2, q2, t, parts):
+    """(energy, power) that the dampers have taken after t, and take then."""
+    m1 = system[MEAN]
+    m2 = system[MEAN + 1]
+    c1, s1 = turned(m1, system[FREQUENCY], t)
+    c2, s2 = turned(m2, system[FREQUENCY + 1], t)
+    taken = spend(system, meters, p1, q1, p2, q2, t, c1, s1, c2, s2, parts)
+    r1 = p1 * c1 + q1 * s1
+    i1 = q1 * c1 - p1 * s1
+    r2 = p2 * c2 + q2 * s2
+    i2 = q2 * c2 - p2 * s2
+    power = 0.0
+    for k in range(meters):
+        at = METERS + AT * k
+        rate = system[at + 2] * r1 + system[at + 3] * i1 + system[at + 4] * r2 + system[at + 5] * i2
+        power += system[at + 1] * rate * rate
+    return taken, power
+
+
+@kernel
+def fraction_time(system, meters, p1, q1, p2, q2, length, whole, wanted, parts):
+    """The time after which the dampers have taken `wanted` of energy on a flight that takes `whole`; `length` may be infinite."""
+    low = 0.0
+    high = length
+    left = whole - wanted
+    t = length * wanted / whole if length < math.inf else math.log(whole / left) / (-system[MEAN] - system[MEAN + 1]) if left > 0.0 else 0.0
+    for _ in range(200):
+        taken, power = taken_after(system, meters, p1, q1, p2, q2, t, parts)
+        miss = taken - wanted
+        if miss > 0.0:
+            high = t
+        else:
+            low = t
+        # What is left decays, by and large, as an exponential.
+        change = -miss / power if power > 0.0 else math.inf
+        if high == math.inf or length == math.inf:
+            present = whole - taken
+            if present > 0.0 < left and power > 0.0:
+                change = math.log(present / left) * present / power
+        better = t + change
+        if not low <= better <= high:
+            better = 0.5 * (low + high) if high < math.inf else 2.0 * t + 1.0
+        if abs(better - t) <= 1e-14 * t or abs(miss) <= 4e-16 * whole:
+            break
+        t = better
+    return t

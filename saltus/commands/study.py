@@ -1,0 +1,131 @@
+"""`saltus study FILE.toml`: many damped motions over a grid or a Latin hypercube of parameters."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from saltus.arguments import one_of, whole_above_zero
+from saltus.errors import DONE, INTERRUPTED, BadInput, say
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from saltus.study_file import StudyFile
+    from transitions.study.study import Study
+
+__all__ = ["add_arguments", "run"]
+
+FORMATS = ("npz", "parquet")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("file", metavar="FILE", help="TOML file of the study")
+    parser.add_argument("--out", metavar="FOLDER", help="folder of its results (default: FILE with .study in place of .toml)")
+    parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="processes that work (default: one a core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="work on a Dask cluster in place of processes")
+    parser.add_argument("--format", metavar="KIND", type=one_of(*FORMATS), default="npz", help="npz (default), or parquet")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; return the exit code."""
+    from saltus.executors import open_executor
+    from saltus.study_file import read_study_file
+    from saltus.studying import check_folder
+
+    study = read_study_file(arguments.file)
+    folder = _folder(arguments)
+    if arguments.format == "parquet":
+        _require_pyarrow()
+    check_folder(folder, study.plan, arguments.format)
+    with open_executor(arguments.workers or os.cpu_count() or 1, arguments.dask) as (executor, count):
+        try:
+            return _study(study, folder, arguments.format, executor, count)
+        except KeyboardInterrupt:
+            say(f"interrupted; {folder} keeps what was finished, and the same command goes on" if folder.exists() else "interrupted")
+            return INTERRUPTED
+
+
+def _folder(arguments: argparse.Namespace) -> Path:
+    """The study's folder, after looking whether it can be made."""
+    folder = Path(arguments.out if arguments.out is not None else Path(arguments.file).with_suffix(".study"))
+    parent = folder if folder.is_dir() else folder.parent
+    if not parent.is_dir():
+        raise BadInput(f"cannot make the folder {folder}: the directory {parent} does not exist")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise BadInput(f"cannot make the folder {folder}: permission is denied in the directory {parent}")
+    return folder
+
+
+def _require_pyarrow() -> None:
+    from importlib.util import find_spec
+
+    if find_spec("pyarrow") is None:
+        raise BadInput("--format parquet needs the package pyarrow, which is not installed; expected pip install 'saltus[parquet]'")
+
+
+def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, workers: int) -> int:
+    from branches.catalogue.lock import WriterLock
+    from saltus import __version__
+    from saltus.progress import ProgressBar
+    from saltus.studying import carry_out, find_all_starts, keep_starts, kept_starts
+    from transitions.study.study import Study, finished_blocks, write_plan
+
+    plan = study.plan
+    damaged: list[str] = []
+    starts, wanted = kept_starts(study, folder, damaged.append)
+    if wanted:
+        # What is wrong with a family is told before anything is written.
+        starts = find_all_starts(study, executor)
+    folder.mkdir(exist_ok=True)
+    lock = WriterLock(folder / "study.json")
+    try:
+        finished = finished_blocks(folder, plan, plan.digest, kind, damaged.append)
+        if wanted and starts is not None:
+            keep_starts(starts, folder, plan.digest)
+        write_plan(folder, plan, kind, __version__)
+        for text in damaged:
+            print(f"DAMAGED  {text}; done again", flush=True)
+        print(f"study    {folder}: {_size(study)}; {_start(finished, plan.blocks)}", flush=True)
+        with ProgressBar(plan.count, "runs") as bar:
+            carry_out(plan, starts, folder, kind, finished, executor, workers, bar.update)
+    finally:
+        lock.release()
+    for line in describe(Study(folder)):
+        print(line, flush=True)
+    return DONE
+
+
+def _size(study: StudyFile) -> str:
+    plan = study.plan
+    if plan.design == "grid":
+        over = " x ".join(f"{name} ({count})" for name, count in zip(plan.names, plan.shape, strict=True))
+    else:
+        over = ", ".join(plan.names)
+    return f"a {plan.design} over {over}, {plan.count} runs in {plan.blocks} block{'s' * (plan.blocks != 1)}"
+
+
+def _start(finished: set[int], blocks: int) -> str:
+    return f"{len(finished)} of {blocks} blocks are finished" if finished else "nothing is finished yet"
+
+
+def describe(study: Study) -> list[str]:
+    """The lines that tell a study's results."""
+    import numpy as np
+
+    endings = ", ".join(f"{count}: {ending.text}" for ending, count in sorted(study.endings().items(), key=lambda pair: pair[0].code))
+    lines = [f"done     {len(study)} runs, {int(study['impacts'].sum())} impacts", f"ended    {endings}"]
+    worst = study["balance_error"]
+    if np.isfinite(worst).any():
+        lines.append(f"balance  closes to {np.nanmax(worst):.1e} of the initial energy at worst")
+    lines.append(f"{'':<16}{'least':>12}{'quartile':>12}{'median':>12}{'quartile':>12}{'most':>12}")
+    for name in study.names:
+        values = study[name]
+        values = values[np.isfinite(values)]
+        if name in ("ended", "balance_error") or not len(values):
+            continue
+        lines.append(f"{name:<16}" + "".join(f"{value:>12.5g}" for value in np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0])))
+    return lines

@@ -1,0 +1,111 @@
+"""What a picture of a study shows, as numbers: medians and quartiles along one parameter, medians over two, and the runs about the best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from transitions.study.axes import Axis
+from transitions.study.study import Study
+
+__all__ = ["Bins", "Map", "along", "bins_of", "numeric_axes", "over"]
+
+FEWEST = 20
+"""Runs of a hypercube in one bin, on average, at least."""
+
+MOST = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """Where the runs lie on an axis.
+
+    Attributes
+    ----------
+    edges : (k + 1,) ndarray
+        Of the bins, ascending; in a grid half-way between the values.
+    centres : (k,) ndarray
+        The values of a grid; else the middles.
+    which : (N,) int64 ndarray
+        The bin of each run.
+    """
+
+    edges: np.ndarray
+    centres: np.ndarray
+    which: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """A result over two parameters: the medians (k, j), NaN where no run has it, and how many runs each stands for."""
+
+    x: Bins
+    y: Bins
+    medians: np.ndarray
+    counts: np.ndarray
+
+
+def numeric_axes(study: Study) -> tuple[Axis, ...]:
+    """The varied parameters that are numbers."""
+    return tuple(axis for axis in study.plan.axes if not axis.is_family)
+
+
+def bins_of(study: Study, axis: Axis, most: int) -> Bins:
+    """The bins of an axis: the values of a grid or of a list; else `most` of equal width on the axis's scale."""
+    values = study.given[axis.name]
+    logarithmic = axis.scale == "log"
+    if study.plan.design == "grid" or axis.values:
+        centres = np.unique(np.array(axis.grid(), dtype=float))
+        which = np.searchsorted(centres, values)
+        flat = np.log(centres) if logarithmic else centres
+        if len(flat) == 1:
+            half = 0.5 * (abs(flat[0]) or 1.0)
+            edges = np.array([flat[0] - half, flat[0] + half])
+        else:
+            middles = 0.5 * (flat[1:] + flat[:-1])
+            edges = np.concatenate([[2.0 * flat[0] - middles[0]], middles, [2.0 * flat[-1] - middles[-1]]])
+        return Bins(np.exp(edges) if logarithmic else edges, centres, which)
+    low, high = (np.log([axis.low, axis.high]) if logarithmic else (axis.low, axis.high))
+    places = np.log(values) if logarithmic else values
+    edges = np.linspace(low, high, most + 1)
+    which = np.clip(np.searchsorted(edges, places, side="right") - 1, 0, most - 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    return Bins(np.exp(edges) if logarithmic else edges, np.exp(middles) if logarithmic else middles, which)
+
+
+def along(study: Study, axis: Axis, values: np.ndarray, some: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """The places on an axis, (k,), and quartiles, medians and quartiles of the values there, (k, 3); NaN where no run has one.
+
+    Parameters
+    ----------
+    study : Study
+    axis : Axis
+    values : (N,) ndarray
+    some : (N,) bool ndarray, optional
+        The runs that count.
+    """
+    chosen = np.isfinite(values) if some is None else np.isfinite(values) & some
+    bins = bins_of(study, axis, int(np.clip(chosen.sum() // FEWEST, 1, MOST)))
+    out = np.full((len(bins.centres), 3), np.nan)
+    for k in range(len(out)):
+        here = values[chosen & (bins.which == k)]
+        if len(here):
+            out[k] = np.quantile(here, [0.25, 0.5, 0.75])
+    return bins.centres, out
+
+
+def over(study: Study, x: Axis, y: Axis, values: np.ndarray) -> Map:
+    """Medians of the values over two axes."""
+    chosen = np.isfinite(values)
+    most = int(np.clip(np.sqrt(chosen.sum() / FEWEST), 1, MOST))
+    first, second = bins_of(study, x, most), bins_of(study, y, most)
+    shape = (len(first.centres), len(second.centres))
+    cell = np.ravel_multi_index((first.which[chosen], second.which[chosen]), shape)
+    order = np.argsort(cell, kind="stable")
+    counts = np.bincount(cell, minlength=shape[0] * shape[1])
+    medians = np.full(len(counts), np.nan)
+    for k, part in enumerate(np.split(values[chosen][order], np.cumsum(counts)[:-1])):
+        if len(part):
+            medians[k] = np.median(part)
+    return Map(first, second, medians.reshape(shape), counts.reshape(shape))
