@@ -126,7 +126,8 @@ def _chatter(told: Told, units: Units) -> list[dict[str, Any]]:
     stops = slice(len(motion.parts) - len(motion.system.stops), len(motion.parts))
     out = []
     for k in np.flatnonzero(motion.kinds == EventKind.STICK.value).tolist():
-        lost = (motion.sums[k] - motion.sums[k - 1])[stops].sum()
+        impact = k - 2 if motion.kinds[k - 1] == EventKind.CHATTER.value else k - 1
+        lost = (motion.sums[k] - motion.sums[impact])[stops].sum()
         letter = motion.system.modes.contact_letters[int(motion.contacts[k])]
         out.append({"time": float(motion.times[k]) * units.time, "stop": letter, "energy_lost": float(lost) * units.energy})
     return out

@@ -217,6 +217,23 @@ def test_a_forced_system_starts_at_rest(capsys, tmp_path):
     assert list(record["peaks"]["drifts"]) == ["roof - floor"]
 
 
+def test_bounces_that_were_summed_are_in_the_record(capsys, tmp_path):
+    """Oracles: losses of impacts and of summed bounces are what the stop took; contacts are held as long as is said; the balance."""
+    scene = forced(tmp_path, '[[forces]]\non = "sink"\namplitude = 3.0\nfrequency = 0.2\n')
+    record = told(capsys, "--scene", scene, "--duration", "100", "--samples", "2001")
+    assert len(record["chatter"]) >= 3 and len(record["sticking"]) >= 3 and record["energy_balance_error"] < 1e-12
+    lost = math.fsum(row["energy_lost"] for row in [*record["impacts"], *record["chatter"]])
+    assert lost == pytest.approx(record["dissipated"]["stop a"], rel=1e-12)
+    assert record["sticking_time"] == pytest.approx(sum(s["end"] - s["begin"] for s in record["sticking"]), rel=1e-12)
+    assert {row["time"] for row in record["chatter"]} <= {s["begin"] for s in record["sticking"]}
+    gap = np.array(record["samples"]["u"]) @ [0.0, -1.0, 1.0]
+    assert np.abs(gap).max() <= 1.0 + 1e-12
+    times = np.array(record["samples"]["time"])
+    for held in record["sticking"]:
+        inside = gap[(times > held["begin"]) & (times < held["end"])]
+        np.testing.assert_allclose(inside, 1.0 if held["stops"] == ["+"] else -1.0, atol=1e-13)
+
+
 def test_the_sink_locked_beside_it(capsys):
     """Oracle: free flight in closed form: (1 + mu) u'' + u = 0 from the velocity V: peak V sqrt(1 + mu)."""
     code, out, _ = run(capsys, "run", "--impulse", "2", "--mu", "0.21", "--duration", "40", "--locked", "--json", "-")
