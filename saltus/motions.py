@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from saltus.scene import Scene
     from transitions.extents import Extents
     from transitions.sharing import Sharing
-    from transitions.stages import Stage
+    from transitions.stage import Stage
     from transitions.transition import Transition
 
 __all__ = ["Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
