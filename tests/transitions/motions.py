@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from bvp.damped import run
-from transitions.record import Record, record_of
+from transitions.record import Record
+from transitions.sampled import sampled
+from transitions.sharing import sharing_of
 
 
 def synthetic(times, signal, rate, energy=None, impacts=()):
@@ -19,6 +21,7 @@ def synthetic(times, signal, rate, energy=None, impacts=()):
 
 def of_run(system, u, v, duration, step=0.02):
     """A record of a run."""
-    motion = run(system, u, v, duration)
+    shared = sharing_of(system, (system.absorber,), (system.primary,))
+    motion = run(system, u, v, duration, dampers=shared.dampers)
     assert motion.duration == duration
-    return record_of(motion, step)
+    return sampled(motion, shared, round(duration / step) + 1)
