@@ -28,6 +28,7 @@ COMMANDS = {
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
     "section": ("saltus.commands.section", "make Poincare sections: many motions of one energy, or a plate of energies"),
     "run": ("saltus.commands.run", "run one damped motion, event by event, and tell where its energy goes"),
+    "gallery": ("saltus.commands.gallery", "make the figures of a publication, each with its data"),
     "impulsive": ("saltus.commands.impulsive", "find the orbits that start with the velocity of the oscillator alone"),
     "study": ("saltus.commands.study", "run many damped motions over a grid or a Latin hypercube of parameters"),
     "plot": ("saltus.commands.plot", "draw the results of a study: maps, lines against each parameter, the best point"),

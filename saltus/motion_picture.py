@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 __all__ = ["draw"]
 
 
-def draw(shown: Transition, catalogue: Catalogue | None, branch: Branch | None, path: Path) -> None:
+def draw(shown: Transition, catalogue: Catalogue | None, branch: Branch | None, path: Path, caption: str = "") -> None:
     """Draw a motion into a file, over the families of a catalogue, else over the one that it starts on."""
     from transitions.diagram.transition_picture import draw_transition
 
-    draw_transition(shown, _behind(shown, catalogue, branch), path)
+    draw_transition(shown, _behind(shown, catalogue, branch), path, caption=caption)
 
 
 def _behind(shown: Transition, catalogue: Catalogue | None, branch: Branch | None) -> Atlas | None:

@@ -15,6 +15,7 @@ from saltus.orbit_choice import TOLERANCE, agreed, family_of, select
 
 if TYPE_CHECKING:
     from branches.branch import Branch
+    from branches.events import BranchEvent
     from branches.labels import Name
     from branches.orbit import Orbit
     from saltus.scene import Scene
@@ -174,8 +175,14 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
 
 
 def _impulsive_orbit(branch: Branch, name: Name, energy: float | None) -> tuple[float, float]:
-    """Energy and quarter period of a family's impulsive orbit: of the one that it has, or of that which the values select."""
-    found = [event for event in branch.events if event.type == "IO"]
+    """Energy and quarter period of a family's impulsive orbit: of the one that it has, or of that which the values select.
+
+    A family that turns back on itself passes through the same orbit twice, the second time from its other end: that is one."""
+    found: list[BranchEvent] = []
+    for event in branch.events:
+        known = any(abs(event.h / other.h - 1.0) < 1e-9 and abs(event.alpha / other.alpha - 1.0) < 1e-9 for other in found)
+        if event.type == "IO" and not known:
+            found.append(event)
     listed = " ".join(f"@h={event.h:.10g},alpha={event.alpha:.10g}" for event in found)
     near = [
         event

@@ -27,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--locked", action="store_true", help="run the system with its sink locked too, and compare peaks and mean squares")
     catalogue_arguments.add_file(parser, "tell the families that stages follow from this catalogue; --on is taken from it, too")
     outputs.add_arguments(parser, arrays=True)
+    parser.add_argument("--caption", metavar="TEXT", default="", help="a text under the panels of the picture")
     units.add_arguments(parser)
     scene_arguments.add_arguments(parser)
 
@@ -36,6 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.from_arguments(arguments)
     if arguments.samples is not None and arguments.samples < 2:
         raise BadInput(f"--samples {arguments.samples}: expected 2 at least, the begin and the end of the motion")
+    if arguments.caption and arguments.plot is None:
+        raise BadInput("--caption stands under the picture; expected --plot FILE with it")
     scene = scene_arguments.from_arguments(arguments)
 
     from saltus.first_run import prepare_motion
@@ -84,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     def picture(path: Path) -> None:
         if told.shown is None:
             raise WriteFailure(f"cannot draw {files.plot}: {told.why_no_stages}")
-        draw(told.shown, catalogue, start.branch, path)
+        draw(told.shown, catalogue, start.branch, path, arguments.caption)
         if (scale.length, scale.frequency) != (1.0, 1.0):
             print("note   the picture is in natural units", file=files.words)
 

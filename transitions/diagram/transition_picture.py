@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import textwrap
 from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING, Any
 
@@ -36,13 +37,19 @@ _MANY_FOLD = 20.0  # a range of frequencies that rises by more gets a logarithmi
 _FINE = 0.55  # families, thinner than in a picture of their own
 _LETTER_ROOM = 9.0  # points that the letter of a stage needs
 _MOST_LETTERS = 12
+_CAPTION = 150  # letters in a line of the caption
 _MOST_NAMES = 12
 _ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "frameon": False, "borderaxespad": 0.1}
 _DEEP = 1e-8  # of the largest energy: what is below is not shown
 
 
 def draw_transition(
-    transition: Transition, atlas: Atlas | None, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None
+    transition: Transition,
+    atlas: Atlas | None,
+    path_or_file: str | os.PathLike[str] | IO[bytes],
+    *,
+    caption: str = "",
+    format: str | None = None,
 ) -> None:
     """Write the picture of a motion to a png, pdf or svg file.
 
@@ -52,6 +59,8 @@ def draw_transition(
     atlas : Atlas or None
         The families that the spectrum is laid over; see `transitions.transition.atlas_behind`.
     path_or_file : path, or binary file open for writing
+    caption : str
+        A text under the panels.
     format : "png", "pdf" or "svg"; by default what the file's name ends with
 
     Notes
@@ -60,16 +69,18 @@ def draw_transition(
     """
     kind = files.picture_format(path_or_file, format)
     with picture_settings():
-        files.save(transition_figure(transition, atlas), path_or_file, kind)
+        files.save(transition_figure(transition, atlas, caption), path_or_file, kind)
 
 
-def transition_figure(transition: Transition, atlas: Atlas | None = None) -> Figure:
+def transition_figure(transition: Transition, atlas: Atlas | None = None, caption: str = "") -> Figure:
     """The picture of a motion as a matplotlib figure.
 
     Parameters
     ----------
     transition : Transition
     atlas : Atlas, optional
+    caption : str
+        A text under the panels.
 
     Returns
     -------
@@ -111,7 +122,7 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None) -> Fig
         for name, letter in zip(axes, "abcde", strict=True):
             axes[name].set_title(f"({letter})", loc="left", fontsize=NORMAL, pad=3)
         _stabilities(axes["families"], atlas)
-        _caption(figure, transition.stages)
+        _below(figure, transition.stages, caption)
         settle_layout(figure)
         for name in ("series", "share", "lost", "spectrum"):
             _mark_stages(axes[name], transition.stages, letters=name in ("series", "spectrum"))
@@ -270,8 +281,8 @@ def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
             )  # fmt: skip
 
 
-def _caption(figure: Figure, stages: Sequence[Stage]) -> None:
-    """Below the picture: what each stage follows."""
+def _below(figure: Figure, stages: Sequence[Stage], caption: str) -> None:
+    """Below the picture: its caption, and what each stage follows."""
     from matplotlib.lines import Line2D
 
     texts = [
@@ -280,9 +291,10 @@ def _caption(figure: Figure, stages: Sequence[Stage]) -> None:
     ]
     if len(texts) > _MOST_LETTERS:
         texts = [*texts[: _MOST_LETTERS - 1], f"and {len(texts) - _MOST_LETTERS + 1} more stages"]
-    if texts:
+    if texts or caption:
         entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
-        figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, handlelength=0.0, handletextpad=0.0)
+        title: dict[str, Any] = {"title": textwrap.fill(caption, _CAPTION), "title_fontsize": SMALL} if caption else {}
+        figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, handlelength=0.0, handletextpad=0.0, **title)
 
 
 def _stabilities(axes: Axes, atlas: Atlas | None) -> None:

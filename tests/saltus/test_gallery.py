@@ -1,0 +1,100 @@
+"""`saltus gallery`. Oracles: the commands of the figures run by themselves, the paper's list of figures, the words of refusals."""
+
+import configparser
+import json
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from saltus.galleries import Figure, gallery_names, load_gallery
+from tests.saltus.running import run
+
+ROOT = Path(__file__).parents[2]
+PAPER = load_gallery("paper")
+
+
+def test_the_figures_of_section_3_are_there():
+    """Oracle: the paper's numbers of figures; each caption says what is cited and what is our choice; each has a picture and data."""
+    assert [figure.name for figure in PAPER.figures] == [f"fig{k}" for k in (10, 11, 12, 13, 14, 16, 17, 18, 19, 20)]
+    for figure in PAPER.figures:
+        assert figure.caption.startswith(f"Fig. {figure.name[3:]}: ") and "Cited: " in figure.caption and "Our choice: " in figure.caption
+        assert len(figure.written("x", "png")) == 2
+    damped = {figure.name: " ".join(figure.words) for figure in PAPER.figures if figure.words[0] == "run"}
+    assert all("--rho 0.7 --lam 0.01" in words for name, words in damped.items() if name not in ("fig11", "fig12"))
+    assert "--rho 0.7 --lam 0 " in damped["fig11"] and "--rho 1 --lam 0.01" in damped["fig12"]
+
+
+def test_galleries_are_installed():
+    """Oracle: setup.cfg's patterns."""
+    configuration = configparser.ConfigParser()
+    configuration.read(ROOT / "setup.cfg", encoding="utf-8")
+    assert "galleries/*.toml" in configuration["options.package_data"]["catalogues"]
+    assert gallery_names() == [entry.name[:-5] for entry in (resources.files("catalogues") / "galleries").iterdir()]
+
+
+def test_names_of_files_may_hold_braces():
+    """Oracle: the place as it was given."""
+    figure = Figure("one", "About {stem}.", ("run",), ("--plot", "{stem}.{format}", "--caption", "{caption}"))
+    assert figure.command("a.b{format}/one", "svg") == ["run", "--plot", "a.b{format}/one.svg", "--caption", "About {stem}."]
+
+
+def test_figures_with_their_data(capsys, tmp_path):
+    """Oracle: the same command run by itself; a line a figure; the page of captions."""
+    place = tmp_path / "new" / "figures"
+    code, out, err = run(capsys, "gallery", "paper", "--out", place, "--figure", "fig17", "--figure", "fig16", "--format", "svg")
+    assert code == 0 and not err
+    assert [line.split()[0] for line in out.splitlines()] == ["fig16", "fig17", "wrote"]
+    assert sorted(path.name for path in place.iterdir()) == sorted(
+        ["captions.md", *(f"{name}.{kind}" for name in ("fig16", "fig17") for kind in ("svg", "json", "txt"))]
+    )
+    page = (place / "captions.md").read_text()
+    for figure in PAPER.chosen(["fig16", "fig17"]):
+        assert figure.caption in page and f"({figure.name}.svg)" in page
+        made = json.loads((place / f"{figure.name}.json").read_text())
+        code, out, _ = run(capsys, *figure.words, "--json", "-", "--samples", "4000")
+        assert code == 0 and made == json.loads(out)
+        assert "last at" in (place / f"{figure.name}.txt").read_text()
+        picture = (place / f"{figure.name}.svg").read_text()
+        assert "<svg" in picture and figure.caption[:40] in picture
+
+
+def test_a_catalogue_lies_behind(capsys, tmp_path, small_scene):
+    """Oracles: stages told by other families than the one that the motion starts on; a family that the catalogue lacks is said, its figure
+    is left out and the others are made."""
+    path, _ = small_scene
+    words = ("gallery", "paper", "--out", tmp_path / "figures", "--catalogue", path)
+    code, out, err = run(capsys, *words, "--figure", "fig18", "--figure", "fig20")
+    assert code == 1 and "S95E22-" in err and "fig18 was not made" in err
+    assert [line.split()[0] for line in out.splitlines()] == ["fig20", "wrote"]
+    assert not (tmp_path / "figures" / "fig18.txt").exists() and "fig18" not in (tmp_path / "figures" / "captions.md").read_text()
+    stages = json.loads((tmp_path / "figures" / "fig20.json").read_text())["stages"]
+    followed = {stage["follows"]["label"] for stage in stages if stage["follows"]}
+    assert followed & {"S13O00+"}
+
+
+WRONG = [
+    ("gallery papr --out {here}", ["unknown gallery 'papr'", "nearest: paper"]),
+    ("gallery --out {here}", ["missing: NAME"]),
+    ("gallery paper", ["missing: --out"]),
+    ("gallery paper --out {here} --figure fig15", ["unknown figure 'fig15'", "fig10", "nearest: fig"]),
+    ("gallery paper --out {here} --format gif", ["'gif'", "png, pdf, svg"]),
+    ("gallery paper --out {file}", ["--out", "it is a file", "expected a folder"]),
+    ("gallery paper --out {file}/figures", ["cannot make the folder"]),
+    ("gallery paper --out {taken}", ["fig14.png", "it is a directory"]),
+    ("gallery paper --out {here} --catalogue {here}.sqlite", ["here.sqlite"]),
+    ("gallery paper --out {here} --catalogue {file}", ["file"]),
+]
+
+
+@pytest.mark.parametrize(("words", "expected"), WRONG, ids=[words for words, _ in WRONG])
+def test_one_line_and_exit_code_2(capsys, tmp_path, words, expected):
+    """Oracle: the input; each message holds what was received and what was expected, and nothing is made."""
+    (tmp_path / "file").write_text("kept")
+    (tmp_path / "taken" / "fig14.png").mkdir(parents=True)
+    code, out, err = run(capsys, *words.format(here=tmp_path / "here", file=tmp_path / "file", taken=tmp_path / "taken").split())
+    assert code == 2 and not out and err.count("\n") == 1
+    for part in expected:
+        assert part in err
+    assert (tmp_path / "file").read_text() == "kept" and not (tmp_path / "here").exists()
+    assert [path.name for path in (tmp_path / "taken").iterdir()] == ["fig14.png"]
