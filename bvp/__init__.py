@@ -6,32 +6,51 @@ Names are imported when first asked for, so `import bvp` costs nothing.
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from bvp.damped import Mover
+    from bvp.forcing import Constant, Harmonic, Record, ground_load
     from bvp.impact import NextImpact, next_impact, restitute
     from bvp.modes import Modes
+    from bvp.motion import Batch, Motion, MotionStatus
     from bvp.run import Run, RunStatus
     from bvp.system import ImpactSystem, InvalidSystem, Stop, vibro_impact_nes
 
 __all__ = [
+    "Batch",
+    "Constant",
+    "Harmonic",
     "ImpactSystem",
     "InvalidSystem",
     "Modes",
+    "Motion",
+    "MotionStatus",
+    "Mover",
     "NextImpact",
+    "Record",
     "Run",
     "RunStatus",
     "Stop",
+    "ground_load",
     "next_impact",
     "restitute",
     "vibro_impact_nes",
 ]
 
 _HOME = {
+    "Batch": "motion",
+    "Constant": "forcing",
+    "Harmonic": "forcing",
     "ImpactSystem": "system",
     "InvalidSystem": "system",
     "Modes": "modes",
+    "Motion": "motion",
+    "MotionStatus": "motion",
+    "Mover": "damped",
     "NextImpact": "impact",
+    "Record": "forcing",
     "Run": "run",
     "RunStatus": "run",
     "Stop": "system",
+    "ground_load": "forcing",
     "next_impact": "impact",
     "restitute": "impact",
     "vibro_impact_nes": "system",

@@ -17,6 +17,7 @@ from bvp.kernels.chatter import LEVELS
 from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import many
+from bvp.kernels.peaks import PEAK_ROWS
 from bvp.meters import meters_of
 from bvp.motion import STATUS, Batch, Mark, Motion
 from bvp.phase_table import PhaseTable
@@ -63,6 +64,22 @@ class Mover:
             np.zeros((room, len(self.parts) + 1)),
         )
 
+    def _scratch(self, before: np.ndarray) -> places.Scratch:
+        """Arrays for the kernels; `before` is kept from call to call."""
+        phases = self.table.stacked
+        n, size = self.system.degrees_of_freedom, phases.matrix.shape[1]
+        width = 2 * n + len(self.parts) + 2
+        return places.Scratch(
+            table=np.zeros((LEVELS, width)),
+            values=np.zeros(width),
+            before=before,
+            peak=np.zeros((PEAK_ROWS, 1, size)),
+            edge=np.zeros((2, 1)),
+            work=work_array(size, len(phases.restitution)),
+            integral=self.integral_work(),
+            out=np.zeros(len(self.meters.weight)),
+        )
+
     def integral_work(self) -> np.ndarray:
         """Scratch array for the integrals."""
         return integral_work(self.table.stacked.matrix.shape[1], len(self.meters.weight))
@@ -90,20 +107,18 @@ class Mover:
         sums, marked = np.zeros((parts + 1, 2)), np.zeros((len(fractions) if initial > 0.0 else 0, parts + 3))
         marked[:, 0] = fractions[: len(marked)]
         x = np.concatenate([start, np.zeros(2 * len(self.forcing.loads))])
-        table, values = np.zeros((LEVELS, 2 * n + parts + 2)), np.zeros(2 * n + parts + 2)
-        before, out = start.copy(), np.zeros(len(self.meters.weight))
+        before, peaks = start.copy(), np.abs(start[:n])
         pieces: list[places.Log] = []
-        room, z = 256, np.zeros(0)
+        room, z, scratch = 256, np.zeros(0), self._scratch(before)
         while True:
             phases = self.table.stacked
             size = phases.matrix.shape[1]
             if counts[places.PENDING] >= 0:
-                z = np.zeros(size)
+                z, scratch = np.zeros(size), self._scratch(before)
             log = self._log(room)
             counts[places.EVENTS] = 0
             status = kernels.move(
-                phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, table, values, before, log,
-                work_array(size, len(phases.restitution)), self.integral_work(), out,
+                phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, peaks, log, scratch,
             )  # fmt: skip
             pieces.append(places.Log(*(array[: counts[places.EVENTS]] for array in log)))
             if status == kernels.NEW_PHASE:
@@ -146,6 +161,7 @@ class Mover:
             ),
             start=start,
             final=final,
+            peaks=peaks,
             numbers=numbers,
             states=states,
             mover=self,
@@ -164,7 +180,12 @@ class Mover:
         return fractions
 
     def run_many(
-        self, states: Any, duration: float, max_impacts: int = 10_000_000, marks: Sequence[float] = (0.5, 0.9, 0.99)
+        self,
+        states: Any,
+        duration: float,
+        max_impacts: int = 10_000_000,
+        marks: Sequence[float] = (0.5, 0.9, 0.99),
+        with_peaks: bool = False,
     ) -> Batch:
         """Motions from many states, without a record of their events.
 
@@ -174,6 +195,8 @@ class Mover:
             (u, v) of each start.
         duration, max_impacts, marks
             As in `run`.
+        with_peaks : bool
+            Whether to find the largest displacements, which takes about as long again.
 
         Raises
         ------
@@ -186,19 +209,17 @@ class Mover:
         if starts.ndim != 2 or starts.shape[1] != 2 * n or not np.all(np.isfinite(starts)):
             raise ValueError(f"states is an array of finite numbers of shape (b, {2 * n}); received shape {starts.shape}")
         fractions = self._checked(duration, max_impacts, marks)
-        summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2)))
+        summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2) + n))
         summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
         counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
         turns, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
-        x, width = np.zeros(2 * n + 2 * len(self.forcing.loads)), 2 * n + parts + 2
-        first = 0
+        x, peaks, first = np.zeros(2 * n + 2 * len(self.forcing.loads)), np.zeros(n if with_peaks else 0), 0
         while True:
             phases = self.table.stacked
             size = phases.matrix.shape[1]
             reason, first = many(
                 phases, starts, float(duration), int(max_impacts), first, fractions, np.zeros(size), x, counts, clock, turns, sums,
-                np.zeros((len(fractions), parts + 3)), np.zeros((LEVELS, width)), np.zeros(width), np.zeros(2 * n), self._log(0),
-                work_array(size, len(phases.restitution)), self.integral_work(), np.zeros(len(self.meters.weight)), summary,
+                np.zeros((len(fractions), parts + 3)), peaks, self._log(0), self._scratch(np.zeros(2 * n)), summary,
             )  # fmt: skip
             if reason != kernels.NEW_PHASE:
                 break
@@ -214,7 +235,8 @@ class Mover:
             initial_energy=summary[:, 7],
             energy=np.atleast_1d(system.energy(starts[:, :n], starts[:, n:])),
             totals=summary[:, 9 : 10 + parts],
-            marks=summary[:, 10 + parts :].reshape(len(starts), len(fractions), parts + 2),
+            marks=summary[:, 10 + parts : -n].reshape(len(starts), len(fractions), parts + 2),
+            peaks=summary[:, -n:] if with_peaks else None,
             final=starts,
             parts=self.parts,
             fractions=fractions,

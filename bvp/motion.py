@@ -57,6 +57,7 @@ class EventKind(Enum):
     RELEASE = places.RELEASE
     BREAK = places.BREAK
     PIECE = places.PIECE
+    CHATTER = places.CHATTER
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class Motion:
     duration : float
         Time reached.
     kinds : (k,) int64 ndarray
-        Values of `EventKind`.
+        Values of `EventKind`. CHATTER stands where bounces begin to be summed, STICK where they end.
     times : (k,) ndarray
     contacts : (k,) int64 ndarray
         Index into `Modes.contact_letters`, -1 for none.
@@ -117,6 +118,8 @@ class Motion:
     marks : tuple of Mark
     start, final : (2n,) ndarray
         (u, v).
+    peaks : (n,) ndarray
+        Largest |u| of each coordinate.
     """
 
     system: ImpactSystem
@@ -143,6 +146,7 @@ class Motion:
     marks: tuple[Mark, ...]
     start: np.ndarray
     final: np.ndarray
+    peaks: np.ndarray
     numbers: np.ndarray
     """(k, 3) kind, contact and phase of each event."""
     states: np.ndarray
@@ -175,6 +179,8 @@ class Motion:
         """The motion as stretches of free flights and of contacts held."""
         letters = self.system.modes.contact_letters
         held = [self.mover.table.phases[f].held for f in self.numbers[:, 2]]
+        for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
+            held[row] = held[row - 1]
         out: list[Stretch] = []
         for k, bits in enumerate(held):
             names = tuple(letter for c, letter in enumerate(letters) if bits >> c & 1)
@@ -187,6 +193,9 @@ class Motion:
 
     def sample(self, times: Any) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities at any times of the motion, after the event at the time of an event.
+
+        From a CHATTER event to the next one, while bounces are summed, the gap counts as closed; the bounces that are left out rise by
+        speed^2/(2 |w''|) at most, with the speed after the impact before.
 
         Parameters
         ----------
@@ -251,6 +260,7 @@ class Batch:
     marks : (b, Q, D + S + 2) ndarray
         Time of each mark and the totals there; NaN where it is not reached.
     final : (b, 2n) ndarray
+    peaks : (b, n) ndarray or None
     parts : tuple of D + S str
     fractions : (Q,) ndarray
     """
@@ -267,6 +277,7 @@ class Batch:
     totals: np.ndarray
     marks: np.ndarray
     final: np.ndarray
+    peaks: np.ndarray | None
     parts: tuple[str, ...]
     fractions: np.ndarray
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from branches.discovery.search import Discovery
     from branches.orbit import Orbit
     from branches.record import read_branch
+    from bvp.damped import Mover
+    from bvp.forcing import Constant, Harmonic, Record, ground_load
     from bvp.run import run
     from bvp.system import ImpactSystem, Stop, vibro_impact_nes
     from saltus.discovery import discover
@@ -28,13 +30,18 @@ if TYPE_CHECKING:
 __all__ = [
     "Branch",
     "Catalogue",
+    "Constant",
     "Discovery",
+    "Harmonic",
     "ImpactSystem",
+    "Mover",
     "Orbit",
+    "Record",
     "Scene",
     "Stop",
     "Study",
     "discover",
+    "ground_load",
     "load_scene",
     "read_branch",
     "run",
@@ -47,13 +54,18 @@ __version__ = "0.1.0"
 _HOME = {
     "Branch": "branches.branch",
     "Catalogue": "branches.catalogue.store",
+    "Constant": "bvp.forcing",
     "Discovery": "branches.discovery.search",
+    "Harmonic": "bvp.forcing",
     "ImpactSystem": "bvp.system",
+    "Mover": "bvp.damped",
     "Orbit": "branches.orbit",
+    "Record": "bvp.forcing",
     "Scene": "saltus.scene",
     "Stop": "bvp.system",
     "Study": "transitions.study.study",
     "discover": "saltus.discovery",
+    "ground_load": "bvp.forcing",
     "load_scene": "saltus.scene",
     "read_branch": "branches.record",
     "run": "bvp.run",

@@ -23,6 +23,7 @@ from bvp.kernels.phase import (
     REFERENCE,
     REFERENCE_LOW,
     ROWS,
+    SPAN,
     SWITCH_ERROR,
     TIME,
     TIME_LOW,
@@ -146,6 +147,7 @@ def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values)
                     for i in range(parts):
                         add(sums, i, table[order, 1 + width + i] - values[1 + width + i])
                     advance_clock(phases, clock, turns, ahead)
+                    clock[SPAN] = ahead
                     return True
     if small:
         clock[SWITCH_ERROR] = max(clock[SWITCH_ERROR], span)

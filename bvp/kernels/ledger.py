@@ -4,20 +4,27 @@ from bvp.kernels.bounds import dot
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
 from bvp.kernels.integral import integrals
+from bvp.kernels.peaks import peak_flight
 from bvp.kernels.phase import (
+    CHATTER,
+    CONTACT,
     EVENTS,
     HELD_TIME,
     INITIAL,
     LOSS,
     MARK,
     PHASE,
+    SPAN,
     SPEED,
     TIME,
     TIME_LOW,
     times_matrix,
 )  # fmt: skip
 
-__all__ = ["add", "advance_clock", "damped", "dissipated", "fly", "hold", "lose", "record"]
+__all__ = ["add", "advance_clock", "damped", "dissipated", "fly", "hold", "lose", "record", "record_chatter"]
+
+MARK_LEVEL = 4e-16
+"""Part of the initial energy to which the energy gone at a mark is met."""
 
 
 @kernel
@@ -75,6 +82,12 @@ def damped(phases, f, z, t, work, out):
     return total
 
 
+@part
+def passes_mark(phases, total, counts, clock, sums, marks):
+    """True where the next mark is passed while `total` more is dissipated."""
+    return dissipated(sums, phases.shape[1] + phases.shape[2]) + total >= marks[counts[MARK], 0] * clock[INITIAL]
+
+
 @kernel
 def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, out):
     """Write the marks that are passed within a flight on which `total` is dissipated."""
@@ -95,7 +108,7 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
             if not low < at < high:
                 at = 0.5 * (low + high)
             miss = damped(phases, f, z, at, work, out) - wanted
-            if abs(miss) <= 1e-16 * clock[INITIAL]:
+            if abs(miss) <= MARK_LEVEL * clock[INITIAL]:
                 break
             if miss > 0.0:
                 high = at
@@ -117,12 +130,20 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
 
 
 @part
-def fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work):
-    """Carry z, the clock and the sums over a flight."""
+def fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
+    """Carry z, the clock, the sums and the peaks over a flight."""
     if flight == 0.0:
         return
+    work = scratch.work
+    out = scratch.out
+    integral_work = scratch.integral
+    if peaks.shape[0]:
+        peak_flight(
+            phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.leave[f], z, flight, peaks, scratch.peak,
+            scratch.edge, work,
+        )  # fmt: skip
     total = damped(phases, f, z, flight, integral_work, out)
-    if counts[MARK] < marks.shape[0]:
+    if counts[MARK] < marks.shape[0] and passes_mark(phases, total, counts, clock, sums, marks):
         mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, integral_work, out)
         damped(phases, f, z, flight, integral_work, out)
     for k in range(phases.part.shape[0]):
@@ -175,3 +196,20 @@ def record(log, kind, contact, counts, clock, before, z, sums):
     for i in range(sums.shape[0]):
         log.sums[row, i] = sums[i, 0] + sums[i, 1]
     counts[EVENTS] = row + 1
+
+
+@kernel
+def record_chatter(phases, f, log, counts, clock, before, z, sums, scratch):
+    """Write that bounces are summed over the time up to now: a flight of the phase in which they end, up to the state z there."""
+    span = clock[SPAN]
+    clock[SPAN] = 0.0
+    row = counts[EVENTS]
+    if row >= log.numbers.shape[0]:
+        return
+    back = scratch.peak[5, 0]
+    flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], z, -span, back)
+    record(log, CHATTER, counts[CONTACT], counts, clock, before, back, sums)
+    log.values[row, 0] = clock[TIME] - span
+    damped(phases, f, back, span, scratch.integral, scratch.out)
+    for k in range(phases.part.shape[0]):
+        log.sums[row, phases.part[k]] -= scratch.out[k]

@@ -8,7 +8,7 @@ from bvp.kernels.bounds import dot
 from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
-from bvp.kernels.ledger import fly, hold, lose, record
+from bvp.kernels.ledger import fly, hold, lose, record, record_chatter
 from bvp.kernels.phase import (
     BOUNCES,
     BREAK,
@@ -28,6 +28,7 @@ from bvp.kernels.phase import (
     PHASE,
     PIECE,
     RELEASE,
+    SPAN,
     SPEED,
     STICK,
     TIME,
@@ -105,14 +106,16 @@ def held_after(phases, held, c, z):
 
 
 @kernel
-def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table, values, before, log, work, integral_work, out):
+def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch):
     """Carry a motion on until its duration, its most impacts, or a reason to return.
 
     z (N,) state of the phase; x (2 n + 2 G,) (u, v) and the states of the loads, from which a pending phase begins; counts (COUNTS,), clock
     (CLOCK,): see above; turns (G, 2) angles of the loads and sums (D + S + 1, 2), compensated; marks (Q, 3 + D + S): fractions of the
-    initial energy, ascending, then filled with
-    the time at which that much is gone and the sums there. out (R,); the other arrays are scratch. Returns the reason.
+    initial energy, ascending, then filled with the time at which that much is gone and the sums there; peaks (n,) largest displacements, or
+    empty where they are not wanted. Returns the reason.
     """
+    before = scratch.before
+    work = scratch.work
     width = 2 * phases.shape[0]
     contacts = phases.side.shape[1]
     while True:
@@ -124,8 +127,10 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
             times_matrix(phases.enter[f], x, z)
             counts[PHASE] = f
             counts[PENDING] = -1
+            if clock[SPAN] > 0.0:
+                record_chatter(phases, f, log, counts, clock, before, z, sums, scratch)
             record(log, counts[KIND], counts[CONTACT], counts, clock, before, z, sums)
-        if log.numbers.shape[0] and log.numbers.shape[0] - counts[EVENTS] <= contacts + 2:
+        if log.numbers.shape[0] and log.numbers.shape[0] - counts[EVENTS] <= contacts + 3:
             return FULL
         if counts[IMPACTS] >= most:
             return MOST
@@ -149,7 +154,7 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
         holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
         if status == NONE:
             begin = clock[TIME]
-            fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
+            fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
             if end == duration:
                 if cannot_hit(phases, f, z):
                     counts[CLEAR] = 1
@@ -173,7 +178,7 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
             return STARTED_OUTSIDE
         if status == EXHAUSTED and flight == 0.0:
             return GAVE_UP
-        fly(phases, f, z, flight, counts, clock, turns, sums, marks, work, out, integral_work)
+        fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
         times_matrix(phases.leave[f], z, x)
         for r in range(width):
             before[r] = x[r]
@@ -228,7 +233,8 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, table,
             times_matrix(phases.enter[0], x, z)
         record(log, IMPACT, c, counts, clock, before, z, sums)
         counts[LEAVING] = c
-        if chatter(phases, after, c, z, x, (end - clock[TIME]) - clock[TIME_LOW], counts, clock, turns, sums, table, values):
+        rest = (end - clock[TIME]) - clock[TIME_LOW]
+        if chatter(phases, after, c, z, x, rest, counts, clock, turns, sums, scratch.table, scratch.values):
             for r in range(width):
                 before[r] = x[r]
             hold(phases, c, x, counts, clock, sums, marks, work)

@@ -27,11 +27,12 @@ __all__ = ["many", "sample", "spent"]
 
 
 @kernel
-def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, table, values, before, log, work,
-         integral_work, out, summary):
-    """Motions from starts (B, 2 n), the `first`-th and on, without a record of events: one row of summary (B, 9 + (D + S + 1) +
-    Q (D + S + 2)) each: reason, time reached, impacts, touches, last impact (NaN: none), clear from (NaN: not proven), time held, initial
-    energy (read), final energy (left to the caller), sums, then each mark's time (NaN: not reached) and sums. starts become final states.
+def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, peaks, log, scratch, summary):
+    """Motions from starts (B, 2 n), the `first`-th and on, without a record of events; starts become final states.
+
+    Row of summary (B, 9 + (D + S + 1) + Q (D + S + 2) + n): reason, time reached, impacts, touches, last impact (NaN: none), clear
+    from (NaN: not proven), time held, initial energy (given), 0, sums, each mark's time (NaN: not reached) and
+    sums, peaks where they are wanted.
 
     Returns (reason, start): NEW_PHASE at the start that wants one more phase - add it and call again from there - or REACHED and B.
     """
@@ -56,8 +57,10 @@ def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, 
             marks[q, 0] = fractions[q]
         if not clock[INITIAL] > 0.0:
             counts[MARK] = fractions.shape[0]
+        for k in range(peaks.shape[0]):
+            peaks[k] = 0.0
         status = move(
-            phases, duration, most, z, x, counts, clock, turns, sums, marks, table, values, before, log, work, integral_work, out
+            phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch
         )
         if status == NEW_PHASE:
             return NEW_PHASE, b
@@ -80,6 +83,8 @@ def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, 
             for k in range(1 + parts):
                 row[at + k] = marks[q, 1 + k] if q < reached else math.nan
             at += 1 + parts
+        for k in range(peaks.shape[0]):
+            row[at + k] = peaks[k]
     return REACHED, starts.shape[0]
 
 

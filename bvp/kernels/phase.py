@@ -9,22 +9,23 @@ from bvp.kernels.bounds import amplitudes
 from bvp.kernels.compiled import kernel
 
 __all__ = [
-    "BOUNCES", "BOUNCING", "BREAK", "BREAK_INDEX", "CLEAR", "CLEAR_TIME", "CLOCK", "CONTACT", "COUNTS", "EVENTS", "HELD_TIME", "IDLE",
-    "IMPACT", "IMPACTS", "INITIAL", "KIND", "LAST_IMPACT", "LEAVING", "LOSS", "Log", "MARK", "PENDING", "PHASE", "PIECE", "Phases",
-    "REFERENCE", "REFERENCE_LOW", "RELEASE", "ROWS", "SPEED", "START", "STICK", "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHED", "TOUCHES",
-    "cannot_hit", "find_phase", "reset_loads", "times_matrix", "write_loads",
+    "BOUNCES", "BOUNCING", "BREAK", "BREAK_INDEX", "CHATTER", "CLEAR", "CLEAR_TIME", "CLOCK", "CONTACT", "COUNTS",
+    "EVENTS", "HELD_TIME", "IDLE", "IMPACT", "IMPACTS", "INITIAL", "KIND", "LAST_IMPACT", "LEAVING", "LOSS", "Log",
+    "MARK", "PENDING", "PHASE", "PIECE", "Phases", "REFERENCE", "REFERENCE_LOW", "RELEASE", "ROWS", "SPAN", "SPEED",
+    "Scratch", "START", "STICK", "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHED", "TOUCHES", "cannot_hit", "find_phase",
+    "reset_loads", "times_matrix", "write_loads",
 ]  # fmt: skip
 
-START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE = range(7)
+START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE, CHATTER = range(8)
 """Kinds of events in the log: the start; an impact; a touch; a contact that is held from here on; one that is held no more; a load that is
-set anew; a flight that goes on."""
+set anew; a flight that goes on; bounces that are summed up to the next event."""
 
 (
     PHASE, LEAVING, PENDING, KIND, CONTACT, EVENTS, IMPACTS, TOUCHES, IDLE, MARK, BREAK_INDEX, BOUNCES, ROWS, BOUNCING, CLEAR, COUNTS,
 ) = range(16)  # fmt: skip
 """Entries of counts, and their number."""
 
-(TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, CLOCK) = range(12)
+(TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, SPAN, CLOCK) = range(13)
 """Entries of clock, and their number."""
 
 
@@ -65,6 +66,19 @@ class Log(NamedTuple):
     before: np.ndarray  # (E, 2 n) (u, v) just before
     states: np.ndarray  # (E, N) state of the phase after
     sums: np.ndarray  # (E, D + S + 1) dissipated by each damper and stop, work done, since the start
+
+
+class Scratch(NamedTuple):
+    """Arrays that a motion writes into, and that need not be kept."""
+
+    table: np.ndarray  # (LEVELS, 2 n + D + S + 2) orders of the series of chattering
+    values: np.ndarray  # (2 n + D + S + 2,)
+    before: np.ndarray  # (2 n,) state just before an event
+    peak: np.ndarray  # (PEAK_ROWS, 1, N)
+    edge: np.ndarray  # (2, 1)
+    work: np.ndarray  # of `impact.work_array`
+    integral: np.ndarray  # of `integral.integral_work`
+    out: np.ndarray  # (R,)
 
 
 @kernel

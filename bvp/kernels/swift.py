@@ -14,7 +14,7 @@ J h^2/8, |w'''| <= J. What needs a step below h/2^11 (grazing), chatters to its 
 import math
 
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.peaks import raised
+from bvp.kernels.two_mode_peaks import raised
 from bvp.kernels.two_modes import (
     FREQUENCY,
     INTO,

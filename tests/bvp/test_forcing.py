@@ -190,3 +190,71 @@ def test_ground_motion_moves_the_masses_against_the_ground():
 def test_bad_loads_are_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def dense_first_crossing(system, forces, u, v, horizon, step):
+    """First time at which a gap passes a bound, or None: the joined system of all loads at 50 digits, stepped densely, minima between steps
+    by their parabola, the crossing by bisection to 1e-30."""
+    n, forcing = system.degrees_of_freedom, forcing_of(forces, system.degrees_of_freedom)
+    size = 2 * n + 2 * len(forcing.loads)
+    with mpmath.workdps(50):
+        inverse = mpmath.matrix(system.mass.tolist()) ** -1
+        stiff, damp = inverse * mpmath.matrix(system.stiffness.tolist()), inverse * mpmath.matrix(system.damping.tolist())
+        a = mpmath.zeros(size)
+        for i in range(n):
+            a[i, n + i] = 1
+            for j in range(n):
+                a[n + i, j], a[n + i, n + j] = -stiff[i, j], -damp[i, j]
+        for g, frequency in enumerate(forcing.frequency):
+            drive, at = inverse * mpmath.matrix(forcing.loads[g].tolist()), 2 * n + 2 * g
+            for i in range(n):
+                a[n + i, at], a[n + i, at + 1] = drive[i, 0], drive[i, 1]
+            if frequency > 0.0:
+                a[at, at + 1], a[at + 1, at] = -mpmath.mpf(float(frequency)), mpmath.mpf(float(frequency))
+        start = [*map(mpmath.mpf, map(float, [*u, *v]))]
+        for _ in forcing.frequency:
+            start += [mpmath.mpf(1), mpmath.mpf(0)]
+        z, halves = mpmath.matrix(start), [mpmath.expm(a * mpmath.mpf(step) / 2**k) for k in range(100)]
+
+        def distance(z):
+            return min(
+                side * (bound - sum(c * z[i] for i, c in enumerate(stop.gap)))
+                for stop in system.stops
+                for side, bound in ((-1, stop.lower), (1, stop.upper))
+                if math.isfinite(bound)
+            )
+
+        time, last, before = mpmath.mpf(0), distance(z), None
+        while time < horizon:
+            following = halves[0] * z
+            now = distance(following)
+            if before is not None and last <= min(before, now) and last < abs(before - last) + abs(now - last):
+                return "close"
+            if now < 0:
+                for k, half in enumerate(halves[1:], 1):
+                    middle = half * z
+                    if distance(middle) > 0:
+                        z, time = middle, time + mpmath.mpf(step) / 2**k
+                return float(time)
+            z, time, before, last = following, time + step, last, now
+        return None
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(1, 2), st.integers(0, 2**31), st.floats(-2, 0.3))
+def test_no_impact_of_a_forced_motion_is_missed(n, seed, size):
+    """The first impact against a dense search at 50 digits; motions that come within a step's change of a stop without a hit are left
+    out."""
+    rng = np.random.default_rng(seed)
+    half, root = rng.normal(size=(n, n)), rng.normal(size=(n, n))
+    stops = (Stop(tuple(rng.normal(size=n)), -1.0, rng.uniform(0.5, 2.0)),)
+    system = ImpactSystem(np.diag(rng.uniform(0.3, 2.0, n)), 10.0**size * half @ half.T, root @ root.T, stops)
+    forces = [Harmonic(rng.uniform(0.3, 4.0), cosine=rng.normal(size=n)), Constant(0.3 * rng.normal(size=n))]
+    v = 0.5 * rng.normal(size=n)
+    expected = dense_first_crossing(system, forces, np.zeros(n), v, 8.0, 0.02)
+    motion = run(system, np.zeros(n), v, 8.0, forces=forces, max_impacts=1)
+    if expected is None:
+        assert motion.impacts == 0
+    elif expected != "close":
+        assert motion.impacts == 1
+        assert abs(motion.last_impact - expected) * max(motion.speeds[1], 1e-6) <= 1e-13 * (1.0 + np.abs(motion.final).max())

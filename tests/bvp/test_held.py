@@ -173,6 +173,40 @@ def test_many_motions_are_those_run_one_by_one():
     assert (batch.held_time > 0.0).any()
 
 
+@pytest.mark.parametrize("forced", [False, True])
+def test_peaks_are_the_largest_displacements(forced):
+    """Against dense samples: none is larger, and one comes near to second order of their distance."""
+    mover = Mover(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]) if forced else None)
+    states = np.random.default_rng(5).normal(size=(8, 4)) * [0.2, 0.2, 2.0, 2.0]
+    batch = mover.run_many(states, 40.0, with_peaks=True)
+    for state, peaks in zip(states, batch.peaks, strict=True):
+        motion = mover.run(state[:2], state[2:], 40.0)
+        u, _ = motion.sample(np.linspace(0.0, 40.0, 40_001))
+        largest = np.abs(u).max(axis=0)
+        assert np.all(motion.peaks >= largest * (1 - 1e-14))
+        np.testing.assert_allclose(motion.peaks, largest, rtol=2e-3)
+        np.testing.assert_allclose(peaks, motion.peaks, rtol=1e-11)
+    closed = run(ImpactSystem([[1.0]], [[0.2]], [[1.0]], (Stop((1.0,), upper=9.0),)), [0.0], [1.0], 30.0)
+    w = math.sqrt(0.99)
+    assert closed.peaks[0] == pytest.approx(math.exp(-0.1 * math.atan2(w, 0.1) / w), rel=1e-14)
+
+
+def test_samples_of_summed_bounces_stay_at_the_stop():
+    """From the last impact that is told to the end of the bounces: the gap is closed to the height of a bounce, and energies go on."""
+    system = ImpactSystem([[1.0]], [[0.3]], [[1.0]], (Stop((1.0,), 0.5, restitution=0.7),))
+    motion = run(system, [0.9], [0.0], 20.0)
+    begin = int(np.flatnonzero(motion.kinds == EventKind.CHATTER.value)[0])
+    assert [EventKind(k).name for k in motion.kinds[begin - 1 :]] == ["IMPACT", "CHATTER", "STICK"]
+    assert motion.times[begin] == pytest.approx(motion.times[begin - 1], rel=1e-15)
+    times = np.linspace(motion.times[begin], motion.times[begin + 1], 50)
+    u, _ = motion.sample(times)
+    np.testing.assert_allclose(u, 0.5, atol=1e-13)
+    spent = motion.spent(times)
+    assert np.all(np.diff(spent.sum(axis=1)) >= -1e-16)
+    assert spent[-1].sum() == pytest.approx(motion.sums[begin + 1].sum(), rel=1e-15)
+    assert motion.stretches[0].end == motion.times[begin + 1]
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
