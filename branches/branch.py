@@ -104,10 +104,15 @@ class Branch:
 
         return whole(self)
 
-    @property
+    @cached_property
     def id(self) -> str:
         """`ends:word:hash` of the family, which does not depend on how it was reached or cut: see `branches.whole`."""
         return self.whole.ids[0]
+
+    def known_as(self, id: str) -> Branch:
+        """This branch, of whose family the id is known, so that the family need not be followed for it."""
+        self.__dict__["id"] = id
+        return self
 
     @property
     def others(self) -> tuple[Piece, ...]:

@@ -6,13 +6,27 @@ from collections.abc import Callable, Sequence
 
 from branches.name_errors import PIN_TOLERANCE
 
-__all__ = ["Crossing", "Track", "crossings", "nearest_crossing"]
+__all__ = ["Crossing", "Track", "crossings", "nearest_crossing", "reaches"]
+
+_ROUNDED = 1e-5
+"""How far outside a family, relatively, an orbit is that is named by the printed digits of the family's end."""
 
 Track = Sequence[tuple[float, float, str]]
 """h, alpha and label of the points of a family, in their order."""
 
 Crossing = tuple[float, float]
 """h and alpha of an orbit."""
+
+
+def reaches(ends: tuple[float, float], value: float) -> bool:
+    """Whether a range holds a value, or ends so near to it that printed digits do not tell them apart.
+
+    Examples
+    --------
+    >>> reaches((0.118507810594, 14.5537010891), 0.1185078), reaches((0.118507810594, 14.5537010891), 14.56)
+    (True, False)
+    """
+    return ends[0] * (1.0 - _ROUNDED) <= value <= ends[1] * (1.0 + _ROUNDED)
 
 
 def crossings(track: Track, key: int, value: float, fits: Callable[[str], bool] | None = None) -> list[Crossing]:
@@ -26,8 +40,7 @@ def crossings(track: Track, key: int, value: float, fits: Callable[[str], bool] 
     out = []
     for one, other in zip(track, [*track[1:], track[-1]], strict=True):
         before, after = one[:2][key] - value, other[:2][key] - value
-        # Both ends of a family are named as they are printed, which can be a hair outside.
-        if before * after > 0.0 and abs(before) > 1e-5 * value:
+        if before * after > 0.0 and abs(before) > _ROUNDED * value:
             continue
         if fits is not None and not (fits(one[2]) or fits(other[2])):
             continue

@@ -254,7 +254,7 @@ class Family:
             return None
         data: dict[str, Any] = {"stop": None, "p_q": None, "breaks": None, "note": test.label}
         code = test.code
-        if code in ("SN", "SB") and self._meets_branch_point(before, at, after):
+        if code in ("SN", "SB") and (self._meets_branch_point(before, at, after) or self._is_flat(index, before, after, location)):
             return None
         if code == "GR":
             describe = next(describe for way, _, describe in _GRAZING if way == test)
@@ -280,6 +280,27 @@ class Family:
         of rounding."""
         first, here, last = (float(step.tests[_BRANCHING]) for step in (before, at, after))
         return first * last < 0.0 and abs(here) * after.step_size < _SINGULAR * abs(last - first)
+
+    def _is_flat(self, index: int, before: Point, after: Point, location: Location) -> bool:
+        """Whether a symmetry breaking is the zero of higher order that a test function has at a branch point in the same step.
+
+        A family that crosses q turns of an orbit there is a distance A from it, and its half map's entry grows with A^(q - 2) (Arnold's
+        normal form): for q = 5 rounding shifts its change of sign far from A = 0. Over the longer side it grows by 2^(q - 2) as the
+        distance doubles, and not by 2 as from a zero of its own."""
+        if self._tests[index].code != "SB":
+            return False
+        first, last = (float(point.step.tests[_BRANCHING]) for point in (before, after))
+        if not first * last < 0.0:
+            return False
+        size = after.step_size
+        place = size * first / (first - last)
+        ahead = size - place > place
+        far = size - place if ahead else -place
+        middle = self.step(before.y, before.tangent, place + 0.5 * far)
+        if abs(location.s - place) > 0.1 * abs(far) or not middle.converged:
+            return False
+        ends = after.step if ahead else before.step
+        return abs(float(ends.tests[index])) > 4.0 * abs(float(middle.tests[index]))
 
     def _just_before(self, before: Point, location: Location) -> Solution:
         """The orbit a little before an event. At grazing itself a turning point meets an impact, at an impulsive orbit a velocity

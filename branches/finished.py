@@ -54,6 +54,20 @@ def _why_bracketed(details: Mapping[str, Any]) -> str:
 def event_of(
     event: Event, name: str, point: int, number: int, columns: Mapping[str, np.ndarray], index: int, *, backward: bool
 ) -> BranchEvent:
+    """An event in the words of the record.
+
+    Parameters
+    ----------
+    event : continuation.Event
+    name : str
+        Its id on the branch.
+    point, number : int
+        Its place among the branch's points, and counted from the start.
+    columns : mapping of str to array
+        Of orbits as `branches.orbit.Orbit.described` has them; the event's own is at `index`.
+    backward : bool
+        Whether it was found against the arclength of the branch.
+    """
     details = event.details
     label, _, note = _along(event, backward)
     stable = -1 if event.code in UNDECIDED_AT else int(columns["stable"][index])
@@ -80,6 +94,16 @@ def event_of(
 
 
 def branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]) -> Branch:
+    """The branch of a run that ended, in the order of its points.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    run : continuation.Run
+        With one point at least.
+    energy : (float, float)
+        The range in which it was followed.
+    """
     solutions: list[Solution] = [point.step.extra for point in run.points]
     arclength = np.array([point.arclength for point in run.points])
 

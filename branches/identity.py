@@ -227,7 +227,8 @@ def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[Multipoi
     -------
     problem, y
         With the ends that the orbit's reversals have (a quarter where it has both kinds), periodic ends only where it has none; word and
-        ends in the form of `branches.words.canonical`; among equal words the one whose flight times, then start state, come first.
+        ends in the form of `branches.words.canonical`; among equal words one with no more impacts in its first half than in its second
+        (p <= q), then the one whose flight times, then start state, come first.
 
     Examples
     --------
@@ -252,7 +253,10 @@ def first_of(stretches: Sequence[Stretch]) -> Stretch:
 
 
 def _comes_before(a: Stretch, b: Stretch) -> bool:
-    """Order by flight times, then start states; differences of rounding's size count as none."""
+    """Order by whether there are more impacts in the first half than in the second, then by flight times, then by start states;
+    differences of rounding's size count as none."""
+    if a.leans != b.leans:
+        return b.leans
     for x, y in ((a.times, b.times), (-a.start, -b.start)):
         apart = np.flatnonzero(np.abs(x - y) > SAME * np.max(np.abs(x)))
         if apart.size:

@@ -78,7 +78,8 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndar
             continue
         apart = float(np.max(np.abs(side - middle)))
         kept = float(np.max(np.abs(stretch.unknowns(problem) - middle))) < NEAR * float(np.max(np.abs(middle)))
-        if kept and float(np.max(np.abs(image.of(problem, side).unknowns(problem) - side))) > 0.1 * apart:
+        # A third of three turns keeps the middle and changes the side, but takes it to no other one.
+        if kept and float(np.max(np.abs(image.of(problem, side).unknowns(problem) + side - 2.0 * middle))) < 0.5 * apart:
             found.append(image)
     return sorted(found, key=lambda image: not image.is_the_same_orbit(problem))
 

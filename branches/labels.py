@@ -42,6 +42,7 @@ __all__ = [
     "parse",
     "parse_name",
     "roots",
+    "spelled",
     "turns",
     "why_impossible",
 ]
@@ -60,6 +61,20 @@ def canonical(label: Label) -> Label:
     if label.p is not None and label.q is not None and label.p > label.q:
         return dataclasses.replace(label, p=label.q, q=label.p)
     return label
+
+
+def spelled(text: str, names: Iterable[str]) -> str:
+    """A label as it is printed where no start is printed with it: as one of the names has it, otherwise with p <= q.
+
+    Examples
+    --------
+    >>> spelled("U4502-", ["S31O11", "U4520-"]), spelled("U2210+", []), spelled("", [])
+    ('U4520-', 'U2201+', '')
+    """
+    if not text:
+        return text
+    label = canonical(parse(text))
+    return next((name for name in names if canonical(parse(name)) == label), str(label))
 
 
 def matches(pattern: Label, label: Label) -> bool:

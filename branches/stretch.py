@@ -43,6 +43,15 @@ class Stretch(NamedTuple):
         quarters = 4 if first == "periodic" else 1 if (first == "origin") != (last == "origin") else 2
         return float(np.sum(self.times)) / quarters
 
+    @property
+    def leans(self) -> bool:
+        """Whether more impacts lie inside its first half than inside its second; False for periodic ends, between which there are none."""
+        if self.ends == PERIODIC:
+            return False
+        instants = np.cumsum(self.times)
+        middle, slack = 0.5 * instants[-1], SLACK * instants[-1]
+        return bool(np.sum(instants[:-1] < middle - slack) > np.sum(instants[:-1] > middle + slack))
+
     def unknowns(self, problem: MultipointProblem) -> np.ndarray:
         """The stretch as unknowns of a problem with its ends and word."""
         return problem.pack(self.start, self.nodes, self.times)

@@ -26,8 +26,10 @@ from branches.tracing import follow_family
 from bvp.cycle import cycle_of
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import MultipointProblem, Solution
+from continuation.branch_point import refine_branch_point
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions
+from continuation.tripling import tripling_direction
 
 __all__ = ["Birth", "births", "switch"]
 
@@ -91,7 +93,7 @@ def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
     Raises
     ------
     ValueError
-        For an event of another type, and for an RT of orbits without a reversal.
+        For an event of another type, and for an RT of orbits without a reversal other than a tripling.
     RuntimeError
         Where no orbit of a new family is found next to the event.
 
@@ -147,7 +149,15 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
     try:
         direction = branch_directions(family, y, known)[0]
     except SwitchError as error:
-        raise RuntimeError(f"no second family at {event.id}: {error}") from error
+        # A branch point is known as well as the square root of rounding, where the families are nearly parallel.
+        middle = refine_branch_point(family, y, _scales(problem, y))
+        try:
+            if middle is None:
+                raise error
+            direction = branch_directions(family, middle, known)[0]
+        except SwitchError as still:
+            raise RuntimeError(f"no second family at {event.id}: {still}") from error
+        y = middle
     for step in _firsts(family, y, direction):
         found = symmetries(cycle_of(problem, step.y))
         quarter = len({e for _, e in found.reversals}) == 2 and problem.quarters == 2
@@ -212,9 +222,13 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
     orbits that return after s are born in two families, one on each kind of line that a reversal keeps: for odd s every line holds
     one of them on either side of the old orbit; for even s a line holds the same one on both sides.
     """
-    if event.p_q is None or problem.periodic:
-        raise ValueError(f"{event.id}: switching at a q-tupling needs orbits with a reversal; these have none")
+    if event.p_q is None:
+        raise ValueError(f"{event.id}: its p/q is not known")
     p, q = event.p_q
+    if problem.periodic:
+        if q != 3:
+            raise ValueError(f"{event.id}: switching at a {q}-tupling needs orbits with a reversal; these have none, and triple at most")
+        return [3]
     if problem.quarters == 1:
         half = 2.0 + 4.0 * here["b"] * here["c"]
         turn = Fraction(p, 2 * q)
@@ -230,6 +244,11 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
 def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> np.ndarray:
     """The direction of the new family in the null space of the Jacobian."""
     scale = _scales(wide, y)
+    if event.type == "RT" and wide.periodic:
+        try:
+            return tripling_direction(Family(wide), y, known, scale)
+        except SwitchError as error:
+            raise RuntimeError(f"no family of tripled orbits at {event.id}: {error}") from error
     _, singular, rows = np.linalg.svd(wide.jacobian(y) * scale)
     if singular[-1] > _GAP * singular[0]:
         raise RuntimeError(

@@ -21,7 +21,7 @@ import numpy as np
 
 from branches.family import SETTINGS, Family
 from branches.identity import Mark, canonical_orbit, digests, is_solved_as_it_is, mark_of
-from branches.passing import longest
+from branches.passing import Runs, one_family
 from branches.words import canonical, join_family_id
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.ends import EndReason
@@ -242,9 +242,8 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     One that cannot be followed is known by the orbit alone.
     """
     family = _Ends(problem, window)
-    run = trace(family, y, SETTINGS)  # as branches are followed, so that both see the same ends
-    if run.points:
-        run = longest(run, partial(_again, family), _is_stuck, lambda run: run.points[-1].arclength if run.points else 0.0)
+    # As branches are followed, so that both see the same ends.
+    run = one_family(problem, Runs(partial(trace, family), _at, _near_ends, _is_stuck, _length), y, SETTINGS)
     if not run.points:
         return _Curve(np.array([problem.energy(y)]), np.array([problem.quarter_period(y)]), [], [], [y], False, 0)
     grazing: list[np.ndarray] = []
@@ -260,13 +259,19 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
 
 
 def _is_stuck(run: Run) -> bool:
-    return any(end.reason is EndReason.MINIMUM_STEP for end in run.ends)
+    return bool(run.points) and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends)
 
 
-def _again(family: _Ends, run: Run, part: float) -> Run:
-    """A run from the point at a part of another one."""
-    at = part * run.points[-1].arclength
-    return trace(family, min(run.points, key=lambda point: abs(point.arclength - at)).y, SETTINGS)
+def _length(run: Run) -> float:
+    return run.points[-1].arclength if run.points else 0.0
+
+
+def _at(run: Run, part: float) -> np.ndarray:
+    return min(run.points, key=lambda point: abs(point.arclength - part * _length(run))).y
+
+
+def _near_ends(run: Run) -> tuple[np.ndarray, np.ndarray] | None:
+    return (run.points[1].y, run.points[-2].y) if len(run.points) > 3 else None
 
 
 def _marks(family: _Ends, curve: _Curve) -> tuple[Mark, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from bvp.kernels.cycle import count_impacts, unfold
 from bvp.kernels.flight import flow_state
+from bvp.kernels.run import sample
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem
 
@@ -90,12 +91,10 @@ class Cycle:
             raise ValueError(f"times are finite; number {k + 1} of {times.size} is {times[k]}")
         n = self.system.degrees_of_freedom
         states = np.empty((times.size, 2 * n))
-        instants = self.times
-        local = np.mod(times, self.period)
-        index = np.searchsorted(instants, local, side="right") - 1
-        elapsed = np.where(index >= 0, local - instants[index], local + self.period - instants[-1])
-        for k in range(times.size):
-            flow_state(*modes.blocks, self.after[index[k]], float(elapsed[k]), states[k])
+        # The flight that the orbit starts in began before its start.
+        begins = np.concatenate([[self.times[-1] - self.period], self.times])
+        flights = np.concatenate([self.after[-1:], self.after])
+        sample(*modes.blocks, begins, flights, np.mod(times, self.period), states)
         physical = states @ modes.to_state.T
         return physical[:, :n], physical[:, n:]
 

@@ -59,7 +59,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except Exception as error:
         if isinstance(error, OSError) and exit_code(error) is None:
-            say(f"cannot write standard output: {one_line(error)}")
+            from branches.files import reason
+
+            say(f"cannot write standard output: {reason(error)}")
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return FAILED
         known = exit_code(error)

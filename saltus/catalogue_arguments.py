@@ -34,9 +34,10 @@ __all__ = [
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--catalogue`` and ``--scene``."""
+    """Add ``--catalogue``, ``--scene``, and the parameters of the model: a catalogue belongs to one system."""
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the scene that the catalogue belongs to (default: lee2009)")
+    scene_arguments.add_parameters(parser)
 
 
 def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:

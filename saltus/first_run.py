@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-__all__ = ["prepare"]
+__all__ = ["prepare", "prepare_motion"]
 
 
 def prepare(**kernels: bool) -> None:
@@ -24,8 +24,7 @@ def prepare(**kernels: bool) -> None:
 
     if kept(**kernels):
         return
-    if sys.stderr is not None and sys.stderr.isatty():
-        print("saltus: compiling the kernels, which takes up to a minute at the first run only", file=sys.stderr, flush=True)
+    _tell()
     if (os.cpu_count() or 1) < 2:
         return
     try:
@@ -39,3 +38,17 @@ def prepare(**kernels: bool) -> None:
         )
     except OSError:
         return
+
+
+def prepare_motion() -> None:
+    """Tell on standard error, where it is a terminal, that the kernels of damped motion will be compiled, if they were not before."""
+    from bvp.kernels.motion import move
+    from bvp.kernels.warm import stored
+
+    if not stored(move):
+        _tell()
+
+
+def _tell() -> None:
+    if sys.stderr is not None and sys.stderr.isatty():
+        print("saltus: compiling the kernels, which takes up to a minute at the first run only", file=sys.stderr, flush=True)

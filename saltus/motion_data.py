@@ -97,7 +97,7 @@ def impact_table(told: Told, units: Units) -> Table:
 
 
 def _impacts(told: Told, units: Units) -> list[dict[str, Any]]:
-    from bvp.damped import EventKind
+    from bvp.motion import EventKind
 
     motion = told.motion
     modes = motion.system.modes
@@ -120,7 +120,7 @@ def _impacts(told: Told, units: Units) -> list[dict[str, Any]]:
 
 def _chatter(told: Told, units: Units) -> list[dict[str, Any]]:
     """Where a contact began to be held, with what the stops have dissipated since the last impact: the bounces that were summed."""
-    from bvp.damped import EventKind
+    from bvp.motion import EventKind
 
     motion = told.motion
     stops = slice(len(motion.parts) - len(motion.system.stops), len(motion.parts))

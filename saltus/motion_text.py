@@ -92,6 +92,9 @@ def _stage_lines(told: Told, record: dict[str, Any]) -> Iterator[str]:
         return
     if not told.stages:
         yield "stages   none: no ridge of the spectrum holds for three periods"
+    elif told.why_no_stages:
+        yield f"stages   {told.why_no_stages}"
+    if not told.stages:
         return
     titles = f"{'stage':<5}  {'from':>9}  {'to':>9}  {'periods':>7}  {'frequency':>9}  {'energy':>19}  {'by NES':>8}  {'by LO':>8}"
     yield f"{titles}  follows"

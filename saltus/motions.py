@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,20 +13,23 @@ from saltus.errors import BadInput, one_line
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-    from bvp.damped import Motion
+    from bvp.motion import Motion
     from bvp.system import ImpactSystem
     from saltus.motion_start import Start
     from saltus.scene import Scene
     from transitions.extents import Extents
-    from transitions.record import Record
     from transitions.sharing import Sharing
-    from transitions.spectrum import Spectrum
     from transitions.stages import Stage
+    from transitions.transition import Transition
 
 __all__ = ["Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
 
-MOST_SAMPLES = 2_000_000
-"""Samples of a record above which stages are not told."""
+MOST_SAMPLES = 400_000
+"""Samples of the record that stages are told from: about twenty seconds of work. A longer motion has them as far as these go."""
+
+
+FINEST = 64
+"""How many times more samples than by default are tried where the record is too coarse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,19 +58,23 @@ class Told:
     watched : Watched
     reference : float
         The energy that shares are fractions of: the initial one; where there was none, what came in.
-    record, spectrum, stages : optional
-        Where they were asked for and can be told.
+    shown : transitions.transition.Transition or None
+        Its record and stages, where they can be told.
     why_no_stages : str
+        Why they cannot, or not to the end.
     """
 
     motion: Motion
     sharing: Sharing
     watched: Watched
     reference: float
-    record: Record | None = None
-    spectrum: Spectrum | None = None
-    stages: tuple[Stage, ...] | None = None
+    shown: Transition | None = None
     why_no_stages: str = ""
+
+    @property
+    def stages(self) -> Sequence[Stage] | None:
+        """Its stages, None where they cannot be told."""
+        return None if self.shown is None else self.shown.stages
 
     @property
     def shares_of(self) -> str:
@@ -128,7 +136,8 @@ def _told(
     leaving: str | None,
     nes: tuple[int, ...],
 ) -> Told:
-    from bvp.damped import MotionStatus, run
+    from bvp.damped import run
+    from bvp.motion import MotionStatus
     from transitions.drifts import drift_rows
     from transitions.extents import extents
 
@@ -152,13 +161,14 @@ def _told(
 
 
 def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | None) -> Told:
-    """The same with its record, spectrum and stages, as far as they can be told.
+    """The same with its record and stages, where they can be told.
 
     The families are those of the catalogue; else the one that the motion starts on, and the linear modes."""
     from transitions.families import families_of, relative
     from transitions.sampled import sampled, samples_of
     from transitions.spectrum import TooCoarse
-    from transitions.stages import spectrum_of, stages_of
+    from transitions.stages import stages_of
+    from transitions.transition import Transition
 
     gap = relative(scene.system)
     families = None
@@ -166,15 +176,21 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
         families = families_of(catalogue, gap)
     elif start.branch is not None:
         families = families_of([start.branch], gap)
-    samples, record = samples_of(told.motion), None
-    while samples <= MOST_SAMPLES:
+    span, finer = told.motion.duration, 1
+    while True:
+        samples = finer * samples_of(told.motion, span)
+        if samples > MOST_SAMPLES:
+            span *= MOST_SAMPLES / samples
+            samples = MOST_SAMPLES
         try:
-            record = sampled(told.motion, told.sharing, samples)
-            spectrum = spectrum_of(record, gap)
-            stages = stages_of(record, gap, families, spectrum=spectrum)
-            return replace(told, record=record, spectrum=spectrum, stages=tuple(stages))
-        except TooCoarse:
-            samples *= 2
+            shown = Transition(scene.system, sampled(told.motion, told.sharing, samples, span), gap)
+            stages = stages_of(shown.record, gap, families, spectrum=shown.spectrum)
+        except TooCoarse as error:
+            finer *= 2
+            if finer > FINEST:
+                return replace(told, why_no_stages=one_line(error))
         except ValueError as error:
-            return replace(told, record=record, why_no_stages=one_line(error))
-    return replace(told, why_no_stages=f"its record would have {samples} samples, and {MOST_SAMPLES} are allowed")
+            return replace(told, why_no_stages=one_line(error))
+        else:
+            note = "" if span == told.motion.duration else f"told up to time {span:.6g}, of which the record has {samples} samples"
+            return replace(told, shown=replace(shown, stages=tuple(stages)), why_no_stages=note)

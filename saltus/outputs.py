@@ -76,7 +76,7 @@ class Outputs:
         self,
         json: Callable[[], str],
         csv: Callable[[], str],
-        draw: Callable[[Path], None] | None = None,
+        draw: Callable[[Path], None],
         arrays: Callable[[str, IO[bytes]], None] | None = None,
     ) -> int:
         """Write what was asked for. One failure does not keep the others from being written.
@@ -85,7 +85,7 @@ class Outputs:
         ----------
         json, csv : callable
             Return the text of the file.
-        draw : callable, optional
+        draw : callable
             Draws into the file that it is given.
         arrays : callable, optional
             Writes arrays in the format that it is given, "npz" or "mat", into the file that it is given.
@@ -97,7 +97,6 @@ class Outputs:
         """
 
         def picture(path: str) -> None:
-            assert draw is not None
             with replacing(path) as beside:
                 draw(beside)
 
@@ -131,20 +130,19 @@ class Outputs:
         return code
 
 
-def add_arguments(parser: argparse.ArgumentParser, *, arrays: bool = False, plot: bool = True) -> None:
+def add_arguments(parser: argparse.ArgumentParser, *, arrays: bool = False) -> None:
     """Add ``--json``, ``--csv`` and ``--plot``; and ``--npz`` and ``--mat``, for a command that has arrays."""
     parser.add_argument("--json", metavar="FILE", help=f"write all data as JSON{_HYPHEN}")
     parser.add_argument("--csv", metavar="FILE", help=f"write all data as CSV{_HYPHEN}")
     if arrays:
         parser.add_argument("--npz", metavar="FILE", help="write all data as arrays of numpy")
         parser.add_argument("--mat", metavar="FILE", help="write all data as arrays of Matlab")
-    if plot:
-        parser.add_argument("--plot", metavar="FILE", help="draw a picture: FILE.png, FILE.pdf or FILE.svg")
+    parser.add_argument("--plot", metavar="FILE", help="draw a picture: FILE.png, FILE.pdf or FILE.svg")
 
 
 def from_arguments(arguments: argparse.Namespace) -> Outputs:
     """Return the outputs asked for, checked."""
-    own = {name: getattr(arguments, name, None) for name in ("plot", "npz", "mat")}
-    outputs = Outputs(json=arguments.json, csv=arguments.csv, **own)
+    arrays = {name: getattr(arguments, name, None) for name in ("npz", "mat")}
+    outputs = Outputs(json=arguments.json, csv=arguments.csv, plot=arguments.plot, **arrays)
     outputs.check()
     return outputs

@@ -10,7 +10,7 @@ from saltus.arguments import number
 if TYPE_CHECKING:
     from saltus.scene import Scene
 
-__all__ = ["add_arguments", "from_arguments", "parameters"]
+__all__ = ["add_arguments", "add_parameters", "from_arguments", "parameters"]
 
 _PARAMETERS = {
     "mu": "mass ratio, above 0",
@@ -23,9 +23,14 @@ _PARAMETERS = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--scene``, the parameters of the model, and ``--model``."""
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the system and its bounds (default: lee2009)")
+    add_parameters(parser)
+    parser.add_argument("--model", action="store_true", help="say which model was chosen and why")
+
+
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """Add the parameters of the model."""
     for name, meaning in _PARAMETERS.items():
         parser.add_argument(f"--{name}", metavar="X", type=number, help=f"{meaning}, in place of the scene's")
-    parser.add_argument("--model", action="store_true", help="say which model was chosen and why")
 
 
 def from_arguments(arguments: argparse.Namespace) -> Scene:

@@ -7,22 +7,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
-from transitions.kernels.extents import largest_of_motion
+from bvp.kernels.peaks import PEAK_ROWS, peak_flight
+from transitions.kernels.extents import extents_of_motion
 
 if TYPE_CHECKING:
-    from bvp.damped import Motion
+    from bvp.motion import Motion
 
 __all__ = ["Extents", "extents"]
 
 
 @dataclass(frozen=True, eq=False)
 class Extents:
-    """Of each functional: its largest absolute value, the time at which it is first reached, its root mean square over the motion.
+    """Of each functional: its largest absolute value, the time at which it is reached, its root mean square over the motion.
 
     Attributes
     ----------
     peaks, times, rms : (R,) ndarray
+        Where a peak is flat its time is known to half the digits of the peak, and the first of them is given.
     """
 
     peaks: np.ndarray
@@ -33,7 +36,7 @@ class Extents:
 def extents(motion: Motion, rows: Any = None) -> Extents:
     """Extents of linear functionals of the displacements over a whole motion.
 
-    Peaks are found between turning points that bounds of the motion locate, not between samples; squares are integrated exactly.
+    Peaks are found at turning points that bounds of the motion locate, as those of `Motion.peaks` are; squares are integrated exactly.
 
     Parameters
     ----------
@@ -45,8 +48,6 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     ------
     ValueError
         For rows of another length.
-    RuntimeError
-        Where the search for a turning point gives up.
 
     Examples
     --------
@@ -62,16 +63,32 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
         raise ValueError(f"rows have an entry for each of {n} coordinates; received shape {wanted.shape}")
     phases = motion.mover.table.stacked
     count, size = len(wanted), phases.matrix.shape[1]
-    derivatives = [np.einsum("rn,fnk->frk", wanted, phases.leave[:, :n])]
-    for _ in range(3):
-        derivatives.append(np.einsum("frk,fkq->frq", derivatives[-1], phases.matrix))
-    peaks, times, squares = np.zeros(count), np.zeros(count), np.zeros(count)
-    settled = largest_of_motion(
-        phases, motion.times, motion.numbers, motion.states, motion.duration, np.ascontiguousarray(derivatives), np.ones(count),
-        np.empty(2 * size), np.empty(size), integral_work(size, count), np.empty(count), peaks, times, squares,
+    rows = np.concatenate([np.einsum("rn,fnk->frk", wanted, part) for part in (phases.leave[:, :n], phases.leave[:, n:])], axis=1)
+    scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
+    peaks, squares, where = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int64)
+    extents_of_motion(
+        phases, motion.times, motion.numbers, motion.states, motion.duration, rows, np.ones(count), *scratch, integral_work(size, count),
+        np.empty(count), np.empty(count), peaks, where, squares,
     )  # fmt: skip
-    if not settled:
-        raise RuntimeError("the search for the peaks of the motion gave up; ask for a shorter duration")
+
+    def reached(c: int, flight: float) -> bool:
+        """Whether a peak is reached within so much of its flight."""
+        k, f, best = where[c], motion.numbers[where[c], 2], np.zeros(1)
+        own = np.ascontiguousarray(rows[f, [c, count + c]])
+        blocks = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
+        peak_flight(*blocks, own, motion.states[k], flight, best, *scratch)
+        return bool(best[0] >= peaks[c] * (1.0 - 1e-15))
+
+    times = np.zeros(count)
+    for c in range(count):
+        k = where[c]
+        low, high = 0.0, float(motion.times[k + 1] if k + 1 < len(motion.times) else motion.duration) - float(motion.times[k])
+        if reached(c, 0.0):
+            high = 0.0
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if reached(c, middle) else (middle, high)
+        times[c] = motion.times[k] + high
     # A mean of squares that is 0 but for rounding may come out below it.
     rms = np.sqrt(np.maximum(squares, 0.0) / motion.duration) if motion.duration > 0.0 else peaks.copy()
     return Extents(peaks, times, rms)

@@ -54,9 +54,9 @@ def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
     orbit : Orbit
     gap : (n,) float
     """
-    even = np.arange(_SAMPLES) * (orbit.period / _SAMPLES)
-    at = np.concatenate([even, [impact.time for impact in orbit.impacts]])
-    w = orbit.sample(at)[0] @ gap
+    cycle = orbit.cycle
+    even = np.arange(_SAMPLES) * (cycle.period / _SAMPLES)
+    w = cycle.sample(np.concatenate([even, cycle.times]))[0] @ gap
     tones = 2.0 * np.abs(np.fft.rfft(w[:_SAMPLES])[1 : _HARMONICS + 1]) / _SAMPLES
     half = 0.5 * float(np.ptp(w))
     return tones / half if half > 0.0 else np.zeros(_HARMONICS)
@@ -100,17 +100,20 @@ class Family:
 
     def read(self, gap: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Harmonics of a handful of orbits: indices (r,) of their points, and the parts (r, 32). An orbit that cannot be corrected at its
-        point is passed over."""
+        point is passed over; `bvp.multipoint.NotConverged` where none can."""
         if gap not in self._tables:
             from bvp.multipoint import NotConverged
 
             branch = self.load() if self.load is not None else None
             rows: list[tuple[int, np.ndarray]] = []
+            last: NotConverged | None = None
             for i in np.unique(np.linspace(0, len(self.h) - 1, _READ).round().astype(int)).tolist() if branch is not None else []:
                 try:
                     rows.append((i, harmonics(branch.orbit(i), np.array(gap))))  # type: ignore[union-attr]
-                except NotConverged:
-                    continue
+                except NotConverged as failure:
+                    last = failure
+            if not rows and last is not None:
+                raise last
             table = np.array([values for _, values in rows]).reshape(-1, _HARMONICS)
             self._tables[gap] = np.array([i for i, _ in rows], dtype=float), table
         return self._tables[gap]
@@ -152,8 +155,6 @@ class Family:
             if not fits.any():
                 continue
             at, table = self.read(gap)
-            if not len(at):
-                continue
             for k in np.unique(near[fits]).astype(int).tolist():
                 share = np.interp(place, at, table[:, k - 1])
                 mine = fits & (near == k) & (share >= SHARE)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.damped import EventKind
+from bvp.motion import EventKind
 from transitions.record import Record
 
 if TYPE_CHECKING:
-    from bvp.damped import Motion
+    from bvp.motion import Motion
     from transitions.sharing import Sharing
 
 __all__ = ["PER_PERIOD", "sampled", "samples_of"]
@@ -20,13 +20,13 @@ PER_PERIOD = 256
 """Samples in the shortest period of free vibration: impacts bring harmonics far above it."""
 
 
-def samples_of(motion: Motion) -> int:
-    """How many samples the record of a motion has by default."""
+def samples_of(motion: Motion, span: float) -> int:
+    """How many samples the record of the first `span` of a motion has by default."""
     fastest = float(motion.system.underlying.modes.frequencies.max())
-    return 2 + int(PER_PERIOD * (1.0 + motion.duration * fastest / (2.0 * math.pi)))
+    return 2 + int(PER_PERIOD * (1.0 + span * fastest / (2.0 * math.pi)))
 
 
-def sampled(motion: Motion, sharing: Sharing, samples: int | None = None) -> Record:
+def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: float | None = None) -> Record:
     """The record of a motion at uniform times, in the units of its system.
 
     Parameters
@@ -37,6 +37,8 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None) -> Rec
         One that has shares of the energy.
     samples : int, optional
         By default `samples_of`, 256 in the shortest period of free vibration without damping.
+    span : float, optional
+        The record ends there; by default with the motion.
 
     Raises
     ------
@@ -58,8 +60,10 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None) -> Rec
         raise ValueError("a motion without duration has no record; run it for a time above 0")
     if sharing.mass is None:
         raise ValueError(f"the energy of the motion has no shares: {sharing.why_not}")
-    times = np.linspace(0.0, motion.duration, samples_of(motion) if samples is None else samples)
+    span = motion.duration if span is None else span
+    times = np.linspace(0.0, span, samples_of(motion, span) if samples is None else samples)
     energy, nes, lo = sharing.energies(motion, times)
     by_nes, by_lo, _ = sharing.dissipated(motion, times)
     u, v = motion.sample(times)
-    return Record(times, u, v, energy, nes, lo, by_nes, by_lo, motion.times[motion.kinds == EventKind.IMPACT.value])
+    impacts = motion.times[motion.kinds == EventKind.IMPACT.value]
+    return Record(times, u, v, energy, nes, lo, by_nes, by_lo, impacts[impacts <= span])

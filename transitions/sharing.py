@@ -16,7 +16,7 @@ import numpy as np
 from bvp.shares import absorber_energy, split_damping
 
 if TYPE_CHECKING:
-    from bvp.damped import Motion
+    from bvp.motion import Motion
     from bvp.system import ImpactSystem
 
 __all__ = ["Sharing", "sharing_of"]

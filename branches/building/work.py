@@ -26,22 +26,22 @@ from branches.grazing.touching import touching
 from branches.identity import first_of, presentations, segment_images, with_canonical_word
 from branches.linear_modes import beginnings, linear_modes
 from branches.name_search import Limits
-from branches.passing import is_half, longest
+from branches.passing import Runs, is_half, one_family
 from branches.switching import TYPES, births
-from branches.tracing import follow_family
+from branches.tracing import SETTINGS, follow_family
 from branches.words import PERIODIC, impacts_per_period, parse_word
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.stretch import Stretch
     from bvp.system import ImpactSystem
+    from continuation.settings import Settings
 
 __all__ = ["ends_of", "work"]
 
 BESIDE = (0.0, 3e-4, -3e-4)
 """Where else energies are searched, relatively, while a search does not settle: near an energy at which a family grazes, starts that are
 neighbours in floating point part."""
-
 
 @lru_cache(maxsize=4)
 def _system(description: str) -> ImpactSystem:
@@ -109,10 +109,10 @@ def ends_of(system: ImpactSystem) -> tuple[str, ...]:
 def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
     (index, turns), plan = source.value, source.plan
     mode = linear_modes(system)[index]
-    seeds = []
+    seeds, over = [], f"{turns} turn{'s' if turns > 1 else ''}"
     for found in beginnings(mode, turns, plan.bounds.impacts, energy=plan.bounds.energy):
         assert found.there is not None and found.beside is not None
-        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{turns} turns: {found.kind}")
+        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{over}: {found.kind}")
         seed = _seed(found.beside.problem, found.beside.y, plan)
         seeds.append(_reached(seed, link, source, found.there.problem, found.there.y))
     return Answer(tuple(seeds))
@@ -187,15 +187,25 @@ def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
 
 
 def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, float], quarter_period: float) -> Branch:
-    """The family of an orbit, both ways."""
+    """The family of an orbit, both ways; with finer steps where they leave it at a branch point."""
 
-    def again(branch: Branch, part: float) -> Branch:
-        length = branch.points["arclength"]
-        place = int(np.argmin(np.abs(length - part * length[-1])))
-        return follow_family(problem, branch.unknowns(place), energy=energy, quarter_period=quarter_period)
+    def follow(start: np.ndarray, settings: Settings) -> Branch:
+        return follow_family(problem, start, energy=energy, quarter_period=quarter_period, settings=settings)
 
-    first = follow_family(problem, y, energy=energy, quarter_period=quarter_period)
-    return longest(first, again, _is_stuck, lambda branch: float(branch.points["arclength"][-1]))
+    return one_family(problem, Runs(follow, _at, _near_ends, _is_stuck, _length), y, SETTINGS)
+
+
+def _length(branch: Branch) -> float:
+    return float(branch.points["arclength"][-1])
+
+
+def _at(branch: Branch, part: float) -> np.ndarray:
+    return branch.unknowns(int(np.argmin(np.abs(branch.points["arclength"] - part * _length(branch)))))
+
+
+def _near_ends(branch: Branch) -> tuple[np.ndarray, np.ndarray] | None:
+    last = len(branch) - 1
+    return (branch.unknowns(1), branch.unknowns(last - 1)) if last > 2 else None
 
 
 def _is_stuck(branch: Branch) -> bool:

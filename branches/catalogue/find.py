@@ -9,8 +9,8 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from branches.catalogue.errors import CatalogueError
-from branches.catalogue.rows import FamilyRow
-from branches.crossings import nearest_crossing
+from branches.catalogue.rows import FamilyRow, crosses
+from branches.crossings import nearest_crossing, reaches
 from branches.labels import Label, LabelSyntaxError, Name, matches, nearest, nearest_labels, parse, parse_name
 from branches.name_errors import AmbiguousName, NameNotFound, several_turns
 from branches.name_pins import fits_otherwise, note, pin_of
@@ -23,6 +23,7 @@ __all__ = ["Match", "chosen", "find"]
 _WILD = re.compile(r"[*?\[]")
 _PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic).*")
 _SIDE = re.compile(r"(?<=stop)[a-z]?[+-]")
+
 
 class Match(NamedTuple):
     """What a name stands for: the id of a family or linear mode, and the orbit that a suffix, pin or label selects on it. `note` says so
@@ -69,7 +70,7 @@ def chosen(
             return False
         if impacts is not None and not impacts[0] <= row.impacts <= impacts[1]:
             return False
-        if energy is not None and not row.h[0] <= energy <= row.h[1]:
+        if energy is not None and not crosses(row.h, energy):
             return False
         if fits is not None and not any(map(fits, row.label_names)):
             return False
@@ -169,9 +170,9 @@ def _select(catalogue: Catalogue, name: Name, families: Sequence[FamilyRow], fit
         if name.h is None and name.alpha is None and fits is None:
             out.append((0.0, Match(row.id, "family")))
             continue
-        if name.h is not None and not row.h[0] <= name.h <= row.h[1]:
+        if name.h is not None and not reaches(row.h, name.h):
             continue
-        if name.h is None and name.alpha is not None and not row.alpha[0] <= name.alpha <= row.alpha[1]:
+        if name.h is None and name.alpha is not None and not reaches(row.alpha, name.alpha):
             continue
         points = catalogue.track(row)
         if name.h is None and name.alpha is None:

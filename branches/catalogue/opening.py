@@ -115,7 +115,7 @@ def _look(path: Path) -> None:
     """Refuse what is not there, is no SQLite file, or is cut short."""
     try:
         if path.is_dir():
-            raise CatalogueError(f"cannot read {path}: it is a directory, expected the file of a catalogue")
+            raise ValueError("it is a directory, expected the file of a catalogue")
         with path.open("rb") as file:
             head = file.read(100)
         size = path.stat().st_size

@@ -24,8 +24,12 @@ __all__ = [
     "Node",
     "StabilityInterval",
     "crc_of",
+    "crosses",
     "no_nan",
 ]
+
+_ON_BOUND = 1e-10
+"""How far, relatively, the last orbit of a family can be from the energy that cut it: as for `Branch.orbits_at`."""
 
 
 class LabelInterval(NamedTuple):
@@ -44,6 +48,17 @@ class StabilityInterval(NamedTuple):
     arclength: tuple[float, float]
     h: tuple[float, float]
     alpha: tuple[float, float]
+
+
+def crosses(h: tuple[float, float], energy: float) -> bool:
+    """Whether a range of energies holds an energy, to the accuracy to which the end of a family lies on the bound that cut it.
+
+    Examples
+    --------
+    >>> crosses((0.06911644996826903, 99.99999999999821), 100.0), crosses((0.07, 99.9999), 100.0)
+    (True, False)
+    """
+    return h[0] * (1.0 - _ON_BOUND) <= energy <= h[1] * (1.0 + _ON_BOUND)
 
 
 @dataclass(frozen=True)
@@ -120,7 +135,7 @@ class FamilyRow:
         return [
             (s[0], s[1])
             for value, s, h, _ in self._read[name]
-            if (energy is None or h[0] <= energy <= h[1]) and fits(value)
+            if (energy is None or crosses(h, energy)) and fits(value)
         ]
 
     def values(self) -> tuple[Any, ...]:

@@ -174,7 +174,7 @@ class Catalogue(WorkQueue):
         row = self.family(id)
         problem = self._problem(row)
         first, last = (Ended(*ended) for ended in row.ended)
-        return Branch(problem, self._points(row, problem), self.events(id), (first, last), row.start)
+        return Branch(problem, self._points(row, problem), self.events(id), (first, last), row.start).known_as(row.id)
 
     def find(self, name: str, *, pins: Mapping[str, Mapping[str, float]] | None = None) -> Match:
         """The one family, or linear mode, that a name stands for.

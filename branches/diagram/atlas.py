@@ -17,6 +17,8 @@ from branches.diagram.atlas_parts import (
     draw_manifold,
     draw_modes,
     energy_axis,
+    frequency_axis,
+    frequency_of,
     mark_boxes,
     other_entries,
     refuse_empty,
@@ -26,14 +28,14 @@ from branches.diagram.atlas_parts import (
 )
 from branches.diagram.insets import Inset, draw_insets
 from branches.diagram.marks import draw_curve, legend_entries
-from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
+from branches.diagram.scales import logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from branches.diagram.atlas_data import Atlas, Curve
+    from branches.diagram.atlas_data import Atlas
 
 __all__ = ["MOST_NAMES", "atlas_figure", "draw_atlas"]
 
@@ -41,7 +43,6 @@ FREQUENCIES = ("index", "fundamental")
 MOST_NAMES = 60
 """Families named in one picture, at most."""
 
-_MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis
 _INSET_NAMES, _INSET_FAR = 12, 26.0
 
 
@@ -84,8 +85,8 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
     """
     if frequency not in FREQUENCIES:
         raise ValueError(f"unknown frequency {frequency!r}: expected index or fundamental")
-    curves = [Named(curve, curve.h, *_frequency(curve, frequency)) for curve in atlas.curves]
-    stars = None if atlas.impulsive is None else (atlas.impulsive.h, _frequency(atlas.impulsive, frequency)[0])
+    curves = [Named(curve, curve.h, *frequency_of(curve, frequency)) for curve in atlas.curves]
+    stars = None if atlas.impulsive is None else (atlas.impulsive.h, frequency_of(atlas.impulsive, frequency)[0])
     energies = [curve.x for curve in curves] + [atlas.manifold_h] + ([] if stars is None else [stars[0]])
     heights = [curve.y for curve in curves] + [atlas.manifold_frequency] + ([] if stars is None else [stars[1]])
     refuse_empty(energies)
@@ -99,15 +100,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         axes = figure.subplots()
         axes.set_label("frequency")
         energy_axis(axes, atlas, x_limits)
-        symbol = r"2\pi/T" if frequency == "fundamental" else r"m\,2\pi/T"
-        words = "frequency" if frequency == "fundamental" else "frequency index"
-        if atlas.natural_frequency != 1.0:
-            words += " (rad/s)"
-        wide = shown[np.isfinite(shown)]
-        if wide.max() > _MANY_FOLD * wide.min() > 0:
-            logarithmic_axis(axes, "y", logarithmic_limits(wide, 0.04), 6, words, symbol)
-        else:
-            linear_axis(axes, "y", linear_limits(wide, 0.04), 7, words, symbol)
+        frequency_axis(axes, atlas, frequency, shown)
         runs = runs_of(curves)
         entries = legend_entries(runs, [])
         entries += other_entries(atlas, modes, stars is not None)
@@ -143,12 +136,6 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
             written |= label_curves(detail.axes, inside, everything, spots, most=_INSET_NAMES, far=_INSET_FAR, detail=True)
         tell_named(axes, written, curves or named)
     return figure
-
-
-def _frequency(curve: Curve, frequency: str) -> tuple[np.ndarray, np.ndarray]:
-    if frequency == "fundamental":
-        return curve.frequency, np.zeros(max(len(curve.h) - 1, 0), dtype=bool)
-    return curve.frequency_index, np.diff(curve.half_waves) != 0
 
 
 def _star_names(atlas: Atlas, stars: tuple[np.ndarray, np.ndarray] | None) -> list[Named]:

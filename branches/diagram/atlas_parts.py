@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram.marks import curve_runs
-from branches.diagram.scales import logarithmic_axis
+from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.style import BLACK, GREEN, NORMAL, ORANGE, YELLOW
 from branches.diagram.titles import system_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from branches.diagram.atlas_data import Atlas
+    from branches.diagram.atlas_data import Atlas, Curve
     from branches.diagram.atlas_labels import Named
 
 Box = tuple[float, float, float, float]
 
 FINE = 0.6
 """Lines and crosses of many families, beside those of one."""
+_MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis
 _MANIFOLD: dict[str, Any] = {"color": GREEN, "marker": ".", "markersize": 1.8, "markeredgewidth": 0.0, "linewidth": 0.35}
 _MODE: dict[str, Any] = {"color": BLACK, "linewidth": 0.9, "linestyle": "-"}
 _BULLET: dict[str, Any] = {"color": BLACK, "marker": "o", "markersize": 4.5, "linestyle": "none"}
@@ -63,6 +64,26 @@ def title(atlas: Atlas, what: str) -> str:
 
 def energy_axis(axes: Axes, atlas: Atlas, limits: tuple[float, float]) -> None:
     logarithmic_axis(axes, "x", limits, 14, "energy", "h" if atlas.energy_unit == 1.0 else r"\hat{H}")
+
+
+def frequency_of(curve: Curve, frequency: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (N,) of a family, "index" or "fundamental", and where (N - 1,) its curve is broken."""
+    if frequency == "fundamental":
+        return curve.frequency, np.zeros(max(len(curve.h) - 1, 0), dtype=bool)
+    return curve.frequency_index, np.diff(curve.half_waves) != 0
+
+
+def frequency_axis(axes: Axes, atlas: Atlas, frequency: str, shown: np.ndarray) -> None:
+    """Give the y axis frequencies, "index" or "fundamental", around the finite ones that are shown (any shape)."""
+    symbol = r"2\pi/T" if frequency == "fundamental" else r"m\,2\pi/T"
+    words = "frequency" if frequency == "fundamental" else "frequency index"
+    if atlas.natural_frequency != 1.0:
+        words += " (rad/s)"
+    wide = shown[np.isfinite(shown)]
+    if wide.max() > _MANY_FOLD * wide.min() > 0:
+        logarithmic_axis(axes, "y", logarithmic_limits(wide, 0.04), 6, words, symbol)
+    else:
+        linear_axis(axes, "y", linear_limits(wide, 0.04), 7, words, symbol)
 
 
 def draw_modes(axes: Axes, modes: Sequence[Any], name: str) -> None:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.crossings import nearest_crossing
+from branches.crossings import Track, nearest_crossing, reaches
 from branches.label import Label
 from branches.labels import matches, parse, parse_name
+from branches.name_errors import PIN_TOLERANCE
 from branches.name_pins import fits_otherwise
 
 if TYPE_CHECKING:
@@ -51,27 +52,54 @@ def pinned_names(branches: Iterable[Branch], pins: Mapping[str, Pin]) -> dict[st
     branches : iterable of Branch
     pins : mapping of names to {"h", "alpha"}, both, one or none of them
     """
-    tracks = {branch.id: list(zip(*(branch.points[name].tolist() for name in ("h", "alpha", "label")), strict=True)) for branch in branches}
+    families = [_Family.of(branch) for branch in branches]
     out: dict[str, list[PinnedName]] = {}
     for text, pin in pins.items():
         label = parse_name(text).label
         if label is None:
             continue
         h, alpha = pin.get("h"), pin.get("alpha")
-        for id, name in _families(tracks, text, label, h, alpha):
+        near = [family for family in families if family.reaches(h, alpha)]
+        for id, name in _named(near, text, label, h, alpha):
             out.setdefault(id, []).append(name)
     return out
 
 
-def _families(
-    tracks: Mapping[str, list[tuple[float, float, str]]], text: str, label: Label, h: float | None, alpha: float | None
+class _Family(NamedTuple):
+    """What tells quickly that a pin is elsewhere: the ranges and labels of a family."""
+
+    branch: Branch
+    h: tuple[float, float]
+    alpha: tuple[float, float]
+    labels: frozenset[str]
+
+    @classmethod
+    def of(cls, branch: Branch) -> _Family:
+        h, alpha = branch.points["h"], branch.points["alpha"]
+        labels = frozenset(np.unique(branch.points["label"]).tolist()) - {""}
+        return cls(branch, (float(h.min()), float(h.max())), (float(alpha.min()), float(alpha.max())), labels)
+
+    def reaches(self, h: float | None, alpha: float | None) -> bool:
+        """Whether an orbit at a pin can be on it; its quarter period is known to `PIN_TOLERANCE`."""
+        if h is not None and not reaches(self.h, h):
+            return False
+        slack = 0.0 if h is None else PIN_TOLERANCE
+        return alpha is None or reaches((self.alpha[0] / (1.0 + slack), self.alpha[1] / (1.0 - slack)), alpha)
+
+    def track(self) -> Track:
+        """Its points."""
+        return list(zip(*(self.branch.points[name].tolist() for name in ("h", "alpha", "label")), strict=True))
+
+
+def _named(
+    families: Sequence[_Family], text: str, label: Label, h: float | None, alpha: float | None
 ) -> list[tuple[str, PinnedName]]:
     for same in (matches, fits_otherwise):
         fits = _test(same, label)
-        having = {id: track for id, track in tracks.items() if any(fits(point[2]) for point in track)}
+        having = [family for family in families if any(map(fits, family.labels))]
         if h is None and alpha is None:
-            return [(id, PinnedName(text, label)) for id in having]
-        found = {id: nearest_crossing(track, h, alpha, fits) for id, track in having.items()}
+            return [(family.branch.id, PinnedName(text, label)) for family in having]
+        found = {family.branch.id: nearest_crossing(family.track(), h, alpha, fits) for family in having}
         misses = {id: crossing[0] for id, crossing in found.items() if crossing is not None}
         if h is None or alpha is None:
             return [(id, PinnedName(text, label)) for id in misses]

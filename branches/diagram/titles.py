@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from branches.words import PERIODIC
+
 _GREEK = {"mu": r"\mu", "sigma": r"\sigma", "lam": r"\lambda", "rho": r"\rho", "alpha": r"\alpha"}
 
 
@@ -50,12 +52,20 @@ def system_text(system: Any) -> str:
 
 
 def family_text(label: str, ends: tuple[str, str], word: str) -> str:
-    """What a title calls a family: its label as LaTeX, or its ends and word where it has no label."""
+    """What a title calls a family: its label as LaTeX, or its ends and word where it has no label.
+
+    Examples
+    --------
+    >>> family_text("", ("rest", "stop"), "++"), family_text("", ("periodic", "periodic"), "++")
+    ('rest to stop, word ++', 'orbits without a reversal, word ++')
+    """
     if label:
         from branches.labels import latex, parse
 
         return latex(parse(label))
     shown = word if len(word) <= 24 else f"{word[:18]}\N{HORIZONTAL ELLIPSIS} ({len(word)} letters)"
+    if ends == PERIODIC:
+        return f"orbits without a reversal, word {shown}".replace("-", "\N{MINUS SIGN}")
     return f"{ends[0]} to {ends[1]}" + (f", word {shown}" if shown else "").replace("-", "\N{MINUS SIGN}")
 
 

@@ -56,6 +56,8 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
     curves = [curve for curve in atlas.curves if np.isfinite(curve.velocities).any()]
     stars = atlas.impulsive
     energies = [curve.h for curve in curves] + ([] if stars is None else [stars.h])
+    if atlas.curves and not energies:
+        raise ValueError("there is nothing to draw: velocities are those at zero displacement, where no orbit of these families starts")
     refuse_empty(energies)
     x_limits = logarithmic_limits(np.concatenate(energies), 0.04)
     left_out = len({curve.family for curve in atlas.curves}) - len({curve.family for curve in curves})

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.discovery.found import Found, labelled, objection
-from branches.discovery.scan import Passage, Path
+from branches.discovery.scan import Passage
+from branches.discovery.starts import Curve, Path
 from branches.identity import same_segment
-from branches.words import canonical, format_word, impacts_per_period, mirror, mirror_ends
+from branches.words import canonical, format_word, impacts_per_period, mirror, mirror_ends, unfold
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
@@ -39,8 +40,10 @@ class Unpolished(NamedTuple):
     reason: str
 
 
-def first_passages(passages: list[Passage], instants: list[float], span: float) -> tuple[list[int], list[int]]:
-    """Which passages are the first of their start, and which repeat it: multiples of the first segment, with as many impacts.
+def first_passages(
+    passages: list[Passage], instants: list[float], words: list[tuple[str, ...]], start: str, span: float
+) -> tuple[list[int], list[int]]:
+    """Which passages are the first of their start, and which repeat it: multiples of the first segment, with the impacts of that.
 
     Parameters
     ----------
@@ -48,6 +51,10 @@ def first_passages(passages: list[Passage], instants: list[float], span: float) 
         Of one curve.
     instants : list of float
         Time from the start to each.
+    words : list of tuple of str
+        Impacts from the start to each, that at a far stop included.
+    start : str
+        The end that the curve is of.
     span : float
         Length of the curve.
 
@@ -69,7 +76,7 @@ def first_passages(passages: list[Passage], instants: list[float], span: float) 
         group.sort(key=lambda i: instants[i])
         kept: list[int] = []
         for i in group:
-            if any(_repeats(passages[i], instants[i], passages[j], instants[j]) for j in kept):
+            if any(_repeats(instants[i], words[i], passages[j].kind, instants[j], words[j], start) for j in kept):
                 repeated.append(i)
             else:
                 kept.append(i)
@@ -77,13 +84,16 @@ def first_passages(passages: list[Passage], instants: list[float], span: float) 
     return sorted(first), repeated
 
 
-def _repeats(later: Passage, instant: float, first: Passage, period: float) -> bool:
-    """Whether a passage is the first one again, after several segments between the start and that far end."""
+def _repeats(instant: float, word: tuple[str, ...], far: str, period: float, first: tuple[str, ...], start: str) -> bool:
+    """Whether a passage is the first one again, after several segments between the start and that far end.
+
+    The times alone do not tell: where motions part fast, orbits with other words have the same start and time within rounding."""
     turns = round(instant / period)
-    if turns < 1 or abs(instant - turns * period) > 1e-6 * period:
+    if turns < 2 or abs(instant - turns * period) > 1e-6 * period:
         return False
-    ends = turns // 2 if first.kind == "stop" else 0
-    return later.impacts == turns * first.impacts + ends
+    inner, end = (first[:-1], far + first[-1]) if far == "stop" else (first, far)
+    expected = unfold(inner, (start, end), turns)[0]
+    return word[: len(expected)] == expected and len(word) - len(expected) in (0, 1)
 
 
 class Collector:
@@ -109,40 +119,40 @@ class Collector:
             self.problems[ends, word] = MultipointProblem(self.system, ends, word)
         return self.problems[ends, word]
 
-    def add(self, end: str, passage: Passage, path: Path) -> None:
-        """Solve a passage of a curve of starts at an end, where the path of its start is given, and sort it in."""
+    def add(self, curve: Curve, passage: Passage, path: Path) -> None:
+        """Solve a passage of a curve, the path of whose start is given, and sort it in."""
         letters = self.system.modes.contact_letters
         word = tuple(letters[c] for c in path.contacts[: passage.impacts])
         far = passage.kind
         if far == "stop":
             if len(path.contacts) <= passage.impacts:
-                self._set_aside((end, "stop+"), word, passage, path, "its last impact was not found again")
+                self._set_aside(curve, (curve.end, "stop+"), word, passage, path, "its last impact was not found again")
                 return
             far += letters[path.contacts[passage.impacts]]
-        ends = (end, far)
+        ends = (curve.end, far)
         sign = 1.0
         if self.system.has_odd_symmetry and (mirror_ends(ends), mirror(word)) < (ends, word):
             ends, word, sign = mirror_ends(ends), mirror(word), -1.0
         if len(path.nodes) < passage.impacts:
-            self._set_aside(ends, word, passage, path, "its impacts were not found again")
+            self._set_aside(curve, ends, word, passage, path, "its impacts were not found again")
             return
         problem = self.problem(ends, word)
         y = problem.pack(sign * path.start, sign * path.nodes, np.append(path.durations, passage.flight))
         try:
             solution = problem.solve(y, energy=self.energy)
         except NotConverged as error:
-            self._set_aside(ends, word, passage, path, str(error))
+            self._set_aside(curve, ends, word, passage, path, str(error))
             return
         moved = float(np.max(np.abs(problem.start(solution.y) - sign * path.start)))
         if moved > MOVED * float(np.max(np.abs(path.start))):
-            self._set_aside(ends, word, passage, path, "Newton's method moved away from it")
+            self._set_aside(curve, ends, word, passage, path, "Newton's method moved away from it")
             return
         why = objection(problem, solution)
         if why == "inadmissible" and not solution["residual"] < 1e-12:
-            self._set_aside(ends, word, passage, path, f"its residual stays at {solution['residual']:.1e}")
+            self._set_aside(curve, ends, word, passage, path, f"its residual stays at {solution['residual']:.1e}")
             return
         if why == "inadmissible" and min(solution["clearance"], solution["speed"]) > -1e-12:
-            self._set_aside(ends, word, passage, path, "it grazes a stop within rounding")
+            self._set_aside(curve, ends, word, passage, path, "it grazes a stop within rounding")
             return
         if why is not None:
             self.counts[why] += 1
@@ -154,15 +164,19 @@ class Collector:
         for images in same:
             if any(is_same(orbit, other) for other in images):
                 self.counts["duplicates"] += 1
-                images.append(orbit)
+                if not any(is_again(problem, sign * path.start, other) for other in images):
+                    images.append(orbit)
                 return
         same.append([orbit])
 
-    def _set_aside(self, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, path: Path, reason: str) -> None:
+    def _set_aside(
+        self, curve: Curve, ends: tuple[str, str], word: tuple[str, ...], passage: Passage, path: Path, reason: str
+    ) -> None:
         time = path.until_last + passage.flight
         quarters = 1 if (ends[0] == "origin") != (ends[1] == "origin") else 2
         self.counts["unpolished"] += 1
-        self.unpolished.append(Unpolished(ends, format_word(word), passage.parameter, time / quarters, passage.miss, reason))
+        angle = curve.angle(passage.parameter)
+        self.unpolished.append(Unpolished(ends, format_word(word), angle, time / quarters, passage.miss, reason))
 
     def within(self, quarter_period: float, impacts: int | None) -> list[list[Found]]:
         """The orbits within bounds of quarter period and impacts in half a period: each with all the solutions that are images of it."""
@@ -179,6 +193,12 @@ def is_one_sided(images: list[Found]) -> bool:
     """Whether an orbit with two ends of one kind was found from one of them alone; no scan that misses nothing finds it so."""
     first, last = (end.rstrip("+-") for end in images[0].problem.ends)
     return first == last and len(images) != 2
+
+
+def is_again(problem: MultipointProblem, start: np.ndarray, other: Found) -> bool:
+    """Whether a start is that of an orbit that is known, within rounding: intervals that are resumed overlap."""
+    known = other.problem.start(other.solution.y)
+    return other.problem is problem and float(np.max(np.abs(known - start))) <= SAME_START * float(np.max(np.abs(start)))
 
 
 def preference(orbit: Found) -> tuple[Any, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.discovery.orbits import Collector, Unpolished, first_passages, is_one_sided, preference
-from branches.discovery.scan import Opening, follow_start, scan
+from branches.discovery.resuming import resumed
+from branches.discovery.scan import Opening, Passage, follow_start, scan
 from branches.discovery.scope import START_FROM_A_STATE, require_conservative, require_one_stop, require_two_degrees
-from branches.discovery.starts import curves
+from branches.discovery.starts import Path, curves
 from branches.labels import nearest
 from branches.orbit import Orbit
 from branches.words import impacts_per_period
+from bvp.kernels.follow import TURN_LIMIT
+from bvp.kernels.verdict import GRAZED
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -35,6 +38,13 @@ CLASSES = {
 
 BUDGET = 1_000_000
 """Starts followed at most in one search; where they do not do, the rest stays open and the search is not settled."""
+
+LONG = 100.0
+"""Angle by which the fastest mode may turn within the longest segment (rad); where it turns more, each start takes as much longer, and
+fewer are followed."""
+
+LONGEST = 0.5 * TURN_LIMIT
+"""Angle by which the fastest mode may turn at most within the longest segment (rad): a flight is looked through in so many steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +68,11 @@ class Discovery:
     open : list of Opening
         Intervals of starts (by curve) in which it is not decided what they hold.
     counts : dict of str to int
-        Of each stage: ``starts`` followed; intervals ``split``, ``closed``, ``open``, ``at_grazing`` (as wide as rounding) and
-        ``over_budget``; ``grazings`` located; ``crossings`` of far ends; ``repeated`` (several turns, known from the start), ``polished``,
-        ``unpolished``, ``inadmissible``, ``without_impacts``, ``multiple_turns``, ``duplicates``, ``one_sided`` (found from one of two
-        ends alone), ``beyond_bounds``, ``orbits``.
+        Of each stage: ``starts`` followed; intervals ``split``, ``closed``, ``open``, ``resumed`` (as narrow as rounding, and
+        scanned on from their image), ``at_grazing`` (as narrow as rounding) and ``over_budget``; ``grazings`` located; ``crossings``
+        of far ends; ``repeated`` (several turns, known from the start), ``polished``, ``unpolished``, ``inadmissible``,
+        ``without_impacts``, ``multiple_turns``, ``duplicates``, ``one_sided`` (found from one of two ends alone), ``beyond_bounds``,
+        ``orbits``.
     families : tuple of (str or None)
         Where a catalogue was asked: the id of each orbit's family in it, None where none lies there. Else empty.
     """
@@ -92,7 +103,7 @@ def discover(
     quarter_period: float = 10.0,
     impacts: int | None = None,
     ends: Sequence[str] = ("origin-origin",),
-    budget: int = BUDGET,
+    budget: int | None = None,
 ) -> Discovery:
     """Find every primitive symmetric orbit at an energy, within bounds.
 
@@ -108,8 +119,8 @@ def discover(
         Most impacts in half a period; None: not bounded.
     ends : sequence of str
         Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them.
-    budget : int
-        Starts followed at most.
+    budget : int, optional
+        Starts followed at most. The default is a million, and less where the fastest mode turns more than `LONG` within a segment.
 
     Returns
     -------
@@ -128,6 +139,8 @@ def discover(
     (True, ['S11O00-', 'U2111-', 'S13O00+'])
     """
     check(system, energy, quarter_period, impacts, ends)
+    if budget is None:
+        budget = math.ceil(BUDGET / max(1.0, fastest_turn(system, quarter_period) / LONG))
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
     collector = Collector(system, energy)
     counts: Counter[str] = Counter()
@@ -140,18 +153,28 @@ def discover(
                 limits[far] = _limits(first, far, quarter_period, impacts)
         if not limits:
             continue
-        for curve in curves(system, start, energy):
+        longest = max(time for time, _ in limits.values())
+        left = deque(curves(system, start, energy))
+        while left:
+            curve = left.popleft()
             passages, opened, of_scan = scan(curve, limits, max(1, budget - counts["starts"]))
             counts.update(of_scan)
-            openings += opened
+            for opening in opened:
+                on = resumed(curve, opening, longest) if counts["starts"] < budget else None
+                if on is not None:
+                    left.append(on)
+                    counts["resumed"] += 1
+                    counts["at_grazing" if opening.reason == GRAZED else "open"] -= 1
+                elif opening.reason != GRAZED:
+                    openings.append(opening._replace(parameter=curve.angle(opening.parameter), width=curve.piece[1] * opening.width))
             counts["crossings"] += len(passages)
-            longest = max(time for time, _ in limits.values())
             paths = [follow_start(curve, passage.parameter, passage.impacts, longest) for passage in passages]
             instants = [path.until_last + passage.flight for path, passage in zip(paths, passages, strict=True)]
-            first_ones, repeated = first_passages(passages, instants, curve.high - curve.low)
+            words = [_word(path, passage, system.modes.contact_letters) for path, passage in zip(paths, passages, strict=True)]
+            first_ones, repeated = first_passages(passages, instants, words, curve.end, curve.high - curve.low)
             counts["repeated"] += len(repeated)
             for i in first_ones:
-                collector.add(curve.end, passages[i], paths[i])
+                collector.add(curve, passages[i], paths[i])
     counts.update(collector.counts)
     within = collector.within(quarter_period, impacts)
     orbits = sorted((min(images, key=preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.word))
@@ -161,6 +184,7 @@ def discover(
         "split": counts["split"],
         "closed": counts["closed"],
         "open": counts["open"],
+        "resumed": counts["resumed"],
         "at_grazing": counts["at_grazing"],
         "over_budget": counts["budget"],
         "grazings": counts["grazings"],
@@ -189,6 +213,11 @@ def discover(
     )
 
 
+def _word(path: Path, passage: Passage, letters: Sequence[str]) -> tuple[str, ...]:
+    """The impacts before a passage; that at a far stop included."""
+    return tuple(letters[c] for c in path.contacts[: passage.impacts + (passage.kind == "stop")])
+
+
 def _limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:
     """Longest time and most inner impacts of a segment between two kinds of end."""
     quarter = (first == "origin") != (far == "origin")
@@ -202,6 +231,11 @@ def _limits(first: str, far: str, quarter_period: float, impacts: int | None) ->
     return (time, inner) if inner >= 0 else (-1.0, -1)
 
 
+def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
+    """Angle by which the fastest mode turns within the longest segment, half a period (rad)."""
+    return 2.0 * quarter_period * math.sqrt(max(0.0, float(np.max(system.modes.squares))))
+
+
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str]) -> None:
     """Refuse what cannot be searched, in one line."""
     require_conservative(system, "families of periodic orbits")
@@ -211,6 +245,12 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
         raise ValueError(f"the energy is {energy!r}, expected a finite number above 0")
     if not 0.0 < quarter_period < math.inf:
         raise ValueError(f"the longest quarter period is {quarter_period!r}, expected a finite number above 0")
+    turn = fastest_turn(system, quarter_period)
+    if turn > LONGEST:
+        raise ValueError(
+            f"the fastest mode (frequency {turn / (2.0 * quarter_period):.4g}) turns by {turn:.4g} within half of the longest period "
+            f"searched, expected {LONGEST:g} or less: a quarter period up to {LONGEST / turn * quarter_period:.3g} can be searched"
+        )
     if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or impacts < 0):
         raise ValueError(f"the most impacts of half a period is {impacts!r}, expected a whole number, 0 or more")
     if not ends:

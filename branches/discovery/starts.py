@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,15 +18,30 @@ from bvp.kernels.follow import Flow
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Curve", "curves"]
+__all__ = ["QUADRATIC", "Curve", "Path", "curves"]
 
-TRIGONOMETRIC, LINEAR, HYPERBOLIC = 0, 1, 2
+TRIGONOMETRIC, LINEAR, HYPERBOLIC, QUADRATIC = 0, 1, 2, 3
 
 INSET = 1e-11
 """How far from a curve's end at a stop the scan begins: nearer, the first impact is slower than rounding lets be told."""
 
 OFFSET = 0.3
 """Where the full circle is cut: at no parameter that a symmetry singles out."""
+
+
+class Path(NamedTuple):
+    """One start followed: its state (4,), contacts hit (k,), states after them (k, 4), flight times before them, instants (k,)."""
+
+    start: np.ndarray
+    contacts: np.ndarray
+    nodes: np.ndarray
+    durations: np.ndarray
+    instants: np.ndarray
+
+    @property
+    def until_last(self) -> float:
+        """Time from the start to the last impact followed."""
+        return float(self.instants[-1]) if len(self.instants) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +58,11 @@ class Curve:
         The parameter's range.
     singular : (bool, bool)
         Whether the curve ends at a stop there, so that the first impact's speed goes to zero.
+    before : Path, optional
+        Where the curve is the image of a short piece of another one (`branches.discovery.resuming`): the motion up to it, from that
+        piece's middle. The impact that the curve starts after is the last one of it.
+    piece : (float, float)
+        With `before`: middle of the piece, and its derivative by this curve's parameter. Else (0, 1).
     """
 
     end: str
@@ -50,6 +70,12 @@ class Curve:
     low: float
     high: float
     singular: tuple[bool, bool] = (False, False)
+    before: Path | None = None
+    piece: tuple[float, float] = (0.0, 1.0)
+
+    def angle(self, parameter: float) -> float:
+        """Parameter of the start on the curve of starts that this one is an image of, or lies on."""
+        return self.piece[0] + self.piece[1] * parameter
 
 
 def curves(system: ImpactSystem, end: str, energy: float) -> list[Curve]:

@@ -1,52 +1,19 @@
-"""Files of a picture's data.
-
-CSV: a first line ``# {...}`` with what holds for all rows as JSON, then a line of names and a line for each row; an empty cell does not
-exist. JSON: the same with ``"columns": {name: [...]}``; null does not exist. NPZ and MAT: an array for each column, and ``about``,
-the JSON text. Numbers keep all their digits, so a picture drawn from a file is the same to the byte.
-"""
+"""Files of the data of a picture of many families: see `branches.export.picture_data`."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import math
 import os
-import zipfile
-import zlib
-from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from branches.export.atlas_table import COLUMNS, NUMBERS, TEXTS, WHOLE, from_table, to_table
-from branches.export.table_files import Table, csv_text, plain_columns, write_binary
-from branches.files import reason, replacing, write_text
-from branches.labels import nearest
+from branches.export.atlas_table import COLUMNS, TEXTS, WHOLE, from_table, to_table
+from branches.export.picture_data import DATA_FORMATS, ExportError, Layout, data_format, read_data, told, write_data
 
 if TYPE_CHECKING:
     from branches.diagram.atlas_data import Atlas
 
 __all__ = ["DATA_FORMATS", "ExportError", "data_format", "read_atlas", "write_atlas"]
 
-DATA_FORMATS = ("csv", "json", "npz", "mat")
-
-
-class ExportError(ValueError):
-    """A file that holds no data of a picture, or a format that does not exist; the message is one line."""
-
-
-def data_format(path: str | os.PathLike[str]) -> str | None:
-    """The format of data that a file's name ends with, None for another ending.
-
-    Examples
-    --------
-    >>> data_format("plot.CSV"), data_format("plot.png")
-    ('csv', None)
-    """
-    suffix = Path(path).suffix[1:].lower()
-    return suffix if suffix in DATA_FORMATS else None
+_LAYOUT = Layout("atlas", COLUMNS, ("velocities",), TEXTS, WHOLE)
 
 
 def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
@@ -59,22 +26,7 @@ def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
     branches.files.WriteFailure
         If the file cannot be written; an old file is then unchanged.
     """
-    kind = data_format(path)
-    if kind is None:
-        near = nearest(Path(path).suffix[1:], DATA_FORMATS, 1)
-        raise ExportError(f"unknown format of {os.fspath(path)!r}: expected {', '.join(DATA_FORMATS)}; nearest: {near[0]}")
-    about, columns = to_table(atlas)
-    head = json.dumps(about, allow_nan=False)
-    table: Table = {name: columns[name] for name in (*COLUMNS, "velocities")}
-    if kind == "csv":
-        write_text(path, f"# {head}\n{csv_text(table, codes=True)}")
-    elif kind == "json":
-        plain = plain_columns(dict(columns), codes=True)
-        lines = ",\n".join(f"    {json.dumps(name)}: {json.dumps(values, allow_nan=False)}" for name, values in plain.items())
-        write_text(path, f'{head[:-1]},\n  "columns": {{\n{lines}\n  }}\n}}\n')
-    else:
-        with replacing(path) as beside, beside.open("wb") as file:
-            write_binary(dict(columns), kind, file, about=head, cells=False)
+    write_data(_LAYOUT, *to_table(atlas), path)
 
 
 def read_atlas(path: str | os.PathLike[str]) -> Atlas:
@@ -85,96 +37,6 @@ def read_atlas(path: str | os.PathLike[str]) -> Atlas:
     ExportError
         In one line: the file cannot be read, or what it lacks.
     """
-    kind = data_format(path)
-    name = os.fspath(path)
-    if kind is None:
-        raise ExportError(f"{name} is no file of a picture's data: expected one that ends in {', '.join(DATA_FORMATS)}")
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise ExportError(f"cannot read {name}: {reason(error)}") from error
-    reader = {"csv": _from_csv, "json": _from_json, "npz": _from_npz, "mat": _from_mat}[kind]
-    try:
-        about, columns = reader(content)
-        _check(about, columns)
+    about, columns = read_data(_LAYOUT, path)
+    with told(os.fspath(path)):
         return from_table(about, columns)
-    except KeyError as error:
-        raise ExportError(f"{name} is no file of a picture's data: it lacks {error.args[0]!r}") from error
-    except (ValueError, TypeError, EOFError, IndexError, zipfile.BadZipFile, NotImplementedError) as error:
-        raise ExportError(f"{name} is no file of a picture's data that can be read: {' '.join(str(error).split())}") from error
-
-
-def _check(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> None:
-    if about.get("content") != "atlas":
-        raise ValueError("it does not say that it holds an atlas")
-    if about.get("schema") != 1:
-        raise ValueError(f"its schema is {about.get('schema')!r}, expected 1")
-    for name in (*COLUMNS, "velocities"):
-        if name not in columns:
-            raise KeyError(name)
-    lengths = {len(column) for column in columns.values()}
-    if len(lengths) != 1:
-        raise ValueError(f"its columns have different lengths, {', '.join(map(str, sorted(lengths)))}")
-    for name in NUMBERS:
-        if not np.issubdtype(columns[name].dtype, np.number):
-            raise ValueError(f"the column {name} holds what is no number")
-
-
-def _from_csv(content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    head, _, rest = content.decode("utf-8").partition("\n")
-    if not head.startswith("# {"):
-        raise ValueError("its first line is not # {...}")
-    rows = list(csv.reader(io.StringIO(rest)))
-    if len({len(row) for row in rows}) != 1:
-        raise ValueError("its rows have different numbers of cells, or there are none")
-    cells = dict(zip(rows[0], zip(*rows[1:], strict=True), strict=True)) if len(rows) > 1 else {}
-    columns: dict[str, np.ndarray] = {}
-    for name in COLUMNS:
-        values = cells[name]
-        if name in TEXTS:
-            columns[name] = np.array(values)
-        elif name in WHOLE:
-            columns[name] = np.array([int(value) for value in values])
-        else:
-            columns[name] = np.array([float(value) if value else math.nan for value in values])
-    names = [name for name in rows[0] if name.startswith("velocities.")]
-    columns["velocities"] = np.array([[float(value) if value else math.nan for value in cells[name]] for name in names]).T
-    return json.loads(head[2:]), columns
-
-
-def _from_json(content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    record = json.loads(content)
-    columns = {}
-    for name, values in record.pop("columns").items():
-        if name in TEXTS:
-            columns[name] = np.array(values, dtype=str)
-        elif name in WHOLE:
-            columns[name] = np.array(values, dtype=int)
-        else:
-            columns[name] = np.array(values, dtype=float)
-    return record, columns
-
-
-def _from_npz(content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return json.loads(str(file["about"])), {name: file[name] for name in file.files if name != "about"}
-
-
-def _from_mat(content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        file = loadmat(io.BytesIO(content), chars_as_strings=True)
-    except (MatReadError, zlib.error, OSError) as error:
-        raise ValueError(str(error)) from error
-    columns = {}
-    for name in (*COLUMNS, "velocities"):
-        values = file[name]
-        if name in TEXTS:
-            columns[name] = np.array([str(cell).rstrip() for cell in values])
-        else:
-            columns[name] = values if name == "velocities" else values[:, 0]
-        if name in WHOLE:
-            columns[name] = columns[name].astype(int)
-    return json.loads(str(file["about"][0])), columns

@@ -86,20 +86,20 @@ def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> A
     unknown = set(np.unique(kind).tolist()) - set(KINDS)
     if unknown:
         raise ValueError(f"rows of unknown kind {sorted(unknown)[0]!r}; expected {', '.join(KINDS)}")
-    curves = []
-    for number in np.unique(columns["curve"][kind == "family"]):
-        curves.append(_curve(columns, (kind == "family") & (columns["curve"] == number)))
+    rows = np.flatnonzero(kind == "family")
+    rows = rows[np.argsort(columns["curve"][rows], kind="stable")]
+    parts = np.split(rows, np.flatnonzero(np.diff(columns["curve"][rows])) + 1) if len(rows) else []
     manifold = kind == "manifold"
-    impulsive = kind == "impulsive"
+    impulsive = np.flatnonzero(kind == "impulsive")
     return Atlas(
         ImpactSystem.from_description(about["system"]),
-        tuple(curves),
+        tuple(_curve(columns, part) for part in parts),
         columns["h"][manifold],
         columns["frequency"][manifold],
         columns["joined"][manifold] == 1,
         str(about["manifold"]["window"]),
         int(about["manifold"]["periods"]),
-        _curve(columns, impulsive) if impulsive.any() else None,
+        _curve(columns, impulsive) if len(impulsive) else None,
         tuple(Bound(str(b["below"]), str(b["above"]), float(b["h"]), str(b["what"])) for b in about["bounds"]),
         float(about["clearance"]),
         float(about["natural_frequency"]),
@@ -107,10 +107,9 @@ def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> A
 
 
 def _curve(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> Curve:
-    first = int(np.argmax(rows))
     numbers = {name: columns[name][rows] for name in NUMBERS}
     return Curve(
-        str(columns["family"][first]),
+        str(columns["family"][rows[0]]),
         columns["name"][rows].astype(str),
         columns["pinned"][rows] == 1,
         half_waves=columns["half_waves"][rows],

@@ -19,7 +19,7 @@ from bvp.kernels.restitution import restitute
 
 __all__ = [
     "ACCELERATION", "CLEARANCE", "COLUMNS", "CONTACT", "DERIVATIVE", "DURATION", "FREE", "Flow", "MISS", "SECOND", "SPEED", "STUCK",
-    "THIRD", "TIME", "TURNS", "advance", "amplitude", "follow", "nearest_turns", "start_at",
+    "THIRD", "TIME", "TURNS", "TURN_LIMIT", "advance", "amplitude", "follow", "nearest_turns", "start_at",
 ]  # fmt: skip
 
 STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, MISS, ACCELERATION, CLEARANCE, SECOND, TURNS, THIRD, COLUMNS = (
@@ -34,6 +34,7 @@ FREE, STUCK = -1.0, -2.0
 """In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up."""
 
 TURN_LIMIT = 20000
+"""Steps in which the turning points of one flight are looked for."""
 
 
 class Flow(NamedTuple):
@@ -54,7 +55,8 @@ class Flow(NamedTuple):
     across: np.ndarray  # (2,) unit vector along the stop, in modal coordinates
     limits: np.ndarray  # (2,) bounds of the gap coordinate, infinite where there is none
     start: np.ndarray  # (3, 4): z = start[0] + first(theta) start[1] + second(theta) start[2]
-    shape: np.ndarray  # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic; contact that the start leaves, -1 for none
+    # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic, 3 linear and quadratic; contact that the start leaves, -1 for none
+    shape: np.ndarray
 
 
 @kernel
@@ -70,6 +72,11 @@ def start_at(flow, theta, z, dz):
         second = theta
         first_rate = 0.0
         second_rate = 1.0
+    elif flow.shape[0] == 3:
+        first = theta
+        second = theta * theta
+        first_rate = 1.0
+        second_rate = 2.0 * theta
     else:
         first = math.cosh(theta)
         second = math.sinh(theta)
@@ -260,6 +267,10 @@ def nearest_turns(flow, row, horizon, work):
         t = after
         f = f_after
         sign = now
+    if t < duration:  # there are more than were looked for: nothing is known of the rest
+        best = -math.inf
+        second = -math.inf
+        count = 0
     row[CLEARANCE] = best
     row[CLEARANCE + 1] = 0.0
     row[SECOND] = second

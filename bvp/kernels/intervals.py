@@ -24,7 +24,7 @@ from bvp.kernels.compiled import allocating, kernel, part
 from bvp.kernels.follow import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow, nearest_turns
 from bvp.kernels.passages import refine_zero
 from bvp.kernels.places import place, unplace
-from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, JUMP, SPLIT, flight_verdict, touching
+from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, GRAZED, JUMP, SPLIT, flight_verdict, touching
 
 __all__ = ["COUNTS", "scan_interval"]
 
@@ -32,20 +32,35 @@ COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
 
 
+COARSE = 10.0
+"""Where rounding of the starts hides more of a grazing than this many times what the tolerance of contacts does, the rest is left open."""
 SLIVER = 4e-12
 """How far outside its interval Newton's method may end at a grazing: about what is left out between its two sides."""
 
 
 @part
-def leave_open(openings, opening, theta, width, flight, reason, counts):
-    """Add an interval to those that stay open; returns their number."""
-    counts[OPEN] += 1
+def note(openings, opening, theta, width, flight, reason):
+    """Write down an interval, where there is room."""
     if opening < openings.shape[0]:
         openings[opening, 0] = theta
         openings[opening, 1] = width
         openings[opening, 2] = flight
         openings[opening, 3] = reason
     return opening + 1
+
+
+@part
+def leave_open(openings, opening, theta, width, flight, reason, counts):
+    """Add an interval to those that stay open; returns their number."""
+    counts[OPEN] += 1
+    return note(openings, opening, theta, width, flight, reason)
+
+
+@part
+def leave_grazed(openings, opening, theta, width, flight, counts):
+    """Add an interval that is as narrow as rounding about a grazing; returns the number of those that stay open, with it."""
+    counts[AT_GRAZING] += 1
+    return note(openings, opening, theta, width, flight, GRAZED)
 
 
 @kernel
@@ -89,7 +104,8 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
 
     On one side the flight ends with a slow impact, which would reach speed^2/(2 w'') beyond the stop; on the other it passes at some
     distance: one smooth function of the start, by whose secants the bracket shrinks.
-    Returns (record, record, theta, theta) of both sides, the bracket (theta, theta), and how many starts were followed."""
+    Returns (record, record, theta, theta) of both sides, the bracket (theta, theta), whether rounding of the starts hides much more of the
+    grazing than the tolerance of contacts does (see `COARSE`), and how many starts were followed."""
     one = i_a
     two = i_b
     theta_1 = theta_a
@@ -142,6 +158,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
     offset = 16.0 * grain
     if slope > 0.0:
         offset = max(offset, touching(flow, records[late, k]) / slope)
+    hidden = 16.0 * grain * slope
     edge_1 = theta_1
     edge_2 = theta_2
     theta_1 = min(theta_1, edge_2 - min(offset, 0.25 * (edge_2 - theta_a)))
@@ -154,7 +171,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
         two = third(one, two, first)
         levels[two] = follow(flow, theta_2, longest, most, records[two], work)
         followed += 1
-    return one, two, theta_1, theta_2, edge_1, edge_2, followed
+    return one, two, theta_1, theta_2, edge_1, edge_2, hidden > COARSE * touching(flow, records[late, k]), followed
 
 
 @allocating
@@ -164,7 +181,8 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
     ends (3,): those between which `place` maps, and its kind: where the curve of starts itself ends at a stop, its end is one of them.
     times, impacts (3,): see `flight_verdict`. records (3 D + 3, K + 2, COLUMNS), levels (3 D + 3,), stack (2 D, 10): room for D halvings.
     candidates (C, 8): kind, inner impacts, theta, time in the last flight, miss, converged, low and high end of the interval.
-    openings (O, 4): theta, width, flight and reason of what stays open. counts (7,): see COUNTS, added to. Returns (candidates, openings);
+    openings (O, 4): theta, width, flight and reason of what stays open, GRAZED where that is as narrow as rounding about a grazing.
+    counts (7,): see COUNTS, added to. Returns (candidates, openings);
     more than their room says that there was too little of it."""
     found = np.empty((3, 8))
     count = np.zeros(3, np.int64)
@@ -199,7 +217,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             if k < levels[i_a] and k < levels[i_b]:
                 jumped = jumped or records[i_a, k, CONTACT] != records[i_b, k, CONTACT]
             if jumped and theta_b - theta_a <= 8.0 * grain:
-                counts[AT_GRAZING] += 1
+                opening = leave_grazed(openings, opening, theta_a, theta_b - theta_a, k, counts)
             else:
                 opening = leave_open(openings, opening, theta_a, theta_b - theta_a, k, stack[top, 9], counts)
                 if used >= budget:
@@ -214,8 +232,8 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
         r = 0.5 * (x_b - x_a)
         root_a = (kind == 1 or kind == 3) and x_a <= 1e-3
         root_b = (kind == 2 or kind == 3) and x_b >= 1.0 - 1e-3
-        beyond_a = SLIVER if root_a else 2.0 * grain
-        beyond_b = SLIVER if root_b else 2.0 * grain
+        beyond_a = SLIVER if root_a else 8.0 * grain
+        beyond_b = SLIVER if root_b else 8.0 * grain
         verdict = CLOSED
         while verdict == CLOSED:
             verdict = flight_verdict(
@@ -262,7 +280,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             continue
         counts[SPLITS] += 1
         if verdict == JUMP:
-            one, two, theta_1, theta_2, edge_1, edge_2, followed = grazing_between(
+            one, two, theta_1, theta_2, edge_1, edge_2, coarse, followed = grazing_between(
                 flow, k, i_a, i_b, i_m, theta_a, theta_b, grain, longest, most, records, levels, work
             )
             counts[GRAZINGS] += 1
@@ -270,6 +288,8 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             used += followed
             if edge_2 - edge_1 > 64.0 * grain:
                 opening = leave_open(openings, opening, edge_1, edge_2 - edge_1, k, JUMP, counts)
+            elif coarse and k > 0:
+                opening = leave_grazed(openings, opening, theta_1, theta_2 - theta_1, k, counts)
             early_one = records[one, k, DURATION] < records[two, k, DURATION]
             if two != i_b and theta_b > theta_2:
                 # The square root starts at grazing itself, and at an end where an earlier one did.

@@ -82,6 +82,8 @@ def approaches(flow, kind, row, along, r, tube, window, found, work):
                     return -1
                 advance(flow.squares, t, row[:4], along, y, dy)
             t += (size - reach) / lipschitz
+    if not t > window:
+        return -1
     if inside:
         count = gather(flow, kind, row, along, r, tube, entered, window, best_time, y, dy, found, count)
     return count

@@ -25,11 +25,11 @@ from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.kernels.passages import MARGIN, approaches
 from bvp.kernels.segment import ORIGIN, REST, STOP
 
-__all__ = ["CLOSED", "DONE", "ENDLESS", "JUMP", "SPLIT", "flight_verdict", "positive", "touching"]
+__all__ = ["CLOSED", "DONE", "ENDLESS", "GRAZED", "JUMP", "SPLIT", "flight_verdict", "positive", "touching"]
 
-CLOSED, SPLIT, JUMP, DONE, ENDLESS = 0, 1, 2, 3, 4
+CLOSED, SPLIT, JUMP, DONE, ENDLESS, GRAZED = 0, 1, 2, 3, 4, 5
 """Verdicts on a flight: decided; to be split; the ends are on different sides of a grazing; no more flights; more impacts than are
-followed. The verdicts below are reasons to split."""
+followed. GRAZED is said of what a grazing leaves out. The verdicts below are reasons to split."""
 
 ENDED, PRESSED, LATE, DIFFERENT, COARSE, UNEVEN, TOUCHES, SLOW, SKIMS, NEAR_ORIGIN, NEAR_REST, NEAR_STOP = range(10, 22)
 """Some starts have no such flight; one stays pressed against a stop; some leave the time searched; the impacts differ; it is too wide
@@ -51,7 +51,7 @@ TOUCHING = 3.0 * CONTACT_TOLERANCE
 def positive(value_a, rate_a, value_m, rate_m, value_b, rate_b, r, noise):
     """Whether a positive quantity stays so over an interval of half width r, sampled with its derivative at both ends and the middle, where
     `noise` is its rounding error (it may be zero at an end)."""
-    if not (value_a > -noise and value_m > 0.0 and value_b > -noise):
+    if not (value_a > -noise and value_m > -noise and value_b > -noise):
         return False
     least = min(value_a, value_m, value_b)
     most = max(abs(rate_a), abs(rate_m), abs(rate_b))

@@ -32,7 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="kinds of orbits, as pairs of ends with commas between: origin-origin (default; includes the symmetric orbits, "
         "origin-rest and origin-stop), rest-rest, rest-stop, stop-stop",
     )
-    parser.add_argument("--max-starts", metavar="N", type=whole_above_zero, help="most starts followed (default: a million)")
+    parser.add_argument(
+        "--max-starts",
+        metavar="N",
+        type=whole_above_zero,
+        help="most starts followed (default: a million; fewer where a mode is fast)",
+    )
     parser.add_argument("--json", metavar="FILE", help="write all data as JSON; - is standard output, which then carries nothing else")
     catalogue_arguments.add_file(parser, "tell which family of this catalogue each orbit lies on")
     scene_arguments.add_arguments(parser)
@@ -132,7 +137,7 @@ def summary(found: Discovery) -> list[str]:
         f"{len(found.orbits)} orbits at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
         f"between the ends {', '.join(found.ends)}",
         f"scan     {counts['starts']} starts, intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
-        f"{counts['at_grazing']} as narrow as rounding at a grazing; {counts['grazings']} grazings",
+        f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counts['grazings']} grazings",
         f"orbits   {counts['crossings']} crossings, {counts['repeated'] + counts['multiple_turns']} of them several turns, "
         f"{counts['polished']} polished, {counts['duplicates']} duplicates, {counts['inadmissible']} inadmissible, "
         f"{counts['unpolished']} not polished",

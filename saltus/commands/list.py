@@ -21,21 +21,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
+    from branches.labels import spelled
     from saltus.catalogue_records import family_record, range_text, tell
     from saltus.listing import listing, width_of
 
     filters = family_filters.from_arguments(arguments)
     with catalogue_arguments.opened(arguments) as catalogue:
         families = catalogue.families(**filters)
-        total = len(catalogue)
+        total, names = len(catalogue), list(catalogue.scene.pins)
 
     def lines() -> Iterator[str]:
         rows = []
         for row in families:
-            others = [label for label in row.label_names if label != row.label]
+            label, *others = dict.fromkeys(spelled(text, names) for text in (row.label, *row.label_names))
             rows.append(
                 (
-                    row.label or "-", row.id, f"{row.impacts:g}", range_text(row.h), range_text(row.alpha),
+                    label or "-", row.id, f"{row.impacts:g}", range_text(row.h), range_text(row.alpha),
                     f"{100.0 * row.stable_fraction:.0f}%", str(row.points), str(row.events), " ".join(others),
                 )
             )  # fmt: skip

@@ -69,5 +69,5 @@ def _lines(nodes: list[dict[str, Any]], edges: list[dict[str, Any]]) -> list[str
                 here, there = there, here
             way = " to ".join(event for event in (here, there) if event) or edge["type"]
             out.append(f"  {way}: {edge['kind']} at h = {edge['h']:.10g}, alpha = {edge['alpha']:.10g}")
-    out.append(f"{len(edges)} events")
+    out.append(f"{len(edges)} {'event' if len(edges) == 1 else 'events'}")
     return out

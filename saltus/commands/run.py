@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+from pathlib import Path
 from typing import IO
 
 from saltus import catalogue_arguments, motion_start, outputs, scene_arguments, units
-from saltus.arguments import positive, whole, whole_above_zero
+from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE, FAILED, BadInput
+from saltus.files import WriteFailure
 
 __all__ = ["add_arguments", "run"]
 
@@ -20,11 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     motion_start.add_arguments(parser)
     parser.add_argument("--duration", metavar="T", type=positive, help="time to run (default: as long as the scene's records last)")
-    parser.add_argument("--max-impacts", metavar="K", type=whole, default=MOST_IMPACTS, help="end there (default: ten million)")
+    parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, default=MOST_IMPACTS, help="end there (default: ten million)")
     parser.add_argument("--samples", metavar="N", type=whole_above_zero, help=f"times in the time series of the files (default: {SAMPLES})")
     parser.add_argument("--locked", action="store_true", help="run the system with its sink locked too, and compare peaks and mean squares")
     catalogue_arguments.add_file(parser, "tell the families that stages follow from this catalogue; --on is taken from it, too")
-    outputs.add_arguments(parser, arrays=True, plot=False)
+    outputs.add_arguments(parser, arrays=True)
     units.add_arguments(parser)
     scene_arguments.add_arguments(parser)
 
@@ -36,7 +38,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput(f"--samples {arguments.samples}: expected 2 at least, the begin and the end of the motion")
     scene = scene_arguments.from_arguments(arguments)
 
+    from saltus.first_run import prepare_motion
     from saltus.motion_data import impact_table, json_text, motion_record, sample_table
+    from saltus.motion_picture import draw
     from saltus.motion_text import comparison, describe
     from saltus.motions import default_duration, run_locked, run_scene, tell_stages
 
@@ -50,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"model  {line}", file=files.words, flush=True)
     with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
         start = motion_start.from_arguments(arguments, scene)
+        prepare_motion()
         told = run_scene(scene, start, duration, arguments.max_impacts)
         locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
         told = tell_stages(told, scene, start, catalogue)
@@ -76,5 +81,13 @@ def run(arguments: argparse.Namespace) -> int:
         about = {key: value for key, value in record.items() if key not in ("impacts", "forces")}
         write_binary(table, kind, file, about=json.dumps(about, allow_nan=False))
 
-    code = files.write(json=text, csv=series, arrays=arrays)
+    def picture(path: Path) -> None:
+        if told.shown is None:
+            raise WriteFailure(f"cannot draw {files.plot}: {told.why_no_stages}")
+        draw(told.shown, catalogue, start.branch, path)
+        if (scale.length, scale.frequency) != (1.0, 1.0):
+            print("note   the picture is in natural units", file=files.words)
+
+    with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
+        code = files.write(json=text, csv=series, draw=picture, arrays=arrays)
     return max(code, DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED)

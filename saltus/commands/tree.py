@@ -53,10 +53,14 @@ class _Tree:
     """Every node hangs where it is reached with the fewest events; there it is opened, elsewhere it is only named."""
 
     def __init__(self, catalogue: Catalogue, root: str, depth: int) -> None:
+        from branches.labels import spelled
+
         self.root = root
         self.words: dict[str, str] = {}
+        names = list(catalogue.scene.pins)
         for row in catalogue.families():
-            self.words[row.id] = f"{row.label or row.id}  h {row.h[0]:.5g}:{row.h[1]:.5g}" + (f"  {row.id}" if row.label else "")
+            label = spelled(row.label, names)
+            self.words[row.id] = f"{label or row.id}  h {row.h[0]:.5g}:{row.h[1]:.5g}" + (f"  {row.id}" if label else "")
         for other in catalogue.nodes:
             h = "" if other.h is None else f"  h {other.h[0]:.5g}:{other.h[1]:.5g}"
             self.words[other.id] = f"dead end: {other.note}" if other.kind == "dead end" else f"{other.id} ({other.kind}){h}"
@@ -81,12 +85,14 @@ class _Tree:
         self.limit = depth
 
     def _shown(self, node: str) -> list[tuple[Way, bool]]:
-        """The ways that leave a node, but for the one that led to it, and whether the other node opens there."""
+        """The ways that leave a node, but for the one that led to it, each meeting once, and whether the other node opens there."""
         came = self.parent[node]
+        told = [] if came is None else [came]
         shown = []
         for way in self.ways.get(node, []):
-            if came is not None and (way.edge is came.edge or _tells_the_same(way.edge, came.edge)):
+            if any(way.edge is other.edge or _tells_the_same(way.edge, other.edge) for other in told):
                 continue
+            told.append(way)
             shown.append((way, self.parent.get(way.to) is way))
         return shown
 
@@ -98,7 +104,7 @@ class _Tree:
             ways = self._shown(node)
             if self.depth[node] >= self.limit:
                 if ways:
-                    out.append(f"{lead}└─ {len(ways)} more events")
+                    out.append(f"{lead}└─ {len(ways)} more {'event' if len(ways) == 1 else 'events'}")
                 return
             for k, (way, opens) in enumerate(ways):
                 last = k == len(ways) - 1

@@ -1,7 +1,18 @@
 """Runs that are stuck beside branch points: the longest of several, and families of which one side is the image of the other."""
 
+import pytest
+
 import saltus
-from branches.passing import PARTS, is_half, longest
+from branches.building.work import _followed
+from branches.catalogue.closures import kept_orbit, unknowns_of
+from branches.identity import first_of, presentations, symmetries
+from branches.passing import PARTS, has_jumped, is_half, longest
+from branches.stretch import embed
+from branches.switching import births
+from branches.tracing import follow_family
+from branches.words import parse_word
+from bvp.cycle import cycle_of
+from bvp.multipoint import MultipointProblem
 
 
 def test_runs_start_elsewhere_until_none_is_stuck():
@@ -26,3 +37,32 @@ def test_a_family_beside_its_symmetry_breaking_is_a_half():
     lower = 0 if beside.points["h"][0] < beside.points["h"][-1] else 1
     assert beside.ended[lower].reason == "STOP_WHEN"
     assert is_half(beside, lower) and not is_half(beside, 1 - lower)
+
+
+@pytest.mark.parametrize(
+    ("energy", "ends", "words", "limits", "born"),
+    [
+        (10.0, "rest-stop", ("-++--++++", "++++--++-"), (9.7, 13.0), 9.7452144),
+        (21.3, "origin-origin", ("++-+--++", "++--+-++", "--+-++--", "--++-+--"), (19.0, 27.0), 21.2657745),
+    ],
+)
+def test_steps_that_leave_a_family_at_a_branch_point_are_made_finer(energy, ends, words, limits, born):
+    """Oracle: the symmetries: a family without a reversal meets one with a reversal at one point, and has none on either side of it."""
+    system = saltus.vibro_impact_nes()
+    found = saltus.discover(system, energy, quarter_period=5.1, impacts=10, ends=(ends,))
+    starts = [orbit for orbit in found.orbits if orbit.word in words]
+    branches = [follow_family(o.problem, o.solution.y, energy=limits, quarter_period=5.1) for o in starts]
+    old, event = next((b, e) for b in branches for e in b.events if e.breaks == "reversal" and abs(e.h / born - 1.0) < 1e-6)
+    (birth,) = births(old, event)
+    crossed = embed(old.problem, old.unknowns(event.point), 1)
+    assert has_jumped(birth.problem, birth.step.y, crossed.unknowns(birth.problem))
+    orbit = kept_orbit(system, first_of(presentations(birth.problem, birth.step.y)))
+    problem = MultipointProblem(system, orbit.ends, parse_word(orbit.word))
+    y = unknowns_of(problem, orbit)
+    branch = _followed(problem, y, limits, 5.1)
+    assert not has_jumped(problem, branch.unknowns(1), branch.unknowns(len(branch) - 2))
+    for place in (len(branch) // 4, 3 * len(branch) // 4):
+        assert not symmetries(cycle_of(problem, branch.unknowns(place))).reversals
+    assert branch.points["h"].min() == pytest.approx(event.h, rel=1e-6)
+    assert branch.id != old.id and branch.id.startswith("periodic:")
+

@@ -201,3 +201,13 @@ def test_amplitudes_bound_a_mode_and_its_derivatives(square):
             assert largest <= bound * (1.0 + 1e-12)
             if square > 0.0 or q * p > 0.0:
                 assert largest >= 0.99 * bound
+
+
+def test_more_turning_points_than_are_looked_through_leave_nothing_known():
+    """Oracle: a mode of frequency 3e5 has a million turning points in ten time units, one of 3 has ten."""
+    for mu, known in ((0.1, True), (1e-12, False)):
+        (curve,) = curves(saltus.vibro_impact_nes(mu=mu), "origin", 1e-9)
+        row = np.zeros(COLUMNS)
+        row[:4], row[DURATION] = (0.0, 0.0, 1e-5, 1e-5), np.inf
+        nearest_turns(curve.flow, row, 10.0, np.zeros((16, 16)))
+        assert bool(row[CLEARANCE] > 0.0) is known and bool(row[CLEARANCE] == -np.inf) is not known

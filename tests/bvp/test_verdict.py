@@ -6,10 +6,10 @@ import pytest
 import saltus
 from branches.discovery import scan as scanning
 from branches.discovery.starts import curves
-from bvp.kernels.follow import COLUMNS, CONTACT, DURATION, TIME, follow
-from bvp.kernels.passages import passage
+from bvp.kernels.follow import ACCELERATION, CLEARANCE, COLUMNS, CONTACT, DERIVATIVE, DURATION, MISS, SPEED, TIME, follow
+from bvp.kernels.passages import MARGIN, passage
 from bvp.kernels.segment import ORIGIN
-from bvp.kernels.verdict import CLOSED, ENDLESS, flight_verdict
+from bvp.kernels.verdict import CLOSED, ENDLESS, SKIMS, flight_verdict
 
 LONGEST, MOST = 6.0, 5
 
@@ -64,6 +64,58 @@ def test_a_straight_path_past_the_origin(angle, distance, tube, expected):
     along = np.concatenate([normal, np.zeros(2)])
     verdict, time = passage(flow, ORIGIN, row, along, 0.01, tube, 0.5, 1.5, 0.9, np.empty(4), np.empty(4))
     assert verdict == expected and abs(time - 1.0) < 1e-12
+
+
+def width_of(curve, along, window, r=1e-3, acceleration=2.0):
+    """The width of the tube of the gap coordinate that `flight_verdict` reckons with, for starts whose states after an impact differ by
+    `along` (4,): from the slowest speed of the next impact, against an acceleration, that it does not take for one that may be skimmed."""
+
+    def verdict(speed):
+        records = np.zeros((3, 2, COLUMNS))
+        for record in records:
+            row = record[1]
+            row[:4], row[DERIVATIVE : DERIVATIVE + 4] = (0.3, -0.2, 0.9, 0.4), along
+            row[TIME], row[DURATION], row[CONTACT], row[CLEARANCE] = 1.0, window, 0.0, np.inf
+            row[SPEED], row[ACCELERATION], row[MISS] = speed, acceleration, 1e6
+        times, impacts = np.array([-1.0, -1.0, 2.0 + window]), np.array([1, 1, 1])
+        return flight_verdict(
+            curve.flow, 1, *records, 2, 2, 2, 1.0, 1.0, 1.0, r, 4.5e-16, times, impacts, 2.0 + window, 1, np.empty((3, 8)),
+            np.zeros(3, np.int64), np.zeros((16, 16)),
+        )  # fmt: skip
+
+    low, high = 1e-12, 10.0
+    assert verdict(low) == SKIMS and verdict(high) == CLOSED
+    for _ in range(60):
+        middle = np.sqrt(low * high)
+        low, high = (middle, high) if verdict(middle) == SKIMS else (low, middle)
+    return high**2 / (2.0 * acceleration) / r
+
+
+@pytest.mark.parametrize("window", [0.01, 0.1, 0.5, 2.0])
+@pytest.mark.parametrize("system", [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.01, 1.0)])
+def test_the_tube_holds_the_gap_and_grows_from_the_impact_on(system, window):
+    """Oracle: the modes' cosines and sines: how far the gap coordinate of neighbours parts within the flight. From an impact, where all
+    are at the stop, it parts with the time, or with its square where the speeds along the gap are equal."""
+    (curve,) = curves(system, "origin", 1.0)
+    gap, squares = curve.flow.gap[0, :2], curve.flow.squares
+    across = np.array([-gap[1], gap[0]]) / np.hypot(*gap)
+    t = np.linspace(0.0, window, 400)
+    w = np.sqrt(squares)
+    rng = np.random.default_rng(4)
+    for _ in range(40):
+        place, speed, slip = rng.normal(size=3)
+        same = np.concatenate([place * across, slip * across])
+        parting = same + np.concatenate([np.zeros(2), speed * gap / (gap @ gap)])
+        wide = [width_of(curve, along, window) for along in (same, parting)]
+        for along, width in zip((same, parting), wide, strict=True):
+            apart = sum(gap[c] * (along[c] * np.cos(w[c] * t) + along[c + 2] * np.sin(w[c] * t) / w[c]) for c in range(2))
+            assert width >= MARGIN * np.max(np.abs(apart)) * (1.0 - 1e-9)
+        force = sum(abs(gap[c]) * squares[c] * np.hypot(same[c], same[c + 2] / w[c]) for c in range(2))
+        assert wide[0] <= MARGIN * 0.5 * force * window**2 * (1.0 + 1e-9)
+        whole = sum(abs(gap[c]) * np.hypot(parting[c], parting[c + 2] / w[c]) for c in range(2))
+        assert wide[1] <= MARGIN * whole * (1.0 + 1e-9)
+        if window < 0.05:
+            assert wide[1] == pytest.approx(MARGIN * abs(speed) * window, rel=0.02 * (1.0 + force / abs(speed)))
 
 
 def test_more_impacts_than_are_followed_leave_the_interval_open(monkeypatch):

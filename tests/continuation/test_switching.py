@@ -9,6 +9,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from continuation import GenericProblem, Settings, SwitchError, branch_directions, follow, switch, trace
+from continuation.branch_point import refine_branch_point
 from tests.continuation.curves import circle, parts, pitchfork, transcritical
 
 
@@ -139,3 +140,28 @@ def test_refuses_a_distance_that_is_not_positive():
     (event,) = trace(pitchfork(), np.array([0.0, -1.0]), Settings(maximum_points=100)).events
     with pytest.raises(ValueError, match="distance = 0"):
         switch(pitchfork(), event, distance=0.0)
+
+
+@pytest.mark.parametrize("offset", [1e-3, 1e-5, 1e-7])
+def test_a_branch_point_is_refined_to_rounding(offset):
+    """Oracle: two lines that cross at a known place in the plane x + y + z = 2.5, seen from beside it."""
+
+    def residual(y):
+        return np.array([(y[0] - 1.0) * (y[1] - 2.0), y[0] + y[1] + y[2] - 2.5])
+
+    def jacobian(y):
+        return np.array([[y[1] - 2.0, y[0] - 1.0, 0.0], [1.0, 1.0, 1.0]])
+
+    near = np.array([1.0 + offset, 2.0 - 0.3 * offset, -0.5 + 0.4 * offset])
+    found = refine_branch_point(GenericProblem(residual, jacobian), near)
+    assert found is not None and np.max(np.abs(found - [1.0, 2.0, -0.5])) < 1e-14
+    assert np.linalg.svd(jacobian(found), compute_uv=False)[-1] < 1e-14
+
+
+def test_where_no_branch_point_is_near_none_is_refined():
+    """Oracle: a circle has none; lines that cross farther away than asked for are left alone."""
+    circle_problem = GenericProblem(lambda y: np.array([y @ y - 1.0]), lambda y: 2.0 * y[None, :])
+    assert refine_branch_point(circle_problem, np.array([1.0, 0.0])) is None
+    lines = GenericProblem(lambda y: np.array([y[0] * y[1]]), lambda y: np.array([[y[1], y[0]]]))
+    assert refine_branch_point(lines, np.array([0.02, 0.0]), farthest=0.01) is None
+    assert refine_branch_point(lines, np.array([0.02, 0.0]), farthest=0.03) is not None

@@ -109,6 +109,7 @@ def test_a_tree_with_a_ring_ends(tmp_path, capsys):
             filled.connect(Edge(other, "GR2", "GR", "fold", one, 1.0 + k, 1.7, "GR1"))
     code, out, _ = run(capsys, "tree", ids[0], "--catalogue", tmp_path / "ring.sqlite", "--depth", "9")
     assert code == 0 and len(out.splitlines()) < 12
+    assert out.count("GR1 fold at h 1") == 1 and "1 more event" not in out
     for id in ids[1:]:
         assert sum(id in line and "elsewhere" not in line for line in out.splitlines()) == 1
 
@@ -183,6 +184,8 @@ def test_no_catalogue_yet(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     code, _, err = run(capsys, "list")
     assert code == 2 and str(default_path()) in err and "--save" in err
+    code, _, err = run(capsys, "list", "--catalogue", tmp_path)
+    assert code == 2 and err == f"saltus: cannot read {tmp_path}: it is a directory, expected the file of a catalogue\n"
     code, _, err = run(capsys, "check", tmp_path / "none.sqlite")
     assert code == 2 and "there is no catalogue" in err
 
@@ -229,6 +232,11 @@ def test_the_default_place(tmp_path, capsys, monkeypatch):
         assert code == 0 and not err
     assert {entry.name for entry in (tmp_path / "data" / "saltus").iterdir()} == {"lee2009.sqlite", "lee2009-mu0.2.sqlite"}
     assert "1 of 1 families" in run(capsys, "list")[1]
+    for words in (["list"], ["show", "S11-"], ["tree", "S11-"], ["path", "S11-", "S11-"]):
+        ids = {run(capsys, *words, *more)[1].count("9e0b51fa") for more in ([], ["--mu", "0.2"])}
+        assert len(ids) == 2, "both systems have the same family"
+    code, _, err = run(capsys, "list", "--mu", "0.3")
+    assert code == 2 and "lee2009-mu0.3.sqlite" in err
     code, _, err = run(capsys, "continue", "S11-", "--mu", "0.2", "--save", "--catalogue", default_path())
     assert code == 2 and "mu is 0.1, not 0.2" in err
     (tmp_path / "text.sqlite").write_text("text")

@@ -73,6 +73,16 @@ def test_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters):
         assert set(columns["family"]) == expected
 
 
+def test_families_without_start_velocities(tmp_path):
+    """Oracle: the ends; a family between a rest and a stop never passes the origin."""
+    from branches.linear_modes import families_at, linear_modes
+
+    begun = next(met for met in families_at(linear_modes(real.SYSTEM)[0], 1, 1, points=20) if "origin" not in met.ends)
+    begun.branch.save(tmp_path / "rest.json")
+    code, _, err = told(f"export velocities --branches {tmp_path}/rest.json --out {tmp_path}/a.png")
+    assert code == 2 and "where no orbit of these families starts" in err and err.count("\n") == 1
+
+
 def test_regimes_are_told_by_all_families(catalogue, tmp_path):
     """Oracle: the symmetry breaking of S13O00+, which the filter leaves out."""
     code, out, _ = told(f"export fep --catalogue {catalogue} --out {tmp_path}/a.csv --label S11- --regimes")

@@ -76,3 +76,13 @@ def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_
     monkeypatch.setattr("saltus.first_run.prepare", stop)
     assert main(words.format(catalogue=catalogue).split()) == 130
     assert seen == asked
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_a_damped_run_says_that_it_compiles(monkeypatch, capsys, missing):
+    """Oracle: one line on a terminal where the kernel is taken for not compiled, else nothing."""
+    monkeypatch.setattr("bvp.kernels.warm.stored", lambda kernel: not missing or kernel.py_func.__name__ != "move")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    first_run.prepare_motion()
+    out, err = capsys.readouterr()
+    assert out == "" and ("compiling the kernels" in err) is missing

@@ -53,7 +53,7 @@ def test_the_commands_of_a_block_run(page, lines, tmp_path, monkeypatch, capsys)
         out, err = capsys.readouterr()
         assert out and ("-" in words or not err)
         for option, value in zip(words, words[1:], strict=False):
-            if option in ("--json", "--csv", "--plot", "--orbit", "--catalogue", "--out") and value != "-":
+            if option in ("--json", "--csv", "--npz", "--mat", "--plot", "--orbit", "--catalogue", "--out") and value != "-":
                 assert (tmp_path / value).stat().st_size > 0
 
 

@@ -1,11 +1,11 @@
-"""Records for the tests: from formulas, and from conservative runs."""
+"""Records for the tests: from formulas, and from runs."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from bvp.run import run
-from transitions.record import Record
+from bvp.damped import run
+from transitions.record import Record, record_of
 
 
 def synthetic(times, signal, rate, energy=None, impacts=()):
@@ -18,20 +18,7 @@ def synthetic(times, signal, rate, energy=None, impacts=()):
 
 
 def of_run(system, u, v, duration, step=0.02):
-    """A record of a run of a system of absorber and primary; what dampers take is integrated by trapezoids, as the pictures and stages need
-    no more."""
-    result = run(system, u, v, duration)
-    assert result.duration == duration
-    times = step * np.arange(int(round(duration / step)) + 1)
-    places, speeds = result.sample(np.minimum(times, duration))
-    total = system.energy(places, speeds)
-    a, b = system.absorber, system.primary
-    gap = places[:, a] - places[:, b]
-    nes = 0.5 * (system.mass[a, a] * speeds[:, a] ** 2 - system.stiffness[a, b] * gap**2)
-    n = system.degrees_of_freedom
-    before, after = (system.energy(states[:, :n], states[:, n:]) for states in (result.before, result.after))
-    losses = np.concatenate([[0.0], np.cumsum(before - after)])
-    power = np.einsum("mi,ij,mj->m", speeds, system.damping, speeds)
-    damped = np.concatenate([[0.0], np.cumsum(0.5 * step * (power[1:] + power[:-1]))])
-    stopped = losses[np.searchsorted(result.times, times, side="right")]
-    return Record(times, places, speeds, total, nes, total - nes, stopped, damped, result.times[~result.touches])
+    """A record of a run."""
+    motion = run(system, u, v, duration)
+    assert motion.duration == duration
+    return record_of(motion, step)

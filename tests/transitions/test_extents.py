@@ -18,13 +18,13 @@ def oscillator(c, upper=100.0):
 def test_free_vibration_and_its_decay():
     """u = sin t: peak 1 at pi/2, rms over a period 1/sqrt 2; damped: the first turning point, and integral of u^2 of the closed form."""
     found = extents(run(oscillator(0.0), [0.0], [1.0], 2.0 * math.pi))
-    assert found.peaks[0] == pytest.approx(1.0, rel=1e-14) and found.times[0] == pytest.approx(math.pi / 2, rel=1e-8)
+    assert found.peaks[0] == pytest.approx(1.0, rel=1e-14) and found.times[0] == pytest.approx(math.pi / 2, rel=1e-7)
     assert found.rms[0] == pytest.approx(math.sqrt(0.5), rel=1e-14)
     c = 0.4
     a, w = c / 2, math.sqrt(1.0 - c * c / 4)
     turn = math.atan2(w, a) / w
     found = extents(run(oscillator(c), [0.0], [1.0], 60.0))
-    assert found.times[0] == pytest.approx(turn, rel=1e-8)
+    assert found.times[0] == pytest.approx(turn, rel=1e-7)
     assert found.peaks[0] == pytest.approx(math.exp(-a * turn) * math.sin(w * turn) / w, rel=1e-14)
     # integral of exp(-2 a t) sin(w t)^2/w^2 over 0 <= t < infinity: 1/(4 a (a^2 + w^2))
     assert found.rms[0] == pytest.approx(math.sqrt(1.0 / (4.0 * a) / 60.0), rel=1e-9)
@@ -56,6 +56,7 @@ def test_no_sample_lies_beyond_a_peak(rho, forced):
     values = u @ np.transpose(rows)
     sampled = np.abs(values).max(axis=0)
     assert np.all(sampled <= found.peaks * (1.0 + 1e-13)) and np.all(sampled >= found.peaks - 2e-3)
+    np.testing.assert_allclose(found.peaks[:2], motion.peaks, rtol=1e-15)
     at, _ = motion.sample(found.times)
     np.testing.assert_allclose(np.abs(np.einsum("rn,rn->r", at, rows)), found.peaks, rtol=1e-12)
     np.testing.assert_allclose(found.rms, np.sqrt(np.trapezoid(values**2, times, axis=0) / 40.0), rtol=1e-6)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from transitions.record import Record
+from bvp.damped import run
+from bvp.system import vibro_impact_nes
+from transitions.record import Record, record_of
 
 
 def columns(**changed):
@@ -59,3 +61,29 @@ def test_a_gap_coordinate_of_another_system_is_refused():
     """Oracle: the number of entries."""
     with pytest.raises(ValueError, match="3 entries; the record has 2"):
         Record(**columns()).along((1.0, -1.0, 0.0))
+
+
+def test_a_run_becomes_a_record_that_loses_nothing():
+    """Oracle: the run's own samples, energies and balance; with a damper across the gap, that is the sink's."""
+    motion = run(vibro_impact_nes(lam=0.02, rho=0.8), [0.0, 0.0], [0.3, 1.5], 60.0)
+    record = record_of(motion, 0.04)
+    u, v = motion.sample(record.times)
+    np.testing.assert_array_equal(record.displacements, u)
+    np.testing.assert_array_equal(record.velocities, v)
+    np.testing.assert_allclose(record.energy, motion.system.energy(u, v), rtol=1e-13)
+    np.testing.assert_allclose(record.nes_energy, 0.5 * (0.1 * v[:, 0] ** 2 + 0.1 * (u[:, 0] - u[:, 1]) ** 2), rtol=1e-12)
+    np.testing.assert_allclose(record.energy + record.dissipated_nes + record.dissipated_lo, record.energy[0], rtol=1e-12)
+    assert record.dissipated_nes[-1] == pytest.approx(motion.dissipated["stop a"], rel=1e-12)
+    assert record.dissipated_lo[-1] == pytest.approx(motion.dissipated["rest"], rel=1e-12)
+    assert len(record.impacts) == motion.impacts and record.impacts[-1] == motion.last_impact
+
+
+def test_a_run_that_cannot_be_a_record_is_told_in_one_line():
+    """Oracle: the words."""
+    system = vibro_impact_nes(lam=0.02, rho=0.8)
+    motion = run(system, [0.0, 0.0], [0.3, 1.5], 5.0)
+    for step in (0.0, -1.0, 6.0):
+        with pytest.raises(ValueError, match="step of a record"):
+            record_of(motion, step)
+    with pytest.raises(ValueError, match="named oil"):
+        record_of(run(system, [0.0, 0.0], [0.3, 1.5], 5.0, dampers={"oil": system.damping}), 0.1)

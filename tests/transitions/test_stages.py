@@ -16,7 +16,8 @@ from transitions.families import NEAR, Family, Meeting, families_of, harmonics
 from transitions.following import Line, stretches, unlike
 from transitions.ridges import HOLDS, SHARE, amplitude_of_motion
 from transitions.spectrum import Wavelet
-from transitions.stages import changes, spectrum_of, stages_as_data, stages_of
+from transitions.stage import changes, stages_as_data
+from transitions.stages import spectrum_of, stages_of
 
 GAP = (1.0, -1.0)
 STEP = 0.02

@@ -6,7 +6,7 @@ import saltus
 from branches.catalogue import Node
 from branches.labels import LabelSyntaxError
 from branches.name_errors import AmbiguousName, NameNotFound
-from tests.branches.catalogue.families import real, renamed, scene
+from tests.branches.catalogue.families import HIGH, real, renamed, scene
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +46,16 @@ def test_a_name_is_its_family(catalogue, name):
         assert match.h == pytest.approx(h, rel=1e-12)
         exact = min((orbit.alpha for orbit in branch.orbits_at(energy=h)), key=lambda alpha: abs(alpha - match.alpha))
         assert match.alpha == pytest.approx(exact, rel=1e-4)
+
+
+def test_the_end_of_a_family_is_one_of_its_orbits(catalogue):
+    """Oracle: the energies between which the families were followed, which each bound meets to rounding only, and the printed digits of a
+    grazing; every family that `families` gives at the bound has an orbit there."""
+    at_bound = [row.id for row in catalogue.families(energy=HIGH)]
+    assert at_bound == [row.id for row in catalogue.families() if abs(row.h[1] / HIGH - 1.0) < 1e-10]
+    assert at_bound and all(catalogue.branch(id).orbits_at(energy=HIGH) for id in at_bound)
+    assert catalogue.find("S11-@h=20").id in at_bound and catalogue.find("S13+@h=0.1185078").id == real()[BACKBONE].id
+    assert {row.id for row in catalogue.families(energy=HIGH, label="S11-", stable=True)} == {real()[OUT_OF_PHASE].id}
 
 
 def test_either_start_of_an_unsymmetric_orbit_is_its_name(catalogue):

@@ -29,6 +29,8 @@ def test_a_family_comes_back_bit_for_bit(path):
             assert same_columns(branch.points, back.points)
             assert back.events == branch.events and back.ended == branch.ended and back.start == branch.start
             assert (back.id, back.label, back.ends, back.word) == (branch.id, branch.label, branch.ends, branch.word)
+            assert "whole" not in back.__dict__, "it was followed for its id"
+            assert back.whole.ids == branch.whole.ids
 
 
 def test_a_family_read_is_the_family_added_again(path, tmp_path):

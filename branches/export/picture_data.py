@@ -1,0 +1,215 @@
+"""Files of the data that a picture is drawn from: columns of one length, and what holds for all of them.
+
+CSV: a first line ``# {...}`` with what holds for all rows as JSON, then a line of names and a line for each row; an empty cell does not
+exist. JSON: the same with ``"columns": {name: [...]}``; null does not exist. NPZ and MAT: an array for each column, and ``about``,
+the JSON text. Numbers keep all their digits, so a picture drawn from a file is the same to the byte.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from branches.export.table_files import Table, csv_text, plain_columns, write_binary
+from branches.files import reason, replacing, write_text
+from branches.labels import nearest
+
+__all__ = ["DATA_FORMATS", "ExportError", "Layout", "data_format", "read_data", "told", "write_data"]
+
+DATA_FORMATS = ("csv", "json", "npz", "mat")
+
+
+class ExportError(ValueError):
+    """A file that holds no data of a picture, or a format that does not exist; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a file holds.
+
+    Parameters
+    ----------
+    content : str
+        Its kind, as ``about`` says it.
+    columns : tuple of str
+        Names of the columns with one entry in a row, in order.
+    wide : tuple of str
+        Names of those with several, which stand behind.
+    texts, whole : tuple of str
+        Those of `columns` that hold texts, and whole numbers; the others hold numbers, NaN where there is none.
+    """
+
+    content: str
+    columns: tuple[str, ...]
+    wide: tuple[str, ...] = ()
+    texts: tuple[str, ...] = ()
+    whole: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> str:
+        """The kind with its article."""
+        return f"{'an' if self.content[0] in 'aeiou' else 'a'} {self.content}"
+
+
+def data_format(path: str | os.PathLike[str]) -> str | None:
+    """The format of data that a file's name ends with, None for another ending.
+
+    Examples
+    --------
+    >>> data_format("plot.CSV"), data_format("plot.png")
+    ('csv', None)
+    """
+    suffix = Path(path).suffix[1:].lower()
+    return suffix if suffix in DATA_FORMATS else None
+
+
+def write_data(layout: Layout, about: Mapping[str, Any], columns: Mapping[str, np.ndarray], path: str | os.PathLike[str]) -> None:
+    """Write csv, json, npz or mat, as the file's name ends.
+
+    Raises
+    ------
+    ExportError
+        For another ending.
+    branches.files.WriteFailure
+        If the file cannot be written; an old file is then unchanged.
+    """
+    kind = data_format(path)
+    if kind is None:
+        near = nearest(Path(path).suffix[1:], DATA_FORMATS, 1)
+        raise ExportError(f"unknown format of {os.fspath(path)!r}: expected {', '.join(DATA_FORMATS)}; nearest: {near[0]}")
+    head = json.dumps(about, allow_nan=False)
+    table: Table = {name: columns[name] for name in (*layout.columns, *layout.wide)}
+    if kind == "csv":
+        write_text(path, f"# {head}\n{csv_text(table, codes=True)}")
+    elif kind == "json":
+        plain = plain_columns(dict(columns), codes=True)
+        lines = ",\n".join(f"    {json.dumps(name)}: {json.dumps(values, allow_nan=False)}" for name, values in plain.items())
+        write_text(path, f'{head[:-1]},\n  "columns": {{\n{lines}\n  }}\n}}\n')
+    else:
+        with replacing(path) as beside, beside.open("wb") as file:
+            write_binary(dict(columns), kind, file, about=head, cells=False)
+
+
+def read_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read what `write_data` wrote.
+
+    Raises
+    ------
+    ExportError
+        In one line: the file cannot be read, or what it lacks.
+    """
+    kind = data_format(path)
+    name = os.fspath(path)
+    if kind is None:
+        raise ExportError(f"{name} is no file of a picture's data: expected one that ends in {', '.join(DATA_FORMATS)}")
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ExportError(f"cannot read {name}: {reason(error)}") from error
+    reader = {"csv": _from_csv, "json": _from_json, "npz": _from_npz, "mat": _from_mat}[kind]
+    with told(name):
+        about, columns = reader(layout, content)
+        _check(layout, columns)
+        return about, columns
+
+
+@contextmanager
+def told(name: str) -> Iterator[None]:
+    """Within it, what is wrong with the content of a file is told as an `ExportError` that names the file."""
+    try:
+        yield
+    except KeyError as error:
+        raise ExportError(f"{name} is no file of a picture's data: it lacks {error.args[0]!r}") from error
+    except (ValueError, TypeError, EOFError, IndexError, zipfile.BadZipFile, NotImplementedError) as error:
+        raise ExportError(f"{name} is no file of a picture's data that can be read: {' '.join(str(error).split())}") from error
+
+
+def _about(layout: Layout, about: Any) -> dict[str, Any]:
+    """What holds for all rows, when it is of the kind and schema that are read."""
+    if not isinstance(about, dict) or about.get("content") != layout.content:
+        raise ValueError(f"it does not say that it holds {layout.named}")
+    if about.get("schema") != 1:
+        raise ValueError(f"its schema is {about.get('schema')!r}, expected 1")
+    return about
+
+
+def _check(layout: Layout, columns: Mapping[str, np.ndarray]) -> None:
+    for name in (*layout.columns, *layout.wide):
+        if name not in columns:
+            raise KeyError(name)
+    lengths = {len(column) for column in columns.values()}
+    if len(lengths) != 1:
+        raise ValueError(f"its columns have different lengths, {', '.join(map(str, sorted(lengths)))}")
+    for name in (*layout.columns, *layout.wide):
+        if name not in (*layout.texts, *layout.whole) and not np.issubdtype(columns[name].dtype, np.number):
+            raise ValueError(f"the column {name} holds what is no number")
+
+
+def _from_csv(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    head, _, rest = content.decode("utf-8").partition("\n")
+    if not head.startswith("# {"):
+        raise ValueError("its first line is not # {...}")
+    about = _about(layout, json.loads(head[2:]))
+    rows = list(csv.reader(io.StringIO(rest)))
+    if len({len(row) for row in rows}) != 1:
+        raise ValueError("its rows have different numbers of cells, or there are none")
+    cells = dict(zip(rows[0], zip(*rows[1:], strict=True), strict=True)) if len(rows) > 1 else {}
+    columns: dict[str, np.ndarray] = {}
+    for name in layout.columns:
+        values = cells[name]
+        if name in layout.texts:
+            columns[name] = np.array(values)
+        elif name in layout.whole:
+            columns[name] = np.array([int(value) for value in values])
+        else:
+            columns[name] = np.array([float(value) if value else math.nan for value in values])
+    for wide in layout.wide:
+        names = [name for name in rows[0] if name.startswith(f"{wide}.")]
+        columns[wide] = np.array([[float(value) if value else math.nan for value in cells[name]] for name in names]).T
+    return about, columns
+
+
+def _from_json(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    record = _about(layout, json.loads(content))
+    kinds: dict[str, Any] = {**dict.fromkeys(layout.texts, str), **dict.fromkeys(layout.whole, int)}
+    columns = {name: np.array(values, dtype=kinds.get(name, float)) for name, values in record.pop("columns").items()}
+    return record, columns
+
+
+def _from_npz(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        about = _about(layout, json.loads(str(file["about"])))
+        return about, {name: file[name] for name in file.files if name != "about"}
+
+
+def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        file = loadmat(io.BytesIO(content), chars_as_strings=True)
+    except (MatReadError, zlib.error, OSError) as error:
+        raise ValueError(str(error)) from error
+    about = _about(layout, json.loads(str(file["about"][0])))
+    columns = {}
+    for name in (*layout.columns, *layout.wide):
+        values = file[name]
+        if name in layout.texts:
+            columns[name] = np.array([str(cell).rstrip() for cell in values])
+        else:
+            columns[name] = values if name in layout.wide else values[:, 0]
+        if name in layout.whole:
+            columns[name] = columns[name].astype(int)
+    return about, columns

@@ -1,0 +1,86 @@
+"""Branch points where families with more symmetry, or with several turns, are crossed.
+
+Oracles: the way there and back; the normal form of a q-tupling.
+"""
+
+import numpy as np
+import pytest
+
+import saltus
+from branches.family import Family
+from branches.identity import symmetries
+from branches.switching import _crossing, births, switch
+from branches.tracing import follow_family
+from bvp.cycle import cycle_of
+from continuation.branch_point import refine_branch_point
+from continuation.switching import SwitchError, branch_directions
+
+SYSTEM = saltus.vibro_impact_nes()
+
+
+def test_a_branch_point_that_is_known_to_the_square_root_of_rounding_is_refined():
+    """Oracle: the way there: the last reversal breaks on a family, and from the family born there one comes back to it."""
+    found = saltus.discover(SYSTEM, 12.1, quarter_period=5.1, impacts=9, ends=("rest-stop",))
+    starts = [orbit for orbit in found.orbits if orbit.word == "+++--+"]
+    old = [follow_family(start.problem, start.solution.y, energy=(11.9, 12.2)) for start in starts]
+    old, breaking = next((branch, event) for branch in old for event in branch.events if event.breaks == "reversal")
+    born = switch(old, breaking, energy=(11.9, 12.05))[0]
+    through = follow_family(born.problem, born.unknowns(len(born) // 2), energy=(11.9, 12.05))
+    crossing = next(event for event in through.events if event.type == "BP")
+    before, here, after = (through.unknowns(crossing.point + place) for place in (-1, 0, 1))
+    known = after - before
+    beside = here + 0.1 * (after - here)
+    with pytest.raises(SwitchError, match="null space"):
+        branch_directions(Family(through.problem), beside, known)
+    (birth,) = _crossing(through.problem, beside, known, crossing)
+    assert [other.problem.ends for other in births(through, crossing)] == [birth.problem.ends]
+    assert birth.turns == 1 and set(birth.problem.ends) == {"rest", "stop+"}
+    back = follow_family(birth.problem, birth.step, energy=(11.9, 12.2))
+    again = next(event for event in back.events if event.breaks == "reversal")
+    assert again.h == pytest.approx(breaking.h, rel=1e-11)
+    exact = refine_branch_point(Family(through.problem), through.unknowns(crossing.point))
+    assert through.problem.energy(exact) == pytest.approx(breaking.h, rel=1e-9)
+
+
+def test_a_family_of_five_turns_breaks_no_reversal_at_its_crossing():
+    """Oracle: the normal form: its half map's entry goes with the cube of the distance, whose change of sign rounding shifts."""
+    old = saltus.trace("S11O00-", SYSTEM, energy=(0.0692, 0.1))
+    event = min((e for e in old.events if e.p_q == [2, 5]), key=lambda e: abs(e.h - 0.0779734))
+    crossed = 0
+    for born in switch(old, event, energy=(0.07, 0.09)):
+        both = follow_family(born.problem, born.unknowns(len(born) // 2), energy=(0.07, 0.09))
+        for crossing in both.events:
+            if crossing.type == "BP" and abs(crossing.h / event.h - 1.0) < 1e-6:
+                crossed += 1
+                b = both.points["tau"] - 2.0
+                far = np.abs(both.points["arclength"] - crossing.arclength) > 0.02
+                sides = both.points["arclength"] > crossing.arclength
+                assert np.all(b[far & sides][:3] * b[far & ~sides][-3:] < 0.0)
+                assert not [e.id for e in both.events if e.type == "SB" and abs(e.arclength - crossing.arclength) < 0.01]
+    assert crossed
+
+
+def test_orbits_without_a_reversal_triple():
+    """Oracle: Arnold's normal form: at 1/3 orbits of three times the period cross on both sides, as far as the energy is; both sides are
+    one family, and three starts of them are one orbit."""
+    found = saltus.discover(SYSTEM, 9.7, quarter_period=1.7, impacts=3, ends=("rest-rest", "rest-stop", "stop-stop"))
+    branches = [follow_family(o.problem, o.solution.y, energy=(9.0, 10.5), quarter_period=5.1) for o in found.orbits]
+    old, breaking = next((b, e) for b in branches for e in b.events if e.breaks == "reversal" and abs(e.h - 9.51616) < 1e-3)
+    born = switch(old, breaking, energy=(9.0, 10.5))[0]
+    tripling = next(event for event in born.events if event.p_q == [1, 3])
+    assert born.problem.periodic and tripling.h == pytest.approx(9.9644062, abs=1e-6)
+    sides = births(born, tripling)
+    energies = [birth.step.extra["energy"] - tripling.h for birth in sides]
+    assert len(sides) == 2 and energies[0] * energies[1] < 0.0
+    ids = set()
+    for birth in sides:
+        orbit = birth.step.extra
+        assert orbit["residual"] < 1e-12 and birth.turns == 0
+        assert orbit["quarter_period"] == pytest.approx(3.0 * tripling.alpha, rel=1e-4)
+        kept = symmetries(cycle_of(birth.problem, birth.step.y))
+        assert kept.turns == 1 and not kept.reversals
+        ids.add(follow_family(birth.problem, birth.step, energy=(9.0, 10.5), quarter_period=5.1).id)
+    assert len(ids) == 1
+    other = next(event for event in born.events if event.type == "RT" and event.p_q[1] != 3)
+    with pytest.raises(ValueError, match="triple at most"):
+        births(born, other)

@@ -1,0 +1,354 @@
+"""`saltus run`. Oracles: closed forms of free motion, the motion run directly, the numbers of the files against each other."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from bvp.damped import run as run_damped
+from bvp.motion import EventKind
+from bvp.system import vibro_impact_nes
+from tests.saltus.running import run
+from tests.saltus.test_scene_loads import SCENE
+
+DAMPED = ("--rho", "0.7", "--lam", "0.01")
+
+CORNER = """
+title = "a body that meets two walls at an acute angle at one instant"
+[system]
+mass = [[1.0, 0.0], [0.0, 1.0]]
+stiffness = [[1.0, 0.0], [0.0, 1.0]]
+[[stops]]
+c = [1.0, 0.0]
+upper = 0.5
+restitution = 0.5
+[[stops]]
+c = [1.0, 0.2]
+upper = 0.5
+restitution = 0.5
+[bounds]
+energy = [0.1, 10]
+quarter_period = 8
+impacts = 6
+"""
+
+
+def told(capsys, *words):
+    """The JSON of a run, which standard output carries alone."""
+    code, out, err = run(capsys, "run", *words, "--json", "-")
+    assert code == 0, err
+    return json.loads(out)
+
+
+@pytest.fixture(scope="module")
+def shock(tmp_path_factory):
+    """All files of one damped motion from an impulsive start."""
+    from saltus.__main__ import main
+
+    folder = tmp_path_factory.mktemp("shock")
+    files = [word for kind in ("json", "csv", "npz", "mat") for word in (f"--{kind}", str(folder / f"run.{kind}"))]
+    assert main(["run", "--impulsive", "--energy", "8", *DAMPED, "--duration", "150", "--samples", "301", *files]) == 0
+    return folder, json.loads((folder / "run.json").read_text())
+
+
+def test_the_record_is_the_motion_itself(shock):
+    """Oracle: the motion run directly: the oscillator's velocity alone, sqrt(2 h)."""
+    _, record = shock
+    assert record["initial"]["u"] == [0.0, 0.0] and record["initial"]["v"] == [0.0, 4.0] and record["initial"]["energy"] == 8.0
+    motion = run_damped(vibro_impact_nes(lam=0.01, rho=0.7), [0, 0], [0, 4.0], 150.0)
+    hits = motion.kinds == EventKind.IMPACT.value
+    assert [row["time"] for row in record["impacts"]] == motion.times[hits].tolist()
+    assert record["shares"]["nes"] == pytest.approx(motion.dissipated["stop a"] / 8.0, rel=1e-14)
+    assert record["shares"]["lo"] == pytest.approx(motion.dissipated["rest"] / 8.0, rel=1e-14)
+    assert record["last_impact"] == motion.last_impact == record["impacts"][-1]["time"]
+
+
+def test_the_numbers_of_the_record_agree_with_each_other(shock):
+    """Oracles: losses sum to what the stops took; restitution; fractions at the marks; the balance; NES and LO and what is left are 1."""
+    _, record = shock
+    assert record["schema"] == 1 and record["energy_balance_error"] < 1e-12
+    impacts = record["impacts"]
+    lost = math.fsum(row["energy_lost"] for row in impacts) + math.fsum(row["energy_lost"] for row in record["chatter"])
+    assert lost == pytest.approx(record["dissipated"]["stop a"], rel=1e-13)
+    reduced = 0.1 / 1.1
+    for row in impacts:
+        assert row["speed_after"] == pytest.approx(0.7 * row["speed"], rel=1e-15)
+        assert row["energy_lost"] == pytest.approx(0.5 * reduced * (row["speed"] ** 2 - row["speed_after"] ** 2), rel=1e-13)
+    assert sum(record["shares"].values()) + record["energy"] / 8.0 == pytest.approx(1.0, abs=1e-13)
+    at = record["at"]
+    assert list(at) == ["50", "85", "90", "99"]
+    reached = [name for name in at if at[name]["time"] is not None]
+    for name in reached:
+        # An impact loses its energy at once: a mark that it passes is passed by a part of that.
+        passed = math.fsum(row["energy_lost"] for row in impacts if row["time"] == at[name]["time"]) / 8.0
+        over = at[name]["nes"] + at[name]["lo"] - float(name) / 100.0
+        assert abs(over) < 1e-13 if not passed else 0.0 <= over < passed
+        before = math.fsum(row["energy_lost"] for row in impacts if row["time"] <= at[name]["time"])
+        assert at[name]["nes"] == pytest.approx(before / 8.0, abs=1e-13)
+    assert sum(record["shares"].values()) >= max(float(name) for name in reached) / 100.0
+    for stage in record["stages"]:
+        assert stage["end"] > stage["start"] and stage["periods"] >= 3.0
+    spent = [math.fsum(stage[f"dissipated_{who}"] for stage in record["stages"]) for who in ("nes", "lo")]
+    assert spent[0] <= record["shares"]["nes"] * 8.0 * (1 + 1e-9) and spent[1] <= record["shares"]["lo"] * 8.0 * (1 + 1e-9)
+
+
+def test_the_files_hold_the_same_motion(shock):
+    """Oracle: the record; energies, dissipation and work close at each sample."""
+    folder, record = shock
+    arrays = dict(np.load(folder / "run.npz"))
+    matlab = loadmat(folder / "run.mat")
+    rows = list(csv.DictReader((folder / "run.csv").read_text().splitlines()))
+    assert len(rows) == 301 and arrays["time"][-1] == 150.0
+    for name in ("time", "energy", "nes_energy", "dissipated_nes", "dissipated_lo"):
+        np.testing.assert_array_equal([float(row[name]) for row in rows], arrays[name])
+        np.testing.assert_array_equal(matlab[name][:, 0], arrays[name])
+        assert record["samples"][name] == arrays[name].tolist()
+    np.testing.assert_array_equal([[float(row[f"u.{k}"]) for k in (1, 2)] for row in rows], arrays["u"])
+    np.testing.assert_allclose(arrays["energy"] + arrays["dissipated_nes"] + arrays["dissipated_lo"], 8.0, rtol=1e-13)
+    np.testing.assert_allclose(arrays["nes_energy"] + arrays["lo_energy"], arrays["energy"], rtol=1e-13)
+    nes = 0.5 * 0.1 * (arrays["v"][:, 0] ** 2 + (arrays["u"][:, 0] - arrays["u"][:, 1]) ** 2)
+    np.testing.assert_allclose(arrays["nes_energy"], nes, atol=1e-14)
+    assert arrays["impact_time"].tolist() == [row["time"] for row in record["impacts"]]
+    assert arrays["impact_stop"].tolist() == [row["stop"] for row in record["impacts"]]
+    assert json.loads(str(arrays["about"]))["shares"] == record["shares"]
+    assert np.abs(arrays["u"][:, 0] - arrays["u"][:, 1]).max() <= 1.0 + 1e-12
+    peak = record["peaks"]["displacements"]["u2"]
+    assert np.abs(arrays["u"][:, 1]).max() <= peak["peak"]
+
+
+def test_free_motion_in_closed_form(capsys):
+    """Oracle: sigma = 0, u2 = V sin t while |u2| < 1 and the sink stays at 0; energy V^2/2 in the oscillator, peaks V at pi/2."""
+    record = told(capsys, "--impulse", "0.5", "--sigma", "0", "--duration", repr(2.0 * math.pi), "--samples", "5")
+    assert record["initial"]["energy"] == 0.125 and record["impacts"] == [] and record["last_impact"] is None
+    np.testing.assert_allclose(np.array(record["samples"]["u"])[:, 1], [0.0, 0.5, 0.0, -0.5, 0.0], atol=1e-14)
+    peaks = record["peaks"]
+    assert peaks["displacements"]["u1"]["peak"] == 0.0
+    for entry in (peaks["displacements"]["u2"], peaks["gaps"]["gap a"]):
+        assert entry["peak"] == pytest.approx(0.5, rel=1e-14) and entry["time"] == pytest.approx(math.pi / 2, rel=1e-7)
+        assert entry["rms"] == pytest.approx(0.5 / math.sqrt(2.0), rel=1e-14)
+    assert record["shares"] == {"nes": 0.0, "lo": 0.0} and record["at"]["50"] == {"time": None, "nes": None, "lo": None}
+
+
+def test_a_viscous_oscillator_loses_its_energy_in_closed_form(capsys):
+    """Oracle: sigma = 0, u2 = V exp(-a t) sin(w t)/w: the energy at 2 pi/w is exp(-4 pi a/w) of the first; all of it goes to the LO."""
+    a = 0.05
+    w = math.sqrt(1.0 - a * a)
+    record = told(capsys, "--impulse", "0.5", "--sigma", "0", "--lam", "0.1", "--duration", repr(2.0 * math.pi / w))
+    assert record["shares"]["lo"] == pytest.approx(1.0 - math.exp(-4.0 * math.pi * a / w), rel=1e-13)
+    assert record["shares"]["nes"] == 0.0
+
+
+def test_on_an_orbit_the_undamped_motion_comes_back(capsys):
+    """Oracle: the published orbit alpha = 1.7, h = 0.58875: after a period the start state; two impacts of one speed; one stage on it."""
+    record = told(capsys, "--on", "S13O00+@alpha=1.7", "--duration", "6.8", "--samples", "2")
+    initial = record["initial"]
+    assert initial["kind"] == "orbit" and initial["on"]["label"] == "S13O00+" and initial["energy"] == pytest.approx(0.588748128566)
+    assert initial["v"][0] / initial["v"][1] > 0.0
+    np.testing.assert_allclose(record["samples"]["v"][-1], initial["v"], atol=1e-11)
+    np.testing.assert_allclose(record["samples"]["u"][-1], 0.0, atol=1e-11)
+    assert [row["time"] for row in record["impacts"]] == pytest.approx([1.7, 5.1], abs=1e-11)
+    assert record["shares"] == {"nes": 0.0, "lo": 0.0}
+
+
+def test_damping_and_restitution_do_not_change_where_the_family_is(capsys):
+    """Oracle: the start of the undamped run; the damped motion then loses energy and follows its own way."""
+    plain = told(capsys, "--on", "S13O00+", "--energy", "10", "--duration", "20")
+    damped = told(capsys, "--on", "S13O00+", "--energy", "10", *DAMPED, "--duration", "20")
+    assert plain["initial"]["v"] == damped["initial"]["v"] and plain["initial"]["on"] == damped["initial"]["on"]
+    assert damped["system"]["rho"] == 0.7 and damped["energy"] < 0.9 * plain["energy"]
+
+
+def test_the_impulsive_orbit_of_a_family(capsys):
+    """Oracle: it is the impulsive start of its own energy, and after its period the motion is there again."""
+    record = told(capsys, "--on", "S31O11-", "--impulsive", "--duration", "0.001")
+    on = record["initial"]["on"]
+    assert record["initial"]["v"] == pytest.approx([0.0, math.sqrt(2.0 * on["h"])], abs=1e-15)
+    period = 4.0 * on["alpha"]
+    again = told(capsys, "--impulsive", "--energy", repr(on["h"]), "--duration", repr(period), "--samples", "2")
+    np.testing.assert_allclose(again["samples"]["v"][-1], again["initial"]["v"], atol=1e-6)
+
+
+def test_units_scale_what_is_told_and_nothing_else(capsys):
+    """Oracle: natural units times the clearance, its square, and the natural frequency."""
+    words = ("--state", "-0.1,0.2,0.3,4", *DAMPED, "--duration", "60", "--samples", "3")
+    plain = told(capsys, *words)
+    scaled = told(capsys, *words, "--clearance", "0.02", "--natural-frequency", "10")
+    assert plain["initial"]["u"] == [-0.1, 0.2] and plain["initial"]["v"] == [0.3, 4.0]
+    assert len(plain["impacts"]) == len(scaled["impacts"]) > 3
+    for a, b in zip(plain["impacts"], scaled["impacts"], strict=True):
+        assert b["time"] == pytest.approx(a["time"] / 10.0, rel=1e-14) and b["speed"] == pytest.approx(0.2 * a["speed"], rel=1e-14)
+        assert b["energy_lost"] == pytest.approx(0.04 * a["energy_lost"], rel=1e-14)
+    assert scaled["shares"] == plain["shares"] and scaled["at"]["50"]["nes"] == plain["at"]["50"]["nes"]
+    assert scaled["at"]["50"]["time"] == pytest.approx(plain["at"]["50"]["time"] / 10.0, rel=1e-14)
+    assert scaled["peaks"]["gaps"]["gap a"]["peak"] == pytest.approx(0.02, rel=1e-12)
+    np.testing.assert_allclose(np.array(scaled["samples"]["u"]), 0.02 * np.array(plain["samples"]["u"]), rtol=1e-14)
+    assert scaled["stages"][0]["frequency"] == pytest.approx(10.0 * plain["stages"][0]["frequency"], rel=1e-14)
+
+
+@pytest.mark.parametrize("rho", ["0", "0.3", "0.9", "1"])
+def test_any_restitution_ends_and_closes(capsys, rho):
+    """Oracle: the balance, and losses that sum to what the stop took, chattering included. Light and stiffly forced: it chatters."""
+    record = told(capsys, "--impulse", "3", "--rho", rho, "--lam", "0.05", "--sigma", "0.6", "--mu", "0.8", "--duration", "100")
+    assert record["energy_balance_error"] < 1e-12 and record["ended"]["reason"] == "DURATION_REACHED"
+    lost = math.fsum(row["energy_lost"] for row in [*record["impacts"], *record["chatter"]])
+    assert lost == pytest.approx(record["dissipated"]["stop a"], rel=1e-12, abs=1e-15)
+    assert record["sticking_time"] == pytest.approx(sum(s["end"] - s["begin"] for s in record["sticking"]), abs=1e-12)
+
+
+def forced(tmp_path, loads):
+    path = tmp_path / "forced.toml"
+    path.write_text(SCENE + loads)
+    return path
+
+
+def test_a_forced_system_starts_at_rest(capsys, tmp_path):
+    """Oracles: the balance with the work of the loads; shares are of what came in, and sum to 1 with what is left."""
+    scene = forced(tmp_path, '[[forces]]\non = "floor"\namplitude = 2.0\nfrequency = 0.9\n')
+    record = told(capsys, "--scene", scene, "--duration", "60")
+    assert record["initial"]["kind"] == "rest" and record["initial"]["energy"] == 0.0 and len(record["impacts"]) > 5
+    assert record["energy_balance_error"] < 1e-12 and record["shares_of"]["what"] == "energy that came in"
+    assert record["work"] == pytest.approx(record["shares_of"]["energy"], rel=1e-12)
+    assert sum(record["shares"].values()) + record["energy"] / record["work"] == pytest.approx(1.0, abs=1e-12)
+    assert record["at"] == {name: {"time": None, "nes": None, "lo": None} for name in ("50", "85", "90", "99")}
+    assert record["forces"] == [{"kind": "harmonic", "frequency": 0.9, "cosine": [2.0, 0.0, 0.0], "sine": [0.0, 0.0, 0.0]}]
+    assert list(record["peaks"]["drifts"]) == ["roof - floor"]
+
+
+def test_the_sink_locked_beside_it(capsys):
+    """Oracle: free flight in closed form: (1 + mu) u'' + u = 0 from the velocity V: peak V sqrt(1 + mu)."""
+    code, out, _ = run(capsys, "run", "--impulse", "2", "--mu", "0.21", "--duration", "40", "--locked", "--json", "-")
+    record = json.loads(out)
+    assert code == 0 and record["locked"]["energy_balance_error"] < 1e-12
+    assert record["locked"]["peaks"]["displacements"]["u2"]["peak"] == pytest.approx(2.2, rel=1e-13)
+    code, out, _ = run(capsys, "run", "--impulse", "2", "--mu", "0.21", "--duration", "40", "--locked")
+    line = next(line for line in reversed(out.splitlines()) if line.startswith("u2 "))
+    assert line.split()[2] == "2.2"
+    assert float(line.split()[3]) == pytest.approx(record["peaks"]["displacements"]["u2"]["peak"] / 2.2, abs=1e-4)
+
+
+def test_the_building(capsys):
+    """Oracles: the balance; the gap within its clearance; a duration that is the record's; floors locked to each other's sides."""
+    record = told(capsys, "--scene", "three_storey_building", "--locked")
+    assert record["duration"] == 20.0 and record["energy_balance_error"] < 1e-12 and len(record["impacts"]) > 10
+    assert record["peaks"]["gaps"]["gap a"]["peak"] == pytest.approx(0.02, rel=1e-12)
+    locked = record["locked"]
+    assert locked["energy_balance_error"] < 1e-12 and list(locked["peaks"]["displacements"]) == ["floor1", "floor2", "floor3"]
+    for name in ("floor1", "floor2", "floor3"):
+        assert record["peaks"]["displacements"][name]["rms"] < locked["peaks"]["displacements"][name]["rms"]
+
+
+def test_the_table_tells_what_the_record_has(capsys):
+    """Oracle: the record of the same run."""
+    words = ("--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
+    record = told(capsys, *words)
+    code, out, err = run(capsys, "run", *words, "--model")
+    assert code == 0 and not err
+    lines = out.splitlines()
+    assert lines[0].startswith("model  damped -> ") and any("restitution below 1" in line for line in lines[:3])
+    assert f"impacts  {len(record['impacts'])}, the last at {record['last_impact']:.10g}" in out
+    assert f"NES {record['shares']['nes']:.4%}  LO {record['shares']['lo']:.4%}" in out
+    assert sum(line.endswith(("follows no family",)) or "harmonic" in line for line in lines) == len(record["stages"])
+    assert f"{record['at']['50']['time']:.10g}" in out
+    assert "and " + str(len(record["impacts"]) - 12) + " more" in out
+
+
+def test_no_marks_no_shares(capsys, tmp_path):
+    """Oracle: energies without shares are null, and the table says why no stage is told; stops and gap dampers are told apart still."""
+    path = tmp_path / "unmarked.toml"
+    path.write_text(SCENE.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""))
+    code, out, err = run(capsys, "run", "--scene", path, "--state", "0,0,0,0,2,0", "--duration", "10", "--samples", "2", "--json", "-")
+    record = json.loads(out)
+    assert code == 0 and record["stages"] is None and "no coordinate is marked as NES" in record["stages_note"]
+    assert record["samples"]["nes_energy"] == [None, None] and record["shares"]["nes"] > 0.0
+    assert "stages   not told" in err
+
+
+def test_stages_of_a_long_motion_are_told_as_far_as_its_record_goes(capsys, monkeypatch):
+    """Oracle: the note, and stages that end before it; the other numbers are those of the whole motion."""
+    monkeypatch.setattr("saltus.motions.MOST_SAMPLES", 5000)
+    record = told(capsys, "--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
+    up_to = float(record["stages_note"].split()[4].rstrip(","))
+    assert 80.0 < up_to < 120.0 and record["stages"][-1]["end"] <= up_to < record["duration"] == 150.0
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_the_picture(capsys, tmp_path, catalogue, kind):
+    """Oracle: the file's own signature; over the family that the motion starts on, and over those of a catalogue."""
+    begins = {"png": b"\x89PNG", "svg": b"<?xml"}[kind]
+    words = ("run", "--on", "S13O00+", "--energy", "0.4", *DAMPED, "--duration", "60")
+    assert run(capsys, *words, "--plot", tmp_path / f"own.{kind}")[0] == 0
+    code, out, _ = run(capsys, *words, "--plot", tmp_path / f"kept.{kind}", "--catalogue", catalogue, "--clearance", "0.1")
+    assert code == 0 and "the picture is in natural units" in out
+    for name in ("own", "kept"):
+        assert (tmp_path / f"{name}.{kind}").read_bytes().startswith(begins)
+
+
+def test_what_has_no_record_has_no_picture(capsys, tmp_path):
+    """Oracle: exit code 1, one line, no file; what else was asked for is written."""
+    path = tmp_path / "unmarked.toml"
+    path.write_text(SCENE.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""))
+    words = ("--scene", path, "--state", "0,0,0,0,2,0", "--duration", "10", "--plot", tmp_path / "a.png", "--json", tmp_path / "a.json")
+    code, _, err = run(capsys, "run", *words)
+    assert code == 1 and "cannot draw" in err and "no coordinate is marked as NES" in err and len(err.splitlines()) == 1
+    assert not (tmp_path / "a.png").exists() and (tmp_path / "a.json").exists()
+
+
+def test_an_outcome_that_is_not_defined_is_a_failure_with_what_was_computed(capsys, tmp_path):
+    """Oracle: exit code 1, the words, and the file."""
+    (tmp_path / "corner.toml").write_text(CORNER)
+    code, out, _ = run(
+        capsys, "run", "--scene", tmp_path / "corner.toml", "--state", "0,0,1,0", "--duration", "9", "--json", tmp_path / "out.json"
+    )
+    assert code == 1 and "two stops are hit at the same instant" in out
+    record = json.loads((tmp_path / "out.json").read_text())
+    assert record["ended"]["reason"] == "SIMULTANEOUS" and record["duration"] == pytest.approx(math.asin(0.5), rel=1e-14)
+
+
+WRONG = [
+    ("run --duration 5", ["where does the motion start", "--on", "--impulsive", "--state"]),
+    ("run --impulsive --duration 5", ["--energy H"]),
+    ("run --impulsive --energy 1", ["how long", "--duration T"]),
+    ("run --energy 1 --impulse 2 --duration 5", ["--energy 1", "--on NAME or --impulsive"]),
+    ("run --impulse 2 --state 0,0,0,1 --duration 5", ["--state and --impulse", "one of them"]),
+    ("run --impulsive --state 0,0,0,1 --energy 2 --duration 5", ["--state and --impulsive"]),
+    ("run --state 0,0,1 --duration 5", ["3 numbers, expected 4", "u1,u2,u1',u2'"]),
+    ("run --state 0,0,a,1 --duration 5", ["'a'", "a number"]),
+    ("run --state 0,0,inf,1 --duration 5", ["finite"]),
+    ("run --state 1.5,0,0,1 --duration 5", ["beyond stop a", "1.5", "-1 to 1"]),
+    ("run --impulse nan --duration 5", ["'nan'", "a number"]),
+    ("run --impulse 1 --duration -5", ["'-5'", "above 0"]),
+    ("run --impulse 1 --duration inf", ["'inf'", "above 0"]),
+    ("run --impulse 1 --duration 5 --rho 1.2", ["rho", "[0, 1]", "1.2"]),
+    ("run --impulse 1 --duration 5 --clearance 0", ["--clearance", "'0'", "above 0"]),
+    ("run --impulse 1 --duration 5 --samples 1", ["--samples 1", "2 at least"]),
+    ("run --impulse 1 --duration 5 --npz -", ["npz", "standard output"]),
+    ("run --impulse 1 --duration 5 --npz {missing}/a.npz", ["cannot write", "does not exist"]),
+    ("run --impulse 1 --duration 5 --mat {here}/a --npz {here}/a", ["--npz", "--mat", "both"]),
+    ("run --impulse 1 --duration 5 --catalogue {missing}.sqlite", ["missing.sqlite"]),
+    ("run --impulse 1 --durration 5", ["--durration", "nearest: --duration"]),
+    ("run --on S13O00+ --duration 5", ["which orbit of S13O00+", "--energy H", "@alpha=A"]),
+    ("run --on S1x --energy 1 --duration 5", ["S1x", "character 3"]),
+    ("run --on S13O00+@h=2 --energy 1 --duration 5", ["h = 2", "--energy says 1"]),
+    ("run --on S13O00+ --energy 0.01 --duration 5", ["S13O00+", "0.01", "0.1185078"]),
+    ("run --on S13O00+ --impulsive --duration 5", ["S13O00+ has no impulsive orbit"]),
+    ("run --on S11O00- --energy 0.08 --duration 5", ["2 orbits of S11O00-", "@h=0.08,alpha="]),
+    ("run --scene {unmarked} --impulse 1 --duration 5", ["LO under [coordinates]", "--state"]),
+    ("run --scene {unmarked} --state 0,0,0,0,1,0 --duration 5 --locked", ["no coordinate is marked as NES"]),
+    ("run --scene {unmarked} --state 0,0,0,0,1,0 --duration 5 --mu 0.2", ["mu", "matrices"]),
+]
+
+
+@pytest.mark.parametrize(("words", "expected"), WRONG, ids=[words for words, _ in WRONG])
+def test_one_line_and_exit_code_2(capsys, tmp_path, words, expected):
+    """Oracle: the input; each message holds what was received and what was expected, and nothing is written."""
+    (tmp_path / "unmarked.toml").write_text(SCENE.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""))
+    places = {"here": tmp_path, "missing": tmp_path / "missing", "unmarked": tmp_path / "unmarked.toml"}
+    code, out, err = run(capsys, *words.format(**places).split())
+    assert code == 2 and out == "", (code, err)
+    assert err.startswith("saltus: ") and len(err.splitlines()) == 1, err
+    for part in expected:
+        assert part in err, err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["unmarked.toml"]

@@ -1,0 +1,170 @@
+"""The picture of a motion, measured by matplotlib's own renderer, and drawn again from its files."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+
+import saltus
+from branches.catalogue import Catalogue
+from branches.diagram import atlas_of
+from branches.export import ExportError, read_atlas, write_atlas
+from tests.transitions.motions import of_run, synthetic
+from transitions.diagram.over_energy import over_energy
+from transitions.diagram.transition_picture import draw_transition, transition_figure
+from transitions.families import families_of
+from transitions.spectrum import Wavelet
+from transitions.stages import stages_of
+from transitions.transition import Transition, atlas_behind
+from transitions.transition_files import read_transition, write_transition
+
+DAMPED = saltus.vibro_impact_nes(mu=0.1, sigma=0.1, lam=0.02, rho=0.9)
+GAP = (1.0, -1.0)
+
+
+@pytest.fixture(scope="module")
+def drawn(small_scene):
+    """A damped motion from an impulse, with its stages, the families behind it, and its figure."""
+    record = of_run(DAMPED, [0.0, 0.0], [0.0, 2.0], 250.0)
+    with Catalogue(small_scene[0]) as catalogue:
+        plain = Transition(DAMPED, record, GAP, (), Wavelet(), (0.4, 6.0))
+        stages = stages_of(record, GAP, families_of(catalogue), spectrum=plain.spectrum)
+        transition = replace(plain, stages=tuple(stages))
+        atlas = atlas_behind(catalogue, transition)
+    return transition, atlas, transition_figure(transition, atlas)
+
+
+def by_gid(figure, name):
+    (found,) = figure.findobj(lambda artist: artist.get_gid() == name)
+    return found
+
+
+def test_the_stages_are_told_and_marked(drawn):
+    """Oracle: the stages themselves: a letter for each in time and in the spectrum, a line of words below."""
+    transition, _, figure = drawn
+    assert len(transition.stages) >= 2 and transition.stages[-1].follows.label == "L11+"
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(words) == len(transition.stages)
+    assert words[-1].startswith(chr(64 + len(words))) and "L11" in words[-1]
+    letters = [text.get_text() for text in figure.axes[0].texts]
+    assert letters == [chr(65 + i) for i in range(len(words))]
+
+
+def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn):
+    """Oracle: the renderer's own boxes of all texts that are drawn."""
+    _, _, figure = drawn
+    figure.draw_without_rendering()
+    renderer = figure.canvas.get_renderer()
+    whole = figure.bbox
+    boxes = []
+    for text in figure.findobj(lambda artist: isinstance(artist, Text) and artist.get_visible()):
+        if text.get_text().strip() and not (text.axes and text.axes.get_label() == "<colorbar>"):
+            box = text.get_window_extent(renderer)
+            if box.width and box.height:
+                boxes.append((text.get_text(), box))
+    for text, box in boxes:
+        assert box.x0 >= whole.x0 and box.x1 <= whole.x1 and box.y0 >= whole.y0 and box.y1 <= whole.y1, text
+    for (one, a), (other, b) in itertools.combinations(boxes, 2):
+        assert min(a.x1, b.x1) - max(a.x0, b.x0) < 1.0 or min(a.y1, b.y1) - max(a.y0, b.y0) < 1.0, (one, other)
+
+
+def test_lines_show_the_record(drawn):
+    """Oracle: the columns of the record."""
+    transition, _, figure = drawn
+    record = transition.record
+    for k, name in enumerate(("u1", "u2")):
+        line = by_gid(figure, f"series-{name}")
+        np.testing.assert_allclose(np.interp(line.get_xdata(), record.times, record.displacements[:, k]), line.get_ydata(), atol=1e-12)
+    start = record.energy[0]
+    both = by_gid(figure, "lost-both")
+    assert both.get_ydata()[-1] == pytest.approx(100.0 * (record.dissipated_nes[-1] + record.dissipated_lo[-1]) / start, abs=0.1)
+    assert by_gid(figure, "share-nes").get_ydata()[0] == pytest.approx(100.0 * record.nes_energy[0] / start)
+    assert by_gid(figure, "families-stable") is not None and by_gid(figure, "spectrum-cone") is not None
+
+
+def test_the_spectrum_over_the_energy_stands_where_the_motion_is(drawn):
+    """Oracle: the energy axis spans the motion's energies, and the ridge of its last stage lies at its frequency and energy."""
+    transition, _, figure = drawn
+    mesh = by_gid(figure, "families-spectrum")
+    last = transition.stages[-1]
+    edges, rows = mesh.get_coordinates()[0, :, 0], mesh.get_coordinates()[:, 0, 1]
+    energy = transition.record.energy
+    assert edges[0] < energy.min() and edges[-1] > energy.max() and edges[-1] / edges[0] < 2.0 * energy.max() / energy.min()
+    values = np.ma.filled(mesh.get_array(), np.nan)
+    middle = np.exp(np.mean(np.log(last.energies)))
+    column = np.searchsorted(edges, middle) - 1
+    best = np.nanargmax(values[:, column])
+    assert rows[best] / 1.03 < last.frequency < rows[best + 1] * 1.03
+
+
+def test_amplitudes_over_energy_are_the_largest_there_and_between_what_is_passed():
+    """Oracle: by hand: three times in one interval, an impact that passes two intervals, and one where the motion never is."""
+    edges = np.exp(np.arange(7.0))
+    energies = np.exp([5.5, 5.2, 5.8, 2.5])
+    found = over_energy(energies, np.array([[1.0, 4.0, 2.0, 6.0]]), edges)
+    part = (5.8 - np.array([3.5, 4.5])) / (5.8 - 2.5)
+    np.testing.assert_allclose(found[0], [np.nan, np.nan, 6.0, *(2.0 + 4.0 * part), 4.0])
+
+
+@pytest.mark.parametrize("suffix", ["csv", "json", "npz", "mat"])
+def test_the_picture_is_drawn_again_from_its_files(drawn, suffix, tmp_path):
+    """Oracle: the bytes."""
+    transition, atlas, _ = drawn
+    write_transition(transition, tmp_path / f"motion.{suffix}")
+    write_atlas(atlas, tmp_path / f"families.{suffix}")
+    again, behind = read_transition(tmp_path / f"motion.{suffix}"), read_atlas(tmp_path / f"families.{suffix}")
+    assert again.stages == transition.stages
+    for name in ("times", "displacements", "energy", "impacts"):
+        np.testing.assert_array_equal(getattr(again.record, name), getattr(transition.record, name))
+    if suffix in ("npz", "csv"):
+        draw_transition(transition, atlas, tmp_path / "a.png")
+        draw_transition(again, behind, tmp_path / "b.png")
+        assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+@pytest.mark.parametrize(("kind", "magic"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_formats(drawn, kind, magic, tmp_path):
+    """Oracle: the first bytes; a spectrum is a picture in the picture, so the file stays small."""
+    transition, atlas, _ = drawn
+    draw_transition(transition, atlas, tmp_path / f"a.{kind}")
+    content = (tmp_path / f"a.{kind}").read_bytes()
+    assert content.startswith(magic) and len(content) < 3_000_000
+
+
+def test_a_conservative_motion_and_one_without_families_are_drawn():
+    """Oracle: no error, and the panels that there are."""
+    times = 0.05 * np.arange(4000)
+    record = synthetic(times, np.cos(times), -np.sin(times))
+    figure = transition_figure(Transition(saltus.vibro_impact_nes(), record, GAP))
+    assert by_gid(figure, "families-spectrum") is not None and not figure.legends
+
+
+def test_what_cannot_be_drawn_or_read_is_told_in_one_line(drawn, tmp_path):
+    """Oracle: the words."""
+    transition, atlas, _ = drawn
+    heavy = saltus.vibro_impact_nes(mu=0.2, sigma=0.1)
+    for changed, behind, said in (
+        (transition, atlas_of(heavy, []), "other masses"),
+        (transition, replace(atlas, clearance=2.0), "natural units"),
+    ):
+        with pytest.raises(ValueError, match=said) as caught:
+            transition_figure(changed, behind)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(ValueError, match="unknown picture format"):
+        draw_transition(transition, atlas, tmp_path / "a.jpg")
+    with pytest.raises(ExportError, match="unknown format"):
+        write_transition(transition, tmp_path / "a.xls")
+    write_atlas(atlas, tmp_path / "families.json")
+    with pytest.raises(ExportError, match="does not say that it holds a transition"):
+        read_transition(tmp_path / "families.json")
+    with pytest.raises(ExportError, match="cannot read"):
+        read_transition(tmp_path / "none.csv")
+    write_transition(transition, tmp_path / "cut.json")
+    text = (tmp_path / "cut.json").read_text().replace('"gap"', '"gep"')
+    (tmp_path / "cut.json").write_text(text)
+    with pytest.raises(ExportError, match="lacks 'gap'"):
+        read_transition(tmp_path / "cut.json")

@@ -1,0 +1,310 @@
+"""The picture of a motion: its time series, where its energy is and where it goes, its spectrum, and that laid over the families."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.diagram import files
+from branches.diagram.atlas_labels import Named, label_curves, names_of
+from branches.diagram.atlas_parts import draw_modes, frequency_of, mark_boxes, runs_of
+from branches.diagram.marks import draw_curve, legend_entries
+from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
+from branches.diagram.style import BLACK, GREEN, GREY, LINES, NORMAL, SMALL, new_figure, picture_settings, settle_layout
+from branches.diagram.titles import gap_symbol, symbol_of, system_text
+from transitions.diagram.over_energy import over_energy
+from transitions.ridges import SHARE
+from transitions.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from branches.diagram.atlas_data import Atlas
+    from transitions.stage import Stage
+    from transitions.transition import Transition
+
+__all__ = ["draw_transition", "transition_figure"]
+
+_COLUMNS, _INTERVALS = 1400, 600  # times, and intervals of energy, that a spectrum is drawn at
+_POINTS = 8000  # of a line over time
+_DARK = 0.65  # of the way to black that the largest amplitude goes: lines and names on it stay in sight
+_MANY_FOLD = 20.0  # a range of frequencies that rises by more gets a logarithmic axis
+_FINE = 0.55  # families, thinner than in a picture of their own
+_LETTER_ROOM = 9.0  # points that the letter of a stage needs
+_MOST_LETTERS = 12
+_MOST_NAMES = 12
+_ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "frameon": False, "borderaxespad": 0.1}
+_DEEP = 1e-8  # of the largest energy: what is below is not shown
+
+
+def draw_transition(
+    transition: Transition, atlas: Atlas | None, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None
+) -> None:
+    """Write the picture of a motion to a png, pdf or svg file.
+
+    Parameters
+    ----------
+    transition : Transition
+    atlas : Atlas or None
+        The families that the spectrum is laid over; see `transitions.transition.atlas_behind`.
+    path_or_file : path, or binary file open for writing
+    format : "png", "pdf" or "svg"; by default what the file's name ends with
+
+    Notes
+    -----
+    The panels are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 11 to 20.
+    """
+    kind = files.picture_format(path_or_file, format)
+    with picture_settings():
+        files.save(transition_figure(transition, atlas), path_or_file, kind)
+
+
+def transition_figure(transition: Transition, atlas: Atlas | None = None) -> Figure:
+    """The picture of a motion as a matplotlib figure.
+
+    Parameters
+    ----------
+    transition : Transition
+    atlas : Atlas, optional
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        (a) displacements; (b) share of the sink in the energy of the moment; (c) shares of the energy at the start that the sink, the
+        oscillator and both have dissipated; (d) wavelet spectrum of the relative displacement, hatched where the edges of the record are
+        felt; (e) the same with the energy of the moment as abscissa, over the families. The stages are lettered, and what each follows is
+        said below.
+
+    Raises
+    ------
+    ValueError
+        For an atlas in other units or of another system, or a motion without energy.
+    """
+    record = transition.record
+    if not record.energy.max() > 0.0:
+        raise ValueError("the motion has no energy: there is nothing to draw")
+    if atlas is not None:
+        from transitions.transition import require_same
+
+        require_same(atlas.system, transition.system)
+        if (atlas.clearance, atlas.natural_frequency) != (1.0, 1.0):
+            raise ValueError(f"a motion is in natural units; the families have a clearance of {atlas.clearance:g}")
+    spectrum = transition.spectrum
+    with picture_settings():
+        figure = new_figure(7.6)
+        figure.suptitle(rf"Motion from energy $h = {record.energy[0]:.6g}$   ({system_text(transition.system)})")
+        axes = figure.subplot_mosaic(
+            [["series", "series"], ["share", "lost"], ["spectrum", "families"]], height_ratios=[0.72, 0.8, 1.25], width_ratios=[1.0, 1.0]
+        )
+        _draw_series(axes["series"], transition)
+        _draw_share(axes["share"], transition)
+        _draw_lost(axes["lost"], transition)
+        band = _band(spectrum)
+        largest = float(spectrum.amplitudes.max())
+        mesh = _draw_spectrum(axes["spectrum"], transition, band, largest)
+        _draw_over_energy(axes["families"], transition, band, largest)
+        figure.colorbar(mesh, ax=[axes["spectrum"], axes["families"]], location="right", fraction=0.03, pad=0.01, label="amplitude")
+        for name, letter in zip(axes, "abcde", strict=True):
+            axes[name].set_title(f"({letter})", loc="left", fontsize=NORMAL, pad=3)
+        _stabilities(axes["families"], atlas)
+        _caption(figure, transition.stages)
+        settle_layout(figure)
+        for name in ("series", "share", "lost", "spectrum"):
+            _mark_stages(axes[name], transition.stages, letters=name in ("series", "spectrum"))
+        if atlas is not None:
+            _draw_families(axes["families"], atlas)
+    return figure
+
+
+def _thinned(times: np.ndarray) -> slice:
+    return slice(None, None, max(1, len(times) // _POINTS))
+
+
+def _time_axis(axes: Axes, transition: Transition, count: int) -> None:
+    linear_axis(axes, "x", (float(transition.record.times[0]), float(transition.record.times[-1])), count, "time", "t")
+
+
+def _draw_series(axes: Axes, transition: Transition) -> None:
+    record = transition.record
+    few = _thinned(record.times)
+    order = sorted(range(record.degrees_of_freedom), key=lambda i: -float(np.ptp(record.displacements[:, i])))
+    for i in order:
+        symbol = symbol_of(transition.system.coordinates[i])
+        look: dict[str, Any] = {"color": LINES[i % len(LINES)], "linewidth": 0.6, "label": f"${symbol}$"}
+        (line,) = axes.plot(record.times[few], record.displacements[few, i], **look)
+        line.set_gid(f"series-{transition.system.coordinates[i]}")
+    linear_axis(axes, "y", linear_limits(record.displacements, 0.06), 5, "displacement", "u")
+    _time_axis(axes, transition, 10)
+    axes.legend(**_ABOVE, ncols=len(order))
+
+
+def _draw_share(axes: Axes, transition: Transition) -> None:
+    record = transition.record
+    few = _thinned(record.times)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(record.energy > 0.0, 100.0 * record.nes_energy / record.energy, np.nan)
+    (line,) = axes.plot(record.times[few], share[few], color=LINES[0], linewidth=0.5)
+    line.set_gid("share-nes")
+    linear_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
+    _time_axis(axes, transition, 5)
+
+
+def _draw_lost(axes: Axes, transition: Transition) -> None:
+    record = transition.record
+    few = _thinned(record.times)
+    nes, lo = record.dissipated_nes, record.dissipated_lo
+    start = float(record.energy[0]) or float(np.max(record.energy + nes + lo))  # of a motion from rest: what has come in
+    for name, values, colour in (("both", nes + lo, BLACK), ("sink", nes, LINES[0]), ("oscillator", lo, LINES[1])):
+        (line,) = axes.plot(record.times[few], 100.0 * values[few] / start, color=colour, linewidth=1.0, label=name)
+        line.set_gid(f"lost-{name}")
+    linear_axis(axes, "y", (0.0, 100.0), 5, "dissipated, of the start", r"\%")
+    _time_axis(axes, transition, 5)
+    axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
+
+
+def _band(spectrum: Spectrum) -> tuple[float, float]:
+    """Lowest and highest frequency with a fifth of the largest amplitude at any time, edges of the record apart, with room for names below
+    and a third of an octave above."""
+    clear = spectrum.frequencies[:, None] > spectrum.cone[None, :]
+    inside = np.where(clear, spectrum.amplitudes, 0.0) if clear.any() else spectrum.amplitudes
+    seen = np.flatnonzero(inside.max(axis=1) >= SHARE * inside.max())
+    last = len(spectrum.frequencies) - 1
+    if not len(seen):
+        return float(spectrum.frequencies[0]), float(spectrum.frequencies[last])
+    high = float(spectrum.frequencies[min(last, int(seen[-1]) + max(1, round(1.0 / (3.0 * spectrum.octaves))))])
+    low = float(spectrum.frequencies[max(0, int(seen[0]) - 1)])
+    return max(float(spectrum.frequencies[0]), low - 0.1 * (high - low)), high
+
+
+def _frequency_axis(axes: Axes, band: tuple[float, float], words: str, symbol: str) -> None:
+    if band[1] > _MANY_FOLD * band[0]:
+        logarithmic_axis(axes, "y", band, 6, words, symbol)
+    else:
+        linear_axis(axes, "y", band, 7, words, symbol)
+
+
+def _rows(spectrum: Spectrum) -> np.ndarray:
+    """Edges (k + 1,) of the rows."""
+    half = 2.0 ** (0.5 * spectrum.octaves)
+    return np.append(spectrum.frequencies / half, spectrum.frequencies[-1] * half)
+
+
+def _shading(largest: float) -> dict[str, Any]:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    shades = ListedColormap(colormaps["Greys"](np.linspace(0.0, _DARK, 256)))
+    return {"cmap": shades, "vmin": 0.0, "vmax": largest if largest > 0.0 else 1.0, "rasterized": True}
+
+
+def _draw_spectrum(axes: Axes, transition: Transition, band: tuple[float, float], largest: float) -> Any:
+    spectrum = transition.spectrum
+    few = slice(None, None, max(1, len(spectrum.times) // _COLUMNS))
+    times = spectrum.times[few]
+    edges = np.concatenate([[times[0]], 0.5 * (times[1:] + times[:-1]), [times[-1]]])
+    mesh = axes.pcolormesh(edges, _rows(spectrum), spectrum.amplitudes[:, few], zorder=1, **_shading(largest))
+    mesh.set_gid("spectrum")
+    cone = np.minimum(spectrum.cone[few], 10.0 * band[1])
+    hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": GREY, "hatch": "////", "linewidth": 0.5, "zorder": 2}
+    felt = axes.fill_between(times, band[0], np.maximum(cone, band[0]), **hatched)
+    felt.set_gid("spectrum-cone")
+    axes.plot(times, np.where(cone > band[0], cone, np.nan), color=GREY, linewidth=0.8, zorder=2.1)
+    symbol = gap_symbol(transition.gap, transition.system.coordinates)
+    _frequency_axis(axes, band, f"frequency in ${symbol}$", r"\omega")
+    _time_axis(axes, transition, 5)
+    return mesh
+
+
+def _draw_over_energy(axes: Axes, transition: Transition, band: tuple[float, float], largest: float) -> None:
+    spectrum, record = transition.spectrum, transition.record
+    energies = np.interp(spectrum.times, record.times, record.energy)
+    kept = energies > _DEEP * energies.max()
+    limits = logarithmic_limits(energies[kept], 0.04)
+    edges = np.geomspace(*limits, _INTERVALS + 1)
+    shown = over_energy(energies[kept], spectrum.amplitudes[:, kept], edges)
+    mesh = axes.pcolormesh(edges, _rows(spectrum), np.ma.masked_invalid(shown), zorder=1, **_shading(largest))
+    mesh.set_gid("families-spectrum")
+    logarithmic_axis(axes, "x", limits, 5, "energy now", "h")
+    _frequency_axis(axes, band, "frequency index", r"m\,2\pi/T")
+
+
+def _draw_families(axes: Axes, atlas: Atlas) -> None:
+    curves = [Named(curve, curve.h, *frequency_of(curve, "index")) for curve in atlas.curves]
+    modes = [mode for mode in atlas.thresholds if mode.h > axes.get_xlim()[0]]
+    limits = axes.get_xlim(), axes.get_ylim()
+    draw_curve(axes, runs_of(curves), "families", _FINE)
+    draw_modes(axes, modes, "families")
+    axes.set_xlim(*limits[0])
+    axes.set_ylim(*limits[1])
+    left = axes.get_xlim()[0]
+    whole = np.zeros(19, dtype=bool)
+    named = [Named(None, np.geomspace(left, mode.h, 20), np.full(20, mode.frequency), whole, mode.label) for mode in modes]
+    lines = [curve.path() for curve in (*curves, *named)]
+    named += names_of(curves, axes)
+    label_curves(axes, named, lines, mark_boxes(axes, modes, None), most=_MOST_NAMES)
+
+
+def _letters(stages: Sequence[Stage]) -> list[str]:
+    """A, B, ... for the stages, A1, B1, ... beyond the alphabet."""
+    return [chr(65 + i % 26) + (str(i // 26) if i >= 26 else "") for i in range(len(stages))]
+
+
+def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
+    """A line where a stage begins or ends, and its letter where there is room."""
+    to_points = 72 / axes.figure.dpi
+    for time in sorted({time for stage in stages for time in (stage.start, stage.end)}):
+        axes.axvline(time, color=GREEN, linewidth=0.6, linestyle=(0, (4, 2)), zorder=3)
+    if not letters:
+        return
+    for stage, letter in zip(stages, _letters(stages), strict=True):
+        ends = axes.transData.transform([(stage.start, 0.0), (stage.end, 0.0)])[:, 0] * to_points
+        if ends[1] - ends[0] >= _LETTER_ROOM * len(letter):
+            at = (0.5 * (stage.start + stage.end), 1.0)
+            axes.annotate(
+                letter, at, (0, -3), xycoords=("data", "axes fraction"), textcoords="offset points", ha="center", va="top", fontsize=SMALL,
+                color=BLACK, zorder=6, bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+            )  # fmt: skip
+
+
+def _caption(figure: Figure, stages: Sequence[Stage]) -> None:
+    """Below the picture: what each stage follows."""
+    from matplotlib.lines import Line2D
+
+    texts = [
+        f"{letter}  {stage.start:.4g}\N{EN DASH}{stage.end:.4g}  {_follows(stage)}"
+        for stage, letter in zip(stages, _letters(stages), strict=True)
+    ]
+    if len(texts) > _MOST_LETTERS:
+        texts = [*texts[: _MOST_LETTERS - 1], f"and {len(texts) - _MOST_LETTERS + 1} more stages"]
+    if texts:
+        entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
+        figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, handlelength=0.0, handletextpad=0.0)
+
+
+def _stabilities(axes: Axes, atlas: Atlas | None) -> None:
+    """Above the panel: how families are drawn."""
+    codes = sorted({int(code) for curve in atlas.curves for code in np.unique(curve.stable)}, reverse=True) if atlas is not None else []
+    entries = legend_entries(dict.fromkeys(codes, np.zeros((0, 2))), [])
+    if entries:
+        axes.legend(handles=entries, **_ABOVE, ncols=3, handlelength=1.6)
+
+
+def _follows(stage: Stage) -> str:
+    from branches.labels import latex, parse
+
+    if stage.follows is None:
+        return rf"$\omega$ = {stage.frequency:.3g}, no family"
+    follows = stage.follows
+    name = follows.family
+    if follows.label:
+        try:
+            name = latex(parse(follows.label), short=True)
+        except ValueError:
+            name = follows.label
+    ordinal = "" if follows.harmonic == 1 else f"harmonic {follows.harmonic} of "
+    more = f" (+{len(follows.others)})" if follows.others else ""
+    return rf"$\omega$ = {stage.frequency:.3g}, {ordinal}{name}{more}"
