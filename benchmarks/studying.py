@@ -3,9 +3,9 @@
     python -m benchmarks.studying [--runs N] [--workers N] [--sample N]
 
 The reference system with restitution 0.7 and damping 0.01, impulsive starts of energies log-uniform in 0.06 to 10, until no impact is
-possible any more. Kernels are compiled before. scipy.integrate.solve_ivp (DOP853, a terminal event at each side of the stop) runs a sample of
-the same starts, impact by impact, up to the last impact that is known; its energy error is what it misses in the balance, with the loss of
-each impact and the integral of lam v^2 as a fifth equation.
+possible any more. Kernels are compiled before. scipy.integrate.solve_ivp (DOP853, a terminal event at each side of the stop) runs a sample
+of the same starts, impact by impact, up to the last impact that is known; its energy error is what it misses in the balance, with the loss
+of each impact and the integral of lam v^2 as a fifth equation.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ RTOL, ATOL = 1e-10, 1e-12
 
 @dataclass(frozen=True)
 class Studied:
-    """A study: seconds, those of all processors together, runs, impacts, bytes of memory and of files a run, the worst error of the balance;
-    energy and last impact of each run."""
+    """A study: seconds, those of all processors together, runs, impacts, bytes of memory and of files a run, the worst error of the
+    balance; energy and last impact of each run."""
 
     workers: int
     seconds: float
