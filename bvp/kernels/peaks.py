@@ -3,7 +3,7 @@
 from bvp.kernels.bounds import amplitudes, dot
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_state
-from bvp.kernels.impact import HIT, TOUCH, next_impact
+from bvp.kernels.impact import HIT, TOUCH, next_impact, rounding_level
 
 __all__ = ["PEAK_ROWS", "peak_flight"]
 
@@ -43,8 +43,11 @@ def peak_flight(pairs, mean, delta, matrix, leave, z, flight, peaks, scratch, ed
         row_times_matrix(leave, n + i, matrix, scratch[1])
         row_times_matrix(scratch[1], 0, matrix, scratch[2])
         rate = dot(leave, n + i, z)
-        if rate == 0.0:
+        # At rest, or without acceleration too, as where an impulse hits another coordinate, the next derivative tells where it goes.
+        if abs(rate) <= rounding_level(pairs, matrix, leave, n + i, z):
             rate = dot(scratch[1], 0, z)
+            if abs(rate) <= rounding_level(pairs, matrix, scratch[1], 0, z):
+                rate = dot(scratch[2], 0, z)
         side[0] = -1.0 if rate > 0.0 else 1.0
         left = flight
         leaving = -1

@@ -386,8 +386,8 @@ def swift_run(system, meters, start, initial, duration, unbounded, most, fractio
 def swift_runs(systems, meters, which, starts, initial, duration, unbounded, most, fractions, state, taken, out):
     """`swift_run` from each of starts (B, 4), (u, v), in the system systems[which[b]] with meters[which[b]] meters, of energy initial[b].
 
-    most (B,): of impacts; out (B, COLUMNS + Q): its results, NaN but for the reason where it is declined; state (4,) and taken (PARTS,) are scratch. Starts become
-    final states, except of those that are declined."""
+    most (B,): of impacts; out (B, COLUMNS + Q): its results, NaN but for the reason where it is declined; state (4,) and taken (PARTS,) are
+    scratch. Starts become final states, except of those that are declined."""
     for b in range(starts.shape[0]):
         for k in range(4):
             state[k] = starts[b, k]

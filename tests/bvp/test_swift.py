@@ -50,8 +50,8 @@ def compare(system, states, duration):
         assert abs(found.balance[b]) < 1e-13 * energy
         for time, mark in zip(found.times[b], motion.marks, strict=True):
             assert np.isnan(time) if mark.time is None else time == pytest.approx(mark.time, abs=1e-7)
-        times = np.linspace(0.0, duration, 2001)
-        u, _ = motion.sample(np.sort(np.concatenate([times, motion.times])))
+        assert found.peaks[b] == pytest.approx(motion.peaks, abs=1e-9)
+        u, _ = motion.sample(np.sort(np.concatenate([np.linspace(0.0, duration, 2001), motion.times])))
         peaks = np.abs(u).max(axis=0)
         assert np.all(found.peaks[b] >= peaks - 1e-9) and np.all(found.peaks[b] <= peaks + 1e-3 * (1.0 + peaks))
     return kept
@@ -59,7 +59,7 @@ def compare(system, states, duration):
 
 @pytest.mark.parametrize(("lam", "rho"), [(0.01, 0.7), (0.0, 0.7), (0.1, 0.9), (0.01, 1.0), (0.0, 1.0), (0.5, 0.5)])
 def test_the_reference_system(lam, rho):
-    """Oracle: the general run, event by event; peaks from dense samples, which a turning point between them exceeds by their spacing."""
+    """Oracle: the general run, event by event; peaks also from dense samples, which a turning point between them exceeds by their spacing."""
     energies = np.geomspace(0.02, 10.0, 25)
     assert compare(vibro_impact_nes(lam=lam, rho=rho), impulsive(energies), 12.0) >= 20
 

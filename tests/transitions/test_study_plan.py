@@ -22,7 +22,8 @@ def test_a_grid_has_every_combination_once_the_last_axis_fastest():
     """Oracle: itertools.product."""
     import itertools
 
-    axes = [Axis("energy", low=0.1, high=10.0, scale="log", points=3), Axis("family", values=("A", "B")), Axis("rho", values=(0.5, 0.6, 0.9))]
+    energy = Axis("energy", low=0.1, high=10.0, scale="log", points=3)
+    axes = [energy, Axis("family", values=("A", "B")), Axis("rho", values=(0.5, 0.6, 0.9))]
     plan = plan_of(axes)
     found = plan.values(0, plan.count)
     expected = list(itertools.product((0.1, 1.0, 10.0), (0, 1), (0.5, 0.6, 0.9)))

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.damped import Mover
-from bvp.motion import Motion, MotionStatus
+from bvp.motion import Batch, Motion, MotionStatus
 from bvp.swift import CLEARED, DECLINED, FULL_COUNT, swift_numbers, swift_runs, with_restitution
 from bvp.system import ImpactSystem
-from transitions.extents import extents
 from transitions.sharing import Sharing, sharing_of
 from transitions.study.endings import Ending
 from transitions.study.plan import CLEAR, FRACTIONS, IMPULSIVE, Plan
@@ -24,9 +23,6 @@ __all__ = ["Starts", "block_columns", "results_of", "run_block"]
 
 BALANCE = 1e-12
 """Error of the energy balance above which a run of the compiled call is done again by the general one."""
-
-KEPT = 16
-"""Systems whose phases are kept."""
 
 OF_MODEL = ("mu", "sigma", "lam")
 """Parameters that the modes depend on."""
@@ -79,25 +75,6 @@ def _made(description: str, nes: tuple[int, ...], lo: tuple[int, ...]) -> _Made:
     return _Made(system, sharing, swift_numbers(system, sharing.dampers))
 
 
-class _Movers:
-    """Movers of the systems of a block, the last few of them kept."""
-
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
-        self._kept: dict[tuple[str, float | None], Mover] = {}
-
-    def get(self, description: str, restitution: float | None, sharing: Sharing) -> Mover:
-        """That of a system, with another restitution than the scene's where one is given."""
-        key = (description, restitution)
-        if key not in self._kept:
-            plain = json.loads(description)
-            system = ImpactSystem.from_description(plain if restitution is None else {**plain, "rho": restitution})
-            if len(self._kept) >= KEPT:
-                self._kept.clear()
-            self._kept[key] = Mover(system, list(self._plan.forces), sharing.dampers)
-        return self._kept[key]
-
-
 def run_block(plan: Plan, given: Mapping[str, np.ndarray], starts: Starts | None = None) -> dict[str, np.ndarray]:
     """Run some of the runs of a plan.
 
@@ -133,11 +110,7 @@ def run_block(plan: Plan, given: Mapping[str, np.ndarray], starts: Starts | None
     out["impacts"], out["ended"] = np.zeros(count), np.where(there, -1.0, Ending.NO_ORBIT.code)
     if not plan.forces:
         _compiled(plan, made, which, rho, states, energies, there, out)
-    movers = _Movers(plan)
-    for b in np.flatnonzero(out["ended"] == -1.0).tolist():
-        one = made[which[b]]
-        mover = movers.get(descriptions[which[b]], None if rho is None else float(rho[b]), one.sharing)
-        _one(plan, mover, one.sharing, states[b], str(leaving[b]), b, out)
+    _general(plan, made, descriptions, which, rho, states, leaving, out)
     return {**{f"given.{name}": np.asarray(values) for name, values in given.items()}, **_narrow(out)}
 
 
@@ -211,41 +184,96 @@ def _numbers(made: _Made) -> np.ndarray:
     return made.numbers
 
 
-def _one(plan: Plan, mover: Mover, sharing: Sharing, state: np.ndarray, leaving: str, b: int, out: dict[str, np.ndarray]) -> None:
-    """Fill in one run of the general kind."""
-    n = mover.system.degrees_of_freedom
-    motion = mover.run(state[:n], state[n:], plan.duration, plan.impacts, leaving or None, FRACTIONS)
-    ended = _ending(plan, motion)
+def _general(
+    plan: Plan, made: list[_Made], descriptions: list[str], which: np.ndarray, rho: np.ndarray | None, states: np.ndarray,
+    leaving: np.ndarray, out: dict[str, np.ndarray],
+) -> None:  # fmt: skip
+    """Fill in the runs that are left: those of one system together, but for starts on a stop."""
+    groups: dict[tuple[int, float | None, str], list[int]] = {}
+    for b in np.flatnonzero(out["ended"] == -1.0).tolist():
+        groups.setdefault((int(which[b]), None if rho is None else float(rho[b]), str(leaving[b])), []).append(b)
+    for (k, restitution, contact), runs in groups.items():
+        plain = json.loads(descriptions[k])
+        system = ImpactSystem.from_description(plain if restitution is None else {**plain, "rho": restitution})
+        mover = Mover(system, list(plan.forces), made[k].sharing.dampers)
+        if not contact:
+            batch = mover.run_many(states[runs], plan.duration, plan.impacts, FRACTIONS, with_peaks=True)
+            for i, b in enumerate(runs):
+                _fill(plan, mover, made[k].sharing, _of_batch(batch, i), b, out)
+            continue
+        n = system.degrees_of_freedom
+        for b in runs:
+            motion = mover.run(states[b, :n], states[b, n:], plan.duration, plan.impacts, contact, FRACTIONS)
+            _fill(plan, mover, made[k].sharing, _of_motion(motion), b, out)
+
+
+class _Run(NamedTuple):
+    """What is left of one general run; NaN for a time that there is none of."""
+
+    status: MotionStatus
+    duration: float
+    impacts: int
+    last_impact: float
+    clear: bool
+    held_time: float
+    initial_energy: float
+    energy: float
+    totals: np.ndarray
+    times: np.ndarray
+    final: np.ndarray
+    peaks: np.ndarray
+
+
+def _of_batch(batch: Batch, i: int) -> _Run:
+    assert batch.peaks is not None
+    return _Run(
+        batch.status[i], float(batch.duration[i]), int(batch.impacts[i]), float(batch.last_impact[i]), not np.isnan(batch.clear_from[i]),
+        float(batch.held_time[i]), float(batch.initial_energy[i]), float(batch.energy[i]), batch.totals[i], batch.marks[i, :, 0],
+        batch.final[i], batch.peaks[i],
+    )  # fmt: skip
+
+
+def _of_motion(motion: Motion) -> _Run:
+    times = np.array([np.nan if mark.time is None else mark.time for mark in motion.marks] or [np.nan] * len(FRACTIONS))
+    last = np.nan if motion.last_impact is None else motion.last_impact
+    return _Run(
+        motion.status, motion.duration, motion.impacts, last, motion.clear_from is not None, motion.held_time, motion.initial_energy,
+        motion.energy, motion.totals, times, motion.final, motion.peaks,
+    )  # fmt: skip
+
+
+def _fill(plan: Plan, mover: Mover, sharing: Sharing, run: _Run, b: int, out: dict[str, np.ndarray]) -> None:
+    """The results of one general run."""
+    ended = _ending(plan, run)
     out["ended"][b] = ended.code
     if ended is Ending.OUTSIDE:
         return
-    spent, energy = dict(motion.dissipated), motion.energy
+    spent, energy = dict(zip(mover.parts, run.totals[:-1].tolist(), strict=True)), run.energy
+    came = run.initial_energy if run.initial_energy > 0.0 else math.fsum([*spent.values(), energy])
     if ended is Ending.CLEAR:
-        rest = spent_to_rest(mover.system, mover.dampers, motion.final)
+        rest = spent_to_rest(mover.system, mover.dampers, run.final)
         if rest is not None:
             spent = {part: value + rest.get(part, 0.0) for part, value in spent.items()}
             energy = 0.0
-    came = motion.initial_energy if motion.initial_energy > 0.0 else math.fsum([*motion.dissipated.values(), motion.energy])
     nes, lo = sharing.totals(spent)
     out["nes_share"][b], out["lo_share"][b] = (nes / came, lo / came) if came > 0.0 else (0.0, 0.0)
-    for mark in motion.marks:
-        out[f"time_{round(100 * mark.fraction)}"][b] = np.nan if mark.time is None else mark.time
-    out["impacts"][b] = motion.impacts
-    out["last_impact"][b] = np.nan if motion.last_impact is None else motion.last_impact
-    for name, peak in zip(mover.system.coordinates, extents(motion).peaks, strict=True):
+    for fraction, time in zip(FRACTIONS, run.times, strict=True):
+        out[f"time_{round(100 * fraction)}"][b] = time
+    out["impacts"][b], out["last_impact"][b] = run.impacts, run.last_impact
+    for name, peak in zip(mover.system.coordinates, run.peaks, strict=True):
         out[f"peak_{name}"][b] = peak
-    out["sticking_time"][b] = motion.held_time
-    out["duration"][b] = (motion.last_impact or 0.0) if ended is Ending.CLEAR else motion.duration
-    balance = math.fsum([motion.initial_energy, motion.work, *(-value for value in spent.values()), -energy])
+    out["sticking_time"][b] = run.held_time
+    out["duration"][b] = (run.last_impact if run.impacts else 0.0) if ended is Ending.CLEAR else run.duration
+    balance = math.fsum([run.initial_energy, run.totals[-1], *(-value for value in spent.values()), -energy])
     out["balance_error"][b] = abs(balance) / came if came > 0.0 else abs(balance)
 
 
-def _ending(plan: Plan, motion: Motion) -> Ending:
-    if motion.status is not MotionStatus.DURATION_REACHED:
-        return Ending[motion.status.name]
+def _ending(plan: Plan, run: _Run) -> Ending:
+    if run.status is not MotionStatus.DURATION_REACHED:
+        return Ending[run.status.name]
     if plan.until != CLEAR:
         return Ending.DURATION
-    return Ending.LONGEST if motion.clear_from is None else Ending.CLEAR
+    return Ending.CLEAR if run.clear else Ending.LONGEST
 
 
 def _narrow(out: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
