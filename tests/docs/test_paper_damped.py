@@ -151,7 +151,7 @@ def out_of_phase_impacts():
     assert motion.motion.clear_from is not None
     last = motion.motion.last_impact
     nes, lo = motion.shares(last)
-    return [motion.motion.impacts, last, nes + lo, nes, 0.1 * orbit.velocities[0] ** 2 / (2.0 * orbit.h)]
+    return [motion.motion.impacts, last, nes + lo, nes, 0.1 * orbit.velocities[0] ** 2 / (2.0 * orbit.h), nes + lo - 90, 90]
 
 
 @row(7)
