@@ -5,7 +5,6 @@ Oracles: saltus, for the page; closed forms where there are some (linear modes, 
 
 import re
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,30 +18,9 @@ from bvp.system import vibro_impact_nes
 from tests.branches.closed_form import Backbone
 from tests.branches.paper_names import NAMES, SYSTEM, event, family, found, orbit_of
 from tests.branches.traced import traced
+from tests.docs.pages import compare, numbers, page, table
 
-PAGE = (Path(__file__).parents[2] / "docs" / "paper.md").read_text(encoding="utf-8")
-
-
-def table(title):
-    """The cells of the rows of the table under a title."""
-    part = PAGE.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines() if line.startswith("|")]
-    return rows[2:]
-
-
-def numbers(text):
-    """The numbers printed in a cell, as texts; labels stand in code type or in their usual form, and are none."""
-    bare = re.sub(r"`[^`]*`|\b[SUL]\(?[0-9][\w()]*[+-]*|\bu[12]\b|m 2 pi/T|T/4", " ", text)
-    return re.findall(r"(?<![\w.])-?[0-9]+(?:\.[0-9]+)?", bare)
-
-
-def compare(text, values):
-    """Each number of a cell is one of the values, in order, rounded to its digits."""
-    printed = numbers(text)
-    assert len(printed) == len(values), (printed, values)
-    for one, value in zip(printed, values, strict=True):
-        digits = len(one.partition(".")[2])
-        assert abs(float(one) - value) <= 0.5 * 10.0**-digits + 1e-9 * abs(value), (one, value)
+PAGE = page("paper.md")
 
 
 def grazing_energies():
@@ -283,13 +261,13 @@ def several_turns():
     return []
 
 
-@pytest.mark.parametrize("cells", table("Statements"), ids=lambda cells: f"{cells[0]}: {cells[1][:40]}")
+@pytest.mark.parametrize("cells", table(PAGE, "Statements"), ids=lambda cells: f"{cells[0]}: {cells[1][:40]}")
 def test_statements(cells):
     """Oracle: the functions above."""
     compare(cells[2], ROWS[int(cells[0])]())
 
 
-@pytest.mark.parametrize("cells", table("Names"), ids=lambda cells: cells[0])
+@pytest.mark.parametrize("cells", table(PAGE, "Names"), ids=lambda cells: cells[0])
 def test_names(cells):
     """Oracle: the families that the names resolve to."""
     name, label, *values = cells
@@ -304,9 +282,9 @@ def test_names(cells):
 
 def test_the_tables_name_all_names():
     """Oracle: the names that the tests of resolving know, and the pins of the scene."""
-    assert [cells[0] for cells in table("Names")] == list(NAMES)
+    assert [cells[0] for cells in table(PAGE, "Names")] == list(NAMES)
     assert set(saltus.load_scene().pins) == set(NAMES) - {"S11-", "S13+"}
-    assert [int(cells[0]) for cells in table("Statements")] == sorted(ROWS)
+    assert [int(cells[0]) for cells in table(PAGE, "Statements")] == sorted(ROWS)
 
 
 @cache
@@ -322,7 +300,7 @@ def searched(low, high, count, quarter_period, impacts):
 
 def test_what_is_not_found():
     """Oracle: complete lists at many energies; the labels along the families."""
-    one, two, three, four = table("Not found, or counted otherwise")
+    one, two, three, four = table(PAGE, "Not found, or counted otherwise")
     count, low, high, quarter_period = (float(value) for value in numbers(one[1]))
     labels = {label for label in searched(low, high, int(count), quarter_period, 1) if label.startswith("U")}
     assert labels == set(re.findall(r"`([^`]*)`", one[2].partition(". ")[0]))

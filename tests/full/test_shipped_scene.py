@@ -23,7 +23,8 @@ def built(tmp_path_factory):
 
 
 def test_it_is_settled_and_nothing_failed(built):
-    """Oracle: the build's own account. One symmetry breaking beyond ten impacts, beside which |tau| is 2 within 1e-11, gives no new family."""
+    """Oracle: the build's own account. One symmetry breaking, beyond ten impacts and beside a crossing, where tau is 2 within 1e-11 all
+    along, gives no new family."""
     _, report, code = built
     assert report["failed"] == [] and code == 0
     assert report["settled"] and report["levels"][-1]["new"] == 0

@@ -73,6 +73,25 @@ def test_a_catalogue_lies_behind(capsys, tmp_path, small_scene):
     assert followed & {"S13O00+"}
 
 
+def test_what_is_interrupted_lists_what_was_made(capsys, tmp_path, monkeypatch):
+    """Oracle: exit code 130; the page of captions has the figures that there are."""
+    import saltus.commands.run as command
+
+    plain = command.run
+
+    def second_is_interrupted(arguments):
+        if arguments.on == "S11O00-":
+            raise KeyboardInterrupt
+        return plain(arguments)
+
+    monkeypatch.setattr(command, "run", second_is_interrupted)
+    words = ("--figure", "fig14", "--figure", "fig16", "--figure", "fig17")
+    code, out, _ = run(capsys, "gallery", "paper", "--out", tmp_path, *words)
+    assert code == 130 and [line.split()[0] for line in out.splitlines()] == ["fig14", "wrote"]
+    page = (tmp_path / "captions.md").read_text()
+    assert "fig14.json" in page and "fig16" not in page and "fig17" not in page
+
+
 WRONG = [
     ("gallery papr --out {here}", ["unknown gallery 'papr'", "nearest: paper"]),
     ("gallery --out {here}", ["missing: NAME"]),

@@ -1,0 +1,277 @@
+"""docs/paper_damped.md: each number of the columns that are ours is computed here, and compared to the digits that are printed.
+
+Oracle: saltus, for the page; what the paper says stands beside it and is not tested."""
+
+import math
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import pytest
+
+import saltus
+from bvp.damped import run
+from bvp.motion import Motion
+from saltus.galleries import load_gallery
+from tests.branches.paper_names import NAMES, SYSTEM, family
+from tests.branches.traced import traced
+from tests.docs.pages import compare, page, table
+from transitions.families import families_of
+from transitions.motion import Motion as Shown
+from transitions.sampled import sampled, samples_of
+from transitions.sharing import Sharing, sharing_of
+from transitions.stages import Stage, stages_of
+
+PAGE = page("paper_damped.md")
+GAP = (1.0, -1.0)
+DURATION = 400.0
+
+
+@cache
+def named_families():
+    """The families that the paper names, which stages are told by."""
+    return families_of([family(name) for name in NAMES], GAP)
+
+
+@dataclass(frozen=True, eq=False)
+class Damped:
+    """A damped motion with what the page says of it; shares are in % of the initial energy."""
+
+    motion: Motion
+    sharing: Sharing
+
+    def mark(self, fraction):
+        """Time, and shares of NES and LO, when a fraction is gone."""
+        mark = next(mark for mark in self.motion.marks if mark.fraction == fraction)
+        return mark.time, *self._shares(mark.dissipated)
+
+    def shares(self, time=None):
+        """Shares of NES and LO up to a time."""
+        if time is None:
+            return self._shares(self.motion.dissipated)
+        return self._shares(dict(zip(self.motion.parts, self.motion.spent([time])[0, :-1].tolist(), strict=True)))
+
+    def _shares(self, dissipated):
+        nes, lo = self.sharing.totals(dissipated)
+        return 100.0 * nes / self.motion.initial_energy, 100.0 * lo / self.motion.initial_energy
+
+    @cached_property
+    def stages(self) -> tuple[Stage, ...]:
+        """Its stages, told by the families that the paper names."""
+        return self.told(named_families())
+
+    def told(self, families) -> tuple[Stage, ...]:
+        """Its stages, told by these families."""
+        shown = Shown(self.motion.system, sampled(self.motion, self.sharing, samples_of(self.motion)), GAP)
+        return tuple(stages_of(shown.record, GAP, families, spectrum=shown.spectrum))
+
+
+@cache
+def damped(v1, v2, lam=0.01, rho=0.7, duration=DURATION):
+    """The motion from no displacement and these velocities."""
+    system = saltus.vibro_impact_nes(lam=lam, rho=rho)
+    shared = sharing_of(system, nes=(0,), lo=(1,))
+    motion = run(system, [0.0, 0.0], [v1, v2], duration, dampers=shared.dampers)
+    assert motion.balance_error < 1e-12
+    return Damped(motion, shared)
+
+
+def on(name, h):
+    """The motion from the orbit of a backbone at an energy."""
+    (orbit,) = traced(name).orbits_at(energy=h)
+    return damped(*(float(v) for v in orbit.velocities))
+
+
+def struck(h, **options):
+    """The motion from an impulsive start."""
+    return damped(0.0, math.sqrt(2.0 * h), **options)
+
+
+def impulsive(name):
+    """Energy of the impulsive orbit of a family."""
+    (h,) = {round(e.h, 9) for e in family(name).events if e.type == "IO"}
+    return h
+
+
+def follows(stage):
+    """Harmonic and label of what a stage follows, None where it follows no family."""
+    return None if stage.follows is None else (stage.follows.harmonic, stage.follows.label)
+
+
+ROWS = {}
+
+
+def row(number):
+    """Register what computes a row."""
+    return lambda compute: ROWS.setdefault(number, compute)
+
+
+@row(1)
+def in_phase_shares():
+    time, nes, lo = on("S13O00+", 10.0).mark(0.85)
+    return [85, time, lo, nes, 40 - lo, nes - 45]
+
+
+@row(2)
+def in_phase_stage_a():
+    motion = on("S13O00+", 10.0)
+    first = motion.stages[0]
+    assert follows(first) == (1, "S13O11+") and first.start == 0.0
+    assert "S13O11+" in {alias["label"] for alias in family("S31O11-").aliases}
+    nes, lo = motion.shares(first.end)
+    return [first.end, nes + lo, lo, nes, 85]
+
+
+@row(3)
+def in_phase_stage_b():
+    second = on("S13O00+", 10.0).stages[1]
+    assert follows(second) == (1, "S13O00+")
+    breaking = next(e.h for e in traced("S13O00+").events if e.type == "SB")
+    return [second.start, second.end, *second.energies[::-1], breaking]
+
+
+@row(4)
+def in_phase_stage_c():
+    third = on("S13O00+", 10.0).stages[2]
+    assert follows(third) is None
+    return [third.start, third.end, third.frequency]
+
+
+@row(5)
+def in_phase_stage_d():
+    motion = on("S13O00+", 10.0)
+    last = motion.stages[3]
+    assert len(motion.stages) == 4 and follows(last) == (1, "L11+")
+    return [motion.motion.last_impact, last.start]
+
+
+@row(6)
+def out_of_phase_impacts():
+    (orbit,) = traced("S11O00-").orbits_at(energy=0.8)
+    motion = on("S11O00-", 0.8)
+    assert motion.motion.clear_from is not None
+    last = motion.motion.last_impact
+    nes, lo = motion.shares(last)
+    return [motion.motion.impacts, last, nes + lo, nes, 0.1 * orbit.velocities[0] ** 2 / (2.0 * orbit.h), nes + lo - 90, 90]
+
+
+@row(7)
+def out_of_phase_stages():
+    first, second = on("S11O00-", 0.8).stages
+    assert follows(first) is None and follows(second) == (1, "L11-")
+    return [first.end]
+
+
+@row(8)
+def lowest_regime():
+    motion = struck(0.07)
+    assert motion.motion.clear_from is not None
+    out = [0.07, motion.motion.impacts, motion.motion.last_impact, motion.shares()[0], DURATION, motion.shares()[1]]
+    return out + [0.06, struck(0.06).shares()[0], 0.08, struck(0.08).shares()[0]]
+
+
+@row(9)
+def lowest_regime_stages():
+    first, second = struck(0.07).stages
+    assert follows(first) == (1, "L11-") and follows(second) == (1, "L11+")
+    return [first.start, first.end]
+
+
+@row(10)
+def second_regime_shares():
+    h = impulsive("S95E22-")
+    time, nes, lo = struck(h).mark(0.5)
+    return [h, 50, time, nes, lo, 33 - nes]
+
+
+@row(11)
+def second_regime_stages():
+    motion = struck(impulsive("S95E22-"))
+    first, second, third, last = motion.stages
+    assert [follows(stage) for stage in (first, second, third, last)] == [(4, "U4421+"), (2, "U2201+"), None, (1, "L11+")]
+    for one, other in (("U4421+", "U5421-"), ("U2201+", "U3201-")):
+        assert family(one).id == family(other).id
+    alone = motion.told(families_of([family("S95E22-")], GAP))[0]
+    assert follows(alone) == (5, "S55E22+") and "S55E22+" in {alias["label"] for alias in family("S95E22-").aliases}
+    return [first.start, first.end, second.end, last.start, motion.motion.last_impact, 5, alone.end]
+
+
+@row(12)
+def third_regime_shares():
+    h = impulsive("S31O11-")
+    motion = struck(h)
+    first = motion.stages[0]
+    assert follows(first) == (1, "S13O00+")
+    nes, _ = motion.shares(first.end)
+    return [h, first.end, nes, 85, motion.mark(0.85)[1], nes - 50]
+
+
+@row(13)
+def third_regime_stages():
+    motion = struck(impulsive("S31O11-"))
+    first, second, last = motion.stages
+    assert follows(second) is None and follows(last) == (1, "L11+")
+    alone = motion.told(families_of([family("S31O11-")], GAP))[0]
+    assert follows(alone) == (1, "S31O11+")
+    return [first.start, first.end, second.end, motion.motion.last_impact, alone.end]
+
+
+@row(14)
+def highest_regime():
+    h = impulsive("U4122-")
+    assert h > impulsive("S31O11-")
+    motion = struck(h)
+    first = motion.stages[0]
+    assert follows(first) == (1, "S13O00+")
+    out = [h, first.end, motion.shares(first.end)[0], DURATION, motion.shares()[0]]
+    for other in (10.0, 20.0, 100.0):
+        out += [other, struck(other).shares()[0]]
+    return out
+
+
+@row(15)
+def impacts_alone():
+    motion = struck(impulsive("U8344-"), lam=0.0)
+    first = motion.stages[0]
+    nes, lo = motion.shares()
+    assert follows(first) == (1, "S13O00+") and lo == 0.0
+    later = struck(impulsive("U8344-"), lam=0.0, duration=2000.0).motion
+    left = 100.0 * later.energy / later.initial_energy
+    return [impulsive("U8344-"), first.start, first.end, DURATION, nes, later.last_impact, later.duration, left]
+
+
+@row(16)
+def damping_alone():
+    motion = struck(impulsive("U8344-"), rho=1.0)
+    first, second = motion.stages[:2]
+    nes, lo = motion.shares()
+    assert follows(first) == (8, "U8344-") and follows(second) is None and nes == 0.0
+    later = struck(impulsive("U8344-"), rho=1.0, duration=1000.0)
+    last = later.stages[-1]
+    assert follows(last) == (1, "L11+")
+    return [DURATION, lo, first.end, later.motion.impacts, later.motion.last_impact, last.start]
+
+
+@row(17)
+def impacts_and_damping():
+    motion = struck(impulsive("U8344-"))
+    first, last = motion.stages[0], motion.stages[-1]
+    assert follows(first) == (1, "S13O00+") and follows(last) == (1, "L11+")
+    nes, lo = motion.shares()
+    return [first.start, first.end, nes, lo, DURATION, motion.motion.last_impact, last.start]
+
+
+@pytest.mark.parametrize("cells", table(PAGE, "Statements"), ids=lambda cells: f"{cells[0]}: {cells[2][:40]}")
+def test_statements(cells):
+    """Oracle: the functions above."""
+    compare(f"{cells[3]} {cells[4]}", ROWS[int(cells[0])]())
+
+
+def test_the_table_is_whole():
+    """Oracle: the functions above, and the gallery: each of its damped figures has a row, and is the motion that the row tells."""
+    rows = table(PAGE, "Statements")
+    assert [int(cells[0]) for cells in rows] == sorted(ROWS)
+    figures = [figure for figure in load_gallery("paper").figures if figure.words[0] == "run"]
+    assert {cells[1] for cells in rows} == {figure.name[3:] for figure in figures}
+    for figure in figures:
+        assert "--duration 400" in " ".join(figure.words)
+    assert SYSTEM.describe() == saltus.vibro_impact_nes().describe()
