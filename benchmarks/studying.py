@@ -90,8 +90,9 @@ def study(runs: int, workers: int) -> Studied:
         size = sum(path.stat().st_size for path in folder.glob("block-*"))
         error = float(np.nanmax(found["balance_error"]))
         return Studied(
-            workers, seconds, used, runs, int(found["impacts"].sum()), found.nbytes / runs, size / runs, error, found["h"], found["last_impact"]
-        )
+            workers, seconds, used, runs, int(found["impacts"].sum()), found.nbytes / runs, size / runs, error, found["h"],
+            found["last_impact"],
+        )  # fmt: skip
 
 
 def _used(executor: Executor, workers: int) -> list[float]:
