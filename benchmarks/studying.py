@@ -88,11 +88,11 @@ def study(runs: int, workers: int) -> Studied:
         seconds, used = time.perf_counter() - begin, sum(_used(executor, workers)) - used
         found = Study(folder)
         size = sum(path.stat().st_size for path in folder.glob("block-*"))
-        memory = sum(values.nbytes for values in found._columns.values())
         error = float(np.nanmax(found["balance_error"]))
         return Studied(
-            workers, seconds, used, runs, int(found["impacts"].sum()), memory / runs, size / runs, error, found["h"], found["last_impact"]
-        )
+            workers, seconds, used, runs, int(found["impacts"].sum()), found.nbytes / runs, size / runs, error, found["h"],
+            found["last_impact"],
+        )  # fmt: skip
 
 
 def _used(executor: Executor, workers: int) -> list[float]:

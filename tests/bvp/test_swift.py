@@ -59,8 +59,7 @@ def compare(system, states, duration):
 
 @pytest.mark.parametrize(("lam", "rho"), [(0.01, 0.7), (0.0, 0.7), (0.1, 0.9), (0.01, 1.0), (0.0, 1.0), (0.5, 0.5)])
 def test_the_reference_system(lam, rho):
-    """Oracle: the general run, event by event; peaks also from dense samples, which a turning point between them exceeds by their
-    spacing."""
+    """Oracle: the general run, event by event; dense samples, whose peaks a turning point between them exceeds by their spacing."""
     energies = np.geomspace(0.02, 10.0, 25)
     assert compare(vibro_impact_nes(lam=lam, rho=rho), impulsive(energies), 12.0) >= 20
 

@@ -163,7 +163,7 @@ def best_figure(study: Study, best: str = "nes_share", value: str | None = None)
         figure, panels = _panels(study, len(study.plan.axes), _given(study, top))
         shown: list[np.ndarray] = []
         for panel, axis in zip(panels, study.plan.axes, strict=True):
-            given = study._columns[f"given.{axis.name}"]
+            given = study.numbers(axis.name)
             if study.plan.design == "grid":
                 some = _through(study, at, axis.name)
                 order = some[np.argsort(given[some])]
@@ -304,7 +304,7 @@ def _through(study: Study, at: int, name: str) -> np.ndarray:
     same = np.ones(len(study), dtype=bool)
     for axis in study.plan.axes:
         if axis.name != name:
-            column = study._columns[f"given.{axis.name}"]
+            column = study.numbers(axis.name)
             same &= column == column[at]
     return np.flatnonzero(same)
 

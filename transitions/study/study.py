@@ -184,6 +184,15 @@ class Study:
         values = self._columns[name]
         return self.clearance * values if name.startswith("peak_") else values
 
+    def numbers(self, name: str) -> np.ndarray:
+        """A varied parameter as numbers, (N,): a family as its index."""
+        return self._columns[f"given.{name}"]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that its arrays take."""
+        return sum(values.nbytes for values in self._columns.values())
+
     def endings(self) -> dict[Ending, int]:
         """How many runs ended how."""
         codes = {ending.code: ending for ending in Ending}
@@ -222,7 +231,7 @@ class Study:
 
     def _place(self, axis: Axis) -> np.ndarray:
         """Where each run lies on an axis, 0 to 1."""
-        values = self._columns[f"given.{axis.name}"]
+        values = self.numbers(axis.name)
         if axis.is_family:
             return 10.0 * values
         values = np.log(values) if axis.scale == "log" and np.all(values > 0.0) else values
@@ -230,5 +239,5 @@ class Study:
         return (values - values.min()) / span if span > 0.0 else np.zeros(len(values))
 
     def _named(self, axis: Axis) -> np.ndarray:
-        values = self._columns[f"given.{axis.name}"]
+        values = self.numbers(axis.name)
         return np.array(axis.values)[values.astype(np.int64)] if axis.is_family else values
