@@ -16,7 +16,7 @@ from tests.branches.paper_names import NAMES, SYSTEM, family
 from tests.branches.traced import traced
 from tests.docs.pages import compare, page, table
 from transitions.families import families_of
-from transitions.sampled import sampled, samples_of
+from transitions.sampled import sampled
 from transitions.sharing import Sharing, sharing_of
 from transitions.stage import Stage
 from transitions.stages import stages_of
@@ -62,7 +62,7 @@ class Damped:
 
     def told(self, families) -> tuple[Stage, ...]:
         """Its stages, told by these families."""
-        shown = Transition(self.motion.system, sampled(self.motion, self.sharing, samples_of(self.motion)), GAP)
+        shown = Transition(self.motion.system, sampled(self.motion, self.sharing), GAP)
         return tuple(stages_of(shown.record, GAP, families, spectrum=shown.spectrum))
 
 
