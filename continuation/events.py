@@ -143,7 +143,7 @@ class EventFinder:
         if test.kind == "change":
             changes = []
             low = 0.0
-            while locator.value(index, low) != locator.value(index, ds):
+            while locator.value(index, low) != locator.value(index, ds) and not locator.changes_at_an_end(index, low, ds, key=True):
                 location, low = locator.change(index, low, ds, test.terminal)
                 changes.append(location)
                 if len(changes) > _CHANGES:

@@ -7,6 +7,7 @@ is carried from trial to trial.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
@@ -276,10 +277,10 @@ class Locator:
         """Whether a guard is violated first where another one has its zero: then that is the end, and this one tells no more of it."""
         return any(self.value(index, low) > 0.0 >= self.value(index, high) for low, high in self._ends)
 
-    def changes_at_an_end(self, index: int, low: float, high: float) -> bool:
-        """Whether a test function changes sign inside the last bracket of a guard that was located: as far as steps can tell, by its pole
-        or jump at the end."""
-        low, high = self._narrowed(index, low, high, _signs_differ)
+    def changes_at_an_end(self, index: int, low: float, high: float, *, key: bool = False) -> bool:
+        """Whether a test function changes sign, or a key its value, inside the last bracket of a guard that was located: as far as steps
+        can tell, by its pole or jump at the end."""
+        low, high = self._narrowed(index, low, high, operator.ne if key else _signs_differ)
         return any(first <= low and high <= last for first, last in self._ends)
 
     def _narrowed(self, index: int, low: float, high: float, differ: Callable[[float, float], bool]) -> tuple[float, float]:
@@ -315,7 +316,7 @@ class Locator:
 
         The event's point is the first with the new key, or the last with the old key where the family ends.
         """
-        low, high = self._narrowed(index, low, high, lambda a, b: a != b)
+        low, high = self._narrowed(index, low, high, operator.ne)
         key = self.value(index, low)
         while high - low > self._settings.location_tolerance:
             middle = 0.5 * (low + high)

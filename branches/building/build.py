@@ -373,6 +373,8 @@ class _Build:
     def _connect(self, link: Link | None, target: str | None) -> None:
         if link is None:
             return
+        if link.kind == "linear mode" and any(edge.source == target for edge in self.catalogue.edges(link.source)):
+            return  # the edge from the mode is there, and says more
         there = self.joins.get((target or "", link.type == "GR"), [])
         same = [(abs(h / link.h - 1.0), event) for h, event in there if abs(h / link.h - 1.0) < _SAME]
         self.catalogue.connect(

@@ -39,9 +39,12 @@ if TYPE_CHECKING:
 
 __all__ = ["ends_of", "work"]
 
+_OTHER = "what was found next to the event is no family that has its orbit, but"
+
 BESIDE = (0.0, 3e-4, -3e-4)
 """Where else energies are searched, relatively, while a search does not settle: near an energy at which a family grazes, starts that are
 neighbours in floating point part."""
+
 
 @lru_cache(maxsize=4)
 def _system(description: str) -> ImpactSystem:
@@ -268,6 +271,12 @@ def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tup
             beyond += 1
             continue
         seed = _reached(seed, link, source, branch.problem, branch.unknowns(event.point))
+        assert seed.link is not None
+        if seed.link.there is None:
+            # The corrector fell onto another family that is near: it is followed, but was not born here.
+            dead.append(replace(link, kind="dead end", note=f"{_OTHER} {'-'.join(image.ends)}:{''.join(image.word)}"))
+            seeds.append(seed._replace(link=None))
+            continue
         # Where a family of more symmetry, or of several turns, is crossed, the equations are singular and the crossing has the square root
         # of their accuracy: the same event on that family is regular, and the edge is made from there.
         seeds.append(seed._replace(link=None) if birth.turns else seed)

@@ -60,4 +60,6 @@ def translated(path: Path) -> Iterator[None]:
             raise CatalogueDamaged(f"{path} is damaged: {error}") from error
         if isinstance(error, sqlite3.OperationalError) and str(error).startswith("no such"):
             raise CatalogueDamaged(f"{path} is damaged: it has {error}") from error
+        if isinstance(error, sqlite3.OperationalError) and str(error).startswith("Could not decode"):
+            raise CatalogueDamaged(f"{path} is damaged: {str(error)[:1].lower()}{str(error)[1:].splitlines()[0][:80]}") from error
         raise

@@ -149,10 +149,13 @@ class Catalogue(WorkQueue):
     def track(self, row: FamilyRow) -> list[tuple[float, float, str]]:
         """Energy, quarter period and label at each point of a family, without arrays; checksums are not compared."""
         with translated(self.path):
-            return self._connection.execute(
+            found = self._connection.execute(
                 "SELECT h, alpha, label FROM points WHERE number >= ? AND number < ? ORDER BY number",
                 (row.first_point, row.first_point + row.points),
             ).fetchall()
+        if len(found) != row.points:
+            raise CatalogueDamaged(f"{self.path} is damaged: family {row.id}: it has {len(found)} of {row.points} points")
+        return found
 
     def events(self, id: str) -> tuple[BranchEvent, ...]:
         """The events of a family, in order of arclength."""

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
+from branches.catalogue.errors import CatalogueDamaged
 from branches.catalogue.file import CatalogueFile
 
 __all__ = ["WorkQueue"]
@@ -37,19 +38,25 @@ class WorkQueue(CatalogueFile):
 
     def work(self) -> list[tuple[str, Any]]:
         """Pieces of work that are left: (key, value) in the order of their keys."""
-        return [(key, json.loads(value)) for key, value in self._select("work", ("key", "payload"), "ORDER BY key")]
+        return [(key, self._value(key, value)) for key, value in self._select("work", ("key", "payload"), "ORDER BY key")]
 
     def progress(self, key: str) -> Any:
         """What was last noted under a key, None where nothing was."""
         rows = self._select("progress", ("value",), "WHERE key = ?", (key,))
-        return json.loads(rows[0][0]) if rows else None
+        return self._value(key, rows[0][0]) if rows else None
 
     def notes(self, beginning: str) -> list[Any]:
         """All that is noted under keys with this beginning, in the order of the keys."""
         rows = self._select("progress", ("value",), "WHERE substr(key, 1, ?) = ? ORDER BY key", (len(beginning), beginning))
-        return [json.loads(value) for (value,) in rows]
+        return [self._value(beginning, value) for (value,) in rows]
 
     def note(self, key: str, value: Any) -> None:
         """Note a JSON value under a key, in place of what was there."""
         with self.transaction():
             self._connection.execute("INSERT OR REPLACE INTO progress VALUES (?, ?)", (key, json.dumps(value, sort_keys=True)))
+
+    def _value(self, key: str, text: str) -> Any:
+        try:
+            return json.loads(text)
+        except (TypeError, ValueError) as error:
+            raise CatalogueDamaged(f"{self.path} is damaged: what is noted under {key!r} cannot be read") from error

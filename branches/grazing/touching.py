@@ -108,8 +108,9 @@ class Touching:
 
     def mark(self) -> tuple[float, float, float] | None:
         """Energy, quarter period and pattern of all instants (`branches.identity.pattern_of`): the same for every family that reaches
-        the orbit with this period. None where not all choices of the grazing instants are looked at."""
-        if np.sum(self.grazing) > EVERY:
+        the orbit with this period. None where not all choices of the grazing instants are looked at, and for linear motion, which
+        every family that begins there tells of by itself."""
+        if np.sum(self.grazing) > EVERY or not self.hard:
             return None
         return self.h, 0.25 * self.period, pattern_of(self.system, self.times / self.period, self.contact)
 

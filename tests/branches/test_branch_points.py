@@ -37,7 +37,7 @@ def test_a_branch_point_that_is_known_to_the_square_root_of_rounding_is_refined(
     assert birth.turns == 1 and set(birth.problem.ends) == {"rest", "stop+"}
     back = follow_family(birth.problem, birth.step, energy=(11.9, 12.2))
     again = next(event for event in back.events if event.breaks == "reversal")
-    assert again.h == pytest.approx(breaking.h, rel=1e-11)
+    assert again.h == pytest.approx(breaking.h, rel=2e-10)  # both are located to 1e-10 in arclength
     exact = refine_branch_point(Family(through.problem), through.unknowns(crossing.point))
     assert through.problem.energy(exact) == pytest.approx(breaking.h, rel=1e-9)
 

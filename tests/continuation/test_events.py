@@ -152,6 +152,16 @@ def test_a_pole_at_the_end_of_a_family_is_no_event(before):
     assert [event.code for event in events] == ["END"]
 
 
+@pytest.mark.parametrize("before", [0.0, 1e-12, 1e-11])
+def test_a_key_that_changes_at_the_end_of_a_family_is_no_event(before):
+    """At a grazing it is rounding which side a turning point is counted on."""
+    end = 1.1 - 2e-11
+    _, events, _ = run(
+        Line((Marker("K", "change"), lambda s: float(s > end - before)), (Marker("END", "guard", terminal=True), lambda s: end - s))
+    )
+    assert [event.code for event in events] == ["END"]
+
+
 def test_guard_may_rise_but_not_fall():
     _, events, _ = run(Line((Marker("G", "guard"), lambda s: math.sin(s - 1.0))))
     assert [event.arclength for event in events] == pytest.approx([1 + math.pi], abs=1e-10)

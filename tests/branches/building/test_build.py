@@ -66,6 +66,21 @@ def test_points_and_edges_hold(small_scene):
     assert not failures and counts["edges"] > 50
 
 
+def test_every_family_that_begins_at_a_linear_mode_is_joined_to_it(small_scene):
+    """Oracle: the grazing energies of the modes, in closed form."""
+    with Catalogue(small_scene[0]) as catalogue:
+        modes = {node.label: node.h[1] for node in catalogue.nodes if node.kind == "linear mode"}
+        joined = [frozenset((edge.source, edge.target)) for edge in catalogue.edges()]
+        begin = [
+            (row.id, label)
+            for row in catalogue.families()
+            for event in catalogue.events(row.id)
+            for label, h in modes.items()
+            if event.type == "GR" and abs(event.h / h - 1.0) < 1e-9
+        ]
+    assert len(begin) > 2 and all(joined.count(frozenset(pair)) for pair in begin)
+
+
 def test_stability_is_decided_for_nine_tenths_of_the_points(small_scene):
     """Oracle: a count."""
     assert decided_stability(small_scene[0]) > 0.9

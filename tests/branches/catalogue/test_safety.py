@@ -497,6 +497,28 @@ def test_flipped_bytes_are_noticed(good):
     assert noticed > 30
 
 
+def test_text_that_is_none_is_damage(good):
+    """Oracle: bytes that no text has, over a label wherever it stands, and over what a build noted."""
+    data = good.read_bytes()
+    for text in (b"S13O00+", b"located"):
+        assert text in data
+        good.write_bytes(data.replace(text, b"\xff" * len(text)))
+        with pytest.raises(CatalogueDamaged, match=good.name), saltus.Catalogue(good) as catalogue:
+            for row in catalogue.families():
+                _ = catalogue.track(row), catalogue.events(row.id)
+    good.write_bytes(data)
+    with saltus.Catalogue(good, "a") as catalogue:
+        catalogue.note("plan", {"bounds": 1})
+        with catalogue.transaction():
+            catalogue._connection.execute("UPDATE progress SET value = '{\"bou' WHERE key = 'plan'")
+        with pytest.raises(CatalogueDamaged, match=f"{good.name}.*'plan'"):
+            catalogue.progress("plan")
+        with catalogue.transaction():
+            catalogue._connection.execute("DELETE FROM points")
+        with pytest.raises(CatalogueDamaged, match="points"):
+            catalogue.track(catalogue.families()[0])
+
+
 def test_the_words_of_sqlite_are_the_users(tmp_path):
     """Oracle: an error of each kind is one of ours, with the file's name."""
     for name, kind in (("SQLITE_FULL", WriteFailure), ("SQLITE_BUSY", CatalogueInUse), ("SQLITE_CORRUPT_INDEX", CatalogueDamaged)):
