@@ -23,6 +23,7 @@ import difflib
 import itertools
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 
 from branches.label import ImpossibleLabelError, Label, count_half_waves, label_of, pieces, why_impossible
 from branches.label_reader import LabelSyntaxError, Name, parse, parse_name
@@ -74,7 +75,12 @@ def spelled(text: str, names: Iterable[str]) -> str:
     if not text:
         return text
     label = canonical(parse(text))
-    return next((name for name in names if canonical(parse(name)) == label), str(label))
+    return _spellings(tuple(names)).get(label) or str(label)
+
+
+@lru_cache(maxsize=8)
+def _spellings(names: tuple[str, ...]) -> dict[Label, str]:
+    return {canonical(parse(name)): name for name in reversed(names)}
 
 
 def matches(pattern: Label, label: Label) -> bool:
