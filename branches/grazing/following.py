@@ -383,6 +383,6 @@ def _linear(orbit: Touching) -> Neighbour:
     mode = mode_of(orbit)
     label = "" if mode is None else mode.label
     which = "a linear motion of several modes" if mode is None else f"the linear mode {label or mode.index + 1}"
-    reason = f"{which}, which touches the stops; the families that begin there are given by branches.linear_modes.families_at"
+    reason = f"{which}, which touches the stops: other families begin there, too"
     return Neighbour("linear mode", (), "", label, orbit.h, 0.25 * orbit.period, orbit.stops, 0, 1, reason)
 
