@@ -272,12 +272,14 @@ def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tup
             continue
         seed = _reached(seed, link, source, branch.problem, branch.unknowns(event.point))
         assert seed.link is not None
-        if seed.link.there is None:
+        if birth.turns:
+            # Where a family of more symmetry, or of several turns, is crossed, the equations are singular and the crossing has the square
+            # root of their accuracy: the same event on that family is regular, and the edge is made from there.
+            seeds.append(seed._replace(link=None))
+        elif seed.link.there is None:
             # The corrector fell onto another family that is near: it is followed, but was not born here.
             dead.append(replace(link, kind="dead end", note=f"{_OTHER} {'-'.join(image.ends)}:{''.join(image.word)}"))
             seeds.append(seed._replace(link=None))
-            continue
-        # Where a family of more symmetry, or of several turns, is crossed, the equations are singular and the crossing has the square root
-        # of their accuracy: the same event on that family is regular, and the edge is made from there.
-        seeds.append(seed._replace(link=None) if birth.turns else seed)
+        else:
+            seeds.append(seed)
     return seeds, beyond, dead
