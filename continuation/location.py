@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Literal, NamedTuple
 
 from continuation.problem import Point, Problem, Status, Step
@@ -107,10 +107,8 @@ def bracketed_root(
     refusals = 0
     while True:
         interrupted = ""
-        beside = [fraction + sign * factor * least for sign in (1.0, -1.0) for factor in _BESIDE]
-        for attempt in (fraction, *(place for place in beside if least <= place <= 1.0 - least), *_OTHER_PLACES):
-            if interrupted and refusals > _REFUSALS and abs(other - newest) <= coarse:
-                continue
+        given_up = refusals >= _REFUSALS and abs(other - newest) <= coarse
+        for attempt in (fraction,) if given_up else _places(fraction, least):
             trial = newest + attempt * (other - newest)
             try:
                 value = function(trial)
@@ -148,6 +146,17 @@ def bracketed_root(
         else:
             fraction = 0.5
         fraction = min(max(fraction, least), 1 - least)
+
+
+def _places(best: float, least: float) -> Iterator[float]:
+    """Where in a bracket a function is tried, as parts of it, until it can be evaluated: at the best place, beside it, anywhere."""
+    yield best
+    for sign in (1.0, -1.0):
+        for factor in _BESIDE:
+            place = best + sign * factor * least
+            if least <= place <= 1.0 - least:
+                yield place
+    yield from _OTHER_PLACES
 
 
 def _least(newest: float, other: float, tolerance: float) -> float:

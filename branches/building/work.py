@@ -39,11 +39,12 @@ if TYPE_CHECKING:
 
 __all__ = ["ends_of", "work"]
 
-_OTHER = "what was found next to the event is no family that has its orbit, but"
-
 BESIDE = (0.0, 3e-4, -3e-4)
 """Where else energies are searched, relatively, while a search does not settle: near an energy at which a family grazes, starts that are
 neighbours in floating point part."""
+
+_OTHER = "what was found next to the event is no family that has its orbit, but"
+"""Of a dead end, with the ends and word of what was found."""
 
 
 @lru_cache(maxsize=4)
