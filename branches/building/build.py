@@ -52,6 +52,8 @@ _RANGE = 1e-6
 
 _UNFOLDED = "unfolded "
 
+_NOT_FOLLOWED = "only families without a reversal meet this one here, and they meet none with one: they are not followed"
+
 _LOST = "the family that is born here could not be told from this one: next to the event they are nearer than rounding lets one see"
 
 
@@ -265,15 +267,21 @@ class _Build:
                 self.on_progress(Progress(len(self.known), len(self.frontier), self.points, self.events, level))
 
     def _connect_last(self) -> None:
-        """Connect what is not followed, where it is known in the end."""
+        """Connect what is not followed, where it is known in the end; a grazing at which nothing is gets a dead end."""
         with self.catalogue.transaction():
+            unknown: dict[tuple[str, str], Link] = {}
             for name, seed in self.last:
                 place = self.known.place(self.system, self._images(name, seed))
                 if place is None:
                     self.told["beyond"] += 1
+                    if seed.link is not None:
+                        unknown[seed.link.source, seed.link.event] = seed.link
                 else:
                     self._connect(seed.link, place.id)
                 self.catalogue.finish(name)
+            for (source, event), link in unknown.items():
+                if not any(event in (edge.source_event, edge.target_event) for edge in self.catalogue.edges(source)):
+                    self._connect(replace(link, kind="dead end", note=_NOT_FOLLOWED, there=None), None)
             self.last = []
             self._note()
 

@@ -248,9 +248,9 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
             dead.append(replace(link, target=item.label or None))
         elif item.kind != "dead end":
             beyond += 1
-    if not seeds and not beyond and not dead:
+    if not seeds and not dead:
         reasons = "; ".join(dict.fromkeys(item.reason for item in found if item.reason)) or "no other word fits"
-        dead.append(replace(template, kind="dead end", note=reasons))
+        dead.append(replace(template, kind="dead end", note="what meets it here lies beyond the bounds" if beyond else reasons))
     return Answer(tuple(seeds), ends=tuple(dead), beyond=beyond)
 
 

@@ -81,6 +81,27 @@ def test_every_family_that_begins_at_a_linear_mode_is_joined_to_it(small_scene):
     assert len(begin) > 2 and all(joined.count(frozenset(pair)) for pair in begin)
 
 
+def test_every_grazing_has_an_edge_or_a_dead_end(small_scene):
+    """Oracle: the events themselves. One grazing orbit is unfolded once, for all the families that meet there."""
+    with Catalogue(small_scene[0]) as catalogue:
+        edges = catalogue.edges()
+        told = [(edge.h, edge.alpha) for edge in edges if edge.type == "GR"]
+        own = {(id, event) for edge in edges for id, event in ((edge.source, edge.source_event), (edge.target, edge.target_event))}
+        silent = [
+            (row.id, event.id, event.h, event.alpha)
+            for row in catalogue.families()
+            for event in catalogue.events(row.id)
+            if event.type == "GR" and 0.05 <= event.h <= 100.0 and (row.id, event.id) not in own
+            and not any(abs(event.h / h - 1.0) < 1e-8 and _is_multiple(event.alpha, alpha) for h, alpha in told)
+        ]  # fmt: skip
+    assert silent == []
+
+
+def _is_multiple(one, other):
+    turns = max(one, other) / min(one, other)
+    return abs(turns - round(turns)) < 1e-7
+
+
 def test_stability_is_decided_for_nine_tenths_of_the_points(small_scene):
     """Oracle: a count."""
     assert decided_stability(small_scene[0]) > 0.9
