@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,9 +19,11 @@ from branches.kernels.march import Block, march
 from branches.labels import ImpossibleLabelError, Label, label_of
 from branches.markers import COMMON, NOISE, common_tests, is_orbit, planar_tests
 from bvp.kernels import segment as kernel
+from bvp.kernels.newton import set_scale
 from bvp.kernels.result import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
+from continuation.branch_point import refine_branch_point
 from continuation.control import Control, kinds_of
 from continuation.problem import EventDetails, Marched, Point, Step, Test
 from continuation.settings import Settings
@@ -28,7 +31,7 @@ from continuation.settings import Settings
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["Family", "RESONANCES", "SETTINGS", "label_at", "label_text", "multiplication"]
+__all__ = ["Family", "RESONANCES", "SETTINGS", "label_at", "label_text", "multiplication", "scales_of"]
 
 RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 """Rotation numbers p/q of the full period whose q-tuplings are reported."""
@@ -79,6 +82,14 @@ def label_text(problem: MultipointProblem, result: Any) -> str:
     except ImpossibleLabelError:
         return ""
     return "" if label is None else str(label)
+
+
+def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
+    """Sizes of the unknowns (u,): displacements, velocities, times."""
+    problem.residual(y)
+    problem._factor.before[:] = problem.end_states(y)
+    set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
+    return problem._factor.scale.copy()
 
 
 class Family:
@@ -241,6 +252,18 @@ class Family:
     def jacobian(self, y: np.ndarray) -> np.ndarray:
         """F'(y), for switching."""
         return self.problem.jacobian(y)
+
+    def refined(self, index: int, at: Step) -> Step | None:
+        """See `continuation.Problem`: branch points, on which the equations are singular, so that steps nearby fall onto the other family."""
+        if index != _BRANCHING:
+            return None
+        y = refine_branch_point(self, at.y, scales_of(self.problem, at.y))
+        if y is None:
+            return None
+        # As it stands: where the equations are singular a corrector has nothing to hold on to, nor has a tangent.
+        solution = self.problem.step(y, at.tangent, 0.0, maximum=0)
+        found = self._step(None if solution is None else replace(solution, tangent=at.tangent))
+        return found._replace(turn=at.turn) if found.converged else None
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the energy and the quarter period reached."""

@@ -17,14 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.branch import Branch, BranchEvent
-from branches.family import Family, label_at
+from branches.family import Family, label_at, scales_of
 from branches.identity import canonical_orbit, symmetries
 from branches.image import Image, image_of, images_between
 from branches.labels import ImpossibleLabelError
 from branches.stretch import embed
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of
-from bvp.kernels.newton import set_scale
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.branch_point import refine_branch_point
 from continuation.problem import Step
@@ -150,7 +149,7 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
         direction = branch_directions(family, y, known)[0]
     except SwitchError as error:
         # A branch point is known as well as the square root of rounding, where the families are nearly parallel.
-        middle = refine_branch_point(family, y, _scales(problem, y))
+        middle = refine_branch_point(family, y, scales_of(problem, y))
         try:
             if middle is None:
                 raise error
@@ -195,7 +194,7 @@ def _printed(problem: MultipointProblem, middle: np.ndarray, step: Step) -> tupl
     begin = family.begin(stretch.unknowns(turned))
     if not begin.converged:
         return problem, step
-    away = (begin.y - embed(problem, middle, (1, 2)).unknowns(turned)) / _scales(turned, begin.y) ** 2
+    away = (begin.y - embed(problem, middle, (1, 2)).unknowns(turned)) / scales_of(turned, begin.y) ** 2
     if float(away @ begin.tangent[: turned.unknowns]) < 0.0:
         begin = family.step(begin.y, -begin.tangent, 0.0)
     return turned, begin
@@ -243,7 +242,7 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
 
 def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> np.ndarray:
     """The direction of the new family in the null space of the Jacobian."""
-    scale = _scales(wide, y)
+    scale = scales_of(wide, y)
     if event.type == "RT" and wide.periodic:
         try:
             return tripling_direction(Family(wide), y, known, scale)
@@ -267,14 +266,6 @@ def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: Br
     return direction
 
 
-def _scales(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
-    """Sizes of the unknowns: displacements, velocities, times."""
-    problem.residual(y)
-    problem._factor.before[:] = problem.end_states(y)
-    set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
-    return problem._factor.scale.copy()
-
-
 def _firsts(family: Family, y: np.ndarray, direction: np.ndarray) -> Iterator[Step]:
     """The first orbits on both sides, where there are any."""
     for side in (direction, -direction):
@@ -286,7 +277,7 @@ def _firsts(family: Family, y: np.ndarray, direction: np.ndarray) -> Iterator[St
 def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
     """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
     problem = family.problem
-    scale = _scales(problem, y)
+    scale = scales_of(problem, y)
     way = direction / scale / np.linalg.norm(direction / scale)
     ds = DISTANCE
     for _ in range(12):

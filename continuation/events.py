@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
 from continuation.settings import Settings
 
 _PROBES = 4  # looks at a predicted extremum in search of two zeros
+_NEAR = 10.0  # times the tolerance that a zero is asked for: of steps that fall onto another curve the points are further apart than the steps
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
@@ -57,6 +58,7 @@ class EventFinder:
         self._kinds = kinds_of(self._tests)
         self._places = [math.nan] * len(self._tests)
         self._undefined = [math.nan] * len(self._tests)
+        self._refine: Callable[[int, Step], Step | None] | None = getattr(problem, "refined", None)
         self._absorbing = any(test.absorbs for test in self._tests)
 
     def scan(
@@ -86,7 +88,8 @@ class EventFinder:
         for suspect in sorted(suspects, key=lambda suspect: self._effort(suspect.index, before, after)):
             if self._tests[suspect.index].kind == "guard" and locator.ends_with_another(suspect.index):
                 continue
-            located += [(suspect.index, location) for location in self._locate(locator, suspect.index, suspect.dip, ds)]
+            found = self._locate(locator, suspect.index, suspect.dip, ds)
+            located += [(suspect.index, self._refined(suspect.index, location, before, ds)) for location in found]
 
         def place(pair: tuple[int, Location]) -> tuple[float, float, int]:
             # Beside a branch point a shorter step can be corrected onto a point that is further along.
@@ -137,6 +140,23 @@ class EventFinder:
                     details = details._replace(terminal=True)
                 found.append(Found(index, location, details))
         return self._absorb(found) if self._absorbing else found
+
+    def _refined(self, index: int, location: Location, before: Point, ds: float) -> Location:
+        """The event where the problem has it to full accuracy, if steps could not bring it nearer and the problem can."""
+        if self._refine is None or location.kind not in ("interrupted", "zero"):
+            return location
+        low, high = (arclength_between(before.step.position, end) for end in (location.low, location.high))
+        if location.kind == "zero" and abs(high - low) <= _NEAR * self._settings.location_tolerance:
+            return location
+        step = self._refine(index, location.step)
+        if step is None:
+            return location
+        apart = arclength_between(before.step.position, step) - arclength_between(before.step.position, location.step)
+        s = location.s + apart
+        if not 0.0 < s < ds:
+            return location
+        margin = self._settings.location_tolerance
+        return Location("zero", "located", s, step, abs(float(step.tests[index])), step, step, margin=margin)
 
     def _locate(self, locator: Locator, index: int, dip: float | None, ds: float) -> list[Location]:
         test = self._tests[index]
@@ -219,7 +239,7 @@ def make_event(found: Found, position: Any, arclength: float, index: int) -> Eve
         test=found.index,
         status=location.status,
         arclength=arclength + arclength_between(position, location.step),
-        bracket=(min(ends), max(ends)),
+        bracket=(min(ends) - location.margin, max(ends) + location.margin),
         residual=location.residual,
         point=location.step,
         index=index,

@@ -189,6 +189,8 @@ class Location(NamedTuple):
         The steps at the ends of the bracket.
     reason : str
         Why it was interrupted, else empty.
+    margin : float
+        What the ends of the bracket lie further apart on either side: of a point that was found by other means than steps.
     """
 
     kind: FoundKind
@@ -199,6 +201,7 @@ class Location(NamedTuple):
     low: Step
     high: Step
     reason: str = ""
+    margin: float = 0.0
 
 
 class Locator:

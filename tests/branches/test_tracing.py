@@ -277,7 +277,7 @@ def test_an_interrupted_run_keeps_what_it_has():
     with pytest.raises(KeyboardInterrupt) as caught:
         saltus.trace("S13O00+", on_point=interrupt)
     kept = caught.value.branch
-    whole = traced("S13O00+")
+    whole = saltus.trace("S13O00+")
     assert 149 <= len(kept) <= 151 and np.all(np.diff(kept.points["arclength"]) > 0.0)
     assert kept.ended[0].reason == "INTERRUPTED"
     assert set(kept.points["h"].tolist()) <= set(whole.points["h"].tolist())
