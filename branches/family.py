@@ -254,7 +254,7 @@ class Family:
         return self.problem.jacobian(y)
 
     def refined(self, index: int, at: Step) -> Step | None:
-        """See `continuation.Problem`: branch points, on which the equations are singular, so that steps nearby fall onto the other family."""
+        """See `continuation.Problem`. At branch points the equations are singular, and steps nearby fall onto the other family."""
         if index != _BRANCHING:
             return None
         y = refine_branch_point(self, at.y, scales_of(self.problem, at.y))

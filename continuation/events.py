@@ -13,7 +13,7 @@ from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
 from continuation.settings import Settings
 
 _PROBES = 4  # looks at a predicted extremum in search of two zeros
-_NEAR = 10.0  # times the tolerance that a zero is asked for: of steps that fall onto another curve the points are further apart than the steps
+_NEAR = 10.0  # times the tolerance of a zero; points of steps that fall onto another curve are further apart
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 

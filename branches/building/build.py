@@ -22,7 +22,7 @@ from branches.building.grazings import KnownGrazings
 from branches.building.levels import energies_of, open_ranges
 from branches.building.seeds import Answer, Link, Seed, plain_seed, read_seed
 from branches.building.work import work
-from branches.catalogue.closures import event_orbit, unknowns_of
+from branches.catalogue.closures import distance, event_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.errors import CatalogueError
 from branches.catalogue.known import KnownFamilies, Place
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
@@ -139,7 +139,7 @@ class _Build:
         self.on_progress = on_progress
         self.known = KnownFamilies()
         self.grazings = KnownGrazings()
-        self.joins: dict[tuple[str, bool], list[tuple[float, str]]] = {}
+        self.joins: dict[tuple[str, bool], list[tuple[str, float, EventOrbit]]] = {}
         self.problems: dict[tuple[Any, ...], MultipointProblem] = {}
         self.places: dict[str, tuple[int, Place | None]] = {}
         self.images: dict[str, tuple[Stretch, ...]] = {}
@@ -374,7 +374,8 @@ class _Build:
     def _remember(self, id: str, branch: Branch) -> None:
         self.known.add(id, branch)
         for grazing, types in ((True, ("GR",)), (False, ("BP", "SB"))):
-            self.joins[id, grazing] = [(event.h, event.id) for event in branch.events if event.type in types]
+            met = [event for event in branch.events if event.type in types]
+            self.joins[id, grazing] = [(event.id, event.h, orbit_of_event(branch, event)) for event in met]
         self.points += len(branch)
         self.events += len(branch.events)
 
@@ -383,14 +384,22 @@ class _Build:
             return
         if link.kind == "linear mode" and any(edge.source == target for edge in self.catalogue.edges(link.source)):
             return  # the edge from the mode is there, and says more
-        there = self.joins.get((target or "", link.type == "GR"), [])
-        same = [(abs(h / link.h - 1.0), event) for h, event in there if abs(h / link.h - 1.0) < _SAME]
         self.catalogue.connect(
             Edge(
-                link.source, link.event, link.type, link.kind, target, link.h, link.alpha, min(same)[1] if same else "", link.stop,
+                link.source, link.event, link.type, link.kind, target, link.h, link.alpha, self._event_there(link, target or ""), link.stop,
                 link.note, link.here, link.there,
             )  # fmt: skip
         )
+
+    def _event_there(self, link: Link, target: str) -> str:
+        """The event of the target at which it meets the source, "" where it has none."""
+        same = [(id, orbit) for id, h, orbit in self.joins.get((target, link.type == "GR"), ()) if abs(h / link.h - 1.0) < _SAME]
+        if len(same) < 2 or link.there is None:
+            return same[0][0] if same else ""
+        # Two families can meet more than once at one energy. An orbit and its image are told apart by nothing: then the first will do.
+        problem, y = self._solved(link.there)
+        apart = [distance(problem, y, np.array(orbit.start)) for _, orbit in same]
+        return next(id for (id, _), far in zip(same, apart, strict=True) if far < 10.0 * max(min(apart), _SAME))
 
 
 def _named(description: str, item: tuple[str, Seed]) -> Answer:

@@ -21,13 +21,14 @@ from branches.catalogue.closures import kept_orbit, orbit_of_event, presented, u
 from branches.catalogue.packing import pack
 from branches.catalogue.rows import EventOrbit
 from branches.discovery.search import discover
+from branches.family import RESONANCES
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.grazing.touching import touching
 from branches.identity import first_of, presentations, segment_images, with_canonical_word
 from branches.linear_modes import beginnings, linear_modes
 from branches.name_search import Limits
 from branches.passing import Runs, is_half, one_family
-from branches.switching import TYPES, births
+from branches.switching import TYPES, Birth, births
 from branches.tracing import SETTINGS, follow_family
 from branches.words import PERIODIC, impacts_per_period, parse_word
 from bvp.multipoint import MultipointProblem, NotConverged
@@ -42,6 +43,12 @@ __all__ = ["ends_of", "work"]
 BESIDE = (0.0, 3e-4, -3e-4)
 """Where else energies are searched, relatively, while a search does not settle: near an energy at which a family grazes, starts that are
 neighbours in floating point part."""
+
+_MULTIPLIED = max(q for _, q in RESONANCES)
+"""Turns up to which a family's q-tuplings are events."""
+
+_TUPLED = 3
+"""Turns up to which families are switched to from one without a reversal."""
 
 _OTHER = "what was found next to the event is no family that has its orbit, but"
 """Of a dead end, with the ends and word of what was found."""
@@ -254,6 +261,11 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
     return Answer(tuple(seeds), ends=tuple(dead), beyond=beyond)
 
 
+def _has_event(birth: Birth) -> bool:
+    """Whether the family that is crossed has an event of its own there, at which switching finds the one that crosses it."""
+    return birth.turns <= (_TUPLED if birth.problem.periodic else _MULTIPLIED)
+
+
 def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tuple[list[Seed], int, list[Link]]:
     """The families that are born or cross at a bifurcation."""
     link = Link(branch.id, event.id, event.type, "switch", event.h, event.alpha, None, event.note, here=orbit_of_event(branch, event))
@@ -273,9 +285,8 @@ def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tup
             continue
         seed = _reached(seed, link, source, branch.problem, branch.unknowns(event.point))
         assert seed.link is not None
-        if birth.turns:
-            # Where a family of more symmetry, or of several turns, is crossed, the equations are singular and the crossing has the square
-            # root of their accuracy: the same event on that family is regular, and the edge is made from there.
+        if birth.turns and _has_event(birth):
+            # Of a family of more symmetry, or of several turns, that is crossed: the same event on that family has the edge.
             seeds.append(seed._replace(link=None))
         elif seed.link.there is None:
             # The corrector fell onto another family that is near: it is followed, but was not born here.
