@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from saltus import catalogue_arguments, family_filters, scene_arguments
 from saltus.arguments import one_of, positive, whole_above_zero
-from saltus.errors import DONE, FAILED, BadInput, nearest, say
+from saltus.errors import DONE, BadInput, nearest, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_writable, replacing
 
 if TYPE_CHECKING:
@@ -77,8 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
             with replacing(arguments.out) as beside:
                 write(beside)
     except WriteFailure as failure:
-        say(str(failure))
-        return FAILED
+        return say_and_code(failure)
     print(f"wrote  {arguments.out}", flush=True)
     return DONE
 

@@ -329,3 +329,50 @@ def test_what_cannot_be_followed_from_a_catalogue_is_said(catalogue, capsys, wor
     """Oracle: exit code 2 and the words."""
     code, out, err = run(capsys, *words, "--catalogue", catalogue)
     assert code == 2 and not out and len(err.splitlines()) == 1 and said in err
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
+@pytest.mark.parametrize(
+    "words",
+    [
+        "list --json /dev/full --catalogue {catalogue}",
+        "show S13+ --json /dev/full --catalogue {catalogue}",
+        "export points --format csv --out /dev/full --catalogue {catalogue}",
+        "export graph --format dot --out /dev/full --catalogue {catalogue}",
+        "discover --energy 0.1 --max-quarter-period 1.5 --json /dev/full",
+        "build --catalogue /dev/full",
+        "continue S13+ --energy 0.5:0.6 --save --catalogue /dev/full",
+    ],
+)
+def test_a_full_device_is_one_line_and_exit_code_2(catalogue, capsys, words):
+    """Oracle: /dev/full, which refuses every byte, and stays alone in its directory; the catalogue is as it was."""
+    before = catalogue.read_bytes()
+    code, _, err = run(capsys, *words.format(catalogue=catalogue).split())
+    assert code == 2 and err.startswith("saltus: cannot write /dev/full: ") and err.count("\n") == 1, err
+    assert catalogue.read_bytes() == before and [name for name in os.listdir("/dev") if name.startswith("full")] == ["full"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs limits on a process")
+def test_a_limit_on_files_is_named_and_what_was_kept_stays(catalogue, tmp_path):
+    """Oracle: the limit, which the system sets; exit code 2, one line, and the families of the file before."""
+    path = tmp_path / "mine.sqlite"
+    path.write_bytes(catalogue.read_bytes())
+    # Less than the log of a family needs, more than its index.
+    limit = 40_000
+    script = f"""
+import resource, sys
+import saltus, saltus.tracing
+from saltus.__main__ import main
+from tests.branches.catalogue.families import renamed
+branch = renamed(saltus.read_branch({str(tmp_path / "branch.json")!r}), 1)
+saltus.tracing.trace = lambda *arguments, **options: branch
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+sys.exit(main(["continue", "S13+", "--save", "--catalogue", {str(path)!r}]))
+"""
+    real()[2].save(tmp_path / "branch.json")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+    assert f"no file may be larger than {limit} bytes here (ulimit -f)" in done.stderr and "device refused" not in done.stderr
+    with Catalogue(path) as kept, Catalogue(catalogue) as old:
+        assert [row.id for row in kept.families()] == [row.id for row in old.families()]
+    assert sorted(os.listdir(tmp_path)) == ["branch.json", "mine.sqlite"]
