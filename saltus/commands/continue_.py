@@ -95,12 +95,17 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> int:
     """Keep the branch in a catalogue; return the exit code."""
+    from branches.catalogue.widening import CannotWiden
+
     try:
-        known = catalogue_arguments.save(branch, place, scene)
+        words = catalogue_arguments.save(branch, place, scene)
+    except CannotWiden as refused:
+        say(one_line(refused))
+        return FAILED
     except (ValueError, RuntimeError) as error:
         say(f"{one_line(error)}; the family {branch.id} was not kept")
         return exit_code(error) or FAILED
-    print(f"{'known' if known else 'saved'}  {branch.id} in {place}", file=files.words, flush=True)
+    print(words, file=files.words, flush=True)
     return DONE
 
 

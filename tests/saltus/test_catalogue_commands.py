@@ -224,6 +224,24 @@ def test_continue_saves_and_finds_again(tmp_path, capsys, monkeypatch):
         main(["orbit", "S13+", "--energy", "0.5"])
 
 
+def test_continue_saves_the_wider_range(tmp_path, capsys):
+    """Oracle: the range that the catalogue tells; a run over another range, which has not all of it, is refused with both."""
+    path = tmp_path / "mine.sqlite"
+
+    def save(energy):
+        return run(capsys, "continue", "S13+", "--energy", energy, "--save", "--catalogue", path)
+
+    id = real()[0].id
+    assert f"saved  {id} in {path}, with h = 0.3:0.6" in save("0.3:0.6")[1]
+    assert f"known  {id} in {path}, with h = 0.3:0.6" in save("0.4:0.5")[1]
+    code, out, err = save("0.2:1")
+    assert code == 0 and not err and f"wider  {id} in {path}, now with h = 0.2:1; before with h = 0.3:0.6" in out
+    code, _, err = save("0.5:2")
+    assert code == 1 and err.count("\n") == 1 and f"{id} stays kept in {path} with h = 0.2:1, and not with h = 0.5:2: " in err
+    with Catalogue(path) as kept:
+        assert kept.family(id).h == pytest.approx((0.2, 1.0), rel=1e-9)
+
+
 def test_the_default_place(tmp_path, capsys, monkeypatch):
     """Oracle: the user's data folder; another system has a file of its own, so that neither is in the other's way."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
