@@ -64,12 +64,13 @@ def run(arguments: argparse.Namespace) -> int:
 
     from saltus.discovery import discover
     from saltus.first_run import prepare
+    from saltus.listing import width_of, wrapped
 
     with catalogue_arguments.given(arguments, scene) as catalogue:
         prepare(discovery=True)
         found = discover(scene.system, arguments.energy, catalogue=catalogue, **options)
     _print_table(found, files.words)
-    for line in summary(found):
+    for line in wrapped(summary(found), width_of(files.words), 9):
         print(line, file=files.words, flush=True)
     if arguments.json is None:
         return DONE
@@ -81,41 +82,22 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _print_table(found: Discovery, stream: Any) -> None:
     """Print the orbits as a table that fits the terminal."""
-    from rich.console import Console
-    from rich.table import Table
-
     from branches.discovery.record import half_period_impacts
+    from saltus.listing import listing, width_of
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title, justify, fold in (
-        ("label", "left", "fold"),
-        ("ends", "left", "fold"),
-        ("word", "left", "fold"),
-        ("impacts", "right", "ellipsis"),
-        ("alpha", "right", "ellipsis"),
-        ("velocities", "right", "fold"),
-        ("slowest impact", "right", "ellipsis"),
-        ("tau", "right", "ellipsis"),
-        ("stable", "left", "ellipsis"),
-    ):
-        table.add_column(title, justify=justify, overflow=fold)  # type: ignore[arg-type]
-    if found.families:
-        table.add_column("family", overflow="fold")
+    rows = []
     for orbit, family in zip(found.orbits, found.families or repeat(None), strict=False):
         velocities = orbit.velocities
-        table.add_row(
-            orbit.label,
-            " ".join(orbit.ends),
-            orbit.word,
-            f"{half_period_impacts(orbit):g}",
-            f"{orbit.alpha:.8g}",
-            "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities),
-            f"{min(orbit.impact_speeds):.4g}",
-            f"{orbit.tau:.6g}",
-            stability_word(orbit.stable),
-            *([family or "-"] if found.families else []),
-        )
-    Console(file=stream, highlight=False, markup=False, width=None if stream.isatty() else 140).print(table)
+        rows.append(
+            (
+                orbit.label, " ".join(orbit.ends), orbit.word, f"{half_period_impacts(orbit):g}", f"{orbit.alpha:.8g}",
+                "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities), f"{min(orbit.impact_speeds):.4g}",
+                f"{orbit.tau:.6g}", stability_word(orbit.stable), *([family or "-"] if found.families else []),
+            )
+        )  # fmt: skip
+    head = ("label", "ends", "word", "impacts", "alpha", "velocities", "slowest impact", "tau", "stable", "family")
+    for line in listing(head[: 9 + bool(found.families)], rows, width=width_of(stream), columns="lllrrrrrli"):
+        print(line, file=stream, flush=True)
 
 
 def summary(found: Discovery) -> list[str]:

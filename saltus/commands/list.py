@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
                 )
             )  # fmt: skip
         head = ("label", "id", "impacts", "energy h", "quarter alpha", "stable", "points", "events", "other labels")
-        yield from listing(head, rows, width=width_of(sys.stdout), right="llrllrrrl")
+        yield from listing(head, rows, width=width_of(sys.stdout), columns="lirllrrrt")
         yield f"{len(families)} of {total} families"
 
     tell(arguments.json, lines(), lambda: {"filters": family_filters.told(filters), "families": [family_record(row) for row in families]})

@@ -73,8 +73,8 @@ def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
 def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[str]:
     """The same in words."""
     from saltus.catalogue_records import impacts_text, range_text
-    from saltus.events_table import HEADER, event_line, stability_word
-    from saltus.listing import listing, width_of
+    from saltus.events_table import COLUMNS, event_cells, stability_word
+    from saltus.listing import listing, width_of, wrapped
 
     width = width_of(sys.stdout)
     if match.kind != "family":
@@ -94,13 +94,14 @@ def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[s
         f"points   {row.points}, stable over {100.0 * row.stable_fraction:.1f}% of the arclength",
         *(f"ended    at the {place} point: {text}" for place, (_, text) in zip(("first", "last"), row.ended, strict=True)),
         *(f"model    {text}" for text in record["model"]),
-        "",
     ]
+    lines = [*wrapped(lines, width, 9), ""]
     cells = [("label", p.label or "-", *map(range_text, p[1:])) for p in row.labels]
     cells += [("stable", stability_word(p.stable), *map(range_text, p[1:])) for p in row.stability]
     lines += listing(("along it", "", "arclength", "energy h", "quarter alpha"), cells, width=width)
     if row.events:
-        lines += ["", *(line[:width] for line in [HEADER, *map(event_line, catalogue.events(row.id))])]
+        cells = [event_cells(event) for event in catalogue.events(row.id)]
+        lines += ["", *listing(tuple(COLUMNS.values()), cells, width=width, columns="rllllllt")]
     return lines + _neighbours(record["neighbours"], width)
 
 
@@ -117,7 +118,7 @@ def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str
             (item["event"] or "-", edge["kind"], f"{edge['h']:.8g}", item["direction"], node["label"] or node["kind"],
              "" if node["kind"] == "dead end" else node["id"], text)
         )  # fmt: skip
-    return ["", *listing(("event", "meeting", "energy h", "edge", "neighbour", "id", "remark"), rows, width=width)]
+    return ["", *listing(("event", "meeting", "energy h", "edge", "neighbour", "id", "remark"), rows, width=width, columns="lllllit")]
 
 
 def _draw(catalogue: Catalogue, match: Match, path: str) -> None:

@@ -38,13 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     from saltus.catalogue_records import tell
-    from saltus.listing import width_of
+    from saltus.listing import width_of, with_short_ids, wrapped
 
     with catalogue_arguments.opened(arguments) as catalogue:
         root = catalogue.find(arguments.name).id
         tree = _Tree(catalogue, root, arguments.depth)
     width = width_of(sys.stdout)
-    lines = (line if width is None or len(line) <= width else line[: width - 1] + "…" for line in tree.lines())
+    lines = wrapped((with_short_ids(line, width) for line in tree.lines()), width, 8)
     tell(arguments.json, lines, lambda: {"depth": arguments.depth, "tree": tree.record(root)})
     return DONE
 

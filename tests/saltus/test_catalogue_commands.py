@@ -12,7 +12,6 @@ import saltus
 from branches.catalogue import Catalogue, Edge, EventOrbit
 from saltus.__main__ import main
 from saltus.catalogue_arguments import default_path
-from saltus.listing import listing
 from tests.branches.catalogue.families import linear_mode, real, scene
 from tests.saltus.running import run
 
@@ -281,16 +280,6 @@ with saltus.Catalogue({str(path)!r}, "a", scene=saltus.load_scene()):
     finally:
         process.communicate()
     assert os.listdir(tmp_path) == ["used.sqlite"]
-
-
-def test_columns_fit_the_terminal():
-    """Oracle: the width; what is short stays whole."""
-    rows = [("S13O00+", "origin-origin:" + "+-" * 30 + ":01234567", "1.5"), ("U8353-", "origin-stop+::01234567", "0.25")]
-    for width in (200, 80, 60, 45, 30):
-        lines = listing(("label", "id", "h"), rows, width=width)
-        assert all(len(line) <= width for line in lines)
-        assert lines[1].startswith("S13O00+") and "1.5" in lines[1]
-    assert "+-" * 30 + ":01234567" in listing(("label", "id", "h"), rows)[1]
 
 
 def test_an_empty_catalogue_can_be_browsed(tmp_path, capsys):
