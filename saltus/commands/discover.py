@@ -11,6 +11,7 @@ from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE
 from saltus.events_table import stability_word
 from saltus.outputs import Outputs
+from saltus.wording import counted
 
 if TYPE_CHECKING:
     from branches.discovery.search import Discovery
@@ -116,12 +117,13 @@ def summary(found: Discovery) -> list[str]:
     counts = found.counts
     bound = "any number of impacts" if found.impacts is None else f"up to {impacts_text(found.impacts)}"
     lines = [
-        f"{len(found.orbits)} orbits at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
+        f"{counted(len(found.orbits), 'orbit')} at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
         f"between the ends {', '.join(found.ends)}",
-        f"scan     {counts['starts']} starts, intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
-        f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counts['grazings']} grazings",
-        f"orbits   {counts['crossings']} crossings, {counts['repeated'] + counts['multiple_turns']} of them several turns, "
-        f"{counts['polished']} polished, {counts['duplicates']} duplicates, {counts['inadmissible']} inadmissible, "
+        f"scan     {counted(counts['starts'], 'start')}, "
+        f"intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
+        f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counted(counts['grazings'], 'grazing')}",
+        f"orbits   {counted(counts['crossings'], 'crossing')}, {counts['repeated'] + counts['multiple_turns']} of them several turns, "
+        f"{counts['polished']} polished, {counted(counts['duplicates'], 'duplicate')}, {counts['inadmissible']} inadmissible, "
         f"{counts['unpolished']} not polished",
     ]
     lines += [
@@ -131,7 +133,8 @@ def summary(found: Discovery) -> list[str]:
     ]
     unknown = sum(family is None for family in found.families)
     if found.families:
-        lines.append(f"families {len(set(found.families) - {None})} of the catalogue; {unknown} orbits lie on none of it")
+        lie = "lies" if unknown == 1 else "lie"
+        lines.append(f"families {len(set(found.families) - {None})} of the catalogue; {counted(unknown, 'orbit')} {lie} on none of it")
     if found.settled:
         lines.append("settled  within these bounds the scan leaves nothing undecided")
         return lines

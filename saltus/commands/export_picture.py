@@ -146,10 +146,10 @@ def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch]
         with catalogue_arguments.from_arguments(arguments) as catalogue:
             place = str(catalogue.path)
             if not len(catalogue):
-                raise BadInput(f"{place} holds no family; expected one that saltus build or saltus continue --save has filled")
+                raise family_filters.nothing_fits(place, 0, filters)
             kept = {row.id for row in catalogue.families(**filters)}
             everything = [catalogue.branch(row.id) for row in catalogue.families() if arguments.regimes or row.id in kept]
     branches = [branch for branch in everything if branch.id in kept]
     if not branches:
-        raise BadInput(f"no family of {place} fits {family_filters.words(filters)}; saltus list shows those that there are")
+        raise family_filters.nothing_fits(place, len(everything) or 1, filters)
     return branches, everything

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -79,6 +80,36 @@ def test_show_a_linear_mode(catalogue, capsys):
     assert code == 0 and "linear mode  L11+" in out and "0.1185078106" in out and real()[0].id in out
     code, _, err = run(capsys, "show", "L11+", "--catalogue", catalogue, "--orbit", "mode.png")
     assert code == 2 and "linear mode" in err and not Path("mode.png").exists()
+
+
+def test_a_meeting_that_both_sides_tell_is_shown_once(catalogue, capsys, tmp_path):
+    """Oracle: the edges by hand: the grazing of the mode told by the family too, at the same event and at another; JSON has all."""
+    path = tmp_path / "both.sqlite"
+    path.write_bytes(catalogue.read_bytes())
+    id = real()[0].id
+    graze = next(event for event in real()[0].events if event.id == "GR1")
+    for event, rows in (("GR1", 1), ("GR2", 2)):
+        with Catalogue(path, "a") as filled:
+            filled.connect(Edge(id, event, "GR", "linear mode", "L11+", graze.h, graze.alpha, note="told by the family"))
+        code, out, _ = run(capsys, "show", "L11+", "--catalogue", path)
+        assert code == 0 and out.count(id) == rows and out.count("told by the family") == rows - 1
+        record = json.loads(run(capsys, "show", "L11+", "--catalogue", path, "--json", "-")[1])
+        assert len(record["neighbours"]) == rows + 1
+
+
+@pytest.mark.parametrize("name", ["S13+@h=1", "S13+", "{id}", "S73O33-@h=7.3348,alpha=1.6459"])
+def test_show_says_which_orbit_it_drew(catalogue, capsys, tmp_path, name):
+    """Oracle: the branch: the name that is told selects one orbit, which has the energy that was asked for where one was."""
+    branch = real()[2 if name.startswith("S7") else 0]
+    code, out, err = run(capsys, "show", name.format(id=branch.id), "--catalogue", catalogue, "--orbit", tmp_path / "o.png")
+    told = re.search(r"^wrote  \S+o\.png: the orbit (\S+)@h=(\S+),alpha=(\S+)$", out, re.MULTILINE)
+    assert code == 0 and not err and told
+    h, alpha = float(told[2]), float(told[3])
+    assert min(abs(orbit.alpha - alpha) for orbit in branch.orbits_at(energy=h)) < 1e-4
+    if "@h=" in name:
+        assert h == float(name.partition("@h=")[2].split(",")[0])
+    elif name == "{id}":
+        assert h == pytest.approx(float(branch.points["h"][branch.start]), rel=1e-5)
 
 
 def test_tree_ends(catalogue, capsys):
@@ -248,7 +279,7 @@ def test_the_default_place(tmp_path, capsys, monkeypatch):
         code, out, err = run(capsys, "continue", "S11-", "--energy", "0.2:0.4", "--save", *more)
         assert code == 0 and not err
     assert {entry.name for entry in (tmp_path / "data" / "saltus").iterdir()} == {"lee2009.sqlite", "lee2009-mu0.2.sqlite"}
-    assert "1 of 1 families" in run(capsys, "list")[1]
+    assert "1 of 1 family" in run(capsys, "list")[1]
     for words in (["list"], ["show", "S11-"], ["tree", "S11-"], ["path", "S11-", "S11-"]):
         ids = {run(capsys, *words, *more)[1].count("9e0b51fa") for more in ([], ["--mu", "0.2"])}
         assert len(ids) == 2, "both systems have the same family"
@@ -291,10 +322,12 @@ def test_an_empty_catalogue_can_be_browsed(tmp_path, capsys):
     for name in ("S13+", "abcd", "L11+"):
         code, _, err = run(capsys, "show", name, "--catalogue", path)
         assert code == 2 and "none" in err
-    for what, file in (("graph", "graph.dot"), ("graph", "graph.graphml"), ("points", "points.csv"), ("points", "points.mat")):
-        assert run(capsys, "export", what, "--out", tmp_path / file, "--catalogue", path)[0] == 0
-    code, _, err = run(capsys, "export", "orbits", "--energy", 1, "--out", tmp_path / "orbits.npz", "--catalogue", path)
-    assert code == 0 and not err
+    for file in ("graph.dot", "graph.graphml"):
+        assert run(capsys, "export", "graph", "--out", tmp_path / file, "--catalogue", path)[0] == 0
+    at_energy = ("orbits", "orbits.npz", "--energy", 1)
+    for what, file, *words in (("points", "points.csv"), ("points", "points.mat"), at_energy, ("fep", "f.png")):
+        code, out, err = run(capsys, "export", what, *words, "--out", tmp_path / file, "--catalogue", path)
+        assert code == 2 and not out and err.count("\n") == 1 and "holds no family" in err and not (tmp_path / file).exists()
 
 
 @pytest.mark.parametrize("name", ["with space.sqlite", "what?.sqlite", "half#1.sqlite", "100%25.sqlite", "Übersicht.sqlite", "-.sqlite"])
@@ -303,7 +336,7 @@ def test_any_file_name_will_do(tmp_path, capsys, name):
     with Catalogue(tmp_path / name, "a", scene=scene()) as filled:
         filled.add(real()[0])
     assert [entry.name for entry in tmp_path.iterdir()] == [name]
-    assert "1 of 1 families" in run(capsys, "list", "--catalogue", tmp_path / name)[1]
+    assert "1 of 1 family" in run(capsys, "list", "--catalogue", tmp_path / name)[1]
 
 
 def test_a_family_of_a_catalogue_is_followed_by_any_of_its_names(catalogue, capsys):
@@ -383,3 +416,20 @@ sys.exit(main(["continue", "S13+", "--save", "--catalogue", {str(path)!r}]))
     with Catalogue(path) as kept, Catalogue(catalogue) as old:
         assert [row.id for row in kept.families()] == [row.id for row in old.families()]
     assert sorted(os.listdir(tmp_path)) == ["branch.json", "mine.sqlite"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs limits on a process")
+def test_a_limit_on_files_leaves_the_old_one(catalogue, tmp_path):
+    """Oracle: the limit, which the system sets; the file of before, and nothing beside it."""
+    path = tmp_path / "list.json"
+    path.write_text("old")
+    script = f"""
+import resource, sys
+from saltus.__main__ import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+sys.exit(main(["list", "--json", {str(path)!r}, "--catalogue", {str(catalogue)!r}]))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr == f"saltus: cannot write {path}: the file would be larger than the system allows (ulimit -f)\n"
+    assert path.read_text() == "old" and os.listdir(tmp_path) == ["list.json"]
