@@ -46,7 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 done; 1 a numerical failure; 2 bad input, nothing started, or a place that cannot be written; 130 interrupted.
+        0 done; 1 a numerical failure, or an answer that is no (`check`, `path`); 2 bad input, nothing started, or a place that cannot be
+        written; 130 interrupted.
     """
     one_thread()
     try:
