@@ -36,6 +36,8 @@ def crossings(track: Track, key: int, value: float, fits: Callable[[str], bool] 
     --------
     >>> crossings([(1.0, 2.0, "S13O00+"), (3.0, 1.0, "S13O00+")], 0, 2.0)
     [(2.0, 1.5)]
+    >>> crossings([(1.0, 2.0, "S13O00+"), (3.0, 1.0, "S13O00+")], 0, 3.0)
+    [(3.0, 1.0), (3.0, 1.0)]
     """
     out = []
     for one, other in zip(track, [*track[1:], track[-1]], strict=True):
@@ -44,7 +46,7 @@ def crossings(track: Track, key: int, value: float, fits: Callable[[str], bool] 
             continue
         if fits is not None and not (fits(one[2]) or fits(other[2])):
             continue
-        part = before / (before - after) if before * after < 0.0 else 0.0
+        part = before / (before - after) if before * after <= 0.0 and before != after else 0.0
         out.append((one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])))
     return out
 

@@ -14,6 +14,7 @@ __all__ = ["WriteFailure", "reason", "replacing", "write_text"]
 
 _WORDS = {
     errno.ENOSPC: "no space is left on the device",
+    errno.EFBIG: "the file would be larger than the system allows (ulimit -f)",
     errno.EDQUOT: "the disk quota is used up",
     errno.EACCES: "permission is denied",
     errno.EPERM: "permission is denied",

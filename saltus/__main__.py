@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from saltus import __version__
 from saltus.arguments import OneLineParser, joined_values
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line, say
+from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line, say
 from saltus.threads import one_thread
 
 __all__ = ["main"]
@@ -46,7 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 done; 1 a numerical failure or a file that could not be written; 2 bad input, nothing started; 130 interrupted.
+        0 done; 1 a numerical failure, or an answer that is no (`check`, `path`); 2 bad input, nothing started, or a place that cannot be
+        written; 130 interrupted.
     """
     one_thread()
     try:
@@ -65,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
             say(f"cannot write standard output: {reason(error)}")
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return FAILED
+            return BAD_INPUT
         known = exit_code(error)
         if known is None:
             raise

@@ -148,12 +148,33 @@ def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
     return place
 
 
-def save(branch: Branch, place: Path, scene: Scene) -> bool:
-    """Keep a branch in a catalogue, which is made if there is none; whether it was known already."""
+def save(branch: Branch, place: Path, scene: Scene) -> str:
+    """Keep a branch in a catalogue, which is made if there is none; what became of it, in words.
+
+    Raises
+    ------
+    CannotWiden
+        Where the family is kept over another range, and stays so.
+    CatalogueError, WriteFailure
+    """
     from branches.catalogue import Catalogue
+    from branches.catalogue.widening import CannotWiden, Kept
     from saltus import __version__
 
     with Catalogue(place, "a", scene=scene, provenance={"saltus": __version__}) as catalogue:
-        known = branch.id in catalogue
-        catalogue.add(branch)
-    return known
+        before = _range(catalogue.family(branch.id).h) if branch.id in catalogue else ""
+        try:
+            kept = catalogue.widen(branch)
+        except CannotWiden as error:
+            h = branch.points["h"]
+            raise CannotWiden(
+                f"{branch.id} stays kept in {place} with {before}, and not with {_range((h.min(), h.max()))}: {error}"
+            ) from error
+        now = _range(catalogue.family(branch.id).h)
+    if kept is Kept.WIDER:
+        return f"wider  {branch.id} in {place}, now with {now}; before with {before}"
+    return f"{'known' if kept is Kept.KNOWN else 'saved'}  {branch.id} in {place}, with {now}"
+
+
+def _range(h: tuple[float, float]) -> str:
+    return f"h = {h[0]:.10g}:{h[1]:.10g}"

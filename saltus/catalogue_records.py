@@ -21,6 +21,7 @@ __all__ = [
     "json_text",
     "node_record",
     "range_text",
+    "same_meeting",
     "tell",
 ]
 
@@ -60,6 +61,24 @@ def edge_record(edge: Edge) -> dict[str, Any]:
     """An edge without its orbits."""
     names = ("source", "source_event", "type", "kind", "target", "target_event", "h", "alpha", "stop", "note")
     return {name: getattr(edge, name) for name in names}
+
+
+def same_meeting(one: Edge, other: Edge) -> bool:
+    """Whether two edges are one meeting of two families, told by each of them.
+
+    Examples
+    --------
+    >>> from branches.catalogue import Edge
+    >>> here, there = Edge("A", "GR1", "GR", "fold", "B", 1.0, 1.7), Edge("B", "GR2", "GR", "fold", "A", 1.0, 1.7, "GR1")
+    >>> same_meeting(here, there), same_meeting(here, Edge("B", "GR2", "GR", "fold", "A", 1.0, 1.7, "GR3")), same_meeting(here, here)
+    (True, False, False)
+    """
+    sides = (one.source_event, other.target_event), (one.target_event, other.source_event)
+    return (
+        (one.source, one.target, one.kind) == (other.target, other.source, other.kind)
+        and abs(one.h / other.h - 1.0) < 1e-6
+        and all(a == b or not (a and b) for a, b in sides)
+    )
 
 
 def node_record(catalogue: Catalogue, id: str) -> dict[str, Any]:

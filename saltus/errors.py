@@ -6,7 +6,9 @@ import difflib
 import sys
 from collections.abc import Iterable
 
-__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say"]
+from branches.files import WriteFailure
+
+__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say", "say_and_code"]
 
 DONE = 0
 FAILED = 1
@@ -81,14 +83,19 @@ def exit_code(error: Exception) -> int | None:
     Returns
     -------
     int or None
-        2 for bad input (`ValueError`), 1 for a numerical failure (`RuntimeError`, `ArithmeticError`, numpy's `LinAlgError`,
-        or not enough memory), None for what is neither and therefore a fault of the program.
+        2 for bad input (`ValueError`) and for a place that cannot be written (`WriteFailure`), 1 for a numerical failure
+        (`RuntimeError`, `ArithmeticError`, numpy's `LinAlgError`, or not enough memory), None for what is neither and therefore a
+        fault of the program.
 
     Examples
     --------
     >>> exit_code(BadInput("mu = -1")), exit_code(ZeroDivisionError()), exit_code(KeyError("h"))
     (2, 1, None)
+    >>> exit_code(WriteFailure("cannot write a.json: no space is left on the device"))
+    2
     """
+    if isinstance(error, WriteFailure):
+        return BAD_INPUT
     # LinAlgError is a ValueError, but no fault of the input. Where numpy is not loaded, nothing of it was raised.
     numpy = sys.modules.get("numpy")
     if numpy is not None and isinstance(error, numpy.linalg.LinAlgError):
@@ -100,3 +107,9 @@ def exit_code(error: Exception) -> int | None:
     if isinstance(error, ValueError):
         return BAD_INPUT
     return None
+
+
+def say_and_code(failure: WriteFailure) -> int:
+    """Tell that a file could not be written, where other work goes on; the exit code that the program then ends with."""
+    say(one_line(failure))
+    return BAD_INPUT

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["HEADER", "event_line", "stability_word"]
+__all__ = ["COLUMNS", "HEADER", "event_cells", "event_line", "stability_word"]
 
 _ROW = "{number:>6}  {type:<4}  {label:<14}  {h:<18}  {alpha:<18}  {stable:<9}  {multiplier:<12}  {remark}"
 
-HEADER = _ROW.format(
-    number="point",
-    type="type",
-    label="label",
-    h="energy h",
-    alpha="quarter alpha",
-    stable="stable",
-    multiplier="|multiplier|",
-    remark="remark",
-).rstrip()
+COLUMNS = {
+    "number": "point",
+    "type": "type",
+    "label": "label",
+    "h": "energy h",
+    "alpha": "quarter alpha",
+    "stable": "stable",
+    "multiplier": "|multiplier|",
+    "remark": "remark",
+}
+"""What stands over each column."""
+
+HEADER = _ROW.format(**COLUMNS).rstrip()
 
 
 def stability_word(stable: bool | int | None) -> str:
@@ -60,6 +63,11 @@ def event_line(event: Any) -> str:
     point   type  label           energy h            quarter alpha       stable     |multiplier|  remark
      -12    SN    S11O00-         0.069116449968269   1.1358439561955     undecided  1
     """
+    return _ROW.format(**dict(zip(COLUMNS, event_cells(event), strict=True))).rstrip()
+
+
+def event_cells(event: Any) -> tuple[str, ...]:
+    """Return the cells of an event's line, in the order of `COLUMNS`."""
     if event.note:
         remark = event.note
     elif event.p_q:
@@ -70,13 +78,7 @@ def event_line(event: Any) -> str:
         remark = f"stop {event.stop}"
     else:
         remark = ""
-    return _ROW.format(
-        number=event.number,
-        type=event.type,
-        label=event.label,
-        h=f"{event.h:.14g}",
-        alpha=f"{event.alpha:.14g}",
-        stable=stability_word(event.stable),
-        multiplier="unbounded" if event.multiplier is None else f"{event.multiplier:.8g}",
-        remark=remark,
-    ).rstrip()
+    return (
+        str(event.number), event.type, event.label, f"{event.h:.14g}", f"{event.alpha:.14g}", stability_word(event.stable),
+        "unbounded" if event.multiplier is None else f"{event.multiplier:.8g}", remark,
+    )  # fmt: skip

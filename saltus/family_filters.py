@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from saltus.arguments import energy_range, positive
+from saltus.errors import BadInput
 
-__all__ = ["add_arguments", "from_arguments", "told", "words"]
+__all__ = ["add_arguments", "from_arguments", "nothing_fits", "told", "words"]
 
 _NAMES = ("label", "energy", "stable", "ends", "impacts")
 
@@ -63,6 +65,20 @@ def words(filters: dict[str, Any]) -> str:
         text = "" if value is True else " " + (":".join(f"{part:g}" for part in value) if isinstance(value, tuple) else f"{value}")
         parts.append(f"--{name}{text}")
     return " ".join(parts)
+
+
+def nothing_fits(place: str, count: int, filters: dict[str, Any], names: Sequence[str] = ()) -> BadInput:
+    """The error that says that no family is left of those, so many, that a place holds.
+
+    Examples
+    --------
+    >>> print(nothing_fits("lee2009.sqlite", 7, {"label": "U8*"}))
+    no family of lee2009.sqlite fits --label U8*; saltus list shows those that there are
+    """
+    if not count:
+        return BadInput(f"{place} holds no family; expected one that saltus build or saltus continue --save has filled")
+    asked = " ".join(part for part in (*names, words(filters)) if part)
+    return BadInput(f"no family of {place} fits {asked}; saltus list shows those that there are")
 
 
 def _impacts(text: str) -> tuple[float, float]:

@@ -10,12 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TextIO
 
-from saltus.errors import DONE, FAILED, BadInput, say
+from saltus.errors import DONE, FAILED, BadInput, one_line, say, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
 
-__all__ = ["Outputs", "add_arguments", "from_arguments"]
+__all__ = ["NotDrawn", "Outputs", "add_arguments", "from_arguments"]
 
 _HYPHEN = "; - is standard output, which then carries nothing else"
+
+
+class NotDrawn(RuntimeError):
+    """What was computed has no such picture; the message says why in words."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ class Outputs:
         Returns
         -------
         int
-            The exit code: 1 if a file could not be written, which is told on standard error.
+            The exit code: 2 if a file could not be written, 1 if a picture could not be drawn; both are told on standard error.
         """
 
         def picture(path: str) -> None:
@@ -122,8 +126,10 @@ class Outputs:
             try:
                 job(path)
             except WriteFailure as failure:
-                say(str(failure))
-                code = FAILED
+                code = say_and_code(failure)
+            except NotDrawn as failure:
+                say(one_line(failure))
+                code = max(code, FAILED)
             else:
                 if path != STANDARD_OUTPUT:
                     print(f"wrote  {path}", file=self.words, flush=True)

@@ -11,6 +11,14 @@ from branches.files import WriteFailure
 
 __all__ = ["CatalogueDamaged", "CatalogueError", "CatalogueInUse", "translated"]
 
+_REFUSED = {
+    "SQLITE_IOERR_WRITE": "the system refused to write into it, or into the files -wal and -shm that belong to it",
+    "SQLITE_IOERR_FSYNC": "the system refused to bring what was written onto the disk",
+    "SQLITE_IOERR_TRUNCATE": "the system refused to shorten it, or the file -wal that belongs to it",
+    "SQLITE_IOERR_SHMSIZE": "the system refused to make room for the file -shm that belongs to it",
+}
+"""What the system did not do, by SQLite's names."""
+
 
 class CatalogueError(ValueError):
     """A file that cannot be used as the catalogue that was asked for; the message is one line."""
@@ -50,8 +58,8 @@ def translated(path: Path) -> Iterator[None]:
             raise WriteFailure(f"cannot write {path}: it, or its directory, is read-only") from error
         if code.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
             raise CatalogueInUse(f"{path} is being read or written by another program; try again when it has finished") from error
-        if code in ("SQLITE_IOERR_WRITE", "SQLITE_IOERR_FSYNC", "SQLITE_IOERR_TRUNCATE", "SQLITE_IOERR_SHMSIZE"):
-            raise WriteFailure(f"cannot write {path}: the device refused; what it held is whole") from error
+        if code in _REFUSED:
+            raise WriteFailure(f"cannot write {path}: {_REFUSED[code]}{_limit()}; what it held is whole") from error
         if code == "SQLITE_NOTADB":
             raise CatalogueDamaged(f"{path} is no catalogue: it is no SQLite file") from error
         if code.startswith("SQLITE_CANTOPEN"):
@@ -63,3 +71,13 @@ def translated(path: Path) -> Iterator[None]:
         if isinstance(error, sqlite3.OperationalError) and str(error).startswith("Could not decode"):
             raise CatalogueDamaged(f"{path} is damaged: {str(error)[:1].lower()}{str(error)[1:].splitlines()[0][:80]}") from error
         raise
+
+
+def _limit() -> str:
+    """The limit on the size of files, where there is one: SQLite does not tell whether it was the reason."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return ""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return "" if limit == resource.RLIM_INFINITY else f"; no file may be larger than {limit} bytes here (ulimit -f)"

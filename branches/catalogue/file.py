@@ -41,6 +41,9 @@ class CatalogueFile:
         record = None if scene is None else SceneRecord.of(scene)
         if mode == "a":
             self.path = Path(os.path.realpath(path))
+            if self.path.exists() and not self.path.is_file():
+                kind = "a directory" if self.path.is_dir() else "a device or a pipe"
+                raise CatalogueError(f"cannot write {path}: it is {kind}, expected the file of a catalogue")
             self._lock = WriterLock(self.path)
         try:
             if mode == "a":

@@ -22,6 +22,8 @@ __all__ = ["Match", "chosen", "find"]
 
 _WILD = re.compile(r"[*?\[]")
 _PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic).*")
+_SHORTENED = re.compile(r"([a-z][^\s.…]*)(?:…|\.{1,3})([^\s.…]*:[0-9a-f]{8})")
+"""An id as a table shows it that has no room for all of it: its middle is left out."""
 _SIDE = re.compile(r"(?<=stop)[a-z]?[+-]")
 
 
@@ -106,14 +108,19 @@ def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]
     families = catalogue.families()
     head, at, _ = text.partition("@")
     by_id = [row for row in families if row.id == head]
-    if not by_id and _PART_OF_ID.fullmatch(head):
-        by_id = [row for row in families if row.id.startswith(head) or row.id.rpartition(":")[2].startswith(head)]
+    shortened = _SHORTENED.fullmatch(head)
+    if not by_id and (shortened or _PART_OF_ID.fullmatch(head)):
+        if shortened:
+            by_id = [row for row in families if row.id.startswith(shortened[1]) and row.id.endswith(shortened[2])]
+        else:
+            by_id = [row for row in families if row.id.startswith(head) or row.id.rpartition(":")[2].startswith(head)]
+        how = f"is shortened to {head!r}" if shortened else f"begins with {head!r}"
         if not by_id:
             near = ", ".join(nearest(head, [row.id for row in families])) or "none, the catalogue is empty"
-            raise NameNotFound(f"{catalogue.path} has no family whose id begins with {head!r}; nearest: {near}")
+            raise NameNotFound(f"{catalogue.path} has no family whose id {how}; nearest: {near}")
         if len(by_id) > 1:
             listed = " ".join(row.id for row in by_id[:8]) + (f" and {len(by_id) - 8} more" if len(by_id) > 8 else "")
-            raise AmbiguousName(f"{len(by_id)} families have an id that begins with {head!r}: {listed}")
+            raise AmbiguousName(f"{len(by_id)} families have an id that {how}: {listed}")
     if by_id:
         name = parse_name(by_id[0].id + at + text.partition("@")[2])
         orbits = _select(catalogue, name, by_id, None)

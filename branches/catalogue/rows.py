@@ -25,6 +25,7 @@ __all__ = [
     "StabilityInterval",
     "crc_of",
     "crosses",
+    "dead_end_id",
     "no_nan",
 ]
 
@@ -325,6 +326,11 @@ class Edge:
             None if source_problem is None else EventOrbit.read(source_problem, source_states),
             None if target_problem is None else EventOrbit.read(target_problem, target_states),
         )  # fmt: skip
+
+
+def dead_end_id(source: str, event: str) -> str:
+    """Id of the node at which an edge without a target ends."""
+    return f"dead end:{source}:{event}"
 
 
 EDGE_COLUMNS = (

@@ -18,6 +18,7 @@ from branches.catalogue.rows import (
     FamilyRow,
     Node,
     crc_of,
+    dead_end_id,
     no_nan,
 )
 from branches.catalogue.work import WorkQueue
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from branches.catalogue.find import Match
     from branches.catalogue.identify import KeptFamilies
     from branches.catalogue.packing import PackedFamily
+    from branches.catalogue.widening import Kept
     from branches.events import BranchEvent
     from branches.orbit import Orbit
     from bvp.multipoint import MultipointProblem
@@ -283,6 +285,25 @@ class Catalogue(WorkQueue):
             )
         return row.id
 
+    def widen(self, branch: Branch) -> Kept:
+        """Keep a family, and in place of a part of it where only that is kept: events and edges stay, in one transaction.
+
+        Returns
+        -------
+        Kept
+            ``NEW``, ``WIDER``, or ``KNOWN`` where what is kept already has all of the branch.
+
+        Raises
+        ------
+        CannotWiden
+            Where the branch does not have all that is kept, where an edge does not find its event on it, or where a build is not finished.
+        CatalogueError, WriteFailure
+            As for `add`.
+        """
+        from branches.catalogue.widening import widen
+
+        return widen(self, branch)
+
     def remove(self, id: str) -> None:
         """Take a family out, with its events and the edges at it."""
         row = self.family(id)
@@ -295,6 +316,11 @@ class Catalogue(WorkQueue):
             self._connection.execute("DELETE FROM edges WHERE source = ? OR target = ?", (id, id))
             self._connection.execute("DELETE FROM families WHERE number = ?", (row.number,))
 
+    def remove_node(self, id: str) -> None:
+        """Take a node out that is no family; the edges at it stay."""
+        with self.transaction():
+            self._connection.execute("DELETE FROM nodes WHERE id = ?", (id,))
+
     def connect(self, edge: Edge) -> Edge:
         """Keep an edge; one between the same events is kept already, and stays as it is. An edge without a target is given a dead
         end of its own.
@@ -306,7 +332,8 @@ class Catalogue(WorkQueue):
         """
         with self.transaction():
             if edge.target is None:
-                end = Node(f"dead end:{edge.source}:{edge.source_event}", "dead end", note=edge.note or "no admissible neighbour was found")
+                note = edge.note or "no admissible neighbour was found"
+                end = Node(dead_end_id(edge.source, edge.source_event), "dead end", note=note)
                 self.add_node(end)
                 edge = replace(edge, target=end.id)
             edge = replace(edge, h=float(edge.h), alpha=float(edge.alpha))

@@ -102,6 +102,16 @@ class Atlas:
         return (self.clearance * self.natural_frequency) ** 2
 
     @property
+    def manifold_velocities(self) -> np.ndarray:
+        """(N, n) start velocities of the impulsive motions: all of the energy is in that of the primary, which is positive."""
+        from branches.impulsive.start import impulsive_state
+
+        if not len(self.manifold_h):
+            return np.zeros((0, len(self.system.coordinates)))
+        # Energies are scaled by the square of what velocities are scaled by.
+        return np.sqrt(self.manifold_h)[:, None] * impulsive_state(self.system, 1.0)[1]
+
+    @property
     def thresholds(self) -> list[Threshold]:
         """The linear modes, in the units of the scale."""
         return [

@@ -105,6 +105,23 @@ def draw_manifold(axes: Axes, atlas: Atlas, name: str) -> None:
     dots.set_gid(f"{name}-manifold")
 
 
+def manifold_paths(atlas: Atlas, k: int) -> list[np.ndarray]:
+    """The start velocity of one coordinate of the impulsive motions against energy (N, 2), and of their mirror images, which families can
+    start with, too."""
+    if not len(atlas.manifold_h):
+        return []
+    path = np.stack([atlas.manifold_h, atlas.manifold_velocities[:, k]], axis=1)
+    return [path, path * (1.0, -1.0)] if atlas.system.has_odd_symmetry and path[:, 1].any() else [path]
+
+
+def draw_manifold_velocity(axes: Axes, atlas: Atlas, k: int, name: str) -> None:
+    gap = np.full((1, 2), np.nan)
+    parts = [part for path in manifold_paths(atlas, k) for part in (path, gap)][:-1]
+    if parts:
+        (dots,) = axes.plot(*np.concatenate(parts).T, zorder=3.5, **_MANIFOLD)
+        dots.set_gid(f"{name}-manifold")
+
+
 def draw_bounds(axes: Axes, atlas: Atlas) -> list[Box]:
     """The vertical lines, and the regimes' numerals under the upper edge of the frame; returns the numerals' boxes in points."""
     if not atlas.bounds:
@@ -135,14 +152,19 @@ def other_entries(atlas: Atlas, modes: Sequence[Any], stars: bool) -> list[Any]:
     if modes:
         entries.append(Line2D([], [], label="linear modes, to where they graze", **{**_MODE, "marker": "o", "markersize": 5.0}))
     if len(atlas.manifold_h):
-        text = f"impulsive motions ({atlas.manifold_window} window, {atlas.manifold_periods} periods)"
-        entries.append(Line2D([], [], label=text, **{**_MANIFOLD, "markersize": 3.5}))
+        entries += manifold_entry(f"impulsive motions ({atlas.manifold_window} window, {atlas.manifold_periods} periods)")
     if stars:
         entries += star_entry()
     if atlas.bounds:
         text = "regimes; their bounds are ours, not the paper's:\n" + "\n".join(f"{b.below}/{b.above}: {b.what}" for b in atlas.bounds)
         entries.append(Line2D([], [], label=text, **_BOUND))
     return entries
+
+
+def manifold_entry(text: str) -> list[Any]:
+    from matplotlib.lines import Line2D
+
+    return [Line2D([], [], label=text, **{**_MANIFOLD, "markersize": 3.5})]
 
 
 def star_entry() -> list[Any]:

@@ -9,7 +9,21 @@ import numpy as np
 
 from branches.diagram import files
 from branches.diagram.atlas_labels import Named, label_curves, names_of
-from branches.diagram.atlas_parts import FINE, STAR, Box, energy_axis, mark_boxes, refuse_empty, runs_of, star_entry, tell_named, title
+from branches.diagram.atlas_parts import (
+    FINE,
+    STAR,
+    Box,
+    draw_manifold_velocity,
+    energy_axis,
+    manifold_entry,
+    manifold_paths,
+    mark_boxes,
+    refuse_empty,
+    runs_of,
+    star_entry,
+    tell_named,
+    title,
+)
 from branches.diagram.marks import draw_curve, legend_entries
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
@@ -34,7 +48,7 @@ def draw_velocities(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[byte
 
 
 def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
-    """The start velocities, at zero displacement, of absorber and primary against energy.
+    """The start velocities, at zero displacement, of absorber and primary against energy; impulsive motions have that of the primary alone.
 
     Parameters
     ----------
@@ -55,8 +69,8 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
     chosen = [k for k in (system.absorber, system.primary) if k is not None] or list(range(min(2, len(system.coordinates))))
     curves = [curve for curve in atlas.curves if np.isfinite(curve.velocities).any()]
     stars = atlas.impulsive
-    energies = [curve.h for curve in curves] + ([] if stars is None else [stars.h])
-    if atlas.curves and not energies:
+    energies = [curve.h for curve in curves] + [atlas.manifold_h] + ([] if stars is None else [stars.h])
+    if atlas.curves and not any(map(len, energies)):
         raise ValueError("there is nothing to draw: velocities are those at zero displacement, where no orbit of these families starts")
     refuse_empty(energies)
     x_limits = logarithmic_limits(np.concatenate(energies), 0.04)
@@ -68,7 +82,8 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
         drawn = []
         for axes, k in zip(panels, chosen, strict=True):
             of_panel = [Named(curve, curve.h, curve.velocities[:, k], np.zeros(len(curve.h) - 1, dtype=bool)) for curve in curves]
-            values = [curve.y for curve in of_panel] + ([] if stars is None else [stars.velocities[:, k]])
+            values = [curve.y for curve in of_panel] + [path[:, 1] for path in manifold_paths(atlas, k)]
+            values += [] if stars is None else [stars.velocities[:, k]]
             axes.set_label(f"velocity{k}")
             energy_axis(axes, atlas, x_limits)
             symbol = f"{velocity_symbol(system.coordinates[k])}(0)"
@@ -77,6 +92,8 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
         for axes in panels[:-1]:
             axes.set_xlabel("")
         entries = legend_entries(drawn[0][3], [])
+        if len(atlas.manifold_h):
+            entries += manifold_entry("impulsive motions")
         if stars is not None:
             entries += star_entry()
         figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False)
@@ -85,13 +102,14 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
         for axes, k, of_panel, runs in drawn:
             name = f"velocity{k}"
             draw_curve(axes, runs, name, FINE)
+            draw_manifold_velocity(axes, atlas, k, name)
             spots: list[Box] = []
             if stars is not None:
                 place = (stars.h, stars.velocities[:, k])
                 (marks,) = axes.plot(*place, zorder=4, **STAR)
                 marks.set_gid(f"{name}-impulsive")
                 spots = mark_boxes(axes, [], place)
-            everything = [curve.path() for curve in of_panel]
+            everything = [curve.path() for curve in of_panel] + manifold_paths(atlas, k)
             written |= label_curves(axes, names_of(of_panel), everything, spots, most=names)
         note = f"; {left_out} that do not start at the origin left out" if left_out else ""
         tell_named(panels[-1], written, drawn[0][2], note)

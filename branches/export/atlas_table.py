@@ -36,7 +36,6 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         "manifold": {"window": atlas.manifold_window, "periods": atlas.manifold_periods},
         "bounds": [{"below": b.below, "above": b.above, "h": b.h, "what": b.what} for b in atlas.bounds],
     }
-    n = len(atlas.system.coordinates)
     parts = [_rows("family", k, curve) for k, curve in enumerate(atlas.curves)]
     count = len(atlas.manifold_h)
     if count:
@@ -44,7 +43,7 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         curve = Curve(
             "", np.full(count, ""), np.zeros(count, dtype=bool),
             h=atlas.manifold_h, alpha=nowhere, frequency=atlas.manifold_frequency, frequency_index=nowhere,
-            half_waves=np.zeros(count, dtype=int), stable=np.full(count, -1), velocities=np.full((count, n), np.nan),
+            half_waves=np.zeros(count, dtype=int), stable=np.full(count, -1), velocities=atlas.manifold_velocities,
             labels=np.full(count, ""),
         )  # fmt: skip
         parts.append({**_rows("manifold", len(atlas.curves), curve), "joined": atlas.manifold_joined.astype(int)})

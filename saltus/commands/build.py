@@ -11,6 +11,7 @@ from saltus import catalogue_arguments, scene_arguments
 from saltus.arguments import energy_range, positive, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, say
 from saltus.files import STANDARD_OUTPUT, check_writable, write_data
+from saltus.wording import counted
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -93,12 +94,13 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         print(f"FAILS  {text}", file=words)
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
     new = report["levels"][-1]["new"]
-    settled = f"not settled: the last energies gave {new} new families" if new else "settled: the last energies gave no new family"
+    settled = "not settled" if new else "settled"
+    settled += f": the last energies gave {counted(new, 'new family') if new else 'no new family'}"
     if report["open"]:
         settled += ", but open in h = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in report["open"])
     lines = [
-        f"done   {report['families']} families, {report['points']} points, {report['events']} events, {report['edges']} edges; "
-        f"{report['beyond']} neighbours lie beyond the bounds",
+        f"done   {counted(report['families'], 'family')}, {counted(report['points'], 'point')}, {counted(report['events'], 'event')}, "
+        f"{counted(report['edges'], 'edge')}; {counted(report['beyond'], 'neighbour')} beyond the bounds",
         f"       energies searched: {searched}; {settled}",
         "       with a reversal every family within the bounds is looked for; without one, those that meet one with a reversal",
     ]
@@ -106,9 +108,10 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         energies = ", ".join(f"{energy:.6g}" for energy in sorted(report["unsettled"]))
         lines.append(f"       starts a rounding error apart part at h = {energies}: there the list may lack an orbit")
     if report["halves"]:
-        lines.append(f"       of {report['halves']} families one side of a branch point was followed; the other is its image")
+        lines.append(f"       of {counted(report['halves'], 'family')} one side of a branch point was followed; the other is its image")
     if report["lost"]:
-        lines.append(f"       at {len(report['lost'])} bifurcations no new family was found (dead ends of the graph, which say why)")
+        lost = counted(len(report["lost"]), "bifurcation")
+        lines.append(f"       at {lost} no new family was found (dead ends of the graph, which say why)")
     if not report["families"]:
         from saltus.empty_bounds import nothing_inside
 

@@ -7,8 +7,12 @@ import argparse
 from saltus import catalogue_arguments
 from saltus.errors import DONE, FAILED
 from saltus.files import check_writable
+from saltus.wording import counted
 
 __all__ = ["add_arguments", "run"]
+
+THINGS = {"families": "family", "points": "point", "events": "event", "edges": "edge"}
+"""What is counted, and what one of it is called."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,8 +38,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         with ProgressBar(len(catalogue), "families") as bar:
             counts, failures = check(catalogue, bar.update)
-    looked = ", ".join(f"{count} {name}" for name, count in counts.items())
+    looked = ", ".join(counted(counts[name], thing) for name, thing in THINGS.items())
     lines = [f"FAILS  {failure.where}: {failure.text}" for failure in failures]
-    lines.append(f"{looked} looked at: " + (f"{len(failures)} failures" if failures else "all hold"))
+    lines.append(f"{looked} looked at: " + (f"{counted(len(failures), 'failure')}" if failures else "all hold"))
     tell(arguments.json, lines, lambda: {"counts": counts, "failures": [failure._asdict() for failure in failures]})
     return FAILED if failures else DONE

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from saltus import catalogue_arguments, events_table, outputs, scene_arguments
 from saltus.arguments import energy_range, one_of, whole_above_zero
-from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
+from saltus.errors import DONE, FAILED, INTERRUPTED, exit_code, one_line, say
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -95,12 +95,17 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> int:
     """Keep the branch in a catalogue; return the exit code."""
+    from branches.catalogue.widening import CannotWiden
+
     try:
-        known = catalogue_arguments.save(branch, place, scene)
+        words = catalogue_arguments.save(branch, place, scene)
+    except CannotWiden as refused:
+        say(one_line(refused))
+        return FAILED
     except (ValueError, RuntimeError) as error:
         say(f"{one_line(error)}; the family {branch.id} was not kept")
-        return FAILED
-    print(f"{'known' if known else 'saved'}  {branch.id} in {place}", file=files.words, flush=True)
+        return exit_code(error) or FAILED
+    print(words, file=files.words, flush=True)
     return DONE
 
 

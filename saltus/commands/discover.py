@@ -11,6 +11,7 @@ from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE
 from saltus.events_table import stability_word
 from saltus.outputs import Outputs
+from saltus.wording import counted
 
 if TYPE_CHECKING:
     from branches.discovery.search import Discovery
@@ -64,12 +65,13 @@ def run(arguments: argparse.Namespace) -> int:
 
     from saltus.discovery import discover
     from saltus.first_run import prepare
+    from saltus.listing import width_of, wrapped
 
     with catalogue_arguments.given(arguments, scene) as catalogue:
         prepare(discovery=True)
         found = discover(scene.system, arguments.energy, catalogue=catalogue, **options)
     _print_table(found, files.words)
-    for line in summary(found):
+    for line in wrapped(summary(found), width_of(files.words), 9):
         print(line, file=files.words, flush=True)
     if arguments.json is None:
         return DONE
@@ -81,41 +83,22 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _print_table(found: Discovery, stream: Any) -> None:
     """Print the orbits as a table that fits the terminal."""
-    from rich.console import Console
-    from rich.table import Table
-
     from branches.discovery.record import half_period_impacts
+    from saltus.listing import listing, width_of
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title, justify, fold in (
-        ("label", "left", "fold"),
-        ("ends", "left", "fold"),
-        ("word", "left", "fold"),
-        ("impacts", "right", "ellipsis"),
-        ("alpha", "right", "ellipsis"),
-        ("velocities", "right", "fold"),
-        ("slowest impact", "right", "ellipsis"),
-        ("tau", "right", "ellipsis"),
-        ("stable", "left", "ellipsis"),
-    ):
-        table.add_column(title, justify=justify, overflow=fold)  # type: ignore[arg-type]
-    if found.families:
-        table.add_column("family", overflow="fold")
+    rows = []
     for orbit, family in zip(found.orbits, found.families or repeat(None), strict=False):
         velocities = orbit.velocities
-        table.add_row(
-            orbit.label,
-            " ".join(orbit.ends),
-            orbit.word,
-            f"{half_period_impacts(orbit):g}",
-            f"{orbit.alpha:.8g}",
-            "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities),
-            f"{min(orbit.impact_speeds):.4g}",
-            f"{orbit.tau:.6g}",
-            stability_word(orbit.stable),
-            *([family or "-"] if found.families else []),
-        )
-    Console(file=stream, highlight=False, markup=False, width=None if stream.isatty() else 140).print(table)
+        rows.append(
+            (
+                orbit.label, " ".join(orbit.ends), orbit.word, f"{half_period_impacts(orbit):g}", f"{orbit.alpha:.8g}",
+                "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities), f"{min(orbit.impact_speeds):.4g}",
+                f"{orbit.tau:.6g}", stability_word(orbit.stable), *([family or "-"] if found.families else []),
+            )
+        )  # fmt: skip
+    head = ("label", "ends", "word", "impacts", "alpha", "velocities", "slowest impact", "tau", "stable", "family")
+    for line in listing(head[: 9 + bool(found.families)], rows, width=width_of(stream), columns="lllrrrrrli"):
+        print(line, file=stream, flush=True)
 
 
 def summary(found: Discovery) -> list[str]:
@@ -134,12 +117,13 @@ def summary(found: Discovery) -> list[str]:
     counts = found.counts
     bound = "any number of impacts" if found.impacts is None else f"up to {impacts_text(found.impacts)}"
     lines = [
-        f"{len(found.orbits)} orbits at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
+        f"{counted(len(found.orbits), 'orbit')} at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
         f"between the ends {', '.join(found.ends)}",
-        f"scan     {counts['starts']} starts, intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
-        f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counts['grazings']} grazings",
-        f"orbits   {counts['crossings']} crossings, {counts['repeated'] + counts['multiple_turns']} of them several turns, "
-        f"{counts['polished']} polished, {counts['duplicates']} duplicates, {counts['inadmissible']} inadmissible, "
+        f"scan     {counted(counts['starts'], 'start')}, "
+        f"intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
+        f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counted(counts['grazings'], 'grazing')}",
+        f"orbits   {counted(counts['crossings'], 'crossing')}, {counts['repeated'] + counts['multiple_turns']} of them several turns, "
+        f"{counts['polished']} polished, {counted(counts['duplicates'], 'duplicate')}, {counts['inadmissible']} inadmissible, "
         f"{counts['unpolished']} not polished",
     ]
     lines += [
@@ -149,7 +133,8 @@ def summary(found: Discovery) -> list[str]:
     ]
     unknown = sum(family is None for family in found.families)
     if found.families:
-        lines.append(f"families {len(set(found.families) - {None})} of the catalogue; {unknown} orbits lie on none of it")
+        lie = "lies" if unknown == 1 else "lie"
+        lines.append(f"families {len(set(found.families) - {None})} of the catalogue; {counted(unknown, 'orbit')} {lie} on none of it")
     if found.settled:
         lines.append("settled  within these bounds the scan leaves nothing undecided")
         return lines

@@ -11,6 +11,7 @@ from saltus import catalogue_arguments, family_filters
 from saltus.arguments import whole_above_zero
 from saltus.errors import DONE, BadInput, nearest
 from saltus.files import STANDARD_OUTPUT, check_writable, replacing, write_data
+from saltus.wording import counted
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
@@ -47,17 +48,19 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.what == "points":
             from branches.catalogue.tables import points_table
 
-            families = catalogue.families(**family_filters.from_arguments(arguments))
+            filters = family_filters.from_arguments(arguments)
+            families = catalogue.families(**filters)
             if arguments.names:
                 chosen = {catalogue.find(name).id for name in arguments.names}
                 families = [row for row in families if row.id in chosen]
+            if not families:
+                raise family_filters.nothing_fits(str(catalogue.path), len(catalogue), filters, arguments.names)
             table = points_table(catalogue, families, columns)
         else:
             table = _orbits(catalogue, arguments)
     _write(arguments, kind, table, arguments.what)
     count = len(next(iter(table.values())))
-    things = "samples" if arguments.samples else arguments.what
-    _tell(arguments, f"wrote  {arguments.out}: {count} {things}")
+    _tell(arguments, f"wrote  {arguments.out}: {counted(count, 'sample' if arguments.samples else arguments.what[:-1])}")
     return DONE
 
 
@@ -99,7 +102,9 @@ def _columns(arguments: argparse.Namespace) -> tuple[str, ...]:
         if name not in POINT_NAMES:
             hint = nearest(name, POINT_NAMES) or f", expected some of {', '.join(POINT_NAMES)}"
             raise BadInput(f"unknown column {name!r} of points{hint}")
-    return tuple(dict.fromkeys(names))
+        if names.count(name) > 1:
+            raise BadInput(f"column {name!r} is asked for {names.count(name)} times, expected each column once")
+    return names
 
 
 def _graph(catalogue: Catalogue, arguments: argparse.Namespace, kind: str) -> int:
@@ -117,7 +122,7 @@ def _graph(catalogue: Catalogue, arguments: argparse.Namespace, kind: str) -> in
     write_data(arguments.out, graph_text(graph, kind))
     if kind != "json":
         _tell(arguments, f"note   {FLATTENED.format(kind)}")
-    _tell(arguments, f"wrote  {arguments.out}: {graph.number_of_nodes()} nodes, {graph.number_of_edges()} edges")
+    _tell(arguments, f"wrote  {arguments.out}: {counted(graph.number_of_nodes(), 'node')}, {counted(graph.number_of_edges(), 'edge')}")
     return DONE
 
 
@@ -141,8 +146,11 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
     elif arguments.energy is None:
         raise BadInput("which orbits? expected names such as S13O00+@h=1, or --energy H for all families that cross it")
     else:
-        for row in catalogue.families(**family_filters.from_arguments(arguments)):
+        filters = family_filters.from_arguments(arguments)
+        for row in catalogue.families(**filters):
             found += [(row.id, orbit) for orbit in catalogue.branch(row.id).orbits_at(energy=arguments.energy)]
+        if not found:
+            raise family_filters.nothing_fits(str(catalogue.path), len(catalogue), filters)
     return orbit_samples(found, arguments.samples) if arguments.samples else orbit_rows(found)
 
 

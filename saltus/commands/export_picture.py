@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from saltus import catalogue_arguments, family_filters, scene_arguments
 from saltus.arguments import one_of, positive, whole_above_zero
-from saltus.errors import DONE, FAILED, BadInput, nearest, say
+from saltus.errors import DONE, BadInput, nearest, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_writable, replacing
 
 if TYPE_CHECKING:
@@ -77,8 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
             with replacing(arguments.out) as beside:
                 write(beside)
     except WriteFailure as failure:
-        say(str(failure))
-        return FAILED
+        return say_and_code(failure)
     print(f"wrote  {arguments.out}", flush=True)
     return DONE
 
@@ -147,10 +146,10 @@ def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch]
         with catalogue_arguments.from_arguments(arguments) as catalogue:
             place = str(catalogue.path)
             if not len(catalogue):
-                raise BadInput(f"{place} holds no family; expected one that saltus build or saltus continue --save has filled")
+                raise family_filters.nothing_fits(place, 0, filters)
             kept = {row.id for row in catalogue.families(**filters)}
             everything = [catalogue.branch(row.id) for row in catalogue.families() if arguments.regimes or row.id in kept]
     branches = [branch for branch in everything if branch.id in kept]
     if not branches:
-        raise BadInput(f"no family of {place} fits {family_filters.words(filters)}; saltus list shows those that there are")
+        raise family_filters.nothing_fits(place, len(everything) or 1, filters)
     return branches, everything

@@ -11,7 +11,7 @@ from pathlib import Path
 from branches.files import reason
 from saltus import catalogue_arguments
 from saltus.arguments import one_of
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say, say_and_code
 from saltus.files import WriteFailure, check_writable, write_data
 from saltus.galleries import Figure, Gallery, load_gallery
 
@@ -52,13 +52,12 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"{figure.name}  {time.monotonic() - begun:5.1f} s  {figure.caption}", flush=True)
         else:
             say(f"{figure.name} was not made")
-            code = FAILED
+            code = max(code, FAILED)
     if made:
         try:
             write_data(str(folder / CAPTIONS), captions(gallery, made, arguments.format))
         except WriteFailure as failure:
-            say(str(failure))
-            return max(code, FAILED)
+            return max(code, say_and_code(failure))
         print(f"wrote  {len(made)} figures with their data and {CAPTIONS} into {arguments.out}", flush=True)
     return code
 
@@ -104,6 +103,5 @@ def _make(figure: Figure, folder: Path, picture: str, more: list[str]) -> int:
         try:
             write_data(str(folder / f"{figure.name}.txt"), printed.getvalue())
         except WriteFailure as failure:
-            say(str(failure))
-            return FAILED
+            return say_and_code(failure)
     return code

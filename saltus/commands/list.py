@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 from saltus import catalogue_arguments, family_filters
 from saltus.errors import DONE
+from saltus.wording import counted
 
 __all__ = ["add_arguments", "run"]
 
@@ -41,8 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
                 )
             )  # fmt: skip
         head = ("label", "id", "impacts", "energy h", "quarter alpha", "stable", "points", "events", "other labels")
-        yield from listing(head, rows, width=width_of(sys.stdout), right="llrllrrrl")
-        yield f"{len(families)} of {total} families"
+        yield from listing(head, rows, width=width_of(sys.stdout), columns="lirllrrrt")
+        yield f"{len(families)} of {counted(total, 'family')}"
 
     tell(arguments.json, lines(), lambda: {"filters": family_filters.told(filters), "families": [family_record(row) for row in families]})
     return DONE

@@ -10,7 +10,6 @@ from typing import IO
 from saltus import catalogue_arguments, motion_start, outputs, scene_arguments, units
 from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE, FAILED, BadInput
-from saltus.files import WriteFailure
 
 __all__ = ["add_arguments", "run"]
 
@@ -86,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     def picture(path: Path) -> None:
         if told.shown is None:
-            raise WriteFailure(f"cannot draw {files.plot}: {told.why_no_stages}")
+            raise outputs.NotDrawn(f"cannot draw {files.plot}: {told.why_no_stages}")
         draw(told.shown, catalogue, start.branch, path, arguments.caption)
         if (scale.length, scale.frequency) != (1.0, 1.0):
             print("note   the picture is in natural units", file=files.words)

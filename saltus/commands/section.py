@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from saltus import catalogue_arguments, outputs, scene_arguments
 from saltus.arguments import energy_range, number, one_of, positive, whole_above_zero
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, say
+from saltus.errors import DONE, INTERRUPTED, BadInput, nearest, say, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_writable, replacing
 
 if TYPE_CHECKING:
@@ -305,8 +305,7 @@ def _write_arrays(views: list[SectionView], path: str | None, words: TextIO) -> 
         with replacing(path) as beside, beside.open("wb") as file:
             write_binary(views_table(views), Path(path).suffix[1:].lower(), file, about=about, cells=False)
     except WriteFailure as failure:
-        say(str(failure))
-        return FAILED
+        return say_and_code(failure)
     print(f"wrote  {path}", file=words, flush=True)
     return DONE
 

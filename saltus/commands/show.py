@@ -37,8 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
         record = _record(catalogue, match)
         tell(arguments.json, _lines(catalogue, match, record), lambda: record)
         if arguments.orbit is not None:
-            _draw(catalogue, match, arguments.orbit)
-            print(f"wrote  {arguments.orbit}", file=words)
+            drawn = _draw(catalogue, match, arguments.orbit)
+            print(f"wrote  {arguments.orbit}: {drawn}", file=words)
     return DONE
 
 
@@ -73,16 +73,17 @@ def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
 def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[str]:
     """The same in words."""
     from saltus.catalogue_records import impacts_text, range_text
-    from saltus.events_table import HEADER, event_line, stability_word
-    from saltus.listing import listing, width_of
+    from saltus.events_table import COLUMNS, event_cells, stability_word
+    from saltus.listing import listing, width_of, wrapped
 
     width = width_of(sys.stdout)
+    neighbours = _each_once(record["neighbours"], catalogue.edges(match.id))
     if match.kind != "family":
         node = record["node"]
         lines = [f"{node['kind']}  {node['id']}"]
         if node["h"] is not None:
             lines.append(f"energy   h = {node['h'][0]:.10g} to {node['h'][1]:.10g}, where it grazes a stop")
-        return lines + _neighbours(record["neighbours"], width)
+        return lines + _neighbours(neighbours, width)
     row = catalogue.family(match.id)
     lines = [
         f"family   {row.id}",
@@ -94,14 +95,15 @@ def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[s
         f"points   {row.points}, stable over {100.0 * row.stable_fraction:.1f}% of the arclength",
         *(f"ended    at the {place} point: {text}" for place, (_, text) in zip(("first", "last"), row.ended, strict=True)),
         *(f"model    {text}" for text in record["model"]),
-        "",
     ]
+    lines = [*wrapped(lines, width, 9), ""]
     cells = [("label", p.label or "-", *map(range_text, p[1:])) for p in row.labels]
     cells += [("stable", stability_word(p.stable), *map(range_text, p[1:])) for p in row.stability]
     lines += listing(("along it", "", "arclength", "energy h", "quarter alpha"), cells, width=width)
     if row.events:
-        lines += ["", *(line[:width] for line in [HEADER, *map(event_line, catalogue.events(row.id))])]
-    return lines + _neighbours(record["neighbours"], width)
+        cells = [event_cells(event) for event in catalogue.events(row.id)]
+        lines += ["", *listing(tuple(COLUMNS.values()), cells, width=width, columns="rllllllt")]
+    return lines + _neighbours(neighbours, width)
 
 
 def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str]:
@@ -117,14 +119,27 @@ def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str
             (item["event"] or "-", edge["kind"], f"{edge['h']:.8g}", item["direction"], node["label"] or node["kind"],
              "" if node["kind"] == "dead end" else node["id"], text)
         )  # fmt: skip
-    return ["", *listing(("event", "meeting", "energy h", "edge", "neighbour", "id", "remark"), rows, width=width)]
+    return ["", *listing(("event", "meeting", "energy h", "edge", "neighbour", "id", "remark"), rows, width=width, columns="lllllit")]
 
 
-def _draw(catalogue: Catalogue, match: Match, path: str) -> None:
-    """Draw the orbit that a name selects; that which the family was started from where it selects none."""
+def _each_once(neighbours: list[dict[str, Any]], edges: list[Edge]) -> list[dict[str, Any]]:
+    """The neighbours in their order; of a meeting that both sides tell, what this one tells."""
+    from saltus.catalogue_records import same_meeting
+
+    told: list[Edge] = []
+    for _, edge in sorted(zip(neighbours, edges, strict=True), key=lambda pair: pair[0]["direction"] == "in"):
+        if not any(same_meeting(edge, other) for other in told):
+            told.append(edge)
+    return [item for item, edge in zip(neighbours, edges, strict=True) if any(edge is other for other in told)]
+
+
+def _draw(catalogue: Catalogue, match: Match, path: str) -> str:
+    """Draw the orbit that a name selects, which is in the middle of the label's range where it has no suffix and no pin; that which the
+    family was started from for an id. Return which it is, by the name that selects it."""
     if match.kind != "family":
         raise BadInput(f"{match.id} is a {match.kind}, which has no orbit with impacts to draw")
     from branches.diagram import draw_orbit
+    from saltus.orbit_choice import list_orbits
 
     branch = catalogue.branch(match.id)
     orbit = branch.orbit(branch.start)
@@ -134,3 +149,4 @@ def _draw(catalogue: Catalogue, match: Match, path: str) -> None:
         orbit = min(found, key=lambda item: abs(item.alpha - alpha)) if found else orbit
     with replacing(path) as beside:
         draw_orbit(orbit, beside)
+    return f"the orbit {list_orbits([orbit])}"

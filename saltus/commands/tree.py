@@ -38,13 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     from saltus.catalogue_records import tell
-    from saltus.listing import width_of
+    from saltus.listing import width_of, with_short_ids, wrapped
 
     with catalogue_arguments.opened(arguments) as catalogue:
         root = catalogue.find(arguments.name).id
         tree = _Tree(catalogue, root, arguments.depth)
     width = width_of(sys.stdout)
-    lines = (line if width is None or len(line) <= width else line[: width - 1] + "…" for line in tree.lines())
+    lines = wrapped((with_short_ids(line, width) for line in tree.lines()), width, 8)
     tell(arguments.json, lines, lambda: {"depth": arguments.depth, "tree": tree.record(root)})
     return DONE
 
@@ -86,11 +86,13 @@ class _Tree:
 
     def _shown(self, node: str) -> list[tuple[Way, bool]]:
         """The ways that leave a node, but for the one that led to it, each meeting once, and whether the other node opens there."""
+        from saltus.catalogue_records import same_meeting
+
         came = self.parent[node]
         told = [] if came is None else [came]
         shown = []
         for way in self.ways.get(node, []):
-            if any(way.edge is other.edge or _tells_the_same(way.edge, other.edge) for other in told):
+            if any(way.edge is other.edge or same_meeting(way.edge, other.edge) for other in told):
                 continue
             told.append(way)
             shown.append((way, self.parent.get(way.to) is way))
@@ -129,8 +131,3 @@ class _Tree:
                 for way, opens in ways
             ],
         }
-
-
-def _tells_the_same(one: Edge, other: Edge) -> bool:
-    """Whether two edges are one meeting of two families, told by each of them."""
-    return (one.source, one.target, one.kind) == (other.target, other.source, other.kind) and abs(one.h / other.h - 1.0) < 1e-6

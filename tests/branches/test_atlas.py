@@ -305,6 +305,26 @@ def test_start_velocities():
         assert rf"\dot{{u}}_{{{k + 1}}}" in axes.get_ylabel() and axes.get_xscale() == "log"
 
 
+@pytest.mark.parametrize("scale", [(1.0, 1.0), (0.013, 7.7)])
+def test_the_impulsive_motions_among_start_velocities(scale):
+    """Oracles: the energy, which is all that of the primary's velocity; the periodic impulsive orbits, which lie on the curve."""
+    data = rescaled(real.atlas(), *scale)
+    panels = panels_of(velocities_figure(data))
+    (sink,), (primary,) = (by_gid(panels[f"velocity{k}"], f"velocity{k}-manifold") for k in (0, 1))
+    np.testing.assert_array_equal(sink.get_xydata(), np.stack([data.manifold_h, np.zeros(len(data.manifold_h))], axis=1))
+    h, v = primary.get_xydata()[np.isfinite(primary.get_xydata()[:, 0])].T
+    np.testing.assert_allclose(0.5 * real.SYSTEM.mass[1, 1] * v**2, h, rtol=1e-14)
+    assert len(h) == 2 * len(data.manifold_h) and (v[: len(h) // 2] > 0.0).all() and (v[len(h) // 2 :] < 0.0).all()
+    for star_h, star in zip(data.impulsive.h, data.impulsive.velocities, strict=True):
+        assert abs(star[0]) < 1e-9 * abs(star[1])
+        assert abs(np.interp(star_h, h[: len(h) // 2], v[: len(h) // 2]) / abs(star[1]) - 1.0) < 1e-2
+    low, high = panels["velocity1"].get_ylim()
+    assert low < v.min() and high > v.max()
+    assert "impulsive motions" in {text.get_text() for text in velocities_figure(data).legends[0].get_texts()}
+    bare = replace(data, manifold_h=np.zeros(0), manifold_frequency=np.zeros(0), manifold_joined=np.zeros(0, dtype=bool))
+    assert not by_gid(panels_of(velocities_figure(bare))["velocity1"], "velocity1-manifold")
+
+
 def test_scaling():
     """Oracle: energies by the square of clearance and frequency, velocities by their product, quarter periods by 1/frequency."""
     data = real.atlas()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,6 @@ import saltus
 from branches.catalogue import Catalogue, Edge, EventOrbit
 from saltus.__main__ import main
 from saltus.catalogue_arguments import default_path
-from saltus.listing import listing
 from tests.branches.catalogue.families import linear_mode, real, scene
 from tests.saltus.running import run
 
@@ -80,6 +80,36 @@ def test_show_a_linear_mode(catalogue, capsys):
     assert code == 0 and "linear mode  L11+" in out and "0.1185078106" in out and real()[0].id in out
     code, _, err = run(capsys, "show", "L11+", "--catalogue", catalogue, "--orbit", "mode.png")
     assert code == 2 and "linear mode" in err and not Path("mode.png").exists()
+
+
+def test_a_meeting_that_both_sides_tell_is_shown_once(catalogue, capsys, tmp_path):
+    """Oracle: the edges by hand: the grazing of the mode told by the family too, at the same event and at another; JSON has all."""
+    path = tmp_path / "both.sqlite"
+    path.write_bytes(catalogue.read_bytes())
+    id = real()[0].id
+    graze = next(event for event in real()[0].events if event.id == "GR1")
+    for event, rows in (("GR1", 1), ("GR2", 2)):
+        with Catalogue(path, "a") as filled:
+            filled.connect(Edge(id, event, "GR", "linear mode", "L11+", graze.h, graze.alpha, note="told by the family"))
+        code, out, _ = run(capsys, "show", "L11+", "--catalogue", path)
+        assert code == 0 and out.count(id) == rows and out.count("told by the family") == rows - 1
+        record = json.loads(run(capsys, "show", "L11+", "--catalogue", path, "--json", "-")[1])
+        assert len(record["neighbours"]) == rows + 1
+
+
+@pytest.mark.parametrize("name", ["S13+@h=1", "S13+", "{id}", "S73O33-@h=7.3348,alpha=1.6459"])
+def test_show_says_which_orbit_it_drew(catalogue, capsys, tmp_path, name):
+    """Oracle: the branch: the name that is told selects one orbit, which has the energy that was asked for where one was."""
+    branch = real()[2 if name.startswith("S7") else 0]
+    code, out, err = run(capsys, "show", name.format(id=branch.id), "--catalogue", catalogue, "--orbit", tmp_path / "o.png")
+    told = re.search(r"^wrote  \S+o\.png: the orbit (\S+)@h=(\S+),alpha=(\S+)$", out, re.MULTILINE)
+    assert code == 0 and not err and told
+    h, alpha = float(told[2]), float(told[3])
+    assert min(abs(orbit.alpha - alpha) for orbit in branch.orbits_at(energy=h)) < 1e-4
+    if "@h=" in name:
+        assert h == float(name.partition("@h=")[2].split(",")[0])
+    elif name == "{id}":
+        assert h == pytest.approx(float(branch.points["h"][branch.start]), rel=1e-5)
 
 
 def test_tree_ends(catalogue, capsys):
@@ -224,6 +254,24 @@ def test_continue_saves_and_finds_again(tmp_path, capsys, monkeypatch):
         main(["orbit", "S13+", "--energy", "0.5"])
 
 
+def test_continue_saves_the_wider_range(tmp_path, capsys):
+    """Oracle: the range that the catalogue tells; a run over another range, which has not all of it, is refused with both."""
+    path = tmp_path / "mine.sqlite"
+
+    def save(energy):
+        return run(capsys, "continue", "S13+", "--energy", energy, "--save", "--catalogue", path)
+
+    id = real()[0].id
+    assert f"saved  {id} in {path}, with h = 0.3:0.6" in save("0.3:0.6")[1]
+    assert f"known  {id} in {path}, with h = 0.3:0.6" in save("0.4:0.5")[1]
+    code, out, err = save("0.2:1")
+    assert code == 0 and not err and f"wider  {id} in {path}, now with h = 0.2:1; before with h = 0.3:0.6" in out
+    code, _, err = save("0.5:2")
+    assert code == 1 and err.count("\n") == 1 and f"{id} stays kept in {path} with h = 0.2:1, and not with h = 0.5:2: " in err
+    with Catalogue(path) as kept:
+        assert kept.family(id).h == pytest.approx((0.2, 1.0), rel=1e-9)
+
+
 def test_the_default_place(tmp_path, capsys, monkeypatch):
     """Oracle: the user's data folder; another system has a file of its own, so that neither is in the other's way."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
@@ -231,7 +279,7 @@ def test_the_default_place(tmp_path, capsys, monkeypatch):
         code, out, err = run(capsys, "continue", "S11-", "--energy", "0.2:0.4", "--save", *more)
         assert code == 0 and not err
     assert {entry.name for entry in (tmp_path / "data" / "saltus").iterdir()} == {"lee2009.sqlite", "lee2009-mu0.2.sqlite"}
-    assert "1 of 1 families" in run(capsys, "list")[1]
+    assert "1 of 1 family" in run(capsys, "list")[1]
     for words in (["list"], ["show", "S11-"], ["tree", "S11-"], ["path", "S11-", "S11-"]):
         ids = {run(capsys, *words, *more)[1].count("9e0b51fa") for more in ([], ["--mu", "0.2"])}
         assert len(ids) == 2, "both systems have the same family"
@@ -265,16 +313,6 @@ with saltus.Catalogue({str(path)!r}, "a", scene=saltus.load_scene()):
     assert os.listdir(tmp_path) == ["used.sqlite"]
 
 
-def test_columns_fit_the_terminal():
-    """Oracle: the width; what is short stays whole."""
-    rows = [("S13O00+", "origin-origin:" + "+-" * 30 + ":01234567", "1.5"), ("U8353-", "origin-stop+::01234567", "0.25")]
-    for width in (200, 80, 60, 45, 30):
-        lines = listing(("label", "id", "h"), rows, width=width)
-        assert all(len(line) <= width for line in lines)
-        assert lines[1].startswith("S13O00+") and "1.5" in lines[1]
-    assert "+-" * 30 + ":01234567" in listing(("label", "id", "h"), rows)[1]
-
-
 def test_an_empty_catalogue_can_be_browsed(tmp_path, capsys):
     """Oracle: nothing, said in words; names exit 2."""
     path = tmp_path / "empty.sqlite"
@@ -284,10 +322,12 @@ def test_an_empty_catalogue_can_be_browsed(tmp_path, capsys):
     for name in ("S13+", "abcd", "L11+"):
         code, _, err = run(capsys, "show", name, "--catalogue", path)
         assert code == 2 and "none" in err
-    for what, file in (("graph", "graph.dot"), ("graph", "graph.graphml"), ("points", "points.csv"), ("points", "points.mat")):
-        assert run(capsys, "export", what, "--out", tmp_path / file, "--catalogue", path)[0] == 0
-    code, _, err = run(capsys, "export", "orbits", "--energy", 1, "--out", tmp_path / "orbits.npz", "--catalogue", path)
-    assert code == 0 and not err
+    for file in ("graph.dot", "graph.graphml"):
+        assert run(capsys, "export", "graph", "--out", tmp_path / file, "--catalogue", path)[0] == 0
+    at_energy = ("orbits", "orbits.npz", "--energy", 1)
+    for what, file, *words in (("points", "points.csv"), ("points", "points.mat"), at_energy, ("fep", "f.png")):
+        code, out, err = run(capsys, "export", what, *words, "--out", tmp_path / file, "--catalogue", path)
+        assert code == 2 and not out and err.count("\n") == 1 and "holds no family" in err and not (tmp_path / file).exists()
 
 
 @pytest.mark.parametrize("name", ["with space.sqlite", "what?.sqlite", "half#1.sqlite", "100%25.sqlite", "Übersicht.sqlite", "-.sqlite"])
@@ -296,7 +336,7 @@ def test_any_file_name_will_do(tmp_path, capsys, name):
     with Catalogue(tmp_path / name, "a", scene=scene()) as filled:
         filled.add(real()[0])
     assert [entry.name for entry in tmp_path.iterdir()] == [name]
-    assert "1 of 1 families" in run(capsys, "list", "--catalogue", tmp_path / name)[1]
+    assert "1 of 1 family" in run(capsys, "list", "--catalogue", tmp_path / name)[1]
 
 
 def test_a_family_of_a_catalogue_is_followed_by_any_of_its_names(catalogue, capsys):
@@ -329,3 +369,67 @@ def test_what_cannot_be_followed_from_a_catalogue_is_said(catalogue, capsys, wor
     """Oracle: exit code 2 and the words."""
     code, out, err = run(capsys, *words, "--catalogue", catalogue)
     assert code == 2 and not out and len(err.splitlines()) == 1 and said in err
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
+@pytest.mark.parametrize(
+    "words",
+    [
+        "list --json /dev/full --catalogue {catalogue}",
+        "show S13+ --json /dev/full --catalogue {catalogue}",
+        "export points --format csv --out /dev/full --catalogue {catalogue}",
+        "export graph --format dot --out /dev/full --catalogue {catalogue}",
+        "discover --energy 0.1 --max-quarter-period 1.5 --json /dev/full",
+        "build --catalogue /dev/full",
+        "continue S13+ --energy 0.5:0.6 --save --catalogue /dev/full",
+    ],
+)
+def test_a_full_device_is_one_line_and_exit_code_2(catalogue, capsys, words):
+    """Oracle: /dev/full, which refuses every byte, and stays alone in its directory; the catalogue is as it was."""
+    before = catalogue.read_bytes()
+    code, _, err = run(capsys, *words.format(catalogue=catalogue).split())
+    assert code == 2 and err.startswith("saltus: cannot write /dev/full: ") and err.count("\n") == 1, err
+    assert catalogue.read_bytes() == before and [name for name in os.listdir("/dev") if name.startswith("full")] == ["full"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs limits on a process")
+def test_a_limit_on_files_is_named_and_what_was_kept_stays(catalogue, tmp_path):
+    """Oracle: the limit, which the system sets; exit code 2, one line, and the families of the file before."""
+    path = tmp_path / "mine.sqlite"
+    path.write_bytes(catalogue.read_bytes())
+    # Less than the log of a family needs, more than its index.
+    limit = 40_000
+    script = f"""
+import resource, sys
+import saltus, saltus.tracing
+from saltus.__main__ import main
+from tests.branches.catalogue.families import renamed
+branch = renamed(saltus.read_branch({str(tmp_path / "branch.json")!r}), 1)
+saltus.tracing.trace = lambda *arguments, **options: branch
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+sys.exit(main(["continue", "S13+", "--save", "--catalogue", {str(path)!r}]))
+"""
+    real()[2].save(tmp_path / "branch.json")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+    assert f"no file may be larger than {limit} bytes here (ulimit -f)" in done.stderr and "device refused" not in done.stderr
+    with Catalogue(path) as kept, Catalogue(catalogue) as old:
+        assert [row.id for row in kept.families()] == [row.id for row in old.families()]
+    assert sorted(os.listdir(tmp_path)) == ["branch.json", "mine.sqlite"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs limits on a process")
+def test_a_limit_on_files_leaves_the_old_one(catalogue, tmp_path):
+    """Oracle: the limit, which the system sets; the file of before, and nothing beside it."""
+    path = tmp_path / "list.json"
+    path.write_text("old")
+    script = f"""
+import resource, sys
+from saltus.__main__ import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+sys.exit(main(["list", "--json", {str(path)!r}, "--catalogue", {str(catalogue)!r}]))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr == f"saltus: cannot write {path}: the file would be larger than the system allows (ulimit -f)\n"
+    assert path.read_text() == "old" and os.listdir(tmp_path) == ["list.json"]

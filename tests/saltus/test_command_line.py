@@ -245,11 +245,11 @@ def test_an_end_for_numerical_reasons_is_a_failure(capsys, monkeypatch):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
-def test_a_full_disk_is_a_failure_and_the_other_files_are_written(capsys, tmp_path):
-    """Oracle: /dev/full refuses every byte."""
+def test_a_full_disk_is_a_place_that_cannot_be_written_and_the_other_files_are_written(capsys, tmp_path):
+    """Oracles: /dev/full refuses every byte; the exit code 2."""
     path = tmp_path / "family.csv"
     code, _, err = run(capsys, "continue", "S13O00+", *QUICK, "--json", "/dev/full", "--csv", str(path))
-    assert code == 1 and err == "saltus: cannot write /dev/full: no space is left on the device\n"
+    assert code == 2 and err == "saltus: cannot write /dev/full: no space is left on the device\n"
     assert path.read_text().startswith("h,alpha,")
 
 
@@ -298,10 +298,10 @@ def test_the_bar_shows_on_a_terminal_only_and_late(monkeypatch):
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
 def test_standard_output_that_cannot_be_written_is_one_line():
-    """Oracle: exit code 1, and what the system says."""
+    """Oracle: exit code 2, and what the system says."""
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "saltus", "continue", "S13O00+", "--points", "3"], stdout=full, stderr=subprocess.PIPE, text=True
         )
-    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
     assert "cannot write standard output: no space is left on the device" in done.stderr

@@ -1,10 +1,6 @@
-"""`saltus discover`: what it prints and writes. Oracles: the search from Python; the format; the width of a terminal."""
+"""`saltus discover`: what it prints and writes. Oracles: the search from Python; the format."""
 
 import json
-import os
-import re
-import subprocess
-import sys
 
 import pytest
 
@@ -107,30 +103,6 @@ def test_a_search_that_is_not_settled_says_why(capsys):
     assert main([*WORDS, "--max-starts", "150"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last.startswith("not settled: the starts were used up") and "--max-starts" in last
-
-
-@pytest.mark.parametrize("columns", [60, 100])
-def test_the_table_fits_the_terminal(columns):
-    """Oracle: the terminal's width, in a terminal of its own."""
-    pty = pytest.importorskip("pty")
-    leader, follower = pty.openpty()
-    environment = {**os.environ, "COLUMNS": str(columns), "TERM": "xterm", "NO_COLOR": "1"}
-    process = subprocess.Popen([sys.executable, "-m", "saltus", *WORDS], stdout=follower, stderr=subprocess.DEVNULL, env=environment)
-    os.close(follower)
-    text = b""
-    while True:
-        try:
-            piece = os.read(leader, 4096)
-        except OSError:
-            break
-        if not piece:
-            break
-        text += piece
-    assert process.wait() == 0
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", text.decode())
-    table = plain.split("orbits at h")[0].splitlines()[:-1]
-    assert len(table) > 5 and max(len(line.rstrip()) for line in table) <= columns
-    assert columns < 100 or "S11O00-" in plain
 
 
 def test_no_impacts_is_no_bound():

@@ -124,6 +124,15 @@ def test_points_of_some_families(export):
     assert len(export("points", "b.csv", "--ends", "origin-origin")[0].read_text().splitlines()) == len(real()[3]) + 1
 
 
+def test_one_of_a_thing_is_told_in_the_singular(export):
+    """Oracle: grammar."""
+    assert export("orbits", "one.csv", "S13+@h=1")[1].endswith(": 1 orbit\n")
+    assert export("orbits", "two.csv", "S13+@h=1", "S13+@h=2")[1].endswith(": 2 orbits\n")
+    assert export("orbits", "sample.csv", "S13+@h=1", "--samples", "1")[1].endswith(": 1 sample\n")
+    assert export("graph", "one.json", "S13+")[1].endswith(": 3 nodes, 2 edges\n")
+    assert export("graph", "other.json", "U1101+")[1].endswith(": 2 nodes, 0 edges\n")
+
+
 def test_orbits(export):
     """Oracle: the orbits of the branches at that energy; the motion sampled closes after a period and keeps its energy."""
     record = json.loads(export("orbits", "orbits.json", "--energy", "0.5")[0].read_text())
@@ -168,6 +177,12 @@ BAD = [
     (["export", "orbits", "S99O00+@h=1", "--out", "o.csv"], "nearest that exist"),
     (["export", "graph", "--out", "g.json", "--columns", "h"], "--columns is for points"),
     (["export", "points", "--out", "no/such/p.csv"], "does not exist"),
+    (["export", "points", "--out", "p.csv", "--columns", "h,alpha,h"], "column 'h' is asked for 2 times"),
+    (["export", "points", "--out", "p.csv", "--label", "U8*"], "fits --label U8*; saltus list"),
+    (["export", "points", "S13+", "--out", "p.csv", "--ends", "origin-origin"], "fits S13+ --ends origin-origin; saltus list"),
+    (["export", "points", "L11+", "--out", "p.npz"], "fits L11+; saltus list"),
+    (["export", "orbits", "--out", "o.csv", "--energy", "90"], "fits --energy 90.0; saltus list"),
+    (["export", "fep", "--out", "f.png", "--label", "U8*"], "fits --label U8*; saltus list"),
 ]
 
 

@@ -48,6 +48,16 @@ def test_a_name_is_its_family(catalogue, name):
         assert match.alpha == pytest.approx(exact, rel=1e-4)
 
 
+def test_the_energy_of_a_kept_point_is_that_point(catalogue):
+    """Oracle: the points, by all digits of their energies and quarter periods."""
+    points = real()[BACKBONE].points
+    for i in (0, 3, 50, 150, len(points["h"]) - 1):
+        h, alpha = float(points["h"][i]), float(points["alpha"][i])
+        for suffix in (f"@h={h!r}", f"@alpha={alpha!r}", f"@h={h!r},alpha={alpha!r}"):
+            found = catalogue.find(real()[BACKBONE].id + suffix)
+            assert found.h == pytest.approx(h, rel=1e-12) and found.alpha == pytest.approx(alpha, rel=1e-12)
+
+
 def test_the_end_of_a_family_is_one_of_its_orbits(catalogue):
     """Oracle: the energies between which the families were followed, which each bound meets to rounding only, and the printed digits of a
     grazing; every family that `families` gives at the bound has an orbit there."""
@@ -188,3 +198,17 @@ def test_an_orbit_is_known_by_its_family(catalogue):
     assert catalogue.identify(turned) == born.id
     outside = saltus.trace("S33O11-", energy=(0.17, 0.18)).orbit(3)
     assert catalogue.identify(outside) is None
+
+
+@pytest.mark.parametrize("dots", ["…", ".", "..."])
+def test_an_id_that_a_table_has_shortened_is_a_name(catalogue, dots):
+    """Oracle: the ids; another beginning, or another hash, is none of them."""
+    for branch in real():
+        for kept in (1, 4, 8):
+            head, digest = branch.id[:kept], branch.id[-9:]
+            assert catalogue.find(head + dots + digest).id == branch.id
+    h = float(real()[BACKBONE].points["h"][3])
+    assert catalogue.find(f"o{dots}{real()[BACKBONE].id[-9:]}@h={h!r}").h == pytest.approx(h, rel=1e-12)
+    for name in (f"rest{dots}{real()[BACKBONE].id[-9:]}", f"origin{dots}:01234567"):
+        with pytest.raises(NameNotFound, match="no family whose id is shortened to"):
+            catalogue.find(name)
