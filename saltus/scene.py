@@ -5,8 +5,8 @@ A scene is a TOML file. ``[system]`` is ``model = "vibro_impact_nes"`` with ``mu
 ``[coordinates]`` (``names``, ``LO``, ``NES``; each of the two a name or a list of them). ``[ground]`` and ``[[forces]]`` are loads
 (`saltus.scene_loads`). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``: where names are
 searched; ``[complete]`` the same three: where every family is found by a build. ``[sections]`` holds the ``energies`` of a plate of
-Poincare sections, and those among them that are ``cited``. ``[names]``
-pins a bare name to a cited point. What is not known is refused.
+Poincare sections, and those among them that are ``cited``. ``[names]`` pins bare names to cited points, ``{}`` where a name needs
+none. What is not known is refused.
 """
 
 from __future__ import annotations
@@ -53,6 +53,8 @@ class Scene:
         Most impacts inside the solved part of an orbit that are searched.
     pins : mapping of str to mapping of str to float
         Bare names with the point, ``h`` and ``alpha``, that the literature shows; used only to choose among matches.
+    names : tuple of str
+        Names whose families a build follows beyond its bounds: those with a pin, and others that need none.
     complete : mapping
         ``energy``, ``quarter_period`` and ``impacts`` (in half a period) up to which a build finds every family; by default those of
         the search.
@@ -73,6 +75,7 @@ class Scene:
     quarter_period: float
     impacts: int
     pins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    names: tuple[str, ...] = ()
     complete: Mapping[str, Any] = field(default_factory=dict)
     sections: tuple[float, ...] = ()
     cited_sections: tuple[float, ...] = ()
@@ -181,7 +184,7 @@ def _read(path: Path, shipped: Mapping[str, str]) -> str:
 def _build(scene: Table, overrides: Mapping[str, float], folder: Path | Traversable) -> Scene:
     scene.only("system", "stops", "coordinates", "ground", "forces", "bounds", "complete", "sections", "names", "title", "source")
     own, system = _system(scene, overrides)
-    pins = _pins(scene.table("names", {}))
+    points = _names(scene.table("names", {}))
     bounds = _bounds(scene.table("bounds"))
     energies, cited = _sections(scene.table("sections", {}))
     nes, lo = marked(scene.table("coordinates", {}), system)
@@ -190,7 +193,8 @@ def _build(scene: Table, overrides: Mapping[str, float], folder: Path | Traversa
     return Scene(
         system=system,
         **bounds,
-        pins=pins if holds else MappingProxyType({}),
+        pins=MappingProxyType({name: point for name, point in points.items() if point} if holds else {}),
+        names=tuple(points) if holds else (),
         complete=MappingProxyType(_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds),
         sections=energies,
         cited_sections=cited if holds else (),
@@ -230,24 +234,23 @@ def _sections(sections: Table) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return energies, cited
 
 
-def _pins(names: Table) -> Mapping[str, Mapping[str, float]]:
+def _names(names: Table) -> dict[str, Mapping[str, float]]:
+    """Each name with its cited point; an empty one where the name alone says which family is meant."""
     from branches.labels import parse_name
 
-    pins = {}
+    points = {}
     for name in names.keys():
         point = names.table(name)
         point.only("h", "alpha")
-        if not point.keys():
-            raise names.wrong(name, {}, "h, alpha or both")
         try:
             parse_name(name)
         except ValueError as error:
             raise BadInput(f"{names.where}: {one_line(error)}") from error
-        pins[name] = MappingProxyType({key: point.number(key) for key in point.keys()})
-        for key, value in pins[name].items():
+        points[name] = MappingProxyType({key: point.number(key) for key in point.keys()})
+        for key, value in points[name].items():
             if not 0.0 < value < math.inf:
                 raise point.wrong(key, value, "a number above 0")
-    return MappingProxyType(pins)
+    return points
 
 
 def _system(scene: Table, overrides: Mapping[str, float]) -> tuple[ImpactSystem, ImpactSystem]:
