@@ -33,7 +33,7 @@ class Sharing:
     why_not : str
         The reason for that, "" else.
     dampers : dict of str to (n, n) ndarray
-        The damping matrix in the parts that `bvp.damped.run` is to tell apart.
+        The damping matrix in the parts that `bvp.run.run` is to tell apart.
     nes_parts : frozenset of str
         Which of a motion's parts the NES dissipates in.
     """

@@ -142,8 +142,8 @@ def fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
             phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.leave[f], z, flight, peaks, scratch.peak,
             scratch.edge, work,
         )  # fmt: skip
-    total = damped(phases, f, z, flight, integral_work, out)
-    if counts[MARK] < marks.shape[0] and passes_mark(phases, total, counts, clock, sums, marks):
+    total = damped(phases, f, z, flight, integral_work, out) if phases.part.shape[0] else 0.0
+    if total > 0.0 and counts[MARK] < marks.shape[0] and passes_mark(phases, total, counts, clock, sums, marks):
         mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, integral_work, out)
         damped(phases, f, z, flight, integral_work, out)
     for k in range(phases.part.shape[0]):

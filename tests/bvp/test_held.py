@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Mover, run
+from bvp.damped import Mover
 from bvp.forcing import Constant, Harmonic, Record
 from bvp.motion import EventKind, MotionStatus
+from bvp.run import run
 from bvp.shares import absorber_energy, split_damping
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.sharing import sharing_of
 
