@@ -200,11 +200,12 @@ class Motion:
 
     @cached_property
     def peaks(self) -> np.ndarray:
-        """Largest |u| of each coordinate, (n,)."""
+        """Largest |u| of each coordinate, (n,); RuntimeError where the search for them gives up."""
         peaks = np.abs(self.start[: self.system.degrees_of_freedom])
         size = self.phases.matrix.shape[1]
         scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
-        raise_peaks(self.phases, self.times, self.numbers, self.states, self.duration, *scratch, peaks)
+        if not raise_peaks(self.phases, self.times, self.numbers, self.states, self.duration, *scratch, peaks):
+            raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
         return peaks
 
     @cached_property

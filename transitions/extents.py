@@ -48,6 +48,8 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     ------
     ValueError
         For rows of another length.
+    RuntimeError
+        Where the search for a peak gives up.
 
     Examples
     --------
@@ -66,10 +68,13 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     rows = np.concatenate([np.einsum("rn,fnk->frk", wanted, part) for part in (phases.leave[:, :n], phases.leave[:, n:])], axis=1)
     scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
     peaks, squares, where = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int64)
-    extents_of_motion(
+    known = extents_of_motion(
         phases, motion.times, motion.numbers, motion.states, motion.duration, rows, np.ones(count), *scratch, integral_work(size, count),
         np.empty(count), np.empty(count), peaks, where, squares,
     )  # fmt: skip
+
+    if not known:
+        raise RuntimeError("the search for the peaks gave up; run a shorter duration")
 
     def reached(c: int, flight: float) -> bool:
         """Whether a peak is reached within so much of its flight."""

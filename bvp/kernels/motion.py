@@ -49,7 +49,8 @@ __all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "RE
 REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP = range(8)
 """How `move` returned: at the duration; the log is full (call again); the phase counts[PENDING] is wanted (add it and call again); two
 stops are hit at once and their impulses interact; beyond a stop; at the most impacts; phases follow each other without time passing; the
-search for the next impact gave up without time passing. After REACHED, too, the motion can be carried on, to a longer duration."""
+search for the next impact, or for a peak, gave up without time passing. After REACHED, too, the motion can be carried on, to a longer
+duration."""
 
 REFRESH = 256
 """Impacts, and breaks, after which the loads' states are written anew. In between they are carried by the flights like all others: passing
@@ -153,7 +154,8 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
         holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
         if status == NONE:
             begin = clock[TIME]
-            fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
+            if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
+                return GAVE_UP
             if end == duration:
                 if cannot_hit(phases, f, z):
                     counts[CLEAR] = 1
@@ -177,7 +179,8 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             return STARTED_OUTSIDE
         if status == EXHAUSTED and flight == 0.0:
             return GAVE_UP
-        fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
+        if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
+            return GAVE_UP
         if f != 0 or status != HIT:
             times_matrix(phases.leave[f], z, x)
             for r in range(width):

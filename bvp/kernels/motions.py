@@ -110,10 +110,12 @@ def spent(phases, begins, numbers, states, sums, times, work, integral, out):
 
 @kernel
 def raise_peaks(phases, begins, numbers, states, end, scratch, edge, work, peaks):
-    """peaks (n,): the larger of themselves and |u| over flights as in `sample`, the last of which ends at `end`. scratch, edge and work are
-    those of `peak_flight`."""
+    """peaks (n,): the larger of themselves and |u| over flights as in `sample`, the last of which ends at `end`; scratch, edge, work and
+    what is returned are those of `peak_flight`."""
     for k in range(begins.shape[0]):
         f = numbers[k, 2]
         flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]
         blocks = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
-        peak_flight(*blocks, phases.leave[f], states[k], flight, peaks, scratch, edge, work)
+        if not peak_flight(*blocks, phases.leave[f], states[k], flight, peaks, scratch, edge, work):
+            return False
+    return True

@@ -174,6 +174,18 @@ def test_many_motions_are_those_run_one_by_one():
     assert (batch.held_time > 0.0).any()
 
 
+def test_a_peak_after_a_hundred_thousand_turns_is_found():
+    """Oracle: two unit oscillators and a weak spring k between them: from (1, 0) at rest u2 = (cos t - cos w t)/2, w^2 = 1 + 2 k, grows
+    to 1 over the half beat pi/(w - 1), some 120,000 turns of u2."""
+    k = 8e-6
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), [[1.0 + k, -k], [-k, 1.0 + k]], (Stop((1.0, 0.0), upper=9.0),))
+    beat = math.pi / (math.sqrt(1.0 + 2.0 * k) - 1.0)
+    mover = Mover(system)
+    state = np.array([[1.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(mover.run(state[0, :2], state[0, 2:], beat).peaks, 1.0, rtol=1e-9)
+    np.testing.assert_allclose(mover.run_many(state, beat, with_peaks=True).peaks[0], 1.0, rtol=1e-9)
+
+
 @pytest.mark.parametrize("forced", [False, True])
 def test_peaks_are_the_largest_displacements(forced):
     """Against dense samples: none is larger, and one comes near to second order of their distance."""
