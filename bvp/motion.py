@@ -17,7 +17,6 @@ from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import raise_peaks, sample, spent, states_after
 from bvp.kernels.peaks import PEAK_ROWS
 from bvp.kernels.phase import Phases
-from bvp.shares import absorber_energy
 from bvp.stop_events import StopEvents
 
 if TYPE_CHECKING:
@@ -259,13 +258,6 @@ class Motion:
         work, integral = integral_work(self.phases.matrix.shape[1], meters), np.empty(meters)
         spent(self.phases, self.times, self.numbers, self.states, self.sums, wanted, work, integral, out)
         return out
-
-    def shares(self, times: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Energy of the absorber, and of the rest, at any times: (j,) each; ValueError where the system names no absorber."""
-        mass, stiffness = absorber_energy(self.system)
-        u, v = self.sample(times)
-        absorber = 0.5 * (np.einsum("ji,ik,jk->j", v, mass, v) + np.einsum("ji,ik,jk->j", u, stiffness, u))
-        return absorber, self.system.energy(u, v) - absorber
 
     def _times(self, times: Any) -> np.ndarray:
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
