@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from bvp.impact import NextImpact, next_impact, restitute
     from bvp.modes import Modes
     from bvp.motion import Batch, Motion, MotionStatus
-    from bvp.run import Run, RunStatus
+    from bvp.stop_events import StopEvents
     from bvp.system import ImpactSystem, InvalidSystem, Stop, vibro_impact_nes
 
 __all__ = [
@@ -26,9 +26,8 @@ __all__ = [
     "Mover",
     "NextImpact",
     "Record",
-    "Run",
-    "RunStatus",
     "Stop",
+    "StopEvents",
     "ground_load",
     "next_impact",
     "restitute",
@@ -47,9 +46,8 @@ _HOME = {
     "Mover": "damped",
     "NextImpact": "impact",
     "Record": "forcing",
-    "Run": "run",
-    "RunStatus": "run",
     "Stop": "system",
+    "StopEvents": "stop_events",
     "ground_load": "forcing",
     "next_impact": "impact",
     "restitute": "impact",

@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from bvp.kernels.cycle import count_impacts, unfold
-from bvp.kernels.flight import flow_state
-from bvp.kernels.run import sample
+from bvp.kernels.flight import flow_state, sample_flights
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem
 
@@ -94,7 +93,7 @@ class Cycle:
         # The flight that the orbit starts in began before its start.
         begins = np.concatenate([[self.times[-1] - self.period], self.times])
         flights = np.concatenate([self.after[-1:], self.after])
-        sample(*modes.blocks, begins, flights, np.mod(times, self.period), states)
+        sample_flights(*modes.blocks, begins, flights, np.mod(times, self.period), states)
         physical = states @ modes.to_state.T
         return physical[:, :n], physical[:, n:]
 

@@ -1,5 +1,4 @@
-"""One motion of any system between its stops: damped, forced, with inelastic impacts, chattering and sticking, and where its energy
-goes."""
+"""Motions of any system between its stops: damped, forced, with inelastic impacts, chattering and sticking, and where the energy goes."""
 
 from __future__ import annotations
 
@@ -26,7 +25,7 @@ from bvp.shares import split_damping
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Mover", "run"]
+__all__ = ["Mover"]
 
 
 class Mover:
@@ -53,7 +52,7 @@ class Mover:
         self.table = PhaseTable(system, self.forcing, self.meters)
         self.parts = (*self.dampers, *(f"stop {stop.name}" for stop in system.stops))
 
-    def _log(self, room: int) -> places.Log:
+    def log(self, room: int) -> places.Log:
         """An empty record of so many events."""
         n, size = self.system.degrees_of_freedom, self.table.stacked.matrix.shape[1]
         return places.Log(
@@ -64,7 +63,7 @@ class Mover:
             np.zeros((room, len(self.parts) + 1)),
         )
 
-    def _scratch(self, before: np.ndarray) -> places.Scratch:
+    def scratch(self, before: np.ndarray) -> places.Scratch:
         """Arrays for the kernels; `before` is kept from call to call."""
         phases = self.table.stacked
         n, size = self.system.degrees_of_freedom, phases.matrix.shape[1]
@@ -76,13 +75,9 @@ class Mover:
             peak=np.zeros((PEAK_ROWS, 1, size)),
             edge=np.zeros((2, 1)),
             work=work_array(size, len(phases.restitution)),
-            integral=self.integral_work(),
+            integral=integral_work(size, len(self.meters.weight)),
             out=np.zeros(len(self.meters.weight)),
         )
-
-    def integral_work(self) -> np.ndarray:
-        """Scratch array for the integrals."""
-        return integral_work(self.table.stacked.matrix.shape[1], len(self.meters.weight))
 
     def run(
         self,
@@ -93,7 +88,7 @@ class Mover:
         leaving: str | None = None,
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
     ) -> Motion:
-        """The motion from (u, v); see `run`."""
+        """The motion from (u, v); see `bvp.run.run`."""
         system = self.system
         start = checked_state(system, u, v)
         fractions = self._checked(duration, max_impacts, marks)
@@ -107,18 +102,18 @@ class Mover:
         sums, marked = np.zeros((parts + 1, 2)), np.zeros((len(fractions) if initial > 0.0 else 0, parts + 3))
         marked[:, 0] = fractions[: len(marked)]
         x = np.concatenate([start, np.zeros(2 * len(self.forcing.loads))])
-        before, peaks = start.copy(), np.abs(start[:n])
+        before, no_peaks = start.copy(), np.zeros(0)
         pieces: list[places.Log] = []
-        room, z, scratch = 256, np.zeros(0), self._scratch(before)
+        room, z, scratch = 256, np.zeros(0), self.scratch(before)
         while True:
             phases = self.table.stacked
             size = phases.matrix.shape[1]
             if counts[places.PENDING] >= 0:
-                z, scratch = np.zeros(size), self._scratch(before)
-            log = self._log(room)
+                z, scratch = np.zeros(size), self.scratch(before)
+            log = self.log(room)
             counts[places.EVENTS] = 0
             status = kernels.move(
-                phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, peaks, log, scratch,
+                phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, no_peaks, log, scratch,
             )  # fmt: skip
             pieces.append(places.Log(*(array[: counts[places.EVENTS]] for array in log)))
             if status == kernels.NEW_PHASE:
@@ -161,10 +156,9 @@ class Mover:
             ),
             start=start,
             final=final,
-            peaks=peaks,
             numbers=numbers,
             states=states,
-            mover=self,
+            phases=phases,
         )
 
 
@@ -219,7 +213,7 @@ class Mover:
             size = phases.matrix.shape[1]
             reason, first = many(
                 phases, starts, float(duration), int(max_impacts), first, fractions, np.zeros(size), x, counts, clock, turns, sums,
-                np.zeros((len(fractions), parts + 3)), peaks, self._log(0), self._scratch(np.zeros(2 * n)), summary,
+                np.zeros((len(fractions), parts + 3)), peaks, self.log(0), self.scratch(np.zeros(2 * n)), summary,
             )  # fmt: skip
             if reason != kernels.NEW_PHASE:
                 break
@@ -246,60 +240,3 @@ class Mover:
 def _mark(row: np.ndarray, parts: tuple[str, ...]) -> tuple[float, dict[str, float]]:
     """Time and dissipation of a row of marks."""
     return float(row[1]), dict(zip(parts, row[2:-1].tolist(), strict=True))
-
-
-def run(
-    system: ImpactSystem,
-    u: Any,
-    v: Any,
-    duration: float,
-    *,
-    forces: Any = None,
-    dampers: Mapping[str, Any] | None = None,
-    max_impacts: int = 10_000_000,
-    leaving: str | None = None,
-    marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
-) -> Motion:
-    """The motion of a system from the state (u, v): flights, impacts, chattering, sticking, and where the energy goes.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    u, v : (n,) array_like
-        Displacements and velocities at time 0.
-    duration : float
-        Time to run, >= 0.
-    forces : Constant, Harmonic, Record or a list of them, optional
-        Loads f(t) (`bvp.forcing`).
-    dampers : mapping of str to (n, n) array_like, optional
-        Named parts that sum to the damping matrix, whose dissipation is told apart; by default those across gaps and the rest.
-    max_impacts : int
-        Most impacts; the motion ends there.
-    leaving : str, optional
-        Letter of the contact that the start is on exactly, after its impact.
-    marks : sequence of float
-        Fractions of the initial energy: the time at which that much is dissipated is found.
-
-    Returns
-    -------
-    Motion
-        `status` says how it ended; no ending is an exception, whatever the restitution.
-
-    Raises
-    ------
-    ValueError
-        For a state or a load of the wrong length or not finite, a negative duration, a max_impacts below 0, an unknown contact, marks
-        outside (0, 1), dampers that do not sum to the damping matrix.
-
-    Examples
-    --------
-    A ball that falls from height 1/2, g = 1, and keeps half its speed: it rests at t = 1 + 2 v r/(g (1 - r)) = 3.
-
-    >>> from bvp.forcing import Constant
-    >>> from bvp.system import ImpactSystem, Stop
-    >>> ball = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)])
-    >>> motion = run(ball, [0.5], [0.0], 5.0, forces=Constant([-1.0]))
-    >>> round(motion.stretches[1].begin, 12), motion.stretches[1].held, motion.balance_error < 1e-15
-    (3.0, ('-',), True)
-    """
-    return Mover(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks)

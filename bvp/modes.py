@@ -19,7 +19,7 @@ from bvp.numerics import undamped_modes
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Modes", "modes_of", "undamped_modes"]
+__all__ = ["Modes", "balanced", "modes_of", "undamped_modes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ def modes_of(system: ImpactSystem) -> Modes:
             gap.append(row @ position)
             rate.append(row @ velocity)
             acceleration.append((row @ velocity) @ blocks.matrix)
-            push.append(_balanced(blocks.from_state[:, n:] @ impulse, rate[-1]))
+            push.append(balanced(blocks.from_state[:, n:] @ impulse, rate[-1]))
             side.append(sign)
             bound.append(limit)
             restitution.append(stop.restitution)
@@ -149,7 +149,7 @@ def modes_of(system: ImpactSystem) -> Modes:
     )
 
 
-def _balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
+def balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """`push` moved by an ulp or two so that rate . push is 1 as nearly as it can be.
 
     An impact returns the speed 2 rate . push - 1 times; were that off by a rounding, always to one side, the energy of a long elastic run
@@ -160,7 +160,7 @@ def _balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
     >>> rate = np.array([0.3, 0.7])
     >>> push = rate / (rate @ rate)
     >>> from fractions import Fraction
-    >>> off = [sum(Fraction(a) * Fraction(b) for a, b in zip(rate, x, strict=True)) - 1 for x in (push, _balanced(push, rate))]
+    >>> off = [sum(Fraction(a) * Fraction(b) for a, b in zip(rate, x, strict=True)) - 1 for x in (push, balanced(push, rate))]
     >>> abs(off[1]) < abs(off[0])
     True
     """
@@ -168,7 +168,7 @@ def _balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
     off = sum((Fraction(float(a)) * Fraction(float(b)) for a, b in zip(push, rate, strict=True)), Fraction(-1))
     steps = [Fraction(float(np.spacing(a))) * Fraction(float(b)) for a, b in zip(push, rate, strict=True)]
     for i in sorted(range(len(steps)), key=lambda i: -abs(steps[i])):
-        moved = max(-2, min(2, round(-off / steps[i]))) if steps[i] else 0
+        moved = max(-2, min(2, round(-off / steps[i]))) if push[i] and steps[i] else 0
         push[i] += moved * np.spacing(push[i])
         off += moved * steps[i]
     return push

@@ -12,11 +12,14 @@ import numpy as np
 
 from bvp.kernels import motion as kernels
 from bvp.kernels import phase as places
-from bvp.kernels.motions import sample, spent
-from bvp.shares import absorber_energy
+from bvp.kernels.impact import work_array
+from bvp.kernels.integral import integral_work
+from bvp.kernels.motions import raise_peaks, sample, spent, states_after
+from bvp.kernels.peaks import PEAK_ROWS
+from bvp.kernels.phase import Phases
+from bvp.stop_events import StopEvents
 
 if TYPE_CHECKING:
-    from bvp.damped import Mover
     from bvp.forcing import Forcing
     from bvp.system import ImpactSystem
 
@@ -118,8 +121,6 @@ class Motion:
     marks : tuple of Mark
     start, final : (2n,) ndarray
         (u, v).
-    peaks : (n,) ndarray
-        Largest |u| of each coordinate.
     """
 
     system: ImpactSystem
@@ -146,12 +147,12 @@ class Motion:
     marks: tuple[Mark, ...]
     start: np.ndarray
     final: np.ndarray
-    peaks: np.ndarray
     numbers: np.ndarray
     """(k, 3) kind, contact and phase of each event."""
     states: np.ndarray
     """(k, N) state of its phase in which each flight begins."""
-    mover: Mover
+    phases: Phases
+    """The phases of contact that `numbers` counts."""
 
     @property
     def work(self) -> float:
@@ -175,10 +176,42 @@ class Motion:
         return abs(self.balance) / incoming if incoming > 0.0 else abs(self.balance)
 
     @cached_property
+    def after(self) -> np.ndarray:
+        """(u, v) just after each event, (k, 2n)."""
+        out = np.empty((len(self.times), len(self.start)))
+        states_after(self.phases, self.numbers, self.states, out)
+        return out
+
+    @cached_property
+    def stop_events(self) -> StopEvents:
+        """Its impacts and touches alone."""
+        rows = np.flatnonzero((self.kinds == EventKind.IMPACT.value) | (self.kinds == EventKind.TOUCH.value))
+        letters = self.system.modes.contact_letters
+        return StopEvents(
+            times=self.times[rows],
+            contacts=tuple(letters[c] for c in self.contacts[rows]),
+            touches=self.kinds[rows] == EventKind.TOUCH.value,
+            speeds=self.speeds[rows],
+            losses=self.losses[rows],
+            before=self.before[rows],
+            after=self.after[rows],
+        )
+
+    @cached_property
+    def peaks(self) -> np.ndarray:
+        """Largest |u| of each coordinate, (n,); RuntimeError where the search for them gives up."""
+        peaks = np.abs(self.start[: self.system.degrees_of_freedom])
+        size = self.phases.matrix.shape[1]
+        scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
+        if not raise_peaks(self.phases, self.times, self.numbers, self.states, self.duration, *scratch, peaks):
+            raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
+        return peaks
+
+    @cached_property
     def stretches(self) -> tuple[Stretch, ...]:
         """The motion as stretches of free flights and of contacts held."""
         letters = self.system.modes.contact_letters
-        held = [self.mover.table.phases[f].held for f in self.numbers[:, 2]]
+        held = [int(self.phases.held[f]) for f in self.numbers[:, 2]]
         for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
             held[row] = held[row - 1]
         out: list[Stretch] = []
@@ -213,8 +246,7 @@ class Motion:
         """
         wanted = self._times(times)
         out = np.empty((len(wanted), len(self.start)))
-        phases = self.mover.table.stacked
-        sample(phases, self.times, self.numbers, self.states, wanted, np.empty(phases.matrix.shape[1]), out)
+        sample(self.phases, self.times, self.numbers, self.states, wanted, np.empty(self.phases.matrix.shape[1]), out)
         n = self.system.degrees_of_freedom
         return out[:, :n], out[:, n:]
 
@@ -222,17 +254,10 @@ class Motion:
         """What each damper and stop has dissipated, and the work of the loads, up to any times: (j, D + S + 1)."""
         wanted = self._times(times)
         out = np.empty((len(wanted), len(self.totals)))
-        phases = self.mover.table.stacked
-        work, integral = self.mover.integral_work(), np.empty(len(phases.weight))
-        spent(phases, self.times, self.numbers, self.states, self.sums, wanted, work, integral, out)
+        meters = len(self.phases.weight)
+        work, integral = integral_work(self.phases.matrix.shape[1], meters), np.empty(meters)
+        spent(self.phases, self.times, self.numbers, self.states, self.sums, wanted, work, integral, out)
         return out
-
-    def shares(self, times: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Energy of the absorber, and of the rest, at any times: (j,) each; ValueError where the system names no absorber."""
-        mass, stiffness = absorber_energy(self.system)
-        u, v = self.sample(times)
-        absorber = 0.5 * (np.einsum("ji,ik,jk->j", v, mass, v) + np.einsum("ji,ik,jk->j", u, stiffness, u))
-        return absorber, self.system.energy(u, v) - absorber
 
     def _times(self, times: Any) -> np.ndarray:
         wanted = np.atleast_1d(np.asarray(times, dtype=float))

@@ -23,6 +23,7 @@ from bvp.blocks import Blocks, Matrices, damped_blocks, undamped_blocks
 from bvp.forcing import Forcing
 from bvp.joined import join
 from bvp.meters import Meters
+from bvp.modes import balanced
 from bvp.numerics import EPSILON, undamped_modes
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
         for c in range(len(side)):
             row = np.array(system.stops[modes.contact_stop[c]].gap)
             participation = blocks.shapes.T @ row
-            push[c] = enter[:, n : 2 * n] @ (blocks.shapes @ participation / (participation @ participation))
+            push[c] = balanced(enter[:, n : 2 * n] @ (blocks.shapes @ participation / (participation @ participation)), rate[c])
     second = meters.velocity @ leave[n:]
     first = np.where((meters.load < 0)[:, None], second, outer[meters.load] if len(outer) else second)
     flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)

@@ -136,8 +136,8 @@ def _told(
     leaving: str | None,
     nes: tuple[int, ...],
 ) -> Told:
-    from bvp.damped import run
     from bvp.motion import MotionStatus
+    from bvp.run import run
     from transitions.drifts import drift_rows
     from transitions.extents import extents
 

@@ -48,10 +48,12 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     ------
     ValueError
         For rows of another length.
+    RuntimeError
+        Where the search for a peak gives up.
 
     Examples
     --------
-    >>> from bvp.damped import run
+    >>> from bvp.run import run
     >>> from bvp.system import vibro_impact_nes
     >>> found = extents(run(vibro_impact_nes(sigma=0.0), [0.0, 0.0], [0.0, 0.5], 3.0), [[0.0, 1.0]])
     >>> found.peaks.round(12), found.times.round(7)
@@ -61,15 +63,18 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     wanted = np.eye(n) if rows is None else np.atleast_2d(np.asarray(rows, dtype=float))
     if wanted.ndim != 2 or wanted.shape[1] != n:
         raise ValueError(f"rows have an entry for each of {n} coordinates; received shape {wanted.shape}")
-    phases = motion.mover.table.stacked
+    phases = motion.phases
     count, size = len(wanted), phases.matrix.shape[1]
     rows = np.concatenate([np.einsum("rn,fnk->frk", wanted, part) for part in (phases.leave[:, :n], phases.leave[:, n:])], axis=1)
     scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
     peaks, squares, where = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int64)
-    extents_of_motion(
+    known = extents_of_motion(
         phases, motion.times, motion.numbers, motion.states, motion.duration, rows, np.ones(count), *scratch, integral_work(size, count),
         np.empty(count), np.empty(count), peaks, where, squares,
     )  # fmt: skip
+
+    if not known:
+        raise RuntimeError("the search for the peaks gave up; run a shorter duration")
 
     def reached(c: int, flight: float) -> bool:
         """Whether a peak is reached within so much of its flight."""

@@ -47,7 +47,7 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
 
     Examples
     --------
-    >>> from bvp.damped import run
+    >>> from bvp.run import run
     >>> from bvp.system import vibro_impact_nes
     >>> from transitions.sharing import sharing_of
     >>> system = vibro_impact_nes(lam=0.01, rho=0.7)

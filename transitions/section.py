@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.kernels import run as run_kernels
-from bvp.kernels.impact import work_array
+from bvp.damped import Mover
+from bvp.kernels import motion as motion_kernels
 from transitions.kernels import section as kernels
 from transitions.section_plane import SectionPlane
 
@@ -37,21 +37,23 @@ class SectionEnd(Enum):
 
     COMPLETE = "all crossings asked for"
     TIME_OVER = "crosses the section too seldom: the longest time was reached"
-    CHATTERING = "its bounces come to rest on a stop: chattering is followed to its end, and the orbit ends there"
+    CHATTERING = "its bounces come to rest on a stop, and the orbit ends there"
     STICKING = "sticks to a stop, and ends there"
     SIMULTANEOUS = "hits two stops at the same instant whose impulses interact: the outcome is not defined by restitution"
     OUTSIDE = "started beyond a stop"
+    UNDECIDED = "meets its stops again and again without time passing"
     EXHAUSTED = "the search for its next impact or crossing gave up"
 
 
 _ENDS = {
     kernels.COMPLETE: SectionEnd.COMPLETE,
     kernels.TIME_OVER: SectionEnd.TIME_OVER,
-    run_kernels.CHATTERING: SectionEnd.CHATTERING,
-    run_kernels.STICKING: SectionEnd.STICKING,
-    run_kernels.SIMULTANEOUS: SectionEnd.SIMULTANEOUS,
-    run_kernels.STARTED_OUTSIDE: SectionEnd.OUTSIDE,
-    run_kernels.GAVE_UP: SectionEnd.EXHAUSTED,
+    kernels.RESTS: SectionEnd.CHATTERING,
+    kernels.STICKS: SectionEnd.STICKING,
+    motion_kernels.INTERACTING: SectionEnd.SIMULTANEOUS,
+    motion_kernels.STARTED_OUTSIDE: SectionEnd.OUTSIDE,
+    motion_kernels.CYCLING: SectionEnd.UNDECIDED,
+    motion_kernels.GAVE_UP: SectionEnd.EXHAUSTED,
 }
 
 
@@ -193,7 +195,7 @@ def follow(
     system = plane.system
     modes = system.modes
     u, v = plane.states(starts)
-    count, size = len(u), len(modes.matrix)
+    count, mover = len(u), Mover(system)
     if directions is None:
         low, high = plane.reach
         directions = np.tile([0.5 * (high - low), plane.height(min(max(0.0, low), high))], (count, 1))
@@ -203,12 +205,9 @@ def follow(
     counts, impacts, statuses = (np.zeros(count, dtype=np.int64) for _ in range(3))
     fastest, slowest = _periods(plane)
     kernels.follow_section(
-        *modes.blocks,
-        *modes.contacts,
-        modes.contact_push,
-        modes.contact_restitution,
+        mover.table.stacked,
         *plane.rows(),
-        np.concatenate([u, v], 1) @ modes.from_state.T,
+        np.concatenate([u, v], 1),
         changes,
         _PERIODS * fastest,
         _PATIENCE * slowest * crossings if longest is None else float(longest),
@@ -220,7 +219,9 @@ def follow(
         counts,
         impacts,
         statuses,
-        work_array(size, len(modes.contact_side)),
+        mover.log(kernels.EVENTS_AT_ONCE),
+        mover.scratch(np.zeros(2 * system.degrees_of_freedom)),
+        np.zeros((0, len(mover.parts) + 3)),
     )
     return Section(plane, times, points, energies, growths, tangents, counts, impacts, tuple(_ENDS[code] for code in statuses.tolist()))
 

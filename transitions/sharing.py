@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.shares import absorber_energy, split_damping
+from bvp.shares import split_damping
 
 if TYPE_CHECKING:
     from bvp.motion import Motion
@@ -33,7 +33,7 @@ class Sharing:
     why_not : str
         The reason for that, "" else.
     dampers : dict of str to (n, n) ndarray
-        The damping matrix in the parts that `bvp.damped.run` is to tell apart.
+        The damping matrix in the parts that `bvp.run.run` is to tell apart.
     nes_parts : frozenset of str
         Which of a motion's parts the NES dissipates in.
     """
@@ -93,17 +93,14 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
     if not nes:
         return Sharing(None, None, "no coordinate is marked as NES", dampers, parts)
     mass, stiffness = np.zeros_like(system.mass), np.zeros_like(system.mass)
-    try:
-        for k in nes:
-            own = absorber_energy(replace(system, absorber=k, primary=lo[0] if len(lo) == 1 else None))
-            mass, stiffness = mass + own[0], stiffness + own[1]
-    except ValueError as error:
-        return Sharing(None, None, str(error), dampers, parts)
-    if len(lo) != 1:
-        # A spring between two coordinates of the NES was counted by both.
-        for i, k in enumerate(nes):
-            for q in nes[:i]:
+    for i, k in enumerate(nes):
+        if np.any(np.delete(system.mass[k], k)):
+            why_not = f"the mass matrix couples {system.coordinates[k]} to others; its kinetic energy has no share of its own"
+            return Sharing(None, None, why_not, dampers, parts)
+        mass[k, k] = system.mass[k, k]
+        for j in lo if len(lo) == 1 else range(len(mass)):
+            if j != k and j not in nes[:i]:  # a spring between two coordinates of the NES counts once
                 row = np.zeros(len(mass))
-                row[k], row[q] = 1.0, -1.0
-                stiffness += system.stiffness[k, q] * np.outer(row, row)
-    return Sharing(mass, stiffness, "", dampers, parts)
+                row[k], row[j] = 1.0, -1.0
+                stiffness -= system.stiffness[k, j] * np.outer(row, row)
+    return Sharing(mass, stiffness + 0.0, "", dampers, parts)

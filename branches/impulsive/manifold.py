@@ -11,7 +11,8 @@ import numpy as np
 
 from branches.impulsive.spectrum import WINDOW, dominant_frequency
 from branches.impulsive.start import check_system, impulsive_state, oscillator_period
-from bvp.run import RunStatus, run
+from bvp.motion import MotionStatus
+from bvp.run import run
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -120,23 +121,17 @@ def peak_at(system: ImpactSystem, energy: float, periods: int = PERIODS) -> tupl
     Raises
     ------
     RuntimeError
-        Where the motion sticks or cannot be followed; the message says why.
+        Where the motion cannot be followed; the message says why.
     """
     period = oscillator_period(system)
     duration = periods * period
     u, v = impulsive_state(system, energy)
     gap = np.asarray(system.stops[0].gap)
-    width = min(stop.upper - stop.lower for stop in system.stops)
-    room = int(256 + 2.0 * duration * np.max(np.abs(v)) * np.max(np.abs(gap)) / min(width, 1e3))
-    while True:
-        motion = run(system, u, v, duration, max_impacts=room)
-        if motion.status is not RunStatus.IMPACTS_FULL or room >= _LARGEST:
-            break
-        room *= 4
-    if motion.status is not RunStatus.DURATION_REACHED:
+    motion = run(system, u, v, duration, max_impacts=_LARGEST)
+    if motion.status is not MotionStatus.DURATION_REACHED:
         raise RuntimeError(f"the motion ends at {motion.duration:.6g} of {duration:.6g}: {motion.status.value}")
     fastest = period * float(np.nanmax(system.modes.frequencies)) / (2.0 * math.pi)
-    rate = SAMPLES * max(fastest, 1.0, 0.5 * len(motion.times) / periods)
+    rate = SAMPLES * max(fastest, 1.0, 0.5 * len(motion.stop_events) / periods)
     count = math.ceil(rate * periods)
     step = duration / count
     displacement, _ = motion.sample((np.arange(count) + 0.5) * step)

@@ -17,10 +17,10 @@ def kept(*, discovery: bool = False, impulsive: bool = False) -> bool:
 
     kernels = [march]
     if impulsive:
-        from bvp.kernels.run import run
+        from bvp.kernels.motion import move
         from bvp.kernels.trail import trail
 
-        kernels += [trail, run]
+        kernels += [trail, move]
     return looking_kept(discovery=discovery) and all(map(stored, kernels))
 
 

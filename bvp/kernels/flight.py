@@ -23,7 +23,7 @@ import numpy as np
 
 from bvp.kernels.compiled import allocating, kernel, part
 
-__all__ = ["block_product", "circular", "flow_block", "flow_matrix", "flow_pair", "flow_state"]
+__all__ = ["block_product", "circular", "flight_at", "flow_block", "flow_matrix", "flow_pair", "flow_state", "sample_flights"]
 
 SERIES_LIMIT = 0.03
 """|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
@@ -191,3 +191,25 @@ def block_product(pairs, matrix, z, out):
                 for c in range(i, i - j):
                     total += matrix[r, c] * z[c]
                 out[r] = total
+
+
+@kernel
+def flight_at(begins, time):
+    """Index of the flight that a time falls into, of flights that begin at begins (F,) (ascending): the last one begun by then."""
+    low = 0
+    high = begins.shape[0]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if begins[middle] <= time:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def sample_flights(pairs, mean, delta, matrix, begins, states, times, out):
+    """out[i] = state at times[i] of flights of one system that begin at begins (F,) with states (F, N), as in `flight_at`."""
+    for i in range(times.shape[0]):
+        k = flight_at(begins, times[i])
+        flow_state(pairs, mean, delta, matrix, states[k], times[i] - begins[k], out[i])

@@ -131,19 +131,18 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
 
 @part
 def fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
-    """Carry z, the clock, the sums and the peaks over a flight."""
+    """Carry z, the clock, the sums and the peaks over a flight; False where the search for the peaks gave up."""
     if flight == 0.0:
-        return
+        return True
     work = scratch.work
     out = scratch.out
     integral_work = scratch.integral
     if peaks.shape[0]:
-        peak_flight(
-            phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.leave[f], z, flight, peaks, scratch.peak,
-            scratch.edge, work,
-        )  # fmt: skip
-    total = damped(phases, f, z, flight, integral_work, out)
-    if counts[MARK] < marks.shape[0] and passes_mark(phases, total, counts, clock, sums, marks):
+        blocks = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
+        if not peak_flight(*blocks, phases.leave[f], z, flight, peaks, scratch.peak, scratch.edge, work):
+            return False
+    total = damped(phases, f, z, flight, integral_work, out) if phases.part.shape[0] else 0.0
+    if total > 0.0 and counts[MARK] < marks.shape[0] and passes_mark(phases, total, counts, clock, sums, marks):
         mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, integral_work, out)
         damped(phases, f, z, flight, integral_work, out)
     for k in range(phases.part.shape[0]):
@@ -154,6 +153,7 @@ def fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
     advance_clock(phases, clock, turns, flight)
     if phases.held[f] != 0:
         clock[HELD_TIME] += flight
+    return True
 
 
 @part

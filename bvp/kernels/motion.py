@@ -7,7 +7,7 @@ from numba import int64
 from bvp.kernels.bounds import dot
 from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
+from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
 from bvp.kernels.ledger import fly, hold, lose, record, record_chatter
 from bvp.kernels.phase import (
     BOUNCES,
@@ -42,16 +42,15 @@ from bvp.kernels.phase import (
     write_loads,
 )  # fmt: skip
 from bvp.kernels.restitution import restitute
-from bvp.kernels.run import independent, interacts, struck_with
+from bvp.kernels.simultaneous import independent, interacts, struck_with
 
 __all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "REACHED", "STARTED_OUTSIDE", "move"]
 
 REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP = range(8)
 """How `move` returned: at the duration; the log is full (call again); the phase counts[PENDING] is wanted (add it and call again); two
-stops
-are hit at once and their impulses interact; beyond a stop; at the most impacts; phases follow each other without time passing; the search
-for the next impact gave up without time passing."""
-
+stops are hit at once and their impulses interact; beyond a stop; at the most impacts; phases follow each other without time passing; the
+search for the next impact, or for a peak, gave up without time passing. After REACHED, too, the motion can be carried on, to a longer
+duration."""
 
 REFRESH = 256
 """Impacts, and breaks, after which the loads' states are written anew. In between they are carried by the flights like all others: passing
@@ -59,8 +58,9 @@ through (u, v) each time would round in one direction."""
 
 
 @part
-def strike_all(phases, c, z, counts, clock, sums, marks, log, before):
-    """The impacts at contact c and at those struck with it, in phase 0; False where their impulses interact."""
+def strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
+    """The impacts at contact c and at those struck with it, in phase 0, up to the most impacts; False where their impulses interact. The
+    last one is left to be recorded."""
     pairs = phases.pairs[0]
     matrix = phases.matrix[0]
     gap = phases.gap[0]
@@ -84,7 +84,7 @@ def strike_all(phases, c, z, counts, clock, sums, marks, log, before):
         clock[SPEED] = speed
         clock[LOSS] = loss
         counts[CONTACT] = hit
-        hit = struck_with(pairs, matrix, gap, rate, acceleration, side, bound, hit, -1, z)
+        hit = struck_with(pairs, matrix, gap, rate, acceleration, side, bound, hit, -1, z) if counts[IMPACTS] < most else -1
         if hit >= 0:
             if interacts(rate, push, counts[CONTACT], hit):
                 return False
@@ -154,7 +154,8 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
         holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
         if status == NONE:
             begin = clock[TIME]
-            fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
+            if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
+                return GAVE_UP
             if end == duration:
                 if cannot_hit(phases, f, z):
                     counts[CLEAR] = 1
@@ -178,10 +179,12 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             return STARTED_OUTSIDE
         if status == EXHAUSTED and flight == 0.0:
             return GAVE_UP
-        fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
-        times_matrix(phases.leave[f], z, x)
-        for r in range(width):
-            before[r] = x[r]
+        if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
+            return GAVE_UP
+        if f != 0 or status != HIT:
+            times_matrix(phases.leave[f], z, x)
+            for r in range(width):
+                before[r] = x[r]
         if status == EXHAUSTED:
             record(log, PIECE, -1, counts, clock, before, z, sums)
             continue
@@ -209,9 +212,11 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
             times_matrix(phases.enter[0], x, z)
             counts[PHASE] = 0
-        if not strike_all(phases, c, z, counts, clock, sums, marks, log, before):
+        if not strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
             return INTERACTING
-        times_matrix(phases.leave[0], z, x)
+        elastic = phases.restitution[counts[CONTACT]] == 1.0
+        if f != 0 or not elastic or phases.frequency.shape[0]:
+            times_matrix(phases.leave[0], z, x)
         if counts[CONTACT] != c:
             counts[BOUNCES] = 0
             c = counts[CONTACT]
@@ -233,6 +238,9 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             times_matrix(phases.enter[0], x, z)
         record(log, IMPACT, c, counts, clock, before, z, sums)
         counts[LEAVING] = c
+        if elastic:
+            counts[BOUNCES] = 0
+            continue
         rest = (end - clock[TIME]) - clock[TIME_LOW]
         if chatter(phases, after, c, z, x, rest, counts, clock, turns, sums, scratch.table, scratch.values):
             for r in range(width):

@@ -3,27 +3,26 @@
 import math
 
 from bvp.kernels.compiled import kernel
-from bvp.kernels.flight import flow_state
+from bvp.kernels.flight import flight_at, flow_state
 from bvp.kernels.ledger import damped
 from bvp.kernels.motion import NEW_PHASE, REACHED, move
+from bvp.kernels.peaks import peak_flight
 from bvp.kernels.phase import (
     CLEAR,
     CLEAR_TIME,
-    CLOCK,
-    COUNTS,
     HELD_TIME,
     IMPACTS,
     INITIAL,
     LAST_IMPACT,
-    LEAVING,
     MARK,
     PHASE,
     TIME,
     TOUCHES,
+    begin_anew,
     times_matrix,
 )  # fmt: skip
 
-__all__ = ["many", "sample", "spent"]
+__all__ = ["many", "raise_peaks", "sample", "spent", "states_after"]
 
 
 @kernel
@@ -39,17 +38,7 @@ def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, 
     width = 2 * phases.shape[0]
     parts = sums.shape[0]
     for b in range(first, starts.shape[0]):
-        for k in range(COUNTS):
-            counts[k] = 0
-        for k in range(CLOCK):
-            clock[k] = 0.0
-        counts[LEAVING] = -1
-        for g in range(turns.shape[0]):
-            turns[g, 0] = 0.0
-            turns[g, 1] = 0.0
-        for k in range(parts):
-            sums[k, 0] = 0.0
-            sums[k, 1] = 0.0
+        begin_anew(counts, clock, turns, sums)
         for k in range(width):
             x[k] = starts[b, k]
         clock[INITIAL] = summary[b, 7]
@@ -89,20 +78,20 @@ def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, 
 
 
 @kernel
+def states_after(phases, numbers, states, out):
+    """out[k] = (u, v) with which the k-th flight begins, of flights as in `sample`."""
+    for k in range(states.shape[0]):
+        times_matrix(phases.leave[numbers[k, 2]], states[k], out[k])
+
+
+@kernel
 def sample(phases, begins, numbers, states, times, z, out):
     """out[i] = (u, v) at times[i] of flights that begin at begins (ascending) in the phases numbers[:, 2] with the given states; the last
     begin counts. z (N,) is scratch."""
     for i in range(times.shape[0]):
-        low = 0
-        high = begins.shape[0]
-        while high - low > 1:
-            middle = (low + high) // 2
-            if begins[middle] <= times[i]:
-                low = middle
-            else:
-                high = middle
-        f = numbers[low, 2]
-        flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], states[low], times[i] - begins[low], z)
+        k = flight_at(begins, times[i])
+        f = numbers[k, 2]
+        flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], states[k], times[i] - begins[k], z)
         times_matrix(phases.leave[f], z, out[i])
 
 
@@ -110,17 +99,23 @@ def sample(phases, begins, numbers, states, times, z, out):
 def spent(phases, begins, numbers, states, sums, times, work, integral, out):
     """out[i] = the sums at times[i], of flights as in `sample` that begin with the given sums."""
     for i in range(times.shape[0]):
-        low = 0
-        high = begins.shape[0]
-        while high - low > 1:
-            middle = (low + high) // 2
-            if begins[middle] <= times[i]:
-                low = middle
-            else:
-                high = middle
-        f = numbers[low, 2]
-        damped(phases, f, states[low], times[i] - begins[low], work, integral)
-        for k in range(out.shape[1]):
-            out[i, k] = sums[low, k]
-        for k in range(phases.part.shape[0]):
-            out[i, phases.part[k]] += integral[k]
+        k = flight_at(begins, times[i])
+        f = numbers[k, 2]
+        damped(phases, f, states[k], times[i] - begins[k], work, integral)
+        for p in range(out.shape[1]):
+            out[i, p] = sums[k, p]
+        for r in range(phases.part.shape[0]):
+            out[i, phases.part[r]] += integral[r]
+
+
+@kernel
+def raise_peaks(phases, begins, numbers, states, end, scratch, edge, work, peaks):
+    """peaks (n,): the larger of themselves and |u| over flights as in `sample`, the last of which ends at `end`; scratch, edge, work and
+    what is returned are those of `peak_flight`."""
+    for k in range(begins.shape[0]):
+        f = numbers[k, 2]
+        flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]
+        blocks = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
+        if not peak_flight(*blocks, phases.leave[f], states[k], flight, peaks, scratch, edge, work):
+            return False
+    return True

@@ -3,14 +3,15 @@
 from bvp.kernels.bounds import amplitudes, dot
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_state
-from bvp.kernels.impact import HIT, TOUCH, next_impact, rounding_level
+from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
 __all__ = ["PEAK_ROWS", "peak_flight"]
 
 PEAK_ROWS = 6
 """Rows of the scratch array."""
 
-TURN_LIMIT = 100_000
+IDLE_LIMIT = 8
+"""Searches without time passing after which there is no way on."""
 
 
 @kernel
@@ -25,7 +26,9 @@ def row_times_matrix(rows, c, matrix, out):
 
 @kernel
 def peak_flight(pairs, mean, delta, matrix, leave, z, flight, peaks, scratch, edge, work):
-    """peaks (n,): the larger of themselves and |u| over a flight from z, with (u, v) = leave z. scratch (PEAK_ROWS, 1, N), edge (2, 1)."""
+    """peaks (n,): the larger of themselves and |u| over a flight from z (N,), with (u, v) = leave z. False where the search gave up.
+
+    scratch (PEAK_ROWS, 1, N), edge (2, 1), work of `impact.work_array`."""
     n = peaks.shape[0]
     now = scratch[3, 0]
     later = scratch[4, 0]
@@ -51,18 +54,22 @@ def peak_flight(pairs, mean, delta, matrix, leave, z, flight, peaks, scratch, ed
         side[0] = -1.0 if rate > 0.0 else 1.0
         left = flight
         leaving = -1
-        for _ in range(TURN_LIMIT):
+        idle = 0
+        while left > 0.0 and peaks[i] < level:
             status, _, step = next_impact(
                 pairs, mean, delta, matrix, scratch[0], scratch[1], scratch[2], side, bound, leaving, now, left, work
             )
-            turns = status == HIT or status == TOUCH
-            flow_state(pairs, mean, delta, matrix, now, step if turns else left, later)
+            if status == NONE:
+                step = left
+            idle = idle + 1 if step == 0.0 else 0
+            if idle > IDLE_LIMIT:
+                return False
+            flow_state(pairs, mean, delta, matrix, now, step, later)
             peaks[i] = max(peaks[i], abs(dot(leave, i, later)))
-            if not turns:
-                break
             for r in range(z.shape[0]):
                 now[r] = later[r]
             left -= step
-            if status == HIT:
+            if status != TOUCH and status != EXHAUSTED:
                 side[0] = -side[0]
-            leaving = 0
+            leaving = -1 if status == OUTSIDE or status == EXHAUSTED else 0
+    return True

@@ -12,7 +12,7 @@ __all__ = [
     "BOUNCES", "BOUNCING", "BREAK", "BREAK_INDEX", "CHATTER", "CLEAR", "CLEAR_TIME", "CLOCK", "CONTACT", "COUNTS",
     "EVENTS", "HELD_TIME", "IDLE", "IMPACT", "IMPACTS", "INITIAL", "KIND", "LAST_IMPACT", "LEAVING", "LOSS", "Log",
     "MARK", "PENDING", "PHASE", "PIECE", "Phases", "REFERENCE", "REFERENCE_LOW", "RELEASE", "ROWS", "SPAN", "SPEED",
-    "Scratch", "START", "STICK", "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHED", "TOUCHES", "cannot_hit", "find_phase",
+    "Scratch", "START", "STICK", "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHED", "TOUCHES", "begin_anew", "cannot_hit", "find_phase",
     "reset_loads", "times_matrix", "write_loads",
 ]  # fmt: skip
 
@@ -79,6 +79,22 @@ class Scratch(NamedTuple):
     work: np.ndarray  # of `impact.work_array`
     integral: np.ndarray  # of `integral.integral_work`
     out: np.ndarray  # (R,)
+
+
+@kernel
+def begin_anew(counts, clock, turns, sums):
+    """The numbers of a motion at time 0, on no contact, in the phase without one held."""
+    for k in range(COUNTS):
+        counts[k] = 0
+    for k in range(CLOCK):
+        clock[k] = 0.0
+    counts[LEAVING] = -1
+    for g in range(turns.shape[0]):
+        turns[g, 0] = 0.0
+        turns[g, 1] = 0.0
+    for i in range(sums.shape[0]):
+        sums[i, 0] = 0.0
+        sums[i, 1] = 0.0
 
 
 @kernel

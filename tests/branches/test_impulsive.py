@@ -83,12 +83,13 @@ def dense(low, high, longest, count):
         u, v = impulsive_state(SYSTEM, h)
         motion = run(SYSTEM, u, v, longest)
         states, _ = motion.sample(times)
+        met = motion.stop_events
         gap, other = states[:, 0] - states[:, 1], states[:, 0] + states[:, 1]
         here = {}
         for i in np.flatnonzero((gap[:-1] > 0.0) != (gap[1:] > 0.0)):
             part = gap[i] / (gap[i] - gap[i + 1])
             time = times[i] + part * (times[i + 1] - times[i])
-            hits = motion.contacts[: int(np.searchsorted(motion.times, time))]
+            hits = met.contacts[: int(np.searchsorted(met.times, time))]
             here[(hits, sum(key[0] == hits for key in here))] = (time, other[i] + part * (other[i + 1] - other[i]), h)
         for key, (time, miss, _) in here.items():
             if key in before and abs(before[key][0] - time) < 0.1 and before[key][1] * miss < 0.0:
@@ -134,7 +135,7 @@ def test_each_is_an_impulsive_periodic_orbit(index):
     assert np.all(start[:2] == 0.0) and abs(start[2]) < 1e-14 * speed and abs(abs(start[3]) / speed - 1.0) < 1e-14
     assert abs(orbit.velocity / speed - 1.0) < 1e-14 and whole.residual < 1e-12
     motion = run(SYSTEM, *impulsive_state(SYSTEM, orbit.h), 4.0 * orbit.alpha)
-    assert len(motion.times) == 2 * orbit.impacts
+    assert len(motion.stop_events) == 2 * orbit.impacts
     assert np.max(np.abs(motion.final - motion.start)) < 1e-6 * speed
     for part in (2, 3, 5):
         state = np.concatenate(motion.sample([4.0 * orbit.alpha / part]), axis=1)[0]
@@ -189,7 +190,7 @@ def test_trail_against_a_run(h):
     assert (traces.kind[:, :count] == kind).all()
     motion = run(SYSTEM, *impulsive_state(SYSTEM, h), 12.0)
     hits = np.flatnonzero(kind >= 0)
-    np.testing.assert_allclose(traces.time[1, hits], motion.times[: len(hits)], rtol=1e-9)
+    np.testing.assert_allclose(traces.time[1, hits], motion.stop_events.times[: len(hits)], rtol=1e-9)
     for i, j in zip(hits, hits[1:], strict=False):
         assert np.sum(kind[i:j] == ZERO) % 2 == (kind[i] != kind[j])
         assert np.sum(kind[i:j] == TURN) % 2 == (kind[i] == kind[j])

@@ -16,7 +16,7 @@ from branches.impulsive import impulsive_manifold, impulsive_orbits
 from branches.impulsive import manifold as module
 from branches.impulsive.manifold import peak_at
 from branches.impulsive.spectrum import dominant_frequency
-from bvp.run import RunStatus
+from bvp.motion import MotionStatus
 from bvp.system import vibro_impact_nes
 
 SYSTEM = vibro_impact_nes()
@@ -86,20 +86,20 @@ def test_jumps_are_kept():
 
 
 def test_a_motion_that_fails_is_told(monkeypatch):
-    """Oracle: null in the record, the reason beside it, a break around it, for a run that is made to stick at some energies."""
+    """Oracle: null in the record, the reason beside it, a break around it, for a run that is made to give up at some energies."""
     real = module.run
 
-    def sticking(system, u, v, duration, max_impacts):
+    def giving_up(system, u, v, duration, max_impacts):
         motion = real(system, u, v, duration, max_impacts=max_impacts)
         if 1.0 < 0.5 * v[1] ** 2 < 2.0:
-            object.__setattr__(motion, "status", RunStatus.STICKING)
+            object.__setattr__(motion, "status", MotionStatus.EXHAUSTED)
         return motion
 
-    monkeypatch.setattr(module, "run", sticking)
+    monkeypatch.setattr(module, "run", giving_up)
     curve = impulsive_manifold(SYSTEM, (0.5, 4.0), density=10, periods=20)
     inside = (curve.h > 1.0) & (curve.h < 2.0)
     assert np.isnan(curve.frequency[inside]).all() and np.isfinite(curve.frequency[~inside]).all()
-    assert len(curve.failed) == inside.sum() and "pressed against a stop" in curve.failed[0][1]
+    assert len(curve.failed) == inside.sum() and "gave up" in curve.failed[0][1]
     record = json.loads(json.dumps(curve.record(), allow_nan=False))
     assert [value is None for value in record["frequency"]] == inside.tolist()
     edges = np.flatnonzero(np.isnan(curve.frequency[1:]) | np.isnan(curve.frequency[:-1]))

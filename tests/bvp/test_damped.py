@@ -10,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from bvp.damped import run
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind, MotionStatus
-from bvp.run import run as plain_run
+from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_run import closed_form
 
@@ -110,19 +109,6 @@ def test_zero_restitution_sticks_or_leaves_and_one_never_sticks():
     bounces = run(ball(1.0), [0.5], [0.0], 5000.0, forces=Constant([-1.0]))
     assert bounces.held_time == 0.0 and bounces.impacts == 2500
     np.testing.assert_allclose(bounces.times[1:], 1.0 + 2.0 * np.arange(2500), rtol=1e-12)
-
-
-@pytest.mark.parametrize("start", [([0.0, 0.0], [2.0, 1.5]), ([0.3, 0.1], [0.0, -4.0])])
-@pytest.mark.parametrize(("lam", "rho"), [(0.0, 1.0), (0.01, 0.7), (0.3, 0.9)])
-def test_impacts_are_those_of_the_plain_run(start, lam, rho):
-    system = vibro_impact_nes(0.1, 0.1, lam, rho)
-    motion, plain = run(system, *start, 8.0), plain_run(system, *start, 8.0)
-    hits = motion.kinds == EventKind.IMPACT.value
-    assert hits.sum() == len(plain.times) >= 2
-    np.testing.assert_allclose(motion.times[hits], plain.times, rtol=1e-13)
-    np.testing.assert_allclose(motion.before[hits], plain.before, atol=1e-12)
-    u, v = motion.sample([0.3, 5.0])
-    np.testing.assert_allclose(np.hstack([u, v]), np.hstack(plain.sample([0.3, 5.0])), atol=1e-12)
 
 
 def test_elastic_undamped_motion_keeps_its_energy_over_a_hundred_thousand_impacts():

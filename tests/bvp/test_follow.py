@@ -48,13 +48,13 @@ def test_impacts_are_those_of_the_run(system, end):
         record, rows = record_of(curve, curve.low + part * (curve.high - curve.low))
         state = modes.to_state @ record[0, :4]
         leaving = "+" if end == "stop" else None
-        motion = saltus.run(system, state[:2], state[2:], 9.0, leaving=leaving)
+        met = saltus.run(system, state[:2], state[2:], 9.0, leaving=leaving).stop_events
         hits = [k for k in range(rows) if record[k, CONTACT] >= 0 and record[k, TIME] + record[k, DURATION] < 9.0]
-        assert len(hits) == min(len(motion.times), 7)
+        assert len(hits) == min(len(met.times), 7)
         total += len(hits)
-        assert np.allclose([record[k, TIME] + record[k, DURATION] for k in hits], motion.times[: len(hits)], rtol=1e-12)
-        assert np.allclose([record[k, SPEED] for k in hits], motion.speeds[: len(hits)], rtol=1e-9)
-        assert tuple(modes.contact_letters[int(record[k, CONTACT])] for k in hits) == motion.contacts[: len(hits)]
+        assert np.allclose([record[k, TIME] + record[k, DURATION] for k in hits], met.times[: len(hits)], rtol=1e-12)
+        assert np.allclose([record[k, SPEED] for k in hits], met.speeds[: len(hits)], rtol=1e-9)
+        assert tuple(modes.contact_letters[int(record[k, CONTACT])] for k in hits) == met.contacts[: len(hits)]
     assert total > 3
 
 

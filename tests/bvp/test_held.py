@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Mover, run
+from bvp.damped import Mover
 from bvp.forcing import Constant, Harmonic, Record
 from bvp.motion import EventKind, MotionStatus
-from bvp.shares import absorber_energy, split_damping
+from bvp.run import run
+from bvp.shares import split_damping
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain
 
@@ -129,18 +130,6 @@ def test_marks_are_the_times_at_which_so_much_is_gone():
     assert late[0].time is not None and late[1].time is None
 
 
-def test_shares_of_the_reference_system_are_the_papers():
-    """NES: mu u1'^2/2 + sigma (u1 - u2)^2/2; LO: (u2'^2 + u2^2)/2."""
-    system = vibro_impact_nes(0.1, 0.3, 0.02, 0.8)
-    motion = run(system, [0.0, 0.0], [0.0, 3.0], 30.0)
-    times = np.linspace(0.0, 30.0, 31)
-    absorber, rest = motion.shares(times)
-    u, v = motion.sample(times)
-    np.testing.assert_allclose(absorber, 0.05 * v[:, 0] ** 2 + 0.15 * (u[:, 0] - u[:, 1]) ** 2, rtol=1e-13, atol=1e-16)
-    np.testing.assert_allclose(rest, 0.5 * (v[:, 1] ** 2 + u[:, 1] ** 2), rtol=1e-12)
-    np.testing.assert_allclose(absorber + rest, 4.5 - motion.spent(times)[:, :-1].sum(axis=1), rtol=1e-12)
-
-
 def test_dampers_across_gaps_are_told_from_the_rest():
     """C = 0.2 (1, -1)'(1, -1) + diag(0, 0.05): 0.2 belongs to the gap; the parts are each the integral of their own v'Cv."""
     gap = 0.2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
@@ -153,9 +142,6 @@ def test_dampers_across_gaps_are_told_from_the_rest():
     own = run(system, [0.0, 0.0], [0.0, 3.0], 20.0, dampers={"all": system.damping})
     assert motion.dissipated["gaps"] + motion.dissipated["rest"] == pytest.approx(own.dissipated["all"], rel=1e-12)
     assert motion.dissipated["gaps"] > 0.0 < motion.dissipated["rest"] and motion.balance_error < 1e-13
-    np.testing.assert_array_equal(absorber_energy(system)[0], np.diag([0.1, 0.0]))
-    with pytest.raises(ValueError, match="names no absorber"):
-        absorber_energy(ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=1.0),)))
 
 
 def test_many_motions_are_those_run_one_by_one():
@@ -171,6 +157,32 @@ def test_many_motions_are_those_run_one_by_one():
         for q, mark in enumerate(motion.marks):
             assert np.isnan(batch.marks[k, q, 0]) if mark.time is None else batch.marks[k, q, 0] == pytest.approx(mark.time, rel=1e-10)
     assert (batch.held_time > 0.0).any()
+
+
+def test_a_motion_is_sampled_alike_after_its_mover_has_met_more_phases():
+    """Oracle: the samples, peaks and sums before."""
+    mover = Mover(vibro_impact_nes(0.1, 0.1, 0.01, 0.0))
+    free = mover.run([0.0, 0.0], [0.0, 0.2], 2.0)
+    times = np.linspace(0.0, 2.0, 9)
+    before = [*free.sample(times), free.spent(times), free.peaks, free.after]
+    stuck = mover.run([0.0, 0.0], [0.0, 3.0], 5.0)
+    assert stuck.held_time > 0.0 and len(stuck.phases.held) > len(free.phases.held)
+    for name in ("peaks", "after"):
+        del free.__dict__[name]
+    for one, other in zip(before, [*free.sample(times), free.spent(times), free.peaks, free.after], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_peak_after_a_hundred_thousand_turns_is_found():
+    """Oracle: two unit oscillators and a weak spring k between them: from (1, 0) at rest u2 = (cos t - cos w t)/2, w^2 = 1 + 2 k, grows
+    to 1 over the half beat pi/(w - 1), some 120,000 turns of u2."""
+    k = 8e-6
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), [[1.0 + k, -k], [-k, 1.0 + k]], (Stop((1.0, 0.0), upper=9.0),))
+    beat = math.pi / (math.sqrt(1.0 + 2.0 * k) - 1.0)
+    mover = Mover(system)
+    state = np.array([[1.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(mover.run(state[0, :2], state[0, 2:], beat).peaks, 1.0, rtol=1e-9)
+    np.testing.assert_allclose(mover.run_many(state, beat, with_peaks=True).peaks[0], 1.0, rtol=1e-9)
 
 
 @pytest.mark.parametrize("forced", [False, True])

@@ -9,8 +9,8 @@ from functools import cache, cached_property
 import pytest
 
 import saltus
-from bvp.damped import run
 from bvp.motion import Motion
+from bvp.run import run
 from saltus.galleries import load_gallery
 from tests.branches.paper_names import NAMES, SYSTEM, family
 from tests.branches.traced import traced

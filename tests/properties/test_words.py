@@ -56,7 +56,7 @@ def check(orbit, label):
     size = np.linalg.norm(monodromy(orbit), 2)
     # for n impacts the run rounds n times as often as for one
     assert np.linalg.norm(run.final - start) < 100.0 * EPS * max(1.0, size) * np.linalg.norm(start)
-    assert len(run.contacts) == len(orbit.impacts)
+    assert len(run.stop_events) == len(orbit.impacts)
     found = saddle_point_multipliers(orbit.cycle)
     assert abs(found.values[0] * found.values[1] - 1.0) < 1e-6
     tau = np.trace(monodromy(orbit)) - 2.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from bvp.damped import run as run_damped
 from bvp.motion import EventKind
+from bvp.run import run as run_damped
 from bvp.system import vibro_impact_nes
 from tests.saltus.running import run
 from tests.saltus.test_scene_loads import SCENE

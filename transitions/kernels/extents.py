@@ -15,7 +15,8 @@ def extents_of_motion(
     """Largest values best (R,), the indices where (R,) of their flights, and the integrals total (R,) of the squares, over flights as in
     `motion.sample`.
 
-    rows (F, 2 R, N): the functionals and their rates, in each phase; weight (R,) of ones; the arrays from scratch to before are scratch."""
+    rows (F, 2 R, N): the functionals and their rates, in each phase; weight (R,) of ones; the arrays from scratch to before are scratch.
+    Returns False where the search for a peak gave up."""
     count = best.shape[0]
     for k in range(begins.shape[0]):
         f = numbers[k, 2]
@@ -26,10 +27,12 @@ def extents_of_motion(
         matrix = phases.matrix[f]
         for c in range(count):
             before[c] = best[c]
-        peak_flight(pairs, mean, delta, matrix, rows[f], states[k], flight, best, scratch, edge, work)
+        if not peak_flight(pairs, mean, delta, matrix, rows[f], states[k], flight, best, scratch, edge, work):
+            return False
         values = rows[f, :count]
         integrals(pairs, mean, delta, matrix, values, values, weight, states[k], flight, integral_work, squares)
         for c in range(count):
             if best[c] > before[c]:
                 where[c] = k
             total[c] += squares[c]
+    return True

@@ -14,20 +14,36 @@ from numba import int64
 from bvp.kernels.compiled import allocating, kernel
 from bvp.kernels.extrema import dot, look, refine, safe_step, separate
 from bvp.kernels.flight import flow_state
+from bvp.kernels.motion import FULL, GAVE_UP, NEW_PHASE, REACHED, move
+from bvp.kernels.phase import (
+    CLOCK,
+    COUNTS,
+    EVENTS,
+    IMPACT,
+    REFERENCE,
+    REFERENCE_LOW,
+    SPAN,
+    TIME,
+    TIME_LOW,
+    begin_anew,
+    times_matrix,
+)  # fmt: skip
 from bvp.kernels.restitution import restitute
-from bvp.kernels.run import FULL, GAVE_UP, REACHED, run
 from bvp.kernels.trail import event
 
-__all__ = ["COMPLETE", "TIME_OVER", "follow_section", "rises"]
+__all__ = ["COMPLETE", "EVENTS_AT_ONCE", "RESTS", "STICKS", "TIME_OVER", "follow_section", "rises"]
 
-COMPLETE, TIME_OVER = -1, -2
-"""How following an orbit ended, besides the endings of `bvp.kernels.run`: with all points asked for; at the longest time."""
+COMPLETE, TIME_OVER, RESTS, STICKS = -1, -2, -3, -4
+"""How following an orbit ended, besides the endings of `bvp.kernels.motion`: with all points asked for; at the longest time; where bounces
+come to rest on a stop; where it stays on one without."""
 
 STEP_LIMIT = 100_000
 ROOM = 64
 """Crossings in one flight; a stretch of eight periods of the fastest mode has some sixteen zeros."""
-EVENTS = 256
-"""Impacts of one stretch that are kept; one with more is gone on with from there."""
+EVENTS_AT_ONCE = 256
+"""Events of one stretch that are kept; one with more is gone on with from there."""
+MOST = 1 << 62
+"""Impacts: as many as there are."""
 
 
 @kernel
@@ -67,49 +83,57 @@ def rises(pairs, mean, delta, matrix, value, rate, second, z, duration, sign, ti
 
 @allocating
 def follow_section(
-    pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, push, restitution, functional, plane, quadratic,
-    starts, changes, stretch_time, longest, times, points, energies, growths, tangents, counts, impacts, statuses, work,
+    phases, functional, plane, quadratic, starts, changes, stretch_time, longest,
+    times, points, energies, growths, tangents, counts, impacts, statuses, log, scratch, marks,
 ):  # fmt: skip
-    """Follow each row of `starts` (M, N), which lies on the section, to its P-th crossing.
+    """Follow each row (u, v) of `starts` (M, 2 n), which lies on the section, to its P-th crossing.
 
-    functional (3, N): rows of f, f', f''. plane (2, N): rows of the two coordinates on the section. quadratic (N, N): energy is
-    z . quadratic z/2. changes (M, N): a perturbation along the section of each start. stretch_time: length of what is run at once.
+    phases: that without a contact held alone; an orbit ends where it would need another one. functional (3, N): rows of f, f', f''.
+    plane (2, N): rows of the two coordinates on the section. quadratic (N, N): energy is z . quadratic z/2. changes (M, N): a perturbation
+    along the section of each start. stretch_time: length of what is run at once.
     times (M, P), points (M, P, 2), energies (M, P): of each crossing, the start being the first. growths (M, P): logarithm of the
     perturbation's size, in the plane, over that at the start; tangents (M, P, 2): its direction.
-    counts, impacts, statuses (M,): crossings, impacts up to the end, how it ended. work: of `bvp.kernels.impact.work_array`."""
-    size = starts.shape[1]
+    counts, impacts, statuses (M,): crossings, impacts up to the end, how it ended. log, scratch, marks: as of `bvp.kernels.motion.move`; as
+    many events as the log has room for are run at once, too."""
+    size = changes.shape[1]
     wanted = times.shape[1]
+    pairs, mean, delta, matrix = phases.pairs[0], phases.mean[0], phases.delta[0], phases.matrix[0]
     z, begin, change = np.empty(size), np.empty(size), np.empty(size)
+    x, no_peaks = np.empty(starts.shape[1]), np.empty(0)
     state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
-    instants, contacts, touches = np.empty(EVENTS), np.empty(EVENTS, np.int64), np.empty(EVENTS, np.int64)
-    before, after = np.empty((EVENTS, size)), np.empty((EVENTS, size))
-    passages, scratch = np.empty(ROOM), np.empty(size)
+    numbers, clock = np.empty(COUNTS, np.int64), np.empty(CLOCK)
+    turns, sums = np.empty((0, 2)), np.empty((log.sums.shape[1], 2))
+    passages, work = np.empty(ROOM), np.empty(size)
     for m in range(starts.shape[0]):
+        begin_anew(numbers, clock, turns, sums)
+        for r in range(starts.shape[1]):
+            x[r] = starts[m, r]
+        times_matrix(phases.enter[0], x, begin)
         for r in range(size):
-            z[r] = starts[m, r]
-            begin[r] = z[r]
             change[r] = changes[m, r]
         growth = 0.0 - math.log(math.hypot(dot(plane[0], change), dot(plane[1], change)))
-        growth = record(plane, quadratic, z, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0)
+        growth = record(plane, quadratic, begin, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0)
         count = 1
         hits = 0
         sign = int64(1)
-        leaving = int64(-1)
         elapsed = 0.0
         status = COMPLETE
         while count < wanted:
             if elapsed >= longest:
                 status = TIME_OVER
                 break
-            code, events, reached = run(
-                pairs, mean, delta, matrix, gap, gap_rate, acceleration, side, bound, push, restitution, leaving,
-                min(stretch_time, longest - elapsed), instants, contacts, touches, before, after, z, work
-            )  # fmt: skip
+            numbers[EVENTS] = 0
+            code = move(
+                phases, min(stretch_time, longest - elapsed), MOST, z, x, numbers, clock, turns, sums, marks, no_peaks, log, scratch
+            )
+            events = numbers[EVENTS]
+            # Bounces that are summed lie beyond the state z.
+            reached = clock[TIME] - clock[SPAN]
             started = 0.0
             for k in range(events + 1):
-                duration = (instants[k] if k < events else reached) - started
+                duration = max(0.0, (log.values[k, 0] if k < events else reached) - started)
                 found, sign = rises(
-                    pairs, mean, delta, matrix, functional[0], functional[1], functional[2], begin, duration, sign, passages, scratch
+                    pairs, mean, delta, matrix, functional[0], functional[1], functional[2], begin, duration, sign, passages, work
                 )
                 if found < 0:
                     status = GAVE_UP
@@ -125,24 +149,33 @@ def follow_section(
                         break
                 if count == wanted:
                     break
-                if k < events and touches[k] == 0:
+                if k < events and log.numbers[k, 0] == IMPACT:
                     hits += 1
-                    event(pairs, mean, delta, matrix, gap[contacts[k]], begin, change, duration, state, state_change, velocity)
-                    restitute(gap_rate, push, restitution, contacts[k], state_change, change)
+                    contact = log.numbers[k, 1]
+                    event(pairs, mean, delta, matrix, phases.gap[0, contact], begin, change, duration, state, state_change, velocity)
+                    restitute(phases.rate[0], phases.push[0], phases.restitution, contact, state_change, change)
                 else:
                     flow_state(pairs, mean, delta, matrix, change, duration, state_change)
                     for r in range(size):
                         change[r] = state_change[r]
                 for r in range(size):
-                    begin[r] = after[k, r] if k < events else z[r]
-                started = instants[k] if k < events else reached
+                    begin[r] = log.states[k, r] if k < events else z[r]
+                started = log.values[k, 0] if k < events else reached
             if status == GAVE_UP or count == wanted:
+                break
+            if code == NEW_PHASE:
+                bounced = events > 0 and log.numbers[events - 1, 0] == IMPACT
+                status = RESTS if bounced and phases.restitution[log.numbers[events - 1, 1]] > 0.0 else STICKS
                 break
             if code != REACHED and code != FULL:
                 status = code
                 break
-            leaving = contacts[events - 1] if code == FULL else int64(-1)
-            elapsed += reached
+            elapsed += clock[TIME]
+            # Nothing depends on the time itself; each stretch has its own, which rounds less.
+            clock[REFERENCE] -= clock[TIME]
+            clock[REFERENCE_LOW] -= clock[TIME_LOW]
+            clock[TIME] = 0.0
+            clock[TIME_LOW] = 0.0
         counts[m] = count
         impacts[m] = hits
         statuses[m] = status
