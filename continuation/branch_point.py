@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +13,9 @@ _DIFFERENCE = 1e-5
 """Step of the central differences; their error only slows Newton's method down."""
 
 _ROUNDS = 12
+
+_SHRUNK = 0.1
+"""Part of the step before it that a step is at most, where the second derivatives will do for the next."""
 
 _STAGNATED = 1e-10
 """Newton's last step, in units of the unknowns' sizes: far above rounding, and its successor is below."""
@@ -37,8 +41,8 @@ def refine_branch_point(
 
         F(y) + m psi = 0,    F'(y)^T psi = 0,    psi . psi = 1
 
-    has a simple branch point as a regular solution, with m = 0. Newton's method on it uses differences of the Jacobian, so that its
-    steps shrink by their error.
+    has a simple branch point as a regular solution, with m = 0. Newton's method on it takes psi . F'' from differences of the Jacobian,
+    and keeps it while the steps shrink.
 
     Parameters
     ----------
@@ -70,18 +74,15 @@ def refine_branch_point(
     scale = np.ones(place.size) if scale is None else scale
     psi = np.linalg.svd(np.asarray(equations.jacobian(place), dtype=float) * scale)[0][:, -1]
     n = psi.size
-    excess = 0.0
+    excess, last, length = 0.0, math.inf, 0.0
+    matrix = np.zeros((2 * n + 2, 2 * n + 2))
     for _ in range(_ROUNDS):
         jacobian = np.asarray(equations.jacobian(place), dtype=float) * scale
-        matrix = np.zeros((2 * n + 2, 2 * n + 2))
         matrix[:n, : n + 1] = jacobian
         matrix[:n, n + 1 : -1] = excess * np.eye(n)
         matrix[:n, -1] = psi
-        for j in range(n + 1):
-            apart = np.zeros(n + 1)
-            apart[j] = _DIFFERENCE * scale[j]
-            change = np.asarray(equations.jacobian(place + apart)) - np.asarray(equations.jacobian(place - apart))
-            matrix[n : 2 * n + 1, j] = scale * (psi @ change) / (2.0 * _DIFFERENCE)
+        if not 0.0 < length <= _SHRUNK * last:
+            matrix[n : 2 * n + 1, : n + 1] = _bend(equations, place, psi, scale)
         matrix[n : 2 * n + 1, n + 1 : -1] = jacobian.T
         matrix[-1, n + 1 : -1] = psi
         miss = np.concatenate(
@@ -96,6 +97,18 @@ def refine_branch_point(
         excess += float(step[-1])
         if not np.linalg.norm((place - y) / scale) < farthest:
             return None
-        if np.linalg.norm(step[: n + 1]) < _STAGNATED:
+        last, length = length or math.inf, float(np.linalg.norm(step[: n + 1]))
+        if length < _STAGNATED:
             return place if abs(excess) < _STAGNATED else None
     return None
+
+
+def _bend(equations: Equations, place: np.ndarray, psi: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """psi . F''(place), (n + 1, n + 1), for unknowns in units of their sizes."""
+    columns = []
+    for j in range(place.size):
+        apart = np.zeros(place.size)
+        apart[j] = _DIFFERENCE * scale[j]
+        change = np.asarray(equations.jacobian(place + apart)) - np.asarray(equations.jacobian(place - apart))
+        columns.append(scale * (psi @ change) / (2.0 * _DIFFERENCE))
+    return np.stack(columns, axis=1)

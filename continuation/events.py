@@ -13,7 +13,6 @@ from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
 from continuation.settings import Settings
 
 _PROBES = 4  # looks at a predicted extremum in search of two zeros
-_NEAR = 10.0  # times the tolerance of a zero; points of steps that fall onto another curve are further apart
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
@@ -142,11 +141,8 @@ class EventFinder:
         return self._absorb(found) if self._absorbing else found
 
     def _refined(self, index: int, location: Location, before: Point, ds: float) -> Location:
-        """The event where the problem has it to full accuracy, if steps could not bring it nearer and the problem can."""
+        """The event where the problem has it to full accuracy, if it can tell."""
         if self._refine is None or location.kind not in ("interrupted", "zero"):
-            return location
-        low, high = (arclength_between(before.step.position, end) for end in (location.low, location.high))
-        if location.kind == "zero" and abs(high - low) <= _NEAR * self._settings.location_tolerance:
             return location
         step = self._refine(index, location.step)
         if step is None:

@@ -264,7 +264,7 @@ class Problem(Protocol):
     Optional, found by name: ``march(step, tests, older, before, ds, goal, room, control) -> Marched``, which takes many plain steps at
     once, for speed alone (see `Marched`); ``failure(y, tangent, ds) -> str``, words for the end of a family where steps fail;
     ``refined(index, at) -> Step | None``, the event of test `index` to full accuracy, where steps bring it no nearer than the step
-    `at` (whose tangent and turn it has);
+    `at` (whose tangent and turn it has), None where that is as near as it gets;
     ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.
     """
 

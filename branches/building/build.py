@@ -280,7 +280,8 @@ class _Build:
                     self._connect(seed.link, place.id)
                 self.catalogue.finish(name)
             for (source, event), link in unknown.items():
-                if not any(event in (edge.source_event, edge.target_event) for edge in self.catalogue.edges(source)):
+                edges = self.catalogue.edges(source)
+                if not any((source, event) in ((edge.source, edge.source_event), (edge.target, edge.target_event)) for edge in edges):
                     self._connect(replace(link, kind="dead end", note=_NOT_FOLLOWED, there=None), None)
             self.last = []
             self._note()

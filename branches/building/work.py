@@ -50,6 +50,8 @@ _MULTIPLIED = max(q for _, q in RESONANCES)
 _TUPLED = 3
 """Turns up to which families are switched to from one without a reversal."""
 
+_BEYOND = "what meets the family here lies beyond the bounds"
+
 _OTHER = "what was found next to the event is no family that has its orbit, but"
 """Of a dead end, with the ends and word of what was found."""
 
@@ -166,6 +168,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
         return Answer((), failed=(f"{'-'.join(orbit.ends)}:{orbit.word}: {error}",))
     seeds: list[Seed] = []
     ends: list[Link] = []
+    lost: list[str] = []
     beyond = 0
     for event in branch.events:
         if not bounds.energy[0] <= event.h <= bounds.energy[1]:
@@ -184,9 +187,11 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
         seeds += some
         ends += dead
         beyond += over
+        lost += [f"{link.source}: {link.event} at h = {link.h:.10g}: {link.note}" for link in dead]
+        if over and not some and not dead:
+            ends.append(_end(branch, event, _BEYOND))
     halves, failed = _ends_cut(branch)
-    lost = tuple(f"{link.source}: {link.event} at h = {link.h:.10g}: {link.note}" for link in ends)
-    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, lost=lost, halves=halves)
+    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, lost=tuple(lost), halves=halves)
 
 
 def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
@@ -257,8 +262,13 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
             beyond += 1
     if not seeds and not dead:
         reasons = "; ".join(dict.fromkeys(item.reason for item in found if item.reason)) or "no other word fits"
-        dead.append(replace(template, kind="dead end", note="what meets it here lies beyond the bounds" if beyond else reasons))
+        dead.append(replace(template, kind="dead end", note=_BEYOND if beyond else reasons))
     return Answer(tuple(seeds), ends=tuple(dead), beyond=beyond)
+
+
+def _end(branch: Branch, event: BranchEvent, note: str | None) -> Link:
+    """What tells why a family has no neighbour at an event."""
+    return Link(branch.id, event.id, event.type, "dead end", event.h, event.alpha, None, note, here=orbit_of_event(branch, event))
 
 
 def _has_event(birth: Birth) -> bool:
@@ -268,7 +278,7 @@ def _has_event(birth: Birth) -> bool:
 
 def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tuple[list[Seed], int, list[Link]]:
     """The families that are born or cross at a bifurcation."""
-    link = Link(branch.id, event.id, event.type, "switch", event.h, event.alpha, None, event.note, here=orbit_of_event(branch, event))
+    link = replace(_end(branch, event, event.note), kind="switch")
     try:
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always", RuntimeWarning)
