@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from branches.files import reason, write_text
+from branches.files import one_line, reason, write_text
 from transitions.study.axes import Axis
 from transitions.study.blocks import DamagedBlock, block_path, read_block
 from transitions.study.endings import Ending
@@ -74,8 +74,7 @@ def read_plan(folder: Path) -> tuple[Plan, str, str]:
     except OSError as error:
         raise NoStudy(f"cannot read {folder / PLAN}: {reason(error)}") from error
     except (ValueError, KeyError, TypeError) as error:
-        said = " ".join(str(error).split())
-        raise NoStudy(f"{folder / PLAN} is damaged: {said}; the same saltus study command writes it again") from error
+        raise NoStudy(f"{folder / PLAN} is damaged: {one_line(error)}; the same saltus study command writes it again") from error
 
 
 def finished_blocks(folder: Path, plan: Plan, digest: str, kind: str, damaged: Callable[[str], None]) -> set[int]:
