@@ -77,7 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
         for plane in planes:
             plane.states([start])
     if arguments.model:
-        for line in _model(scene.system):
+        from saltus.model import explain_section
+
+        for line in explain_section(scene.system):
             print(f"model  {line}", file=files.words, flush=True)
     with catalogue_arguments.given(arguments, scene) as catalogue:
         _compile(planes[0])
@@ -164,16 +166,6 @@ def _caption(scene: Scene, energies: list[float]) -> str:
         return "the energies are our choice"
     listed = " and ".join(f"{energy:g}" for energy in cited)
     return f"h = {listed} as in {scene.source}; the other energies are our choice"
-
-
-def _model(system: ImpactSystem) -> list[str]:
-    """Which model a section takes, and why."""
-    from saltus.model import explain_search
-
-    why = system.why_not_conservative()
-    if why is not None:
-        return [f"{why} -> energy falls: the section is that of motions, not of an energy surface"]
-    return explain_search(system)[:-2] + ["energy is kept -> the section is a map that keeps areas"]
 
 
 def _compile(plane: SectionPlane) -> None:
