@@ -13,9 +13,7 @@ import numpy as np
 
 from branches.files import one_line, reason, replacing
 
-__all__ = ["FORMATS", "DamagedBlock", "ForeignBlock", "block_path", "read_block", "write_block"]
-
-FORMATS = ("npz", "parquet")
+__all__ = ["DamagedBlock", "ForeignBlock", "block_path", "read_block", "write_block"]
 
 _ABOUT = "about"
 

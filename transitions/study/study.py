@@ -225,8 +225,9 @@ class Study:
             return self.runs[steps.max(axis=0) == 1]
         places = np.array([self._place(axis) for axis in self.plan.axes])
         distance = np.square(places - places[:, at : at + 1]).sum(axis=0)
-        nearest = np.argsort(distance, kind="stable")[1 : 2 * len(places) + 2]
-        return self.runs[nearest]
+        nearest = np.argsort(distance, kind="stable")
+        # Other runs can lie at the very place of the best one, where all that varies is listed.
+        return self.runs[nearest[nearest != at][: 2 * len(places) + 1]]
 
     def _place(self, axis: Axis) -> np.ndarray:
         """Where each run lies on an axis, 0 to 1."""
