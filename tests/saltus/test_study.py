@@ -1,5 +1,6 @@
 """`saltus study` and `saltus plot`: files that are checked, blocks that are kept, pictures drawn from them."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import saltus
+from tests.branches.building.test_frontier import Serial
 from tests.saltus.running import refused, run
 
 SMALL = """
@@ -51,6 +53,19 @@ def finished(tmp_path_factory):
     path = written(tmp_path_factory.mktemp("study"), SMALL)
     assert main(["study", str(path), "--workers", "1"]) == 0
     return path, path.with_suffix(".study")
+
+
+@pytest.fixture(autouse=True)
+def one_worker_is_this_process(monkeypatch):
+    """No process is started for one worker; `finished`, and what is killed or has two workers, are by processes."""
+    from saltus import executors
+
+    plain = executors.open_executor
+
+    def opened(workers, dask=None):
+        return plain(workers, dask) if workers > 1 or dask is not None else contextlib.nullcontext((Serial(), 1))
+
+    monkeypatch.setattr(executors, "open_executor", opened)
 
 
 def columns(folder):
