@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["WriteFailure", "reason", "replacing", "write_text"]
+__all__ = ["WriteFailure", "one_line", "reason", "replacing", "write_text"]
 
 _WORDS = {
     errno.ENOSPC: "no space is left on the device",
@@ -49,6 +49,25 @@ def reason(error: OSError) -> str:
     """
     known = _WORDS.get(error.errno) if error.errno is not None else None
     return known or error.strerror or str(error)
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's message as one line.
+
+    Parameters
+    ----------
+    error : BaseException
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> one_line(ValueError("a stop\\n  has no gap"))
+    'a stop has no gap'
+    """
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 @contextmanager

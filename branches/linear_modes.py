@@ -68,6 +68,11 @@ class LinearMode:
         shape = system.modes.shapes[:, self.index]
         return "L11+" if shape[system.absorber] * shape[system.primary] > 0.0 else "L11-"
 
+    @property
+    def name(self) -> str:
+        """Its label; L1, L2, ... by rising frequency for other systems."""
+        return self.label or f"L{self.index + 1}"
+
     @cached_property
     def amplitude(self) -> float:
         """Largest modal amplitude without an impact."""

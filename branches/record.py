@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.check import RecordError, check_branch
-from branches.files import reason
+from branches.files import one_line, reason
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -238,14 +238,14 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
             raise RecordError(f"{path} is truncated: it ends in line {end} before its JSON is complete") from error
         raise RecordError(f"{path} is no JSON: {error.msg} in line {error.lineno}, column {error.colno}") from error
     except (RecursionError, ValueError) as error:  # a number of thousands of digits is a ValueError
-        raise RecordError(f"{path} is no file of a branch: {' '.join(str(error).split())}") from error
+        raise RecordError(f"{path} is no file of a branch: {one_line(error)}") from error
     try:
         check_branch(record, SCHEMA)
         from branches.branch import Branch
 
         return Branch.from_record(record)
     except ValueError as error:
-        raise RecordError(f"{path} is no file of a branch that can be read: {' '.join(str(error).split())}") from error
+        raise RecordError(f"{path} is no file of a branch that can be read: {one_line(error)}") from error
 
 
 def points_of(record: Mapping[str, Any]) -> dict[str, np.ndarray]:

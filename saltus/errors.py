@@ -6,7 +6,7 @@ import difflib
 import sys
 from collections.abc import Iterable
 
-from branches.files import WriteFailure
+from branches.files import WriteFailure, one_line
 
 __all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say", "say_and_code"]
 
@@ -47,25 +47,6 @@ def nearest(word: str, known: Iterable[str]) -> str:
     lowered = {candidate.lower(): candidate for candidate in reversed(candidates)}
     found = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.5)
     return f"; nearest: {lowered[found[0]]}" if found else ""
-
-
-def one_line(error: BaseException) -> str:
-    """Return an error's message as one line.
-
-    Parameters
-    ----------
-    error : BaseException
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> one_line(ValueError("a stop\\n  has no gap"))
-    'a stop has no gap'
-    """
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 def say(message: str) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from typing import Any
 
-__all__ = ["prepare", "prepare_motion"]
+__all__ = ["prepare", "prepare_motion", "tell_compiling"]
 
 
 def prepare(**kernels: bool) -> None:
@@ -41,11 +42,17 @@ def prepare(**kernels: bool) -> None:
 
 
 def prepare_motion() -> None:
-    """Tell on standard error, where it is a terminal, that the kernels of damped motion will be compiled, if they were not before."""
+    """Tell, as `tell_compiling`, of the kernels of damped motion."""
     from bvp.kernels.motion import move
+
+    tell_compiling(move)
+
+
+def tell_compiling(kernel: Any) -> None:
+    """Tell on standard error, where it is a terminal, that kernels will be compiled, if this one of them was not before."""
     from bvp.kernels.warm import stored
 
-    if not stored(move):
+    if not stored(kernel):
         _tell()
 
 

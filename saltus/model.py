@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from bvp.forcing import Force
     from bvp.system import ImpactSystem
 
-__all__ = ["explain", "explain_motion", "explain_search"]
+__all__ = ["explain", "explain_motion", "explain_search", "explain_section"]
 
 _PARTS = {1: "whole", 2: "half", 4: "quarter"}
 
@@ -119,9 +119,9 @@ def explain_motion(system: ImpactSystem, forces: Sequence[Force] = ()) -> list[s
     no loads -> no particular solution
     """
     modes = "damped -> complex modes: free flight is a sum of decaying exponentials, exact to rounding"
-    lines = [modes] if system.damping.any() else _of_system(system)[:-1]
+    lines = [modes] if system.damping.any() else _of_undamped_flight(system)
     if all(stop.restitution == 1.0 for stop in system.stops):
-        lines.append(_of_system(system)[-1])
+        lines.append(_ELASTIC)
     else:
         how = "bounces that accumulate are summed to their end, and a contact that is pressed is held with one coordinate less"
         lines.append(f"restitution below 1 -> {how}")
@@ -130,12 +130,45 @@ def explain_motion(system: ImpactSystem, forces: Sequence[Force] = ()) -> list[s
     return [*lines, choice or "no loads -> no particular solution"]
 
 
+def explain_section(system: ImpactSystem) -> list[str]:
+    """Say which model is chosen for a Poincare section, and why.
+
+    Parameters
+    ----------
+    system : bvp.system.ImpactSystem
+
+    Returns
+    -------
+    list of str
+        Lines ``reason -> choice``.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> explain_section(vibro_impact_nes())[-1]
+    'energy is kept -> the section is a map that keeps areas'
+    >>> explain_section(vibro_impact_nes(rho=0.7))
+    ['restitution 0.7 of stop a loses energy -> energy falls: the section is that of motions, not of an energy surface']
+    """
+    why = system.why_not_conservative()
+    if why is not None:
+        return [f"{why} -> energy falls: the section is that of motions, not of an energy surface"]
+    return [*_of_system(system), "energy is kept -> the section is a map that keeps areas"]
+
+
+_ELASTIC = "elastic stops -> momentum and energy are kept, nothing sticks: sticking is not modelled"
+
+
 def _of_system(system: ImpactSystem) -> list[str]:
     """Explain what a conservative system makes unnecessary."""
+    return [*_of_undamped_flight(system), _ELASTIC]
+
+
+def _of_undamped_flight(system: ImpactSystem) -> list[str]:
     lines = ["undamped -> real modes: free flight is a sum of sines and cosines, exact to rounding"]
     if (system.modes.frequencies == 0.0).any():
         lines.append("a rigid-body mode has frequency 0 -> it moves uniformly, without any division by the frequency")
-    return [*lines, "elastic stops -> momentum and energy are kept, nothing sticks: sticking is not modelled"]
+    return lines
 
 
 _REVERSIBLE = [

@@ -10,10 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TextIO
 
-from saltus.errors import DONE, FAILED, BadInput, one_line, say, say_and_code
+from saltus.errors import DONE, FAILED, BadInput, nearest, one_line, say, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
 
 __all__ = ["NotDrawn", "Outputs", "add_arguments", "from_arguments"]
+
+ARRAYS = ("npz", "mat")
+"""Kinds of files of arrays."""
 
 _HYPHEN = "; - is standard output, which then carries nothing else"
 
@@ -34,6 +37,8 @@ class Outputs:
         Path of a picture.
     npz, mat : str or None
         Paths of files of arrays.
+    arrays : str or None
+        Path of a file of arrays whose ending tells which kind it is.
     """
 
     json: str | None = None
@@ -41,6 +46,7 @@ class Outputs:
     plot: str | None = None
     npz: str | None = None
     mat: str | None = None
+    arrays: str | None = None
 
     def check(self) -> None:
         """Refuse what could not be written.
@@ -58,11 +64,17 @@ class Outputs:
                 raise BadInput(f"{kind} cannot go to standard output: expected a file")
             if path is not None:
                 check_writable(path)
+        if self.arrays is not None:
+            suffix = _suffix(self.arrays)
+            if self.arrays == STANDARD_OUTPUT or suffix not in ARRAYS:
+                expected = f"expected a file ending in {' or '.join(ARRAYS)}{nearest(suffix, ARRAYS)}"
+                raise BadInput(f"unknown format of {self.arrays!r} for --arrays: {expected}")
+            check_writable(self.arrays)
         if self.plot is not None:
             check_picture(self.plot)
         taken: dict[str, str] = {}
-        places = {"--json": self.json, "--csv": self.csv, "--plot": self.plot, "--npz": self.npz, "--mat": self.mat}
-        for option, path in places.items():
+        for name in ("json", "csv", "plot", *ARRAYS, "arrays"):
+            option, path = f"--{name}", getattr(self, name)
             if path is None:
                 continue
             place = path if path == STANDARD_OUTPUT else os.path.realpath(path)
@@ -119,6 +131,7 @@ class Outputs:
             (self.npz, binary("npz")),
             (self.mat, binary("mat")),
             (self.plot, picture),
+            (self.arrays, binary(_suffix(self.arrays or ""))),
         )
         for path, job in jobs:
             if path is None:
@@ -136,6 +149,10 @@ class Outputs:
         return code
 
 
+def _suffix(path: str) -> str:
+    return Path(path).suffix[1:].lower()
+
+
 def add_arguments(parser: argparse.ArgumentParser, *, arrays: bool = False) -> None:
     """Add ``--json``, ``--csv`` and ``--plot``; and ``--npz`` and ``--mat``, for a command that has arrays."""
     parser.add_argument("--json", metavar="FILE", help=f"write all data as JSON{_HYPHEN}")
@@ -148,7 +165,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, arrays: bool = False) -> N
 
 def from_arguments(arguments: argparse.Namespace) -> Outputs:
     """Return the outputs asked for, checked."""
-    arrays = {name: getattr(arguments, name, None) for name in ("npz", "mat")}
+    arrays = {name: getattr(arguments, name, None) for name in (*ARRAYS, "arrays")}
     outputs = Outputs(json=arguments.json, csv=arguments.csv, plot=arguments.plot, **arrays)
     outputs.check()
     return outputs

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -23,11 +22,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from branches.files import reason
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene_coordinates import described, marked
 from saltus.scene_loads import read_loads
 from saltus.table import Table
+from saltus.toml_files import parse_toml, read_toml
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -146,16 +145,11 @@ def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) 
     if path is None:
         where, text = DEFAULT, shipped[DEFAULT]
     elif Path(path).exists() or os.fspath(path) not in shipped:
-        where, text, folder = os.fspath(path), _read(Path(path), shipped), Path(path).parent
+        where, folder = os.fspath(path), Path(path).parent
+        text = read_toml(Path(path), "scene", shipped, f"; shipped: {', '.join(sorted(shipped))}")
     else:
         where, text = os.fspath(path), shipped[os.fspath(path)]
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"scene {where} is no TOML: {error}") from error
-    except RecursionError as error:
-        raise BadInput(f"scene {where} is no TOML that can be read: its values are nested too deeply") from error
-    return _build(Table(content, f"scene {where}"), parameters, folder)
+    return _build(parse_toml(text, f"scene {where}"), parameters, folder)
 
 
 @cache
@@ -165,20 +159,6 @@ def _shipped() -> dict[str, str]:
     return {
         entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8") for entry in directory.iterdir() if entry.name.endswith(".toml")
     }
-
-
-def _read(path: Path, shipped: Mapping[str, str]) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise BadInput(f"scene {path} is no TOML: byte {error.start} is not UTF-8 text") from error
-    except FileNotFoundError as error:
-        beside = [str(entry) for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-        hint = nearest(str(path), [*beside, *shipped]) or f"; shipped: {', '.join(sorted(shipped))}"
-        raise BadInput(f"scene {path} does not exist{hint}") from error
-    except (OSError, ValueError) as error:
-        said = reason(error) if isinstance(error, OSError) else str(error)
-        raise BadInput(f"cannot read scene {path}: {said}") from error
 
 
 def _build(scene: Table, overrides: Mapping[str, float], folder: Path | Traversable) -> Scene:

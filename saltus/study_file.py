@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from branches.files import reason
 from saltus.errors import BadInput, nearest, one_line
 from saltus.table import Table
+from saltus.toml_files import parse_toml, read_toml
 
 if TYPE_CHECKING:
     from saltus.scene import Scene
@@ -34,6 +34,7 @@ _RANGES = {
 }
 
 
+@dataclass(frozen=True)
 class StudyFile:
     """What a study's file says.
 
@@ -44,9 +45,8 @@ class StudyFile:
     plan : Plan
     """
 
-    def __init__(self, scene: Scene, plan: Plan) -> None:
-        self.scene = scene
-        self.plan = plan
+    scene: Scene
+    plan: Plan
 
 
 def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
@@ -57,18 +57,7 @@ def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
     BadInput
         For what is not known, missing, or out of its range, in one line.
     """
-    try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        beside = [str(entry) for entry in Path(path).parent.glob("*.toml")] if Path(path).parent.is_dir() else []
-        raise BadInput(f"study {path} does not exist{nearest(str(path), beside) or '; expected a TOML file'}") from None
-    except OSError as error:
-        raise BadInput(f"cannot read study {path}: {reason(error)}") from error
-    except UnicodeDecodeError as error:
-        raise BadInput(f"study {path} is no TOML: byte {error.start} is not UTF-8 text") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise BadInput(f"study {path} is no TOML: {one_line(error)}") from error
-    return _read(Table(content, f"study {path}"), Path(path).parent)
+    return _read(parse_toml(read_toml(Path(path), "study"), f"study {path}"), Path(path).parent)
 
 
 def _read(file: Table, folder: Path) -> StudyFile:

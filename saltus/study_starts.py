@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from saltus.errors import BadInput
+from saltus.errors import BadInput, one_line
 
 if TYPE_CHECKING:
     from branches.labels import Name
@@ -108,7 +108,7 @@ def find_starts(seed: FamilySeed) -> Found:
     try:
         branch = trace(seed.name, scene=scene, energy=(low, high))
     except (ValueError, RuntimeError) as error:
-        return Found(states, tuple(leaving), " ".join(str(error).split()))
+        return Found(states, tuple(leaving), one_line(error))
     known: dict[float, tuple[np.ndarray, str]] = {}
     for k, energy in enumerate(seed.energies):
         if energy not in known:

@@ -147,6 +147,7 @@ def carry_out(
     from transitions.study.blocks import block_path, write_block
     from transitions.study.runs import Starts
 
+    digest = plan.digest
     blocks = []
     done = 0
     for number in range(plan.blocks):
@@ -160,6 +161,6 @@ def carry_out(
     frontier.extend(blocks)
     for block, columns in frontier:
         assert columns is not None
-        write_block(block_path(folder, block.number, kind), columns, plan.digest, block.number)
+        write_block(block_path(folder, block.number, kind), columns, digest, block.number)
         done += len(columns["h"])
         on_progress(done)

@@ -261,8 +261,6 @@ def _itself(branch: Branch) -> Branch:
 def _modes(system: ImpactSystem) -> list[Family]:
     from branches.linear_modes import linear_modes
 
-    out = []
-    for mode in linear_modes(system):
-        name = mode.label or f"L{mode.index + 1}"
-        out.append(Family(name, np.array(mode.energies), np.full(2, mode.alpha), np.array([name] * 2), 0))
-    return out
+    return [
+        Family(mode.name, np.array(mode.energies), np.full(2, mode.alpha), np.array([mode.name] * 2), 0) for mode in linear_modes(system)
+    ]

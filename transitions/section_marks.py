@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.diagram.atlas_data import linear_modes
+from branches.linear_modes import linear_modes
 from bvp.kernels.flight import flow_state
 from transitions.kernels.section import ROOM, rises
 from transitions.section_plane import SectionPlane
@@ -121,13 +121,12 @@ def mode_marks(plane: SectionPlane) -> list[Mark]:
     system = plane.system
     out = []
     for mode in linear_modes(system):
-        k = int(np.argmin(np.abs(system.modes.frequencies - mode.frequency)))
-        shape = system.modes.shapes[:, k]
-        if mode.h <= plane.energy or shape[plane.primary] == 0.0:
+        shape = system.modes.shapes[:, mode.index]
+        if mode.energies[1] <= plane.energy or shape[plane.primary] == 0.0:
             continue
         velocity = np.sign(shape[plane.primary]) * math.sqrt(2.0 * plane.energy) * shape
         point = plane.coordinates(np.zeros((1, 2)), velocity[None])
-        out.append(Mark(mode.label, mode.label, 1, 2.0 * math.pi / mode.frequency, "own", point))
+        out.append(Mark(mode.name, mode.name, 1, 4.0 * mode.alpha, "own", point))
     return out
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -54,6 +54,13 @@ class Transition:
     def spectrum(self) -> Spectrum:
         """The wavelet spectrum of the relative displacement."""
         return spectrum_of(self.record, self.gap, wavelet=self.wavelet, frequencies=self.frequencies)
+
+    def with_stages(self, stages: Sequence[Stage]) -> Transition:
+        """The same with other stages; its spectrum, which does not depend on them, is not made again."""
+        other = replace(self, stages=tuple(stages))
+        if "spectrum" in vars(self):
+            vars(other)["spectrum"] = self.spectrum
+        return other
 
 
 def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:

@@ -8,7 +8,6 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram import files
 from branches.diagram.atlas_labels import Named, label_curves, names_of
 from branches.diagram.atlas_parts import (
     FINE,
@@ -26,6 +25,7 @@ from branches.diagram.atlas_parts import (
     tell_named,
     title,
 )
+from branches.diagram.files import draw
 from branches.diagram.insets import Inset, draw_insets
 from branches.diagram.marks import draw_curve, legend_entries
 from branches.diagram.scales import logarithmic_limits
@@ -57,9 +57,7 @@ def draw_atlas(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *
     **options
         As for `atlas_figure`.
     """
-    kind = files.picture_format(path_or_file, format)
-    with picture_settings():
-        files.save(atlas_figure(atlas, **options), path_or_file, kind)
+    draw(lambda: atlas_figure(atlas, **options), path_or_file, format)
 
 
 def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Inset] = (), names: int = MOST_NAMES) -> Figure:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from branches.name_pins import Pin
     from bvp.system import ImpactSystem
 
-__all__ = ["Atlas", "Bound", "Curve", "Threshold", "atlas_of", "linear_modes", "regime_bounds", "rescaled"]
+__all__ = ["Atlas", "Bound", "Curve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
 
 _NO_PINS: Mapping[str, Pin] = MappingProxyType({})
 
@@ -115,34 +115,22 @@ class Atlas:
     def thresholds(self) -> list[Threshold]:
         """The linear modes, in the units of the scale."""
         return [
-            Threshold(mode.label, mode.frequency * self.natural_frequency, mode.h * self.energy_unit) for mode in linear_modes(self.system)
+            Threshold(mode.label, mode.frequency * self.natural_frequency, mode.h * self.energy_unit) for mode in thresholds_of(self.system)
         ]
 
 
-def linear_modes(system: ImpactSystem) -> list[Threshold]:
-    """The modes of free flight with the energy w^2 d^2/(2 b^2) at which each first touches a stop, d being the smaller gap and b its part
-    in the gap coordinate. Two modes of a system with absorber and primary are L11+ (these in phase) and L11-; others L1, L2, ...
+def thresholds_of(system: ImpactSystem) -> list[Threshold]:
+    """The modes of free flight, each with the energy at which it first touches a stop.
 
     Examples
     --------
     >>> from bvp import vibro_impact_nes
-    >>> [(mode.label, round(mode.frequency, 6), round(mode.h, 6)) for mode in linear_modes(vibro_impact_nes())]
+    >>> [(mode.label, round(mode.frequency, 6), round(mode.h, 6)) for mode in thresholds_of(vibro_impact_nes())]
     [('L11+', 0.854309, 0.118508), ('L11-', 1.170537, 0.086492)]
     """
-    modes = system.modes
-    out = []
-    for k, w in enumerate(modes.frequencies):
-        energy = math.inf
-        for stop in system.stops:
-            part = float(np.asarray(stop.gap) @ modes.shapes[:, k])
-            if part != 0.0:
-                energy = min(energy, 0.5 * (float(w) * min(abs(stop.lower), abs(stop.upper)) / part) ** 2)
-        label = f"L{k + 1}"
-        if len(modes.frequencies) == 2 and system.absorber is not None and system.primary is not None:
-            label = "L11+" if modes.shapes[system.absorber, k] * modes.shapes[system.primary, k] > 0.0 else "L11-"
-        if w > 0.0 and math.isfinite(energy):
-            out.append(Threshold(label, float(w), energy))
-    return out
+    from branches.linear_modes import linear_modes
+
+    return [Threshold(mode.name, mode.frequency, mode.energies[1]) for mode in linear_modes(system)]
 
 
 def atlas_of(
@@ -249,7 +237,7 @@ def regime_bounds(system: ImpactSystem, branches: Iterable[Branch]) -> tuple[tup
         What could not be told, in words.
     """
     bounds, missing = [], []
-    mode = next((mode for mode in linear_modes(system) if mode.label == "L11-"), None)
+    mode = next((mode for mode in thresholds_of(system) if mode.label == "L11-"), None)
     if mode is not None:
         bounds.append(Bound("I", "II", mode.h, "L11- grazes"))
     else:

@@ -8,7 +8,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram import files
+from branches.diagram.files import draw
 from branches.diagram.marks import STABILITY, curve_runs, draw_curve, draw_events, label_events, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.smooth import Curve, smooth
@@ -61,9 +61,7 @@ def draw_branch(
     The frequency-energy plot and its index are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009)
     1868, Figs. 6 and 8.
     """
-    kind = files.picture_format(path_or_file, format)
-    with picture_settings():
-        files.save(branch_figure(branch, frequency=frequency), path_or_file, kind)
+    draw(lambda: branch_figure(branch, frequency=frequency), path_or_file, format)
 
 
 def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:

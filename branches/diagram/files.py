@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
+
+from branches.diagram.style import picture_settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,6 +54,28 @@ def picture_format(path_or_file: str | os.PathLike[str] | IO[bytes], format: str
         return found.lower()
     said = f"unknown picture format {found!r}" if found else "no picture format"
     raise ValueError(f"{said}{f' of {name!r}' if name else ''}: expected png, pdf or svg")
+
+
+def draw(make: Callable[[], Figure], path_or_file: str | os.PathLike[str] | IO[bytes], format: str | None = None) -> None:
+    """Make a figure and write it, both with the settings of pictures; the format is checked before.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the figure.
+    path_or_file, format
+        As for `picture_format`.
+
+    Raises
+    ------
+    ValueError
+        For another format.
+    OSError
+        When the file cannot be written.
+    """
+    kind = picture_format(path_or_file, format)
+    with picture_settings():
+        save(make(), path_or_file, kind)
 
 
 def save(figure: Figure, path_or_file: str | os.PathLike[str] | IO[bytes], format: str) -> None:

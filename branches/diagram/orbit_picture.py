@@ -7,7 +7,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram import files
+from branches.diagram.files import draw
 from branches.diagram.scales import linear_axis, linear_limits
 from branches.diagram.style import BLACK, BLUE, GREY, LINES, PALE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
 from branches.diagram.titles import family_text, gap_symbol, symbol_of, system_text, velocity_symbol
@@ -44,9 +44,7 @@ def draw_orbit(orbit: Any, path_or_file: str | os.PathLike[str] | IO[bytes], for
     -----
     The panels are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 7 and 9.
     """
-    kind = files.picture_format(path_or_file, format)
-    with picture_settings():
-        files.save(orbit_figure(orbit), path_or_file, kind)
+    draw(lambda: orbit_figure(orbit), path_or_file, format)
 
 
 def orbit_figure(orbit: Any) -> Figure:

@@ -7,7 +7,6 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram import files
 from branches.diagram.atlas_labels import Named, label_curves, names_of
 from branches.diagram.atlas_parts import (
     FINE,
@@ -24,6 +23,7 @@ from branches.diagram.atlas_parts import (
     tell_named,
     title,
 )
+from branches.diagram.files import draw
 from branches.diagram.marks import draw_curve, legend_entries
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
@@ -42,9 +42,7 @@ MOST_NAMES = 30
 
 def draw_velocities(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
     """Write the start velocities of many families against energy to a png, pdf or svg file: as for `draw_atlas`."""
-    kind = files.picture_format(path_or_file, format)
-    with picture_settings():
-        files.save(velocities_figure(atlas, **options), path_or_file, kind)
+    draw(lambda: velocities_figure(atlas, **options), path_or_file, format)
 
 
 def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:

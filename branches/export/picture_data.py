@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from branches.export.table_files import Table, csv_text, plain_columns, write_binary
-from branches.files import reason, replacing, write_text
+from branches.files import one_line, reason, replacing, write_text
 from branches.labels import nearest
 
 __all__ = ["DATA_FORMATS", "ExportError", "Layout", "data_format", "read_data", "told", "write_data"]
@@ -133,7 +133,7 @@ def told(name: str) -> Iterator[None]:
     except KeyError as error:
         raise ExportError(f"{name} is no file of a picture's data: it lacks {error.args[0]!r}") from error
     except (ValueError, TypeError, EOFError, IndexError, zipfile.BadZipFile, NotImplementedError) as error:
-        raise ExportError(f"{name} is no file of a picture's data that can be read: {' '.join(str(error).split())}") from error
+        raise ExportError(f"{name} is no file of a picture's data that can be read: {one_line(error)}") from error
 
 
 def _about(layout: Layout, about: Any) -> dict[str, Any]:

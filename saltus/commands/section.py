@@ -5,17 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
-import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import IO, TYPE_CHECKING
 
 from saltus import catalogue_arguments, outputs, scene_arguments
 from saltus.arguments import energy_range, number, one_of, positive, whole_above_zero
-from saltus.errors import DONE, INTERRUPTED, BadInput, nearest, say, say_and_code
-from saltus.files import STANDARD_OUTPUT, WriteFailure, check_writable, replacing
+from saltus.errors import INTERRUPTED, BadInput, say
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
@@ -33,7 +30,6 @@ PANELS = 8
 """Sections of a plate that is given as a range of energies."""
 
 MOST_PANELS = 26
-ARRAYS = ("npz", "mat")
 HEADER = f"{'energy h':>11} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy drift':>12} {'lyapunov':>9} {'seconds':>8} {'points/s':>9}"
 
 
@@ -66,7 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     files = outputs.from_arguments(arguments)
-    arrays = _arrays(arguments)
     scene = scene_arguments.from_arguments(arguments)
     energies = _asked(arguments, scene)
 
@@ -82,7 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
         for plane in planes:
             plane.states([start])
     if arguments.model:
-        for line in _model(scene.system):
+        from saltus.model import explain_section
+
+        for line in explain_section(scene.system):
             print(f"model  {line}", file=files.words, flush=True)
     with catalogue_arguments.given(arguments, scene) as catalogue:
         _compile(planes[0])
@@ -109,8 +106,14 @@ def run(arguments: argparse.Namespace) -> int:
         names = {} if arguments.names is None else {"names": arguments.names}
         draw_sections(views, path, colour=arguments.colour, caption=caption, **names)
 
-    code = files.write(json=lambda: to_json(scene.system, planes[0], views), csv=lambda: to_csv(views), draw=draw)
-    code = max(code, _write_arrays(views, arrays, files.words))
+    def arrays(kind: str, file: IO[bytes]) -> None:
+        from branches.export.table_files import write_binary
+        from transitions.section_view import views_table
+
+        about = json.dumps({"schema": 1, "content": "section", "system": views[0].section.system.describe()}, allow_nan=False)
+        write_binary(views_table(views), kind, file, about=about, cells=False)
+
+    code = files.write(json=lambda: to_json(scene.system, planes[0], views), csv=lambda: to_csv(views), draw=draw, arrays=arrays)
     return INTERRUPTED if interrupted else code
 
 
@@ -165,24 +168,13 @@ def _caption(scene: Scene, energies: list[float]) -> str:
     return f"h = {listed} as in {scene.source}; the other energies are our choice"
 
 
-def _model(system: ImpactSystem) -> list[str]:
-    """Which model a section takes, and why."""
-    from saltus.model import explain_search
-
-    why = system.why_not_conservative()
-    if why is not None:
-        return [f"{why} -> energy falls: the section is that of motions, not of an energy surface"]
-    return explain_search(system)[:-2] + ["energy is kept -> the section is a map that keeps areas"]
-
-
 def _compile(plane: SectionPlane) -> None:
-    """Have the kernels compiled before time is measured, and say so where that takes long."""
-    from bvp.kernels.warm import stored
+    """Have the kernels compiled before time is measured."""
+    from saltus.first_run import tell_compiling
     from transitions.kernels.section import follow_section
     from transitions.section import follow
 
-    if not stored(follow_section) and sys.stderr is not None and sys.stderr.isatty():
-        print("saltus: compiling the kernels, which takes up to a minute at the first run only", file=sys.stderr, flush=True)
+    tell_compiling(follow_section)
     follow(plane, plane.starts(1), 2)
 
 
@@ -276,37 +268,3 @@ def to_csv(views: list[SectionView]) -> str:
     from transitions.section_view import views_table
 
     return csv_text(views_table(views), codes=True)
-
-
-def _arrays(arguments: argparse.Namespace) -> str | None:
-    """The file of arrays that was asked for, checked."""
-    path = arguments.arrays
-    if path is None:
-        return None
-    suffix = Path(path).suffix[1:].lower()
-    if path == STANDARD_OUTPUT or suffix not in ARRAYS:
-        raise BadInput(f"unknown format of {path!r} for --arrays: expected a file ending in {' or '.join(ARRAYS)}{nearest(suffix, ARRAYS)}")
-    check_writable(path)
-    for option in ("json", "csv", "plot"):
-        other = getattr(arguments, option)
-        if other not in (None, STANDARD_OUTPUT) and os.path.realpath(other) == os.path.realpath(path):
-            raise BadInput(f"--{option} and --arrays both go to {path}: expected a place for each")
-    return path
-
-
-def _write_arrays(views: list[SectionView], path: str | None, words: TextIO) -> int:
-    if path is None:
-        return DONE
-    from branches.export.table_files import write_binary
-    from transitions.section_view import views_table
-
-    about = json.dumps({"schema": 1, "content": "section", "system": views[0].section.system.describe()}, allow_nan=False)
-    try:
-        with replacing(path) as beside, beside.open("wb") as file:
-            write_binary(views_table(views), Path(path).suffix[1:].lower(), file, about=about, cells=False)
-    except WriteFailure as failure:
-        return say_and_code(failure)
-    print(f"wrote  {path}", file=words, flush=True)
-    return DONE
-
-

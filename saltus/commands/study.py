@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from saltus.arguments import one_of, whole_above_zero
 from saltus.errors import DONE, INTERRUPTED, BadInput, say
+from saltus.wording import counted
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -105,7 +106,7 @@ def _size(study: StudyFile) -> str:
         over = " x ".join(f"{name} ({count})" for name, count in zip(plan.names, plan.shape, strict=True))
     else:
         over = ", ".join(plan.names)
-    return f"a {plan.design} over {over}, {plan.count} runs in {plan.blocks} block{'s' * (plan.blocks != 1)}"
+    return f"a {plan.design} over {over}, {plan.count} runs in {counted(plan.blocks, 'block')}"
 
 
 def _start(finished: set[int], blocks: int) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
-from branches.diagram.atlas_data import linear_modes
+from branches.diagram.atlas_data import thresholds_of
 from branches.diagram.placement import even_points, overlapping
 from branches.export import ExportError, read_atlas, write_atlas
 from branches.labels import canonical, parse
@@ -107,7 +107,7 @@ def test_linear_modes_end_in_bullets_where_they_graze():
         (line,), (bullet,) = by_gid(axes, f"frequency-{label}"), by_gid(axes, f"frequency-{label}-grazing")
         np.testing.assert_allclose(line.get_xydata(), [[axes.get_xlim()[0], frequency], [energy, frequency]], rtol=1e-12)
         np.testing.assert_allclose(bullet.get_xydata(), [[energy, frequency]], rtol=1e-12)
-        mode = linear_modes(real.SYSTEM)[k]
+        mode = thresholds_of(real.SYSTEM)[k]
         assert mode.label == label and abs(mode.h / energy - 1.0) < 1e-12
 
 
@@ -279,7 +279,7 @@ def test_bounds_of_regimes():
     third = next(b for b in real.families() if any(alias["label"] == "S31O11+" for alias in b.aliases))
     impulsive = next(event.h for event in third.events if event.type == "IO")
     assert not missing
-    np.testing.assert_allclose([bound.h for bound in bounds], [linear_modes(real.SYSTEM)[1].h, breaking, impulsive], rtol=1e-14)
+    np.testing.assert_allclose([bound.h for bound in bounds], [thresholds_of(real.SYSTEM)[1].h, breaking, impulsive], rtol=1e-14)
     assert [(bound.below, bound.above) for bound in bounds] == [("I", "II"), ("II", "III"), ("III", "IV")]
     figure = atlas_figure(real.atlas())
     (legend,) = figure.legends

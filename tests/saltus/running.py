@@ -1,5 +1,9 @@
 """Running a command in this process."""
 
+import contextlib
+import io
+import shlex
+
 from saltus.__main__ import main
 
 
@@ -7,3 +11,22 @@ def run(capsys, *words):
     """Exit code, standard output, standard error."""
     code = main([str(word) for word in words])
     return (code, *capsys.readouterr())
+
+
+def told(words):
+    """The same of a command line, without a fixture."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(shlex.split(words))
+    return code, out.getvalue(), err.getvalue()
+
+
+def refused(result, *expected):
+    """The one line on standard error with which a command was refused: exit code 2, nothing told, every part of what was expected in it."""
+    code, out, err = result
+    assert code == 2, (code, err)
+    assert out == "", "something was started"
+    assert err.startswith("saltus: ") and len(err.splitlines()) == 1 and err.endswith("\n"), err
+    for part in expected:
+        assert part in err, err
+    return err

@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from saltus.__main__ import main
+from tests.saltus.running import refused, run
 
 ONE_SIDED = """
 [system]
@@ -155,13 +156,7 @@ def places(tmp_path):
 def test_one_line_and_exit_code_2(capsys, places, words, expected):
     """Oracle: the input; each message holds what was received and what was expected."""
     before = sorted(entry.name for entry in places["here"].iterdir())
-    code = main(words.format(**places).split())
-    out, err = capsys.readouterr()
-    assert code == 2, (code, err)
-    assert out == "", "something was started"
-    assert err.startswith("saltus: ") and len(err.splitlines()) == 1 and err.endswith("\n"), err
-    for part in expected:
-        assert part in err, err
+    refused(run(capsys, *words.format(**places).split()), *expected)
     assert sorted(entry.name for entry in places["here"].iterdir()) == before
 
 
@@ -208,6 +203,4 @@ def test_a_fault_of_the_program_is_not_called_bad_input(monkeypatch):
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="there is no directory that allows files and takes none")
 def test_a_directory_that_takes_no_file_is_found_before_the_work(capsys):
     """Oracle: exit code 2, and nothing of the table."""
-    assert main(["continue", "S13O00+", "--json", "/proc/branch.json"]) == 2
-    out, err = capsys.readouterr()
-    assert not out and err.count("\n") == 1 and "cannot write /proc/branch.json" in err
+    refused(run(capsys, "continue", "S13O00+", "--json", "/proc/branch.json"), "cannot write /proc/branch.json")

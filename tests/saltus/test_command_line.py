@@ -14,19 +14,12 @@ import time
 import pytest
 
 import saltus
-from saltus.__main__ import main
 from saltus.progress import ProgressBar
+from tests.saltus.running import run
 
 NUMBER = r"[-+0-9.e]+"
 EVENT = re.compile(rf"^ *-?\d+  [A-Z]{{2}} +\S+ +({NUMBER}) +({NUMBER}) +(yes|no|undecided) +({NUMBER}|unbounded)")
 QUICK = ("--energy", "0.05:1")
-
-
-def run(capsys, *words):
-    """Return exit code, standard output and standard error of a command."""
-    code = main(list(words))
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 def test_help_and_version_are_quick_and_load_nothing():

@@ -11,6 +11,7 @@ from branches.building.build import build
 from branches.catalogue import Catalogue
 from saltus.__main__ import main
 from tests.branches.building.test_frontier import Serial
+from tests.saltus.running import refused, run
 
 distributed = pytest.importorskip("distributed")
 
@@ -43,18 +44,17 @@ def test_a_cluster_builds_the_same_catalogue(cluster, tmp_path, capsys):
     assert len(one["families"]) > 3 and one == other
 
 
-def refused(address, tmp_path, capsys):
+def refused_address(address, tmp_path, capsys):
     """The line with which an address is refused, before anything is written."""
-    assert main([*SMALL.split(), "--dask", address, "--catalogue", str(tmp_path / "a.sqlite")]) == 2
-    out, err = capsys.readouterr()
-    assert not out and err.count("\n") == 1 and not list(tmp_path.iterdir())
+    err = refused(run(capsys, *SMALL.split(), "--dask", address, "--catalogue", tmp_path / "a.sqlite"))
+    assert not list(tmp_path.iterdir())
     return err
 
 
 @pytest.mark.parametrize("address", ["nonsense", "", "tcp://127.0.0.1", "post://127.0.0.1:8786"])
 def test_what_is_no_address(address, tmp_path, capsys):
     """Oracle: exit code 2 and one line that names the address and what one looks like."""
-    said = refused(address, tmp_path, capsys)
+    said = refused_address(address, tmp_path, capsys)
     assert repr(address) in said and "expected an address such as tcp://127.0.0.1:8786" in said
 
 
@@ -62,18 +62,18 @@ def test_nobody_answers(tmp_path, capsys):
     """Oracle: a port that was free a moment ago."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = "tcp://{}:{}".format(*server.getsockname())
-    said = refused(address, tmp_path, capsys)
+    said = refused_address(address, tmp_path, capsys)
     assert f"no Dask scheduler answers at {address!r}: Connection refused" in said
 
 
 def test_a_scheduler_without_workers(tmp_path, capsys):
     """Oracle: exit code 2 in place of waiting for ever."""
     with distributed.LocalCluster(n_workers=0, dashboard_address=":0") as idle:
-        assert "has no workers" in refused(idle.scheduler_address, tmp_path, capsys)
+        assert "has no workers" in refused_address(idle.scheduler_address, tmp_path, capsys)
 
 
 def test_workers_of_another_version(cluster, tmp_path, capsys, monkeypatch):
     """Oracle: the two versions."""
     monkeypatch.setattr("saltus.__version__", "0.0.1")
-    said = refused(cluster.scheduler_address, tmp_path, capsys)
+    said = refused_address(cluster.scheduler_address, tmp_path, capsys)
     assert "have saltus" in said and "expected 0.0.1" in said

@@ -14,7 +14,7 @@ from scipy.io import loadmat
 
 from branches.catalogue import Catalogue
 from tests.branches.catalogue.families import real
-from tests.saltus.running import run
+from tests.saltus.running import refused, run
 
 
 @pytest.fixture
@@ -190,6 +190,5 @@ BAD = [
 def test_bad_input_is_one_line(catalogue, capsys, words, said, tmp_path, monkeypatch):
     """Oracle: exit code 2, the words, and no file."""
     monkeypatch.chdir(tmp_path)
-    code, out, err = run(capsys, *words, "--catalogue", catalogue)
-    assert code == 2 and not out and len(err.splitlines()) == 1 and said in err
+    refused(run(capsys, *words, "--catalogue", catalogue), said)
     assert not list(tmp_path.iterdir())

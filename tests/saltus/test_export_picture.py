@@ -1,15 +1,12 @@
 """`saltus export` from end to end: pictures, data, a picture from data, bad input."""
 
-import contextlib
-import io
 import json
-import shlex
 
 import pytest
 
-from saltus.__main__ import main
 from tests.branches import atlas_families as real
 from tests.branches.catalogue.families import real as families
+from tests.saltus.running import refused, told
 
 
 @pytest.fixture(scope="module")
@@ -19,14 +16,6 @@ def folder(tmp_path_factory):
     for k, branch in enumerate(real.families()[:6]):
         branch.save(path / f"{k}.json")
     return path
-
-
-def told(words):
-    """Exit code, standard output and standard error of a command line."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main(shlex.split(words))
-    return code, out.getvalue(), err.getvalue()
 
 
 @pytest.mark.parametrize(("what", "options"), [("fep", "--frequency fundamental --inset 0.1:0.2"), ("velocities", "--names 3")])
@@ -123,8 +112,5 @@ def test_bad_input(folder, tmp_path, monkeypatch, words, said):
     """Oracle: exit code 2, one line with these words, no file."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "none"))
-    code, out, err = told(words.format(folder=folder))
-    assert code == 2 and not out and err.count("\n") == 1, err
-    for word in said:
-        assert word in err
+    refused(told(words.format(folder=folder)), *said)
     assert not list(tmp_path.iterdir())

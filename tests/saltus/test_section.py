@@ -1,30 +1,20 @@
 """`saltus section` from end to end: tables, files, pictures, plates, interruption, bad input."""
 
-import contextlib
 import csv
 import io
 import json
-import shlex
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
 from branches.catalogue import Catalogue
-from saltus.__main__ import main
 from saltus.scene import load_scene
 from tests.branches.traced import traced
+from tests.saltus.running import refused, told
 
 SMALL = "--orbits 6 --crossings 30"
 BOUNDS = "[bounds]\nenergy = [0.1, 10]\nquarter_period = 8\nimpacts = 6\n"
-
-
-def told(words):
-    """Exit code, standard output and standard error of a command line."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = main(shlex.split(words))
-    return code, out.getvalue(), err.getvalue()
 
 
 @pytest.fixture(scope="module")
@@ -205,8 +195,5 @@ def test_bad_input(words, said, tmp_path, monkeypatch, families):
     scenes["cited"] = PLATE.replace("[2.0, 1.0]", "[1.0, 2.0]\ncited = [3.0]")
     for name, text in scenes.items():
         (tmp_path / f"{name}.toml").write_text(text)
-    code, out, err = told(words.format(families=families))
-    assert code == 2 and not out and err.count("\n") == 1, (out, err)
-    for word in said:
-        assert word in err, err
+    refused(told(words.format(families=families)), *said)
     assert len(list(tmp_path.iterdir())) == len(scenes)

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from transitions.study.axes import Axis
 from transitions.study.blocks import DamagedBlock, ForeignBlock, block_path, read_block, write_block
 from transitions.study.plan import Plan
+from transitions.study.runs import block_columns
+from transitions.study.study import Study, write_plan
 
 SYSTEM = {"model": "vibro_impact_nes", "mu": 0.1, "sigma": 0.1, "lam": 0.01, "rho": 0.7}
 
@@ -102,3 +104,17 @@ def test_a_block_of_something_else_is_refused(tmp_path):
         read_block(path, "abc", 1, 50)
     with pytest.raises(DamagedBlock, match="not 49 runs"):
         read_block(path, "abc", 0, 49)
+
+
+@pytest.mark.parametrize("best", [0, 5])
+def test_runs_at_the_place_of_the_best_one_are_about_it_and_itself_is_not(tmp_path, best):
+    """Oracle: by hand: half of the runs of a listed parameter have the best one's value, and come first."""
+    plan = plan_of([Axis("rho", values=(0.5, 0.7))], design="hypercube", runs=8, seed=1)
+    given = plan.values(0, 8)
+    columns = {name: np.zeros(8) for name in block_columns(plan)} | {"given.rho": given["rho"]}
+    columns["nes_share"][best] = 1.0
+    write_plan(tmp_path, plan, "npz", "0")
+    write_block(block_path(tmp_path, 0, "npz"), columns, plan.digest, 0)
+    found = Study(tmp_path).best("nes_share")
+    same = [run for run in np.flatnonzero(given["rho"] == given["rho"][best]).tolist() if run != best]
+    assert found.run == best and len(same) == 3 and found.neighbours.tolist() == same

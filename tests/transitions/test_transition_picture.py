@@ -33,7 +33,7 @@ def drawn(small_scene):
     with Catalogue(small_scene[0]) as catalogue:
         plain = Transition(DAMPED, record, GAP, (), Wavelet(), (0.4, 6.0))
         stages = stages_of(record, GAP, families_of(catalogue), spectrum=plain.spectrum)
-        transition = replace(plain, stages=tuple(stages))
+        transition = plain.with_stages(stages)
         atlas = atlas_behind(catalogue, transition)
     return transition, atlas, transition_figure(transition, atlas)
 
@@ -41,6 +41,14 @@ def drawn(small_scene):
 def by_gid(figure, name):
     (found,) = figure.findobj(lambda artist: artist.get_gid() == name)
     return found
+
+
+def test_other_stages_leave_the_spectrum_as_it_is(drawn):
+    """Oracle: the object itself; that of other frequencies is another one."""
+    transition = drawn[0]
+    bare = transition.with_stages([])
+    assert bare.stages == () and bare.spectrum is transition.spectrum
+    assert replace(transition, frequencies=(0.5, 5.0)).spectrum is not transition.spectrum
 
 
 def test_the_stages_are_told_and_marked(drawn):

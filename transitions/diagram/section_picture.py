@@ -9,8 +9,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram import files
 from branches.diagram.atlas_labels import Named, label_curves
+from branches.diagram.files import draw
 from branches.diagram.scales import linear_axis, linear_limits, linear_ticks, mark_axis
 from branches.diagram.style import BLACK, GREY, ORANGE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
 from branches.diagram.titles import symbol_of, system_text, velocity_symbol
@@ -58,9 +58,7 @@ def draw_sections(
     **options
         As for `section_figure`.
     """
-    kind = files.picture_format(path_or_file, format)
-    with picture_settings():
-        files.save(section_figure(views, **options), path_or_file, kind)
+    draw(lambda: section_figure(views, **options), path_or_file, format)
 
 
 def section_figure(views: Sequence[SectionView], *, colour: str = "none", caption: str = "", names: int = MOST_NAMES) -> Figure:

@@ -7,7 +7,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram import files
+from branches.diagram.files import draw
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.style import BLACK, BLUE, GREY, LINES, PALE, VERMILION, YELLOW, new_figure, picture_settings
 from branches.diagram.titles import symbol_of
@@ -58,10 +58,8 @@ def draw_study(
     **options
         Of `map_figure`, `lines_figure` or `best_figure`.
     """
-    kind = files.picture_format(path_or_file, format)
     make = {"map": map_figure, "lines": lines_figure, "best": best_figure}[view]
-    with picture_settings():
-        files.save(make(study, **options), path_or_file, kind)
+    draw(lambda: make(study, **options), path_or_file, format)
 
 
 def map_figure(study: Study, value: str = "nes_share", best: str = "nes_share", axes: tuple[str, str] | None = None) -> Figure:

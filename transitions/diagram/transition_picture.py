@@ -9,9 +9,9 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram import files
 from branches.diagram.atlas_labels import Named, label_curves, names_of
 from branches.diagram.atlas_parts import draw_modes, frequency_of, mark_boxes, runs_of
+from branches.diagram.files import draw
 from branches.diagram.marks import draw_curve, legend_entries
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.style import BLACK, GREEN, GREY, LINES, NORMAL, SMALL, new_figure, picture_settings, settle_layout
@@ -67,9 +67,7 @@ def draw_transition(
     -----
     The panels are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 11 to 20.
     """
-    kind = files.picture_format(path_or_file, format)
-    with picture_settings():
-        files.save(transition_figure(transition, atlas, caption), path_or_file, kind)
+    draw(lambda: transition_figure(transition, atlas, caption), path_or_file, format)
 
 
 def transition_figure(transition: Transition, atlas: Atlas | None = None, caption: str = "") -> Figure:

@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from branches.files import reason, replacing
+from branches.files import one_line, reason, replacing
 
-__all__ = ["FORMATS", "DamagedBlock", "ForeignBlock", "block_path", "read_block", "write_block"]
-
-FORMATS = ("npz", "parquet")
+__all__ = ["DamagedBlock", "ForeignBlock", "block_path", "read_block", "write_block"]
 
 _ABOUT = "about"
 
@@ -102,7 +100,7 @@ def read_block(path: Path, digest: str, number: int, count: int) -> dict[str, np
     except OSError as error:
         raise DamagedBlock(f"{path.name} cannot be read: {reason(error)}") from error
     except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
-        raise DamagedBlock(f"{path.name} is damaged: {' '.join(str(error).split()) or type(error).__name__}") from error
+        raise DamagedBlock(f"{path.name} is damaged: {one_line(error)}") from error
     return columns
 
 

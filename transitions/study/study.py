@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from branches.files import reason, write_text
+from branches.files import one_line, reason, write_text
 from transitions.study.axes import Axis
 from transitions.study.blocks import DamagedBlock, block_path, read_block
 from transitions.study.endings import Ending
@@ -74,8 +74,7 @@ def read_plan(folder: Path) -> tuple[Plan, str, str]:
     except OSError as error:
         raise NoStudy(f"cannot read {folder / PLAN}: {reason(error)}") from error
     except (ValueError, KeyError, TypeError) as error:
-        said = " ".join(str(error).split())
-        raise NoStudy(f"{folder / PLAN} is damaged: {said}; the same saltus study command writes it again") from error
+        raise NoStudy(f"{folder / PLAN} is damaged: {one_line(error)}; the same saltus study command writes it again") from error
 
 
 def finished_blocks(folder: Path, plan: Plan, digest: str, kind: str, damaged: Callable[[str], None]) -> set[int]:
@@ -226,8 +225,9 @@ class Study:
             return self.runs[steps.max(axis=0) == 1]
         places = np.array([self._place(axis) for axis in self.plan.axes])
         distance = np.square(places - places[:, at : at + 1]).sum(axis=0)
-        nearest = np.argsort(distance, kind="stable")[1 : 2 * len(places) + 2]
-        return self.runs[nearest]
+        nearest = np.argsort(distance, kind="stable")
+        # Other runs can lie at the very place of the best one, where all that varies is listed.
+        return self.runs[nearest[nearest != at][: 2 * len(places) + 1]]
 
     def _place(self, axis: Axis) -> np.ndarray:
         """Where each run lies on an axis, 0 to 1."""
