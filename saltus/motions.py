@@ -193,4 +193,4 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
             return replace(told, why_no_stages=one_line(error))
         else:
             note = "" if span == told.motion.duration else f"told up to time {span:.6g}, of which the record has {samples} samples"
-            return replace(told, shown=replace(shown, stages=tuple(stages)), why_no_stages=note)
+            return replace(told, shown=shown.with_stages(stages), why_no_stages=note)
