@@ -1,5 +1,7 @@
 """Largest displacements over a flight: at its ends and where a velocity passes zero, which is found as the next impact of that velocity."""
 
+import math
+
 from bvp.kernels.bounds import amplitudes, dot
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_state
@@ -12,6 +14,13 @@ PEAK_ROWS = 6
 
 IDLE_LIMIT = 8
 """Searches without time passing after which there is no way on."""
+
+FRUITLESS = 2
+"""Such searches after which time is made to pass."""
+
+PAUSE = 1e-3
+"""That time, in radians of the motion. Rate and two derivatives are zero to rounding at its begin, so that what |u| can exceed its values at
+both ends by in it is a part 1e-13 of its amplitude."""
 
 
 @kernel
@@ -64,6 +73,11 @@ def peak_flight(pairs, mean, delta, matrix, leave, z, flight, peaks, scratch, ed
             idle = idle + 1 if step == 0.0 else 0
             if idle > IDLE_LIMIT:
                 return False
+            resumed = idle > FRUITLESS
+            if resumed:
+                # At rest with no derivative that tells where it goes, as where a force on a far coordinate begins: a little later one does.
+                rate, bend, _ = amplitudes(pairs, mean, delta, matrix, scratch[0], 0, now, left)
+                step = min(left, PAUSE * math.sqrt(rate / bend)) if bend > 0.0 else left
             flow_state(pairs, mean, delta, matrix, now, step, later)
             peaks[i] = max(peaks[i], abs(dot(leave, i, later)))
             for r in range(z.shape[0]):
@@ -72,4 +86,7 @@ def peak_flight(pairs, mean, delta, matrix, leave, z, flight, peaks, scratch, ed
             if status != TOUCH and status != EXHAUSTED:
                 side[0] = -side[0]
             leaving = -1 if status == OUTSIDE or status == EXHAUSTED else 0
+            if resumed:
+                leaving = -1
+                side[0] = -1.0 if dot(scratch[0], 0, now) > 0.0 else 1.0
     return True
