@@ -66,7 +66,8 @@ def unphysical(problem: MultipointProblem, solution: Solution) -> str | None:
     if solution["clearance"] < -BEYOND:
         at = describe_touch(problem, solution)
         flight, time = at["graze"][1:]
-        return f"flight {flight + 1} of {inner + 1} passes beyond stop {at['stop']} by {-solution['clearance']:.2g} at {time:.6g} after its start"
+        depth = -solution["clearance"]
+        return f"flight {flight + 1} of {inner + 1} passes beyond stop {at['stop']} by {depth:.2g} at {time:.6g} after its start"
     if solution["speed"] < -BEYOND * (2.0 * solution["energy"]) ** 0.5:
         at = describe_vanishing(problem, solution)
         return f"{at['note'].partition(' vanishes')[0]} would have to pull: its speed of approach is {solution['speed']:.2g}"

@@ -87,7 +87,7 @@ def describe(orbit: Orbit) -> list[str]:
     trivial, pairing = quality["trivial"], quality["pairing"]
     lines.append(f"quality  {reliable}  trivial {trivial:.1e}  pairing {pairing:.1e}  residual {orbit.residual:.1e}")
     if trivial >= TRIVIAL_LOST:
-        lines.append("doubt    in a product of saltation matrices the trivial multiplier is lost; those above are of the saddle-point matrix")
+        lines.append("doubt    a product of saltation matrices loses the trivial multiplier; those above are of the saddle-point matrix")
     lines.append(f"impacts  {len(orbit.impacts)} in a period")
     lines.append(f"{'time':>20}  stop  {'speed':>20}")
     lines += [f"{impact.time:20.14g}  {impact.stop:<4}  {impact.speed:20.14g}" for impact in orbit.impacts]

@@ -15,8 +15,8 @@ from tests.branches.paper_names import NAMES, family
 
 NEAR = 1e-6
 OPEN = 1e-8
-"""How far from the limit an undecided orbit may be at most; inside the bracket of a branch point as far as that is wide: there Newton's method
-slides along the other family."""
+"""How far from the limit an undecided orbit may be at most; inside the bracket of a branch point as far as that is wide: there Newton's
+method slides along the other family."""
 
 SAMPLED = ("S11-", "U44-", "U11+", "U(15)578-", "S31O11-", "U4122-", "S73O33-", "U8344-", "S55O11-", "no reversal", "rest and stop")
 

@@ -25,7 +25,7 @@ def family_of_three(impacts):
 @pytest.mark.parametrize("impacts", [0, 1], ids=["quarter", "half"])
 @hard(
     "symmetric double crossing of +1, and of -1: two equal masses on a third, whose motion against each other resonates",
-    source="closed form: alpha = pi/(2 w) and 3 pi/(4 w); the families that are born there have this quarter period, or twice it, throughout",
+    source="closed form: alpha = pi/(2 w) and 3 pi/(4 w), which the families born there keep, or twice it, throughout",
     limit=1e-10,
     what="quarter periods of the events, and of the families born, relative",
 )

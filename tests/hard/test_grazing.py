@@ -274,7 +274,8 @@ def test_impacts_that_merge(coupling):
         worst = max(worst, relative(velocities, exact), abs(problem.flight_times(solution.y)[1]))
         ended = follow_family(problem, solution.y, energy=(1e-3, 1e3)).ended
         assert all(end.text.startswith("GR at h") for end in ended)
-    mixed = ImpactSystem([[1.0, 0.3], [0.3, 1.0]], np.zeros((2, 2)), [[1.0, 0.3], [0.3, 1.0]], (Stop((1.0, 0.0), upper=0.5), Stop((0.0, 1.0), upper=0.5)))
+    coupled = [[1.0, 0.3], [0.3, 1.0]]
+    mixed = ImpactSystem(coupled, np.zeros((2, 2)), coupled, (Stop((1.0, 0.0), upper=0.5), Stop((0.0, 1.0), upper=0.5)))
     assert run(mixed, [0.0, 0.0], [1.0, 1.0], 5.0).status is RunStatus.SIMULTANEOUS
     return worst
 

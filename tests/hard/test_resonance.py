@@ -190,6 +190,7 @@ def test_critical_damping(offset):
                 odd = t if not delta else (mp.sinh(root * t) if delta > 0 else mp.sin(root * t)) / root
                 return mp.exp(-half * t) * (start * even + (speed + half * start) * odd) - mp.mpf(0.02)
 
-            exact = mp.findroot(gap, (mp.mpf(found.time) * (1 - mp.mpf(10) ** -6), mp.mpf(found.time) * (1 + mp.mpf(10) ** -6)), solver="anderson")
+            around = [mp.mpf(found.time) * (1 + sign * mp.mpf(10) ** -6) for sign in (-1, 1)]
+            exact = mp.findroot(gap, around, solver="anderson")
             worst = max(worst, float(abs(found.time / exact - 1)))
     return worst
