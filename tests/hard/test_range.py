@@ -34,7 +34,8 @@ def test_energies_next_to_a_threshold():
     modes = SYSTEM.modes
     first, last = (0.5 * (modes.frequencies[k] / modes.contact_gap[0, k]) ** 2 for k in (0, 1))
     worst = 0.0
-    for name, threshold, sign, count in (("S13O00+", first, 1, 1), ("S11O00-", last, -1, 2), ("S11O00-", least, 1, 2), ("S11O00-", last, 1, 1)):
+    thresholds = (("S13O00+", first, 1, 1), ("S11O00-", last, -1, 2), ("S11O00-", least, 1, 2), ("S11O00-", last, 1, 1))
+    for name, threshold, sign, count in thresholds:
         h = threshold * (1.0 + sign * 1e-6)
         orbits = traced(name).orbits_at(energy=h)
         assert len(orbits) == count, (name, h)
@@ -65,7 +66,7 @@ def test_an_energy_of_1e12():
 
 
 @hard(
-    "an orbit of 2,000 impacts in a period, primitive: an impact oscillator beside a free one, 1000 of its half periods to 7 of the other's",
+    "an orbit of 2,000 impacts in a period, primitive: an impact oscillator beside a free one, 1000 of its half periods to 7 of the other",
     source="closed form: u1 = sin(w1 t)/sin(w1 a) between impacts 2 a apart, u2 = sin(w2 t)",
     limit=1e-11,
     what="velocities at the origin, relative; residual below 1e-12",
