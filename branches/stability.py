@@ -23,8 +23,8 @@ AGREED = 1e-6
 """How well the traces of the half map and of the saddle-point matrix agree, relative, where both are to be trusted."""
 
 FAR = 4.0
-"""|tau| beyond which an orbit is unstable where two methods agree so on it, though beside a grazing the rounding of its largest entry covers
-the smaller entries of the half map."""
+"""|tau| beyond which an orbit is unstable where two methods agree so on it, though beside a grazing the rounding of the largest entry of
+the half map covers the smaller ones."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ def forced_orbit(v, c=0.1, restitution=0.8, d=1.0):
 
 @hard(
     "a forced oscillator with a fold 2.9e-5 below its grazing: the orbit with one impact a period, and its least amplitude",
-    source="published: design.md section 9 (grazing at A = 0.1 exactly, fold at A = 0.099970753628); closed form of the orbit",
+    source="published: grazing at A = 0.1 exactly, fold at A = 0.099970753628; closed form of the orbit",
     limit=1e-12,
     what="A at the fold; impact speeds after a period, absolute",
 )
@@ -222,6 +222,28 @@ def test_touch_and_go(power):
     return float(abs(hit.time - exact)) * hit.speed
 
 
+@pytest.mark.parametrize("offset", [0.0, 1e-16, -1e-16, 1e-14, -1e-14, 1e-9, -1e-9])
+@hard(
+    "an impact at the very end of a flight: motions cut at each impact, and beside it by 1e-16, 1e-14, 1e-9, and taken up again",
+    source="closed form: u = 2 sin t against u <= 1, impacts at pi/6 + 4 pi k/3",
+    limit=1e-13,
+    what="times of ten impacts; each is met once",
+)
+def test_an_impact_at_the_end_of_a_flight(offset):
+    oscillator = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=1.0),))
+    exact = math.pi / 6.0 + 4.0 * math.pi / 3.0 * np.arange(10)
+    worst = 0.0
+    for k in range(10):
+        first = run(oscillator, [0.0], [2.0], float(exact[k] * (1.0 + offset)))
+        second = run(oscillator, first.final[:1], first.final[1:], float(exact[9] + 1.0 - first.duration))
+        assert first.status is second.status is RunStatus.DURATION_REACHED
+        times = np.concatenate([first.times, first.duration + second.times])
+        assert len(times) == 10 and not first.touches.any() and not second.touches.any(), (k, len(first.times), len(second.times))
+        assert len(first.times) == k + (offset > 1e-15) or abs(offset) < 1e-13
+        worst = max(worst, np.max(np.abs(times - exact)))
+    return worst
+
+
 def two_stops(coupling):
     """Two masses, each with its own stop, joined by a spring or not; the impulses do not act on each other."""
     stops = (Stop((1.0, 0.0), -1.0, 1.0, name="a"), Stop((0.0, 1.0), -0.8, 0.8, name="b"))
@@ -253,8 +275,11 @@ def both_at_once(system, alpha):
     what="velocities at the origin, relative; duration of the flight between, absolute",
 )
 def test_impacts_that_merge(coupling):
-    """Regular in the flight times; the run takes the two in turn where their impulses do not act on each other, and stops where they do.
-    The order of two such impacts says nothing, so such a family ends at once, with GR"""
+    """An elastic motion that hits both at one instant goes back the way it came, so the impacts are at one instant all along its family.
+
+    The equations are regular in the flight times; the run takes the two in turn where their impulses do not act on each other, and stops
+    where they do. The order of two such impacts says nothing, so such a family ends at once, with GR.
+    """
     system = two_stops(coupling)
     modes = system.modes
     problem = MultipointProblem(system, ("origin", "origin"), ("a+", "b+"))

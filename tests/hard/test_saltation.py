@@ -64,7 +64,7 @@ PUBLISHED = 0.203639654
 
 @hard(
     "an oscillator whose damping jumps from -0.1 to 0.3 at |x| = 1: without the jump term its multiplier would be 1",
-    source="published: design.md section 9 (0.203639654, and 1 exactly)",
+    source="published: 0.203639654, and 1 exactly",
     limit=5e-10,
     what="both multipliers, absolute; the published digits",
 )
