@@ -1,4 +1,4 @@
-"""What is said of a grazing: which flight touches which stop, which impact vanishes, which two merge.
+"""What is said of a grazing: which flight touches which stop, which impact vanishes, which two merge; and of what lies beyond one.
 
 Each function gives the stop's letter, the note, and ("touch", flight, time after its start), ("vanish", node, 0) or ("merge", flight, 0).
 """
@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["describe_merging", "describe_touch", "describe_vanishing"]
+__all__ = ["describe_merging", "describe_touch", "describe_vanishing", "unphysical"]
+
+BEYOND = 1e-8
+"""How far a solution of the equations may lie beyond a grazing, relative to gap, speed and period, and still count as the grazing orbit."""
 
 
 def describe_touch(problem: MultipointProblem, solution: Solution) -> dict[str, Any]:
@@ -44,3 +47,31 @@ def describe_merging(problem: MultipointProblem, solution: Solution) -> dict[str
     there = f"impact {flight + 1}" if flight < problem.inner else "the far end"
     note = f"{here} and {there} merge: the flight between them has no duration"
     return {"note": note, "graze": ("merge", flight, 0.0)}
+
+
+def unphysical(problem: MultipointProblem, solution: Solution) -> str | None:
+    """Why a solution of the equations is no orbit, in words; None where it is one: it passes beyond a stop, an impact pulls, or a flight
+    goes back in time.
+
+    Examples
+    --------
+    >>> from bvp import vibro_impact_nes
+    >>> from bvp.multipoint import MultipointProblem
+    >>> problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
+    >>> start = problem.modes.from_state @ [0.0, 0.0, 4.6, 8.3]
+    >>> unphysical(problem, problem.solve(problem.pack(start, [], [1.635]), quarter_period=1.635))
+    'flight 1 of 1 passes beyond stop - by 0.96 at 0.813044 after its start'
+    """
+    inner = problem.inner
+    if solution["clearance"] < -BEYOND:
+        at = describe_touch(problem, solution)
+        flight, time = at["graze"][1:]
+        depth = -solution["clearance"]
+        return f"flight {flight + 1} of {inner + 1} passes beyond stop {at['stop']} by {depth:.2g} at {time:.6g} after its start"
+    if solution["speed"] < -BEYOND * (2.0 * solution["energy"]) ** 0.5:
+        at = describe_vanishing(problem, solution)
+        return f"{at['note'].partition(' vanishes')[0]} would have to pull: its speed of approach is {solution['speed']:.2g}"
+    if solution["flight"] < -BEYOND * solution["quarter_period"]:
+        flight = int(solution["flight_index"])
+        return f"flight {flight + 1} of {inner + 1} goes back in time: it lasts {solution['flight']:.2g}"
+    return None

@@ -19,6 +19,13 @@ __all__ = ["Described", "describe", "impact_speeds"]
 GRAZING = 1e-8
 """An impact slower than this, relative to sqrt(2 h), grazes: multipliers are unbounded there and given as NaN."""
 
+AGREED = 1e-6
+"""How well the traces of the half map and of the saddle-point matrix agree, relative, where both are to be trusted."""
+
+FAR = 4.0
+"""|tau| beyond which an orbit is unstable where two methods agree so on it, though beside a grazing the rounding of the largest entry of
+the half map covers the smaller ones."""
+
 
 @dataclass(frozen=True, eq=False)
 class Described:
@@ -143,7 +150,8 @@ def _planar(
         factors = balance(problem, rate)
         a, b, c, d = (value * factor for value, factor in zip((a, b, c, d), factors, strict=True))
         stable = decide(a, b, c, d, entry("magnified"), problem.inner, entry("branching"))
-        agreed = np.abs(tau - trace) <= 1e-6 * (1.0 + np.abs(tau))
+        agreed = np.abs(tau - trace) <= AGREED * (1.0 + np.abs(tau))
+        stable = np.where((stable < 0) & agreed & (np.abs(tau) > FAR), 0, stable)
     bounded = ~grazing & np.isfinite(trace)
     largest = np.maximum(1.0, np.abs(multipliers[:, 0]))
     reliable = bounded & agreed & (trivial < TRIVIAL_LIMIT * largest) & (pairing < PAIRING_LIMIT)

@@ -12,6 +12,7 @@ import numpy as np
 from branches.branch import Branch, BranchEvent, Ended
 from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
+from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
 from bvp.multipoint import MultipointProblem
 from continuation.problem import Event, Point, Step
@@ -163,6 +164,13 @@ def follow_family(
     Returns
     -------
     Branch
+
+    Raises
+    ------
+    TraceError
+        For options that cannot be, and for a start that is no orbit, because it passes beyond a stop or an impact would have to pull.
+    RuntimeError
+        Where the family cannot be followed.
     """
     energy = check_energy(energy)
     if direction not in _SIGNS:
@@ -179,6 +187,10 @@ def follow_family(
         settings = Settings(**{**_fields(settings), "maximum_points": points})
     problem.refuse_drift()
     family = Family(problem, energy, quarter_period)
+    begin = start if isinstance(start, Step) else family.begin(np.asarray(start, dtype=float))
+    beyond = unphysical(problem, begin.extra) if begin.converged else None
+    if beyond is not None:
+        raise TraceError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
     collector = _Collector(problem, energy, on_event, on_point, sign)
     condition = None

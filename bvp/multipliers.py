@@ -20,6 +20,7 @@ from bvp.kernels.trivial import trivial_directions
 
 __all__ = [
     "GRAZING_LIMIT",
+    "TRIVIAL_LOST",
     "Multipliers",
     "Quality",
     "nearest_grazing",
@@ -43,6 +44,9 @@ GRAZING_LIMIT = 1e-13
 PAIRING_LIMIT = 1e-6
 TRIVIAL_LIMIT = 1e-8
 """What `reliable` asks for; the trivial directions count against the largest multiplier, which magnifies rounding."""
+
+TRIVIAL_LOST = 1.0
+"""Change of the trivial directions from which on the saltation product has lost the trivial multiplier: not one digit is left."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,32 @@ from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import scaled_arguments, sort_multipliers
 from bvp.system import ImpactSystem
 
-__all__ = ["monodromy", "reduced_monodromy", "saltation_matrix", "saltation_multipliers"]
+__all__ = ["monodromy", "reduced_monodromy", "saltation", "saltation_matrix", "saltation_multipliers"]
+
+
+def saltation(jump: np.ndarray, coming: np.ndarray, going: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """What crossing a surface makes of a perturbation: S = R + (f+ - R f-) g / (g . f-).
+
+    Parameters
+    ----------
+    jump : (N, N) float
+        R, the derivative of what the state becomes on the surface; the identity where only the flow changes.
+    coming, going : (N,) float
+        f- and f+, the flow before and behind it; g . f- is not 0.
+    gradient : (N,) float
+        g, the gradient of the surface.
+
+    Returns
+    -------
+    (N, N) float
+
+    Examples
+    --------
+    >>> saltation(np.eye(2), np.array([2.0, 0.0]), np.array([2.0, 1.0]), np.array([1.0, 0.0]))
+    array([[1. , 0. ],
+           [0.5, 1. ]])
+    """
+    return jump + np.outer(going - jump @ coming, gradient) / float(gradient @ coming)
 
 
 def saltation_matrix(system: ImpactSystem, contact: int, before: np.ndarray) -> np.ndarray:
@@ -49,10 +74,9 @@ def saltation_matrix(system: ImpactSystem, contact: int, before: np.ndarray) -> 
     impact = np.eye(before.size) - restitution * np.outer(modes.contact_push[contact], rate)
     flow_before = modes.matrix @ before
     flow_after = modes.matrix @ (impact @ before)
-    speed = float(gap @ flow_before)
-    if speed == 0.0:
+    if float(gap @ flow_before) == 0.0:
         raise ValueError(f"the impact on {modes.contact_letters[contact]!r} has zero speed: it has no saltation matrix")
-    return impact + np.outer(flow_after - impact @ flow_before, gap) / speed
+    return saltation(impact, flow_before, flow_after, gap)
 
 
 def monodromy(cycle: Cycle) -> np.ndarray:

@@ -64,9 +64,13 @@ def set_scale(segment, y, factor):
 
 
 @kernel
-def factorise(segment, y, factor):
+def factorise(segment, y, factor, displacement, velocity):
     """Factorise the Jacobian at y. Returns the sign of the determinant of R Q-wise (parity of reflections) for the test of
-    branch points, and the smallest diagonal entry of R relative to its column."""
+    branch points, and the smallest diagonal entry of R relative to its column.
+
+    displacement, velocity: their scales, from `set_scale`. The column of a closing condition counts at least as what it is a condition
+    of: where a mode goes by itself it is that mode's cosine alone, and a pivot relative to that would jump from -1 to 1 where the cosine
+    is zero."""
     fill(segment, y, factor)
     size = segment.matrix.shape[0]
     rows = size + 1
@@ -85,6 +89,11 @@ def factorise(segment, y, factor):
         for r in range(factor.closing.shape[1]):
             total += factor.closing[e, r] ** 2
         norms[k * rows + e] = total
+        if segment.shape[1] == 0:
+            total = 0.0
+            for r in range(size):
+                total += (segment.end_map[e, r] * (displacement if r < size // 2 else velocity)) ** 2
+            norms[k * rows + e] = max(norms[k * rows + e], total)
     reflections = eliminate(k, rows, start, closing_first, factor.window, factor.closing, factor.diagonal, factor.factor)
     sign = -1.0 if reflections % 2 else 1.0
     smallest = 1.0
@@ -177,7 +186,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
         return worst < 1e-12, 0, 0.0, worst
     for iteration in range(maximum):
         if fresh:
-            factorise(segment, y, factor)
+            factorise(segment, y, factor, displacement, velocity)
             if held:
                 null_vector(segment, factor, null)
         for j in range(residual.shape[0]):

@@ -4,7 +4,7 @@ from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
 from bvp.kernels.metric import Metric, constraint_row, locate, metric_direction
-from bvp.kernels.newton import correct, factorise, null_vector
+from bvp.kernels.newton import correct, factorise, null_vector, set_scale
 from bvp.kernels.result import (
     BRANCHING,
     CONTRACTION,
@@ -25,7 +25,8 @@ __all__ = ["end_states", "orbit_step"]
 def tangent_at(segment, y, factor, old_direction, metric, tangent, result):
     """Tangent at a solution y, of unit length in the metric and turned like `old_direction` (all zero: as it comes)."""
     unknowns = y.shape[0]
-    sign, smallest = factorise(segment, y, factor)
+    displacement, velocity, _ = set_scale(segment, y, factor)
+    sign, smallest = factorise(segment, y, factor, displacement, velocity)
     null_vector(segment, factor, tangent)
     energy, alpha = locate(segment, y, metric.position)
     change, length = metric_direction(segment, y, metric.position, energy, alpha, tangent, metric.direction)

@@ -155,14 +155,23 @@ def _doubts(branch: Branch) -> list[str]:
     import numpy as np
 
     # At grazing the multipliers have no bound, which the table tells; that is no doubt about their quality.
-    doubtful = ~branch.points["reliable"] & np.isfinite(branch.points["multipliers"]).all(axis=1)
-    if not doubtful.any():
-        return []
-    energies = branch.points["h"][doubtful]
-    return [
-        f"doubt  the multipliers of {doubtful.sum()} of {len(doubtful)} points are not reliable,"
-        f" between h = {energies.min():.8g} and {energies.max():.8g}: see quality in the files"
-    ]
+    from bvp.multipliers import TRIVIAL_LOST
+
+    points = branch.points
+    doubtful = ~points["reliable"] & np.isfinite(points["multipliers"]).all(axis=1)
+    lost = points["trivial"] >= TRIVIAL_LOST
+    lines = []
+    for which, of, what in (
+        (doubtful, "the multipliers", "are not reliable"),
+        (lost, "in products of saltation matrices the trivial multiplier", "is lost"),
+    ):
+        if which.any():
+            energies = points["h"][which]
+            lines.append(
+                f"doubt  {of} of {which.sum()} of {len(which)} points {what},"
+                f" between h = {energies.min():.8g} and {energies.max():.8g}: see quality in the files"
+            )
+    return lines
 
 
 def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:

@@ -71,6 +71,8 @@ def describe(orbit: Orbit) -> list[str]:
     -------
     list of str
     """
+    from bvp.multipliers import TRIVIAL_LOST
+
     values = {"tau": orbit.tau, "tau_half": orbit.tau_half}
     traces = "".join(f"  {name} = {value:.10g}" for name, value in values.items() if math.isfinite(value))
     lines = [
@@ -84,6 +86,8 @@ def describe(orbit: Orbit) -> list[str]:
     reliable = "reliable" if quality["reliable"] else "NOT RELIABLE"
     trivial, pairing = quality["trivial"], quality["pairing"]
     lines.append(f"quality  {reliable}  trivial {trivial:.1e}  pairing {pairing:.1e}  residual {orbit.residual:.1e}")
+    if trivial >= TRIVIAL_LOST:
+        lines.append("doubt    a product of saltation matrices loses the trivial multiplier; those above are of the saddle-point matrix")
     lines.append(f"impacts  {len(orbit.impacts)} in a period")
     lines.append(f"{'time':>20}  stop  {'speed':>20}")
     lines += [f"{impact.time:20.14g}  {impact.stop:<4}  {impact.speed:20.14g}" for impact in orbit.impacts]

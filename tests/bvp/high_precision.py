@@ -36,19 +36,33 @@ class Exact:
         self.segment = problem.segment
         self.squares = [mpmath.mpf(float(w)) for w in problem.modes.squares]
         self.y = [mpmath.mpf(float(v)) for v in solution.y]
-        held = int(np.argmax(np.abs(solution.tangent[: problem.unknowns])))
-        free = [j for j in range(problem.unknowns) if j != held]
-        jacobian = problem.jacobian(solution.y)[:, free]
+        self.held = int(np.argmax(np.abs(solution.tangent[: problem.unknowns])))
+        self.free = [j for j in range(problem.unknowns) if j != self.held]
+        self.jacobian = problem.jacobian(solution.y)[:, self.free]
+        self.refine(rounds)
+
+    def refine(self, rounds=5):
+        """Newton's corrections with the derivative of the start, which gain some fourteen digits each beside it."""
         for _ in range(rounds):
             residual = self.residual()
             size = max(abs(r) for r in residual)
             if size == 0:
                 break
             scaled = np.array([float(r / size) for r in residual])
-            update = np.linalg.solve(jacobian, scaled)
-            for j, value in zip(free, update, strict=True):
+            update = np.linalg.solve(self.jacobian, scaled)
+            for j, value in zip(self.free, update, strict=True):
                 self.y[j] -= mpmath.mpf(float(value)) * size
         self.left = max(abs(r) for r in self.residual())
+
+    def move(self, value, rounds=12):
+        """Along the family to where the held unknown has a value near that of the start."""
+        self.y[self.held] = value
+        self.refine(rounds)
+
+    def energy(self):
+        """h of the start."""
+        z, n = self.start(), len(self.squares)
+        return mpmath.fsum(square * q * q + p * p for square, q, p in zip(self.squares, z[:n], z[n:], strict=True)) / 2
 
     def start(self):
         segment = self.segment

@@ -21,7 +21,7 @@ def ball(restitution, k=0.0, c=0.0, lower=0.0):
     return ImpactSystem([[1.0]], [[c]], [[k]], (Stop((1.0,), lower, restitution=restitution),))
 
 
-@pytest.mark.parametrize("restitution", [0.01, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
+@pytest.mark.parametrize("restitution", [0.01, 0.3, 0.5, 0.7, 0.9, 0.99])
 @pytest.mark.parametrize("gravity", [1.0, 9.81])
 def test_chatter_accumulates_at_its_closed_form_time(restitution, gravity):
     """A particle under constant load: the first impact with v = sqrt(2 g h), rest 2 v r/(g (1 - r)) after it; all energy goes to the

@@ -432,6 +432,15 @@ def test_multipliers_that_are_not_reliable_are_told(monkeypatch):
     assert code == 0 and "NOT RELIABLE" in err
 
 
+def test_lost_trivial_multipliers_are_told(monkeypatch):
+    """Oracle: the quality of the points; none is lost here, so the limit is lowered for the test."""
+    monkeypatch.setattr("bvp.multipliers.TRIVIAL_LOST", 1e-30)
+    code, data, err = told("continue", "S13O00+", "--energy", "0.2:0.31")
+    lost = sum(point["quality"]["trivial"] >= 1e-30 for point in data["points"])
+    assert code == 0 and lost > 10
+    assert f"the trivial multiplier of {lost} of {len(data['points'])} points is lost, between h = 0.2" in err
+
+
 @pytest.mark.parametrize("words", ["--mu 1e300", "--sigma 1e300", "--mu 1e-12", "--sigma 1e-300", "--sigma 1e-320"])
 def test_absurd_systems_give_one_line_or_an_answer(words):
     """Oracle: the exit code, and one line on standard error where there is no answer."""
