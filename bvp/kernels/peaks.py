@@ -19,7 +19,7 @@ FRUITLESS = 2
 """Such searches after which time is made to pass."""
 
 PAUSE = 1e-3
-"""That time, in radians of the motion. Rate and two derivatives are zero to rounding at its begin, so that |u| can exceed its values at both
+"""That time, in radians. Rate and two derivatives are zero to rounding at its begin, so that |u| can exceed its values at both
 ends by no more than a part 1e-13 of its amplitude."""
 
 
