@@ -15,7 +15,7 @@ from bvp.kernels.multipoint import evaluate, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp import backbone
+from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection

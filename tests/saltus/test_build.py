@@ -7,8 +7,8 @@ import pytest
 
 import saltus
 from saltus.__main__ import main
+from saltus.bench.closed_form import Backbone
 from saltus.progress import ProgressBar
-from tests.branches.closed_form import Backbone
 
 SMALL = "--energy 0.06:0.4 --max-quarter-period 1.9 --max-impacts 2"
 
