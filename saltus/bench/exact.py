@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from bvp.saltation import saltation_multipliers
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.breakdown import breakdown
 from saltus.bench.following import BareFamily, timed_runs
+from saltus.bench.methods import Work
 from saltus.bench.tasks import LocateTask, OrbitTask, RunTask, Task
 
 __all__ = ["EXACT", "Saltus"]
@@ -61,11 +61,27 @@ class Saltus:
         """See `saltus.bench.methods.Method`."""
         return (None,)
 
-    def prepare(self, task: Task, setting: float | None) -> Callable[[], Answer]:
+    def prepare(self, task: Task, setting: float | None) -> Work:
         """See `saltus.bench.methods.Method`."""
         if isinstance(task, OrbitTask):
-            return lambda: self._follow(task)
-        return (lambda: _run(task)) if isinstance(task, RunTask) else (lambda: _locate(task))
+            return Work(lambda: self._one(task), lambda: self._follow(task))
+        return Work((lambda: _run(task)) if isinstance(task, RunTask) else (lambda: _locate(task)))
+
+    def _multipliers(self, task: OrbitTask, solutions: list[Solution]) -> list[np.ndarray | None]:
+        """Multipliers of solutions, by this route."""
+        if self.route == "none":
+            return [None] * len(solutions)
+        if self.route == "half map":
+            return list(describe(task.problem, solutions).columns["multipliers"])
+        cycles = [cycle_of(task.problem, solution.y) for solution in solutions]
+        if self.route == "saltation":
+            return [saltation_multipliers(cycle) for cycle in cycles]
+        return [saddle_point_multipliers(cycle).values for cycle in cycles]
+
+    def _one(self, task: OrbitTask) -> Answer:
+        """The orbit alone, from a start value."""
+        solution = task.problem.solve(task.guess(), quarter_period=task.alpha)
+        return Answer(orbits=tuple(_answers(task, [solution], self._multipliers(task, [solution]))))
 
     def _follow(self, task: OrbitTask) -> Answer:
         problem, y = task.problem, task.unknowns()
@@ -74,18 +90,10 @@ class Saltus:
         solutions: list[Solution] = [step.extra for step in runs[0].steps]
         seconds = min(run.clean_point for run in runs)
         chosen = sorted({(len(solutions) * part) // LOOKED_AT - 1 for part in range(1, LOOKED_AT + 1)} - {-1})
-        multipliers: list[np.ndarray | None]
-        if self.route == "none":
-            multipliers = [None] * len(solutions)
-        elif self.route == "half map":
-            multipliers = list(describe(problem, solutions).columns["multipliers"])
-        else:
-            began = time.perf_counter()
-            cycles = [cycle_of(problem, solution.y) for solution in solutions]
-            if self.route == "saltation":
-                multipliers = [saltation_multipliers(cycle) for cycle in cycles]
-            else:
-                multipliers = [saddle_point_multipliers(cycle).values for cycle in cycles]
+        began = time.perf_counter()
+        multipliers = self._multipliers(task, solutions)
+        if self.route in ("saddle point", "saltation"):
+            # Those of the half map are in every point already.
             seconds += (time.perf_counter() - began) / len(solutions)
         layers = None
         if self.layers:
@@ -94,14 +102,19 @@ class Saltus:
                 "compiled": parts.compiled, "entering": parts.entering, "family": parts.family, "engine": parts.engine,
                 "total": parts.total.least,
             }  # fmt: skip
-        orbits = [
-            OrbitAnswer(
-                problem.quarter_period(solutions[i].y), solutions[i]["energy"], task.start_velocities(solutions[i].y),
-                np.cumsum(problem.flight_times(solutions[i].y))[:-1], multipliers[i], solutions[i].y,
-            )
-            for i in chosen
-        ]  # fmt: skip
+        orbits = _answers(task, [solutions[i] for i in chosen], [multipliers[i] for i in chosen])
         return Answer(len(solutions), seconds, tuple(orbits), layers=layers)
+
+
+def _answers(task: OrbitTask, solutions: list[Solution], multipliers: list[np.ndarray | None]) -> list[OrbitAnswer]:
+    problem = task.problem
+    return [
+        OrbitAnswer(
+            problem.quarter_period(solution.y), solution["energy"], task.start_velocities(solution.y),
+            np.cumsum(problem.flight_times(solution.y))[:-1], values, solution.y,
+        )
+        for solution, values in zip(solutions, multipliers, strict=True)
+    ]  # fmt: skip
 
 
 def _run(task: RunTask) -> Answer:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from bvp.multipliers import sort_multipliers
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.fixed_period import Integrator, PeriodShooting
+from saltus.bench.methods import Work
 from saltus.bench.shooting import ShootingError
 from saltus.bench.tasks import LocateTask, OrbitTask, RunTask, Task, Wanted
 
@@ -51,17 +51,17 @@ class Shooting:
         """See `saltus.bench.methods.Method`."""
         return tolerances
 
-    def prepare(self, task: Task, setting: float | None) -> Callable[[], Answer]:
+    def prepare(self, task: Task, setting: float | None) -> Work:
         """See `saltus.bench.methods.Method`."""
         assert setting is not None
         if isinstance(task, OrbitTask):
             integrator = Integrator(task.system, self.integrator, setting)
             velocities = task.start_velocities(task.guess())
-            return lambda: _orbit(task, integrator, velocities)
+            return Work(lambda: _orbit(task, integrator, velocities))
         if isinstance(task, RunTask):
             moving = Integrator(task.system, self.integrator, setting)
-            return lambda: _run(task, moving)
-        return lambda: _locate(task, self.integrator, setting)
+            return Work(lambda: _run(task, moving))
+        return Work(lambda: _locate(task, self.integrator, setting))
 
 
 def _orbit(task: OrbitTask, integrator: Integrator, velocities: np.ndarray) -> Answer:

@@ -1,17 +1,34 @@
 """What a method is to the bench, and the methods by name.
 
-A method is asked for a task and a setting of its ladder, and gives a function that does the work once; whoever asks measures it.
+A method is asked for a task and a setting of its ladder, and gives the work; whoever asks does it, and measures it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 from saltus.bench.answers import Answer
 from saltus.bench.tasks import Task
 
-__all__ = ["Method", "methods"]
+__all__ = ["Method", "Work", "methods"]
+
+
+@dataclass(frozen=True)
+class Work:
+    """What does a task.
+
+    Attributes
+    ----------
+    once : callable
+        Does it once: measured from outside, by its time divided by the points of its answer.
+    measured : callable or None
+        For a method that follows a family: does it for many points and measures the time of one itself.
+    """
+
+    once: Callable[[], Answer]
+    measured: Callable[[], Answer] | None = None
 
 
 class Method(Protocol):
@@ -39,8 +56,8 @@ class Method(Protocol):
     def ladder(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
         """Its settings, loose to tight, out of the tolerances asked for; (None,) for a method that works to rounding error."""
 
-    def prepare(self, task: Task, setting: float | None) -> Callable[[], Answer]:
-        """What does the task once."""
+    def prepare(self, task: Task, setting: float | None) -> Work:
+        """The work of a task at a setting."""
 
 
 def methods() -> dict[str, Method]:

@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any
 
 from saltus.bench.answers import Answer
+from saltus.bench.methods import Work
 from saltus.errors import exit_code, one_line
 from saltus.executors import end_with_the_parent
 from saltus.threads import one_thread
@@ -51,7 +52,7 @@ class Worker:
     Parameters
     ----------
     prepare : callable
-        Takes a task, a setting; returns what does the work once. It is sent to the process, so it is a function of a module or a method of
+        Takes a task and a setting; returns the work. It is sent to the process, so it is a function of a module or a method of
         such an object.
     task : object
         The task, which is sent too.
@@ -59,7 +60,7 @@ class Worker:
         Seconds for which the work is repeated.
     """
 
-    def __init__(self, prepare: Callable[[Any, Any], Callable[[], Answer]], task: Any, repeat: float) -> None:
+    def __init__(self, prepare: Callable[[Any, Any], Work], task: Any, repeat: float) -> None:
         one_thread()
         context = multiprocessing.get_context("spawn")
         self._connection, there = context.Pipe()
@@ -96,9 +97,7 @@ class Worker:
         self._connection.close()
 
 
-def _serve(
-    connection: Connection, prepare: Callable[[Any, Any], Callable[[], Answer]], task: Any, repeat: float, began: float
-) -> None:
+def _serve(connection: Connection, prepare: Callable[[Any, Any], Work], task: Any, repeat: float, began: float) -> None:
     """Do what is asked for until the parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=end_with_the_parent, daemon=True).start()
@@ -117,21 +116,25 @@ def _serve(
             connection.send(one_line(error))
 
 
-def _measured(work: Callable[[], Answer], repeat: float, began: float | None) -> Timed:
-    """Do a work until its time is up, the first time apart."""
-    once = time.perf_counter()
+def _measured(work: Work, repeat: float, began: float | None) -> Timed:
+    """Do a work until its time is up; in a fresh process the first time, which loads what is needed, does not count."""
+    answer, once = _once(work.once)
+    first = None if began is None else time.monotonic() - began
+    if work.measured is not None:
+        answer = work.measured()
+        assert answer.seconds is not None
+        return Timed(answer, answer.seconds, first, most_memory(), 1)
+    times = [once] if began is None else []
+    while not times or (times[0] <= repeat and (len(times) < _LEAST or sum(times) < repeat)):
+        answer, once = _once(work.once)
+        times.append(once)
+    return Timed(answer, min(times) / answer.points, first, most_memory(), len(times))
+
+
+def _once(work: Callable[[], Answer]) -> tuple[Answer, float]:
+    began = time.perf_counter()
     answer = work()
-    now = time.monotonic()
-    times = [time.perf_counter() - once]
-    memory = most_memory()
-    spent = times[0] if times[0] > repeat else 0.0
-    while spent < repeat or (len(times) < _LEAST and times[0] <= repeat):
-        again = time.perf_counter()
-        answer = work()
-        times.append(time.perf_counter() - again)
-        spent += times[-1]
-    seconds = min(times) / answer.points if answer.seconds is None else answer.seconds
-    return Timed(answer, seconds, None if began is None else now - began, memory, len(times))
+    return answer, time.perf_counter() - began
 
 
 def most_memory() -> int | None:
