@@ -3,7 +3,8 @@
 The unknowns are the velocities at the origin. The motion is integrated with its variational equations, with events on the gap and the
 saltation matrix at each impact, so that Newton's matrix and the multipliers are as good as the integration. The last flight of the
 segment runs to its end without events; there the condition of the end is asked for. No bound stands behind the events: an impact between
-two steps of the integrator is missed.
+two steps of the integrator is missed. Its steps are kept to a part of the fastest mode's period, as a careful user would: without that,
+it loses impacts of these orbits.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ __all__ = ["Integrator", "PeriodShooting", "Shot"]
 
 CORRECTIONS = 15
 LATEST = 100.0
+
+STEPS = 32
+"""Steps of the integrator in a period of the fastest mode, at least. With 16, DOP853 passes over an impact of the tasks that is shallow."""
 
 
 class Integrator:
@@ -41,6 +45,7 @@ class Integrator:
         self.system, self.method, self.rtol, self.n = system, method, rtol, n
         inverse = np.linalg.inv(system.mass)
         self.matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ system.stiffness, -inverse @ system.damping]])
+        self.longest_step = 2.0 * np.pi / (STEPS * float(np.max(np.abs(np.linalg.eigvals(self.matrix)))))
         self.gap = np.array(stop.gap)
         self.bounds = (float(stop.lower), float(stop.upper))
         push = inverse @ self.gap
@@ -63,7 +68,7 @@ class Integrator:
 
         for event in (lower, upper):
             event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
-        options: dict[str, Any] = {}
+        options: dict[str, Any] = {"max_step": self.longest_step}
         if self.method in ("Radau", "BDF"):
             options["jac"] = np.kron(matrix, np.eye(shape[1]))
         elif self.method == "LSODA":
