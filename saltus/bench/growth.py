@@ -88,9 +88,9 @@ def _point(against: str, value: int, problem: MultipointProblem, y: np.ndarray, 
 
 
 def _least(work: Callable[[], object], repeat: float) -> float:
-    """Least time of a work that is repeated for so long, three times at least."""
+    """Least time of a work that is repeated for so long, five times at least."""
     times: list[float] = []
-    while len(times) < 3 or sum(times) < repeat:
+    while len(times) < 5 or sum(times) < repeat:
         began = time.perf_counter()
         work()
         times.append(time.perf_counter() - began)

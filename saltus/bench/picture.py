@@ -82,6 +82,8 @@ def draw_growth(path: Path, rows: Sequence[Row]) -> None:
         Those with `growth` are drawn.
     """
     with picture_settings():
+        from matplotlib.ticker import NullFormatter
+
         figure = new_figure(2.6)
         panels = figure.subplots(1, 3)
         for panel, against in zip(panels, ("impacts", "degrees of freedom"), strict=False):
@@ -93,22 +95,25 @@ def draw_growth(path: Path, rows: Sequence[Row]) -> None:
                 ("saddle_point", VERMILION, "^", "saddle-point multipliers"),
             ):
                 panel.loglog(values, [1e6 * row[key] for row in own], color=colour, marker=marker, markersize=3.5, label=label)
-            if own:
+            if own and against == "impacts":
                 # A guide of slope one through the last point.
                 last = own[-1]
                 panel.loglog(
                     values, [1e6 * last["seconds"] * value / last["value"] for value in values], color=BLACK, linestyle=":", linewidth=0.7,
                     label="linear",
                 )  # fmt: skip
+            panel.xaxis.set_minor_formatter(NullFormatter())
+            panel.set_xticks(*2 * [[value for value in (1, 2, 5, 10, 20, 50, 100, 1000) if values and values[0] <= value <= values[-1]]])
             panel.set_xlabel(f"{'inner ' * (against == 'impacts')}{against}")
             panel.set_ylabel("microseconds a point")
         own = [row for row in rows if row.get("growth") == "quarter period"]
         panels[2].semilogy([row["value"] for row in own], [row["seconds"] for row in own], color=BLUE, marker="o", markersize=3.5)
         for row in own:
             panels[2].annotate(
-                f"{row['orbits']}", (row["value"], row["seconds"]), xytext=(3, -8), textcoords="offset points", fontsize=6.5
+                f"{row['orbits']}", (row["value"], row["seconds"]), xytext=(0, 5), textcoords="offset points", fontsize=6.5, ha="center"
             )
         panels[2].set_xlabel("longest quarter period")
         panels[2].set_ylabel("seconds of a discovery (orbits found)")
+        panels[2].margins(y=0.2)
         panels[0].legend(frameon=False)
         figure.savefig(path)
