@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, repeat
 from pathlib import Path
 from typing import IO, Any
 
@@ -96,11 +97,11 @@ def rows_of(
 
 def _ladder(task: Task, method: Method, effort: Effort, say: Callable[[str], object]) -> Iterator[Row]:
     with Worker(method.prepare, task, effort.repeat) as worker:
-        for setting in method.ladder(effort.tolerances):
+        for fresh, setting in zip(chain((True,), repeat(False)), method.ladder(effort.tolerances), strict=False):
             say(f"{task.name}, {method.name}" + ("" if setting is None else f", {method.setting} {setting:.0e}"))
             head: Row = {"task": task.name, "method": method.name, "setting": setting}
             try:
-                timed = worker.do(setting, effort.limit)
+                timed = worker.do(setting, effort.limit + (effort.start if fresh else 0.0))
             except Failed as failure:
                 nothing = dict.fromkeys(("seconds", "first", "memory", "points", "repeats", "layers"))
                 yield {**head, **nothing, "errors": Errors()._asdict(), "failed": str(failure)}
