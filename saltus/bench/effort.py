@@ -43,14 +43,15 @@ class Effort:
 
 
 FULL = Effort(
-    "full", None, None, tuple(10.0**-k for k in range(3, 14)), 0.5, 60.0, 300.0,
+    "full", None, None, tuple(10.0**-k for k in range(3, 14, 2)), 0.3, 60.0, 300.0,
     (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000), (2, 3, 5, 8, 12, 20, 32, 50), (1.8, 2.5, 3.2, 4.0, 5.1),
 )  # fmt: skip
 """The figures of the page."""
 
 QUICK = Effort(
     "quick", ("S13O00+", "U8353-", "S11O00-", "located"),
-    ("saltus", "saltus, saddle-point matrix", "saltus, saltation product", "solve_ivp DOP853", "nonsmooth time (the paper's)"),
+    ("saltus", "saltus, saddle-point matrix", "saltus, saltation product", "solve_ivp DOP853", "nonsmooth time (the paper's)",
+     "solve_bvp", "AUTO-07p"),
     (1e-4, 1e-8, 1e-12), 0.05, 30.0, 300.0, (1, 8, 64, 1000), (2, 8, 50), (1.8, 3.2),
 )  # fmt: skip
 """Below a minute on a machine with nothing else to do and compiled code on disk."""

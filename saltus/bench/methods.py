@@ -64,7 +64,7 @@ def methods() -> dict[str, Method]:
     """All methods by name, in the order in which they are done."""
     from saltus.bench.exact import EXACT
     from saltus.bench.integrators import INTEGRATORS
-    from saltus.bench.nonsmooth import NONSMOOTH
+    from saltus.bench.peers import PEERS
 
-    known: tuple[Method, ...] = (*EXACT, *INTEGRATORS, *NONSMOOTH)
+    known: tuple[Method, ...] = (*EXACT, *INTEGRATORS, *PEERS)
     return {method.name: method for method in known}

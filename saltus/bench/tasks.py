@@ -223,14 +223,11 @@ class LocateTask:
         return _located(self)
 
     def errors(self, answer: Answer) -> Errors:
-        """The largest of those of the quarter periods and the energies."""
-        worst = 0.0
+        """The largest of those of the quarter periods and the energies, of the points that are given."""
+        exact = self.exact()
         with mp.workdps(CLOSED_DIGITS):
-            for name, exact in self.exact().items():
-                if name not in answer.located:
-                    return Errors()
-                worst = max(worst, *(relative(a, b) for a, b in zip(answer.located[name], exact, strict=True)))
-        return Errors(located=worst)
+            found = [relative(a, b) for name, pair in answer.located.items() for a, b in zip(pair, exact[name], strict=True)]
+        return Errors(located=max(found, default=None))
 
 
 @cache

@@ -8,7 +8,7 @@ import pytest
 from bvp.cycle import cycle_of
 from bvp.nonsmooth_time import TOLERANCE, NotMatched, solve_nonsmooth_time
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp import backbone
+from saltus.bench import backbone
 from tests.bvp.orbits import chain, collection
 
 ALPHA = 1.7

@@ -24,7 +24,7 @@ from saltus.bench.fixed_period import Integrator, PeriodShooting
 from saltus.bench.growth import chain, growth, physical_period
 from saltus.bench.integrators import INTEGRATORS
 from saltus.bench.methods import methods
-from saltus.bench.nonsmooth import NONSMOOTH
+from saltus.bench.peers import PEERS
 from saltus.bench.report import best_rows, tables
 from saltus.bench.tasks import IN_PHASE, OUT_OF_PHASE, TASKS, OrbitTask
 from saltus.commands.bench import DATA, FILES, GROWTH, PRECISION, ROWS, bench
@@ -179,7 +179,7 @@ def test_shooting_finds_a_wrong_saltation_matrix():
 
 def test_the_nonsmooth_method_comes_nearer_with_its_matching():
     """Oracle: the closed form; at the paper's matching of 1e-6 the energy is right to a hundred times that."""
-    (method,) = NONSMOOTH
+    method = PEERS[0]
     loose, tight = (IN_PHASE.errors(method.prepare(IN_PHASE, tolerance).once()) for tolerance in (1e-4, 1e-6))
     assert loose.multipliers is None and tight.energy < 1e-4 and tight.energy < loose.energy < 1e-2
 
@@ -194,7 +194,11 @@ def test_errors_see_what_is_wrong():
     wrong = IN_PHASE.errors(Answer(orbits=(OrbitAnswer(1.65, 1.001 * float(exact.h), velocities * 1.01, None, multipliers * 1.1),)))
     assert wrong[:3] == pytest.approx((1e-2, 1e-3, 1e-1), rel=1e-6)
     assert multiplier_error(multipliers[:1], exact.multipliers) == float("inf")
-    assert TASKS["located"].errors(Answer(located={"SN": (1.0, 1.0)})).located is None
+    located = TASKS["located"]
+    alpha, h = (float(x) for x in located.exact()["SN"])
+    assert located.errors(Answer()).located is None
+    assert located.errors(Answer(located={"SN": (alpha, h)})).located < 1e-15
+    assert located.errors(Answer(located={"SN": (alpha, h), "SB": (1.001 * float(located.exact()["SB"][0]), 1.0)})).located > 1e-3
 
 
 def test_efforts_name_what_there_is():

@@ -9,10 +9,9 @@ import pytest
 
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench import auto
+from saltus.bench import auto, backbone
 from saltus.bench.auto import Auto, AutoError, AutoSettings, constants_text, missing, read_run, start_text
-from tests.branches.closed_form import Backbone
-from tests.bvp import backbone
+from saltus.bench.closed_form import Backbone
 from tests.bvp.orbits import backbone_segment, collection
 
 STORED = Path(__file__).parent / "auto_output"

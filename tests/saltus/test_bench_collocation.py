@@ -5,8 +5,8 @@ import pytest
 
 from bvp.multipoint import MultipointProblem
 from bvp.system import vibro_impact_nes
+from saltus.bench import backbone
 from saltus.bench.collocation import CollocationError, _Segments, solve_collocation
-from tests.bvp import backbone
 from tests.bvp.orbits import backbone_segment, collection
 
 NEAR = 4.9065 * 0.9999
