@@ -15,6 +15,9 @@ Row = dict[str, Any]
 ERRORS = ("orbit", "energy", "multipliers", "located")
 """The kinds of error."""
 
+DIGITS = (1e-3, 1e-6, 1e-9, 1e-12)
+"""Errors for which the fastest setting is looked for."""
+
 OWN = "saltus"
 """The method that the others' times are divided by."""
 
@@ -38,8 +41,10 @@ def best_rows(rows: Sequence[Row], task: str) -> list[Row]:
 
 
 def tables(rows: Sequence[Row], tasks: Sequence[Task], setting_names: dict[str, str]) -> list[Table]:
-    """A table for each task, one for growth, and one of layers."""
+    """A table for each task, then what each digit costs, layers, and growth."""
     out = [_task(rows, task, setting_names) for task in tasks if any(row.get("task") == task.name for row in rows)]
+    if out:
+        out.append(_digits(rows, tasks))
     layers = [row for row in rows if row.get("layers")]
     if layers:
         out.append(_layers(layers))
@@ -83,6 +88,25 @@ def _task(rows: Sequence[Row], task: Task, setting_names: dict[str, str]) -> Tab
     )  # fmt: skip
 
 
+def _digits(rows: Sequence[Row], tasks: Sequence[Task]) -> Table:
+    """Microseconds a point of the fastest setting of each method that has an error, in orbit, energy and located points."""
+    cells = []
+    for task in tasks:
+        own = [row for row in rows if row.get("task") == task.name and row["seconds"] is not None and worst(row) is not None]
+        for method in dict.fromkeys(row["method"] for row in own):
+            times = []
+            for error in DIGITS:
+                good = [row["seconds"] for row in own if row["method"] == method and worst(row) <= error]  # type: ignore[operator]
+                times.append(number(1e6 * min(good)) if good else "-")
+            cells.append((task.name, method, *times))
+    return Table(
+        "What each digit costs: microseconds a point for an error of",
+        ("task", "method", *(f"{error:.0e}" for error in DIGITS)),
+        cells,
+        ("The fastest setting whose errors of orbit, energy and located points are all below; - where no setting is.",),
+    )
+
+
 def _error(value: float | None) -> str:
     return "-" if value is None else number(value, 2)
 
@@ -97,7 +121,11 @@ def _layers(rows: Sequence[Row]) -> Table:
         "Where the microseconds of a point go",
         ("task", *rows[0]["layers"], "not compiled"),
         cells,
-        ("Compiled: arithmetic. Entering: the way into compiled code and back. Family, engine: Python between the steps.",),
+        (
+            "Compiled: arithmetic. Entering: the way into compiled code and back. Family, engine: Python between the steps.",
+            "The total is that of points without an event on their way, the inner layers are those of all blocks: where events are",
+            "many, the engine comes out negative.",
+        ),
     )
 
 

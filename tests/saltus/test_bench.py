@@ -293,7 +293,10 @@ def test_a_bench_that_is_ended_from_outside_keeps_its_rows(tmp_path, ending):
     """Oracle: a process of its own, ended after its first row: the rows are there, and none of its workers stays."""
     words = [sys.executable, "-m", "saltus", "bench", "--quick", "--out", str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": str(Path(saltus.__file__).parents[1])}
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    process = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background have it ignored
+    )  # fmt: skip
     rows, patience = tmp_path / ROWS, time.monotonic() + 300.0
     while not (rows.exists() and rows.read_text().count("\n") >= 1):
         assert process.poll() is None and time.monotonic() < patience
@@ -335,7 +338,8 @@ def test_each_method_stands_in_the_table_at_its_least_error():
         row("b", 1e-3, None, None, "not done in 3 s"),
     ]  # fmt: skip
     assert [(best["method"], best["setting"]) for best in best_rows(rows, "S13O00+")] == [("saltus", None), ("a", 1e-9), ("b", 1e-3)]
-    (table,) = tables(rows, [IN_PHASE], {"a": "rtol", "b": "rtol"})
+    table, digits = tables(rows, [IN_PHASE], {"a": "rtol", "b": "rtol"})
+    assert [cells[1:] for cells in digits.rows] == [("saltus", *["10"] * 4), ("a", "1000000", "2000000", "-", "-")]
     own, a, b = table.rows
     assert own[2] == "10" and a[1] == "rtol 1e-09" and a[table.columns.index("to saltus")] == "200000"
     assert b[2] == "not done in 3 s"
