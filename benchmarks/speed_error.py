@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import sys
 from pathlib import Path
 
+from saltus.bench.methods import methods
+from saltus.bench.picture import draw_growth, draw_work_precision
+from saltus.bench.report import page_text, tables
 from saltus.bench.tables import PageError, check_page, write_page
-from saltus.commands.bench import DATA, GROWTH, PAGE, PRECISION
+from saltus.bench.tasks import TASKS
+from saltus.commands.bench import DATA, GROWTH, PRECISION
 
 __all__ = ["fill", "main"]
 
@@ -30,17 +33,18 @@ def fill(results: Path, page: Path) -> None:
     """
     check_page(page)
     try:
-        effort = json.loads((results / DATA).read_text(encoding="utf-8"))["effort"]
-        text = (results / PAGE).read_text(encoding="utf-8")
+        record = json.loads((results / DATA).read_text(encoding="utf-8"))
     except OSError as error:
         raise PageError(f"cannot read the results in {results}: {error.strerror}") from error
-    if effort != "full":
-        raise PageError(f"{results} has the results of a {effort} bench; the page shows those of a full one")
+    if record["effort"] != "full":
+        raise PageError(f"{results} has the results of a {record['effort']} bench; the page shows those of a full one")
     images = page.resolve().parent / "images"
     images.mkdir(exist_ok=True)
-    for name in (PRECISION, GROWTH):
-        shutil.copyfile(results / name, images / name)
-    write_page(page, text)
+    tasks = list(TASKS.values())
+    draw_work_precision(images / PRECISION, record["rows"], tasks)
+    draw_growth(images / GROWTH, record["rows"])
+    settings = {name: method.setting for name, method in methods().items()}
+    write_page(page, page_text(record, tables(record["rows"], tasks, settings)))
 
 
 def main(words: list[str] | None = None) -> int:

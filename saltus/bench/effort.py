@@ -43,7 +43,7 @@ class Effort:
 
 
 FULL = Effort(
-    "full", None, None, tuple(10.0**-k for k in range(3, 14, 2)), 0.3, 60.0, 300.0,
+    "full", None, None, tuple(10.0**-k for k in range(3, 14, 2)), 0.3, 30.0, 300.0,
     (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000), (2, 3, 5, 8, 12, 20, 32, 50), (1.8, 2.5, 3.2, 4.0, 5.1),
 )  # fmt: skip
 """The figures of the page."""

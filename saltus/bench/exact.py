@@ -24,7 +24,7 @@ from saltus.bench.tasks import LocateTask, OrbitTask, RunTask, Task
 __all__ = ["EXACT", "Saltus"]
 
 POINTS = 32
-RUNS = 5
+RUNS = 25
 LOOKED_AT = 4
 """Points of a run, runs, and points whose error is measured: the last of so many parts of the run."""
 

@@ -127,7 +127,7 @@ class Auto07p:
         return Work(lambda: _auto(task, intervals, timed=False), lambda: _auto(task, intervals, timed=True))
 
 
-INTERVALS = (1.0, 2.0, 4.0, 8.0)
+INTERVALS = (1.0, 2.0, 4.0)
 LONG, SHORT = 600, 100
 """Points of the runs whose difference in time is divided by that of their points, for one flight; of k flights it is a k-th part."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from branches.diagram.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, new_figure, picture_settings
-from saltus.bench.report import worst
+from saltus.bench.report import OWN, worst
 from saltus.bench.tasks import Task
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ __all__ = ["draw_growth", "draw_work_precision"]
 Row = dict[str, Any]
 
 _MARKERS = ("o", "s", "^", "v", "D", "P", "X", "<", ">", "h", "*", "d")
+_OTHERS = (*(colour for colour in LINES if colour != BLUE), GREY)
 _LEAST = 1e-17
 """Errors are drawn no smaller."""
 
@@ -54,11 +55,16 @@ def draw_work_precision(path: Path, rows: Sequence[Row], tasks: Sequence[Task]) 
 
 
 def _panel(panel: Axes, rows: Sequence[Row], task: Task, names: Sequence[str]) -> None:
+    from matplotlib.ticker import NullFormatter
+
     panel.set_xscale("log")
     panel.set_yscale("log")
     for name in dict.fromkeys(row["method"] for row in rows):
         at = names.index(name)
-        style: dict[str, Any] = {"color": LINES[at % len(LINES)], "marker": _MARKERS[at % len(_MARKERS)], "markersize": 4.0}
+        # The routes of saltus share a colour.
+        others = [other for other in names if not other.startswith(OWN)]
+        colour = BLUE if name.startswith(OWN) else _OTHERS[others.index(name) % len(_OTHERS)]
+        style: dict[str, Any] = {"color": colour, "marker": _MARKERS[at % len(_MARKERS)], "markersize": 4.0}
         own = [row for row in rows if row["method"] == name]
         with_orbit = [(1e6 * row["seconds"], max(_LEAST, error)) for row in own if (error := worst(row)) is not None]
         if with_orbit:
@@ -66,6 +72,8 @@ def _panel(panel: Axes, rows: Sequence[Row], task: Task, names: Sequence[str]) -
         with_them = [(1e6 * row["seconds"], max(_LEAST, error)) for row in own if (error := row["errors"]["multipliers"]) is not None]
         if with_them:
             panel.plot(*zip(*with_them, strict=True), linestyle=":", linewidth=0.6, markerfacecolor="none", **style)
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.set_minor_formatter(NullFormatter())
     panel.set_title(task.title)
     panel.set_xlabel(f"microseconds a{'n' * (task.point[0] in 'aeio')} {task.point}")
     panel.set_ylabel("relative error")

@@ -8,7 +8,7 @@ from typing import Any
 from saltus.bench.tables import Table, number
 from saltus.bench.tasks import Task
 
-__all__ = ["ERRORS", "best_rows", "tables"]
+__all__ = ["ERRORS", "OWN", "best_rows", "page_text", "tables", "worst"]
 
 Row = dict[str, Any]
 
@@ -17,6 +17,9 @@ ERRORS = ("orbit", "energy", "multipliers", "located")
 
 DIGITS = (1e-3, 1e-6, 1e-9, 1e-12)
 """Errors for which the fastest setting is looked for."""
+
+PEER, ENOUGH = "AUTO-07p", 1e-12
+"""The program of the field, and the error at which it is compared."""
 
 OWN = "saltus"
 """The method that the others' times are divided by."""
@@ -45,12 +48,21 @@ def tables(rows: Sequence[Row], tasks: Sequence[Task], setting_names: dict[str, 
     out = [_task(rows, task, setting_names) for task in tasks if any(row.get("task") == task.name for row in rows)]
     if out:
         out.append(_digits(rows, tasks))
+        beside = _beside(rows, tasks)
+        if beside.rows:
+            out.append(beside)
     layers = [row for row in rows if row.get("layers")]
     if layers:
         out.append(_layers(layers))
     for against in dict.fromkeys(row["growth"] for row in rows if "growth" in row):
         out.append(_growth([row for row in rows if row.get("growth") == against], against))
     return out
+
+
+def page_text(record: dict[str, Any], found: Sequence[Table]) -> str:
+    """The machine, what was skipped, and the tables, as Markdown."""
+    skipped = [f"Skipped: {name}: {why}." for name, why in record["skipped"].items()]
+    return "\n".join([*record["machine"], *skipped, "", *(table.markdown() for table in found)])
 
 
 def _task(rows: Sequence[Row], task: Task, setting_names: dict[str, str]) -> Table:
@@ -104,6 +116,34 @@ def _digits(rows: Sequence[Row], tasks: Sequence[Task]) -> Table:
         ("task", "method", *(f"{error:.0e}" for error in DIGITS)),
         cells,
         ("The fastest setting whose errors of orbit, energy and located points are all below; - where no setting is.",),
+    )
+
+
+def _beside(rows: Sequence[Row], tasks: Sequence[Task]) -> Table:
+    """Time a point of the program of the field to that of saltus with everything on, at an error that is small for both."""
+    cells = []
+    for task in tasks:
+        if task.point != "orbit":
+            continue
+        fastest = {}
+        for method in (OWN, PEER):
+            own = [row for row in rows if row.get("task") == task.name and row["method"] == method and row["seconds"] is not None]
+            good = [row for row in own if (error := worst(row)) is not None and error <= ENOUGH]
+            fastest[method] = min(good, key=lambda row: row["seconds"], default=None)
+        ours, theirs = fastest[OWN], fastest[PEER]
+        if ours is None or theirs is None:
+            continue
+        cells.append(
+            (
+                task.title, number(1e6 * ours["seconds"]), _error(worst(ours)), number(1e6 * theirs["seconds"]), _error(worst(theirs)),
+                f"{theirs['setting']:g}", number(theirs["seconds"] / ours["seconds"]),
+            )
+        )  # fmt: skip
+    return Table(
+        f"Beside {PEER}, at an error below {ENOUGH:.0e}",
+        ("task", "saltus, us an orbit", "its error", f"{PEER}, us an orbit", "its error", "NTST", "ratio"),
+        cells,
+        (f"saltus with multipliers and admissibility, Python between the steps included; {PEER} without these, at its fastest setting.",),
     )
 
 

@@ -90,13 +90,12 @@ def _write(
 ) -> int:
     """Write and print what the rows say."""
     from saltus.bench.picture import draw_growth, draw_work_precision
-    from saltus.bench.report import tables
+    from saltus.bench.report import page_text, tables
 
     skipped = {method.name: reason for method in used if (reason := method.missing()) is not None}
     record = {"schema": 1, "effort": effort.name, "machine": machine, "skipped": skipped, "rows": rows}
     found = tables(rows, tasks, {method.name: method.setting for method in used})
     _print(found)
-    page = "\n".join([*machine, *(f"Skipped: {name}: {why}." for name, why in skipped.items()), ""])
     code = DONE
 
     def drawn(name: str, draw: Any) -> None:
@@ -105,7 +104,7 @@ def _write(
 
     jobs = (
         (DATA, lambda name: write_data(str(folder / name), json.dumps(record, indent=1, allow_nan=False) + "\n")),
-        (PAGE, lambda name: write_data(str(folder / name), page + "\n" + "\n".join(table.markdown() for table in found))),
+        (PAGE, lambda name: write_data(str(folder / name), page_text(record, found))),
         (PRECISION, lambda name: drawn(name, lambda beside: draw_work_precision(beside, rows, tasks))),
         (GROWTH, lambda name: drawn(name, lambda beside: draw_growth(beside, rows))),
     )

@@ -6,15 +6,17 @@ import pytest
 
 from benchmarks.speed_error import PAGE_IN_DOCS, fill, main
 from saltus.bench.tables import BEGIN, END, PageError, check_page
-from saltus.commands.bench import DATA, GROWTH, PAGE, PRECISION
+from saltus.commands.bench import DATA, GROWTH, PRECISION
 
 
 @pytest.fixture
 def results(tmp_path):
     folder = tmp_path / "bench"
     folder.mkdir()
-    for name, text in ((DATA, json.dumps({"effort": "full"})), (PAGE, "| a table |\n"), (PRECISION, "one"), (GROWTH, "two")):
-        (folder / name).write_text(text)
+    errors = {"orbit": 2e-14, "energy": 3e-14, "multipliers": 4e-15, "located": None}
+    one = {"task": "S13O00+", "method": "saltus", "setting": None, "errors": errors, "seconds": 1.25e-5, "failed": None}
+    row = {**one, "first": 2.0, "memory": 2**28, "points": 32, "repeats": 1, "layers": None}
+    (folder / DATA).write_text(json.dumps({"effort": "full", "machine": ["Machine: a good one."], "skipped": {}, "rows": [row]}))
     page = tmp_path / "docs" / "page.md"
     page.parent.mkdir()
     page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
@@ -24,8 +26,11 @@ def results(tmp_path):
 def test_tables_and_pictures_come_into_the_page(results):
     folder, page = results
     fill(folder, page)
-    assert page.read_text() == f"before\n{BEGIN}\n| a table |\n{END}\nafter\n"
-    assert [(page.parent / "images" / name).read_text() for name in (PRECISION, GROWTH)] == ["one", "two"]
+    text = page.read_text()
+    assert text.startswith(f"before\n{BEGIN}\nMachine: a good one.\n") and text.endswith(f"{END}\nafter\n") and "old" not in text
+    assert "| saltus |  | 12.5 | 2e-14 | 3e-14 | 4e-15 | - | 1 | 2 | 256 |" in text
+    for name in (PRECISION, GROWTH):
+        assert (page.parent / "images" / name).read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_quick_look_and_no_results_are_refused(results, capsys):
