@@ -1,8 +1,8 @@
 """Periodic orbits in fifty digits, from the multipoint equations: what the errors of symmetric orbits are measured against.
 
 The modes are computed anew from the system's matrices in many digits. The unknowns are those of `bvp.kernels.multipoint`; the equations are
-evaluated in many digits and corrected with the inverse of their Jacobian in double precision, so that each round gains about as many digits
-as double precision has. What is left of the residual says how good the answer is.
+evaluated in many digits and corrected with the inverse of their Jacobian in double precision: near the orbit each round gains about as many
+digits as double precision has. What is left of the residual says how good the answer is.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ __all__ = ["DIGITS", "DigitModes", "DigitOrbit", "orbit_in_digits"]
 DIGITS = 50
 """Decimal digits of the arithmetic; answers are good to some fewer."""
 
-_ROUNDS = 12
+_ROUNDS = 20
+_NEAR = mp.mpf(10) ** -8
+"""Residual below which the Jacobian is as good as that of the orbit, in double precision, and is kept."""
+
 _GOOD = mp.mpf(10) ** (15 - DIGITS)
 
 
@@ -249,7 +252,7 @@ class _Segment:
 
     def solve(self) -> DigitOrbit:
         """Correct until nothing is gained any more."""
-        inverse = np.linalg.inv(self.jacobian())
+        inverse = np.empty((0, 0))
         worst = mp.inf
         for _ in range(_ROUNDS):
             residual = self.residual()
@@ -260,6 +263,8 @@ class _Segment:
             kept = list(self.x)
             if size == 0:
                 break
+            if size > _NEAR or not inverse.size:
+                inverse = np.linalg.inv(self.jacobian())
             update = inverse @ np.array([float(r / size) for r in residual])
             self.x = [x - mp.mpf(float(d)) * size for x, d in zip(self.x, update, strict=True)]
         self.x = kept

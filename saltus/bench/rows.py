@@ -10,12 +10,15 @@ from itertools import chain, repeat
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
 from branches.files import WriteFailure, reason
 from saltus.bench.answers import Errors
 from saltus.bench.effort import Effort
 from saltus.bench.methods import Method
 from saltus.bench.tasks import Task
 from saltus.bench.worker import Failed, Timed, Worker
+from saltus.errors import one_line
 
 __all__ = ["RowFile", "rows_of"]
 
@@ -108,11 +111,16 @@ def _ladder(task: Task, method: Method, effort: Effort, say: Callable[[str], obj
                 if failure.final:
                     return
                 continue
-            yield {**head, **_measured(task, timed), "failed": None}
+            yield {**head, **_measured(task, timed)}
 
 
 def _measured(task: Task, timed: Timed) -> Row:
-    errors = task.errors(timed.answer)
+    failed = None
+    try:
+        errors = task.errors(timed.answer)
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        # An answer that is so wrong that no orbit is next to it.
+        errors, failed = Errors(), f"its error cannot be told: {one_line(error)}"
     return {
         "seconds": timed.seconds,
         "first": timed.first,
@@ -121,4 +129,5 @@ def _measured(task: Task, timed: Timed) -> Row:
         "repeats": timed.repeats,
         "layers": timed.answer.layers,
         "errors": errors._asdict(),
+        "failed": failed,
     }

@@ -56,3 +56,16 @@ class Interrupted(Plain):
 
     def ladder(self, tolerances):
         raise KeyboardInterrupt
+
+
+class Astray(Plain):
+    """Its answer is so wrong that no orbit is next to it."""
+
+    name = "astray"
+
+    def does(self, task):
+        return task.name == "U8353-"
+
+    def prepare(self, task, setting):
+        y = task.unknowns()
+        return Work(lambda: Answer(orbits=(OrbitAnswer(task.alpha, 1.0, task.start_velocities(y), None, None, 30.0 * y),)))

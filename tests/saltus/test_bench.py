@@ -29,7 +29,7 @@ from saltus.bench.report import best_rows, tables
 from saltus.bench.tasks import IN_PHASE, OUT_OF_PHASE, TASKS, OrbitTask
 from saltus.commands.bench import DATA, FILES, GROWTH, PRECISION, ROWS, bench
 from tests.branches.many_digits import ManyDigits
-from tests.saltus.bench_methods import Absent, Endless, Failing, Interrupted, Plain
+from tests.saltus.bench_methods import Absent, Astray, Endless, Failing, Interrupted, Plain
 from tests.saltus.running import run
 
 TINY = Effort("tiny", None, None, (1e-2, 1e-4), 0.0, 60.0, 300.0, (1, 2), (2, 3), (1.8,))
@@ -276,6 +276,16 @@ def test_an_endless_work_is_given_up(tmp_path, capsys):
     assert bench(tmp_path, replace(TINY, limit=3.0, start=0.0, impacts=(), degrees=(), periods=()), [IN_PHASE], [Endless(), Plain()]) == 0
     rows = rows_in(tmp_path)
     assert [(row["method"], row["failed"]) for row in rows] == [("endless", "not done in 3 s"), ("plain", None), ("plain", None)]
+
+
+def test_an_answer_next_to_no_orbit_is_a_row_too(tmp_path, capsys):
+    """Oracle: a start thirty times too large, from which no orbit of the word is found in fifty digits."""
+    from dataclasses import replace
+
+    assert bench(tmp_path, replace(TINY, impacts=(), degrees=(), periods=()), [TASKS["U8353-"]], [Astray()]) == 0
+    rows = rows_in(tmp_path)
+    assert len(rows) == 2 and all(row["failed"].startswith("its error cannot be told") for row in rows)
+    assert all(error is None for row in rows for error in row["errors"].values())
 
 
 def test_an_interrupted_bench_keeps_its_rows(tmp_path, capsys):
