@@ -10,6 +10,7 @@ Parallel threads are turned off (`OMP_NUM_THREADS=1`): the problems are small, a
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -20,12 +21,13 @@ from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from types import TracebackType
+from typing import NamedTuple
 
 import numpy as np
 
 from bvp.multipoint import MultipointProblem
 
-__all__ = ["Auto", "AutoError", "AutoPoint", "AutoRun", "AutoSettings", "missing"]
+__all__ = ["Auto", "AutoError", "AutoPoint", "AutoRun", "AutoSettings", "PointTime", "missing"]
 
 PROGRAMS = ("auto", "auto-07p")
 """What the program may be called: by its authors, and in Debian's package auto-07p."""
@@ -122,16 +124,26 @@ class AutoRun:
         Points, the first one included.
     points : list of AutoPoint
         Empty where none were asked for.
+    processor : float
+        Seconds of processor of the whole call, with compiling and starting; NaN where that is not known.
     """
 
     seconds: float
     count: int
     points: list[AutoPoint]
+    processor: float = math.nan
 
     @property
     def folds(self) -> list[AutoPoint]:
         """The located folds."""
         return [point for point in self.points if point.type == "LP"]
+
+
+class PointTime(NamedTuple):
+    """Time of a point: by the clock, and of the processor, which other work on the machine does not make longer."""
+
+    seconds: float
+    processor: float
 
 
 def missing() -> str | None:
@@ -198,6 +210,7 @@ class Auto:
         (self._folder / f"c.{_NAME}").write_text(constants_text(problem, settings), encoding="ascii")
         script = self._folder / "follow.auto"
         script.write_text(f"run(e='{_NAME}', c='{_NAME}', sv='{_NAME}')\n", encoding="ascii")
+        before = _processor_of_children()
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         try:
             done = subprocess.run(
@@ -210,21 +223,31 @@ class Auto:
         if done.returncode != 0 or not table.exists():
             raise AutoError(f"AUTO failed: {_last_words(done.stdout, done.stderr)}")
         points = (self._folder / f"{_NAME}.points").read_text(encoding="utf-8") if keep else ""
-        return read_run(done.stdout, table.read_text(encoding="utf-8"), points, problem.inner + 1)
+        run = read_run(done.stdout, table.read_text(encoding="utf-8"), points, problem.inner + 1)
+        return replace(run, processor=_processor_of_children() - before)
 
-    def seconds_a_point(
-        self, problem: MultipointProblem, y: np.ndarray, settings: AutoSettings, *, short: int = 200, long: int = 1200, repeats: int = 3
-    ) -> float:
-        """Time of a point: the difference of two run lengths by that of their points, each the least of some runs; nothing is kept."""
+    def time_a_point(
+        self, problem: MultipointProblem, y: np.ndarray, settings: AutoSettings, *, short: int = 100, long: int = 2100, repeats: int = 3
+    ) -> PointTime:
+        """Time of a point: the difference of two run lengths by that of their points, each the least of some runs; nothing is kept.
+
+        The equations are compiled before, and processor time is sure to some 20 ms by the difference in points.
+        """
+        self.follow(problem, y, replace(settings, points=2), keep=False)
         least = []
-        counts = []
         for length in (short, long):
             runs = [self.follow(problem, y, replace(settings, points=length), keep=False) for _ in range(repeats)]
-            least.append(min(run.seconds for run in runs))
-            counts.append(runs[0].count)
-        if counts[1] <= counts[0]:
-            raise AutoError(f"AUTO ended after {counts[1]} points: expected a shorter run or a smaller step")
-        return (least[1] - least[0]) / (counts[1] - counts[0])
+            least.append((min(run.seconds for run in runs), min(run.processor for run in runs), runs[0].count))
+        (first, first_processor, few), (last, last_processor, many) = least
+        if many <= few:
+            raise AutoError(f"AUTO ended after {many} points: expected a shorter run or a smaller step")
+        return PointTime((last - first) / (many - few), (last_processor - first_processor) / (many - few))
+
+    def seconds_a_point(
+        self, problem: MultipointProblem, y: np.ndarray, settings: AutoSettings, *, short: int = 100, long: int = 2100, repeats: int = 3
+    ) -> float:
+        """The same by the clock alone; on a busy machine too long."""
+        return self.time_a_point(problem, y, settings, short=short, long=long, repeats=repeats).seconds
 
 
 def start_text(problem: MultipointProblem, y: np.ndarray, keep: bool) -> str:
@@ -321,6 +344,16 @@ def _match(kinds: Sequence[str], known: np.ndarray, points: str, flights: int) -
         row = rows[at]
         out.append(AutoPoint(kind, float(row[0]), row[1 : 1 + flights], row[1 + flights :].reshape(flights, 4)))
     return out
+
+
+def _processor_of_children() -> float:
+    """Seconds of processor of all processes that were started and are done; NaN where the system does not count them."""
+    try:
+        import resource
+    except ImportError:
+        return math.nan
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _last_words(*said: str) -> str:
