@@ -10,7 +10,8 @@ import pytest
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus.bench import auto
-from saltus.bench.auto import Auto, AutoError, AutoSettings, constants_text, missing, read_run, start_text
+from saltus.bench.auto import Auto, missing
+from saltus.bench.auto_files import AutoError, AutoSettings, constants_text, read_run, start_text
 from tests.branches.closed_form import Backbone
 from tests.bvp import backbone
 from tests.bvp.orbits import backbone_segment, collection
