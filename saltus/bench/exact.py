@@ -90,11 +90,11 @@ class Saltus:
         solutions: list[Solution] = [step.extra for step in runs[0].steps]
         seconds = min(run.clean_point for run in runs)
         chosen = sorted({(len(solutions) * part) // LOOKED_AT - 1 for part in range(1, LOOKED_AT + 1)} - {-1})
-        began = time.perf_counter()
+        began = time.process_time()
         multipliers = self._multipliers(task, solutions)
         if self.route in ("saddle point", "saltation"):
             # Those of the half map are in every point already.
-            seconds += (time.perf_counter() - began) / len(solutions)
+            seconds += (time.process_time() - began) / len(solutions)
         layers = None
         if self.layers:
             parts = breakdown(problem, y, POINTS, RUNS)

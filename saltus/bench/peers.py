@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,7 +129,7 @@ class Auto07p:
 
 
 INTERVALS = (1.0, 2.0, 4.0)
-LONG, SHORT = 600, 100
+LONG, SHORT = 1800, 90
 """Points of the runs whose difference in time is divided by that of their points, for one flight; of k flights it is a k-th part."""
 
 STEP = 1e-4
@@ -142,7 +143,10 @@ def _auto(task: OrbitTask, intervals: int, timed: bool) -> Answer:
     with auto.Auto() as there:
         run = there.follow(problem, y, settings)
         parts = len(task.word) + 1
-        seconds = there.seconds_a_point(problem, y, settings, short=SHORT // parts, long=LONG // parts, repeats=2) if timed else None
+        seconds = None
+        if timed:
+            cost = there.time_a_point(problem, y, settings, short=SHORT // parts, long=LONG // parts, repeats=2)
+            seconds = cost.seconds if math.isnan(cost.processor) else cost.processor
     orbits = tuple(_orbit(task, point.unknowns(problem), point.h) for point in run.points)
     return Answer(len(orbits), seconds, orbits)
 

@@ -36,7 +36,7 @@ class Failed(RuntimeError):
 
 @dataclass(frozen=True)
 class Timed:
-    """A measured answer: seconds a point, seconds from the start of the process to its first answer (None after the first), the most memory
+    """A measured answer: seconds of the processor a point, seconds by the clock from the start of the process to its first answer (None after the first), the most memory
     that the process has held so far in bytes (None where the system does not tell)."""
 
     answer: Answer
@@ -132,9 +132,10 @@ def _measured(work: Work, repeat: float, began: float | None) -> Timed:
 
 
 def _once(work: Callable[[], Answer]) -> tuple[Answer, float]:
-    began = time.perf_counter()
+    """An answer, and the processor time that it took: other work on the machine does not enter, and there is one thread."""
+    began = time.process_time()
     answer = work()
-    return answer, time.perf_counter() - began
+    return answer, time.process_time() - began
 
 
 def most_memory() -> int | None:

@@ -10,7 +10,8 @@ import pytest
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus.bench import auto, backbone
-from saltus.bench.auto import Auto, AutoError, AutoSettings, constants_text, missing, read_run, start_text
+from saltus.bench.auto import Auto, missing
+from saltus.bench.auto_files import AutoError, AutoSettings, constants_text, read_run, start_text
 from saltus.bench.closed_form import Backbone
 from tests.bvp.orbits import backbone_segment, collection
 
@@ -182,9 +183,11 @@ def test_all_ends_and_inner_impacts():
 
 @needs_auto
 def test_time_of_a_point():
-    """Oracle: a positive number; a family that ends before the longer run is done is told."""
+    """Oracle: positive numbers, processor time no longer than its own of the whole longer run; a family that ends before is told."""
     problem, y = backbone_segment(vibro_impact_nes(), 1.65)
     with Auto() as there:
-        assert 0.0 < there.seconds_a_point(problem, y, AutoSettings(step=1e-4), short=20, long=400, repeats=1) < 1.0
+        found = there.time_a_point(problem, y, AutoSettings(step=1e-4), short=20, long=1500, repeats=1)
+        assert 0.0 < found.seconds < 1.0
+        assert 0.0 < found.processor < there.follow(problem, y, AutoSettings(step=1e-4, points=1500), keep=False).processor / 300.0
         with pytest.raises(AutoError, match="expected a shorter run"):
             there.seconds_a_point(problem, y, AutoSettings(step=1e-4), short=10, long=10, repeats=1)
