@@ -88,8 +88,8 @@ def rows_of(
     ------
     dict
         `task`, `method`, `setting` (null for a method without), `seconds` (of the processor, a point), `first` (seconds from the start of a
-        fresh process to its first answer; in the first row of a task and method), `memory` (bytes), `points`, `repeats`, `errors` (orbit, energy,
-        multipliers, located; null where there is none), `layers`, and `failed` (null, or why there is no answer).
+        fresh process to its first answer; in the first row of a task and method), `memory` (bytes), `points`, `repeats`,
+        `errors` (orbit, energy, multipliers, located; null where there is none), `layers`, and `failed` (null, or why there is no answer).
     """
     methods = list(methods)
     for task in tasks:

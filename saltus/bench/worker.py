@@ -36,8 +36,8 @@ class Failed(RuntimeError):
 
 @dataclass(frozen=True)
 class Timed:
-    """A measured answer: seconds of the processor a point, seconds by the clock from the start of the process to its first answer (None after
-    the first), the most memory that the process has held so far in bytes (None where the system does not tell)."""
+    """A measured answer: seconds of the processor a point, seconds by the clock from the start of the process to its first answer (None
+    after the first), the most memory that the process has held so far in bytes (None where the system does not tell)."""
 
     answer: Answer
     seconds: float
