@@ -184,6 +184,26 @@ def test_the_nonsmooth_method_comes_nearer_with_its_matching():
     assert loose.multipliers is None and tight.energy < 1e-4 and tight.energy < loose.energy < 1e-2
 
 
+def test_collocation_comes_nearer_with_its_tolerance():
+    """Oracle: the closed form, and fifty digits for 8 inner impacts."""
+    method = PEERS[1]
+    for task in (IN_PHASE, TASKS["U8353-"]):
+        loose, tight = (task.errors(method.prepare(task, tolerance).once()) for tolerance in (1e-4, 1e-6))
+        assert tight.multipliers is None and tight.energy < 1e-5 and tight.energy < 0.1 * loose.energy < 1e-3
+
+
+@pytest.mark.skipif(PEERS[2].missing() is not None, reason=f"AUTO-07p cannot be used: {PEERS[2].missing()}")
+def test_auto_as_a_method():
+    """Oracle: the closed form, of orbits and of the fold; a time above nothing."""
+    method = PEERS[2]
+    answer = method.prepare(IN_PHASE, 2.0).once()
+    errors = IN_PHASE.errors(answer)
+    assert len(answer.orbits) > 2 and errors.orbit < 1e-10 and errors.energy < 1e-10 and errors.multipliers is None
+    task = TASKS["located"]
+    answer = method.prepare(task, 4.0).measured()
+    assert set(answer.located) == {"SN"} and task.errors(answer).located < 1e-8 and answer.seconds > 0.0
+
+
 def test_errors_see_what_is_wrong():
     """Oracle: known relative changes."""
     exact = IN_PHASE.exact()
