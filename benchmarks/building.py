@@ -17,8 +17,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.machine import describe
-from benchmarks.tables import Table, number
+from saltus.bench.machine import describe
+from saltus.bench.tables import Table, number
 
 __all__ = ["Built", "build", "main"]
 

@@ -69,13 +69,13 @@ def _run(argv: Sequence[str] | None) -> int:
     if arguments.out is not None and (arguments.only or arguments.quick):
         raise BadInput("--out writes a whole page of settled figures; expected no --only and no --quick with it")
 
-    from benchmarks.tables import check_page, write_page
+    from saltus.bench.tables import check_page, write_page
 
     if arguments.out is not None:
         check_page(arguments.out)
 
     from benchmarks.effort import FULL, QUICK
-    from benchmarks.machine import describe
+    from saltus.bench.machine import describe
 
     machine = describe()
     print("\n".join(machine), end="\n\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from benchmarks.cases import INNER
+from saltus.bench.cases import INNER
 
 __all__ = ["FULL", "QUICK", "Effort"]
 

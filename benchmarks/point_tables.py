@@ -8,15 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks import cases
-from benchmarks.breakdown import breakdown
 from benchmarks.effort import Effort
-from benchmarks.following import BareFamily, Run, Spread, spread, timed_runs
-from benchmarks.shooting import PlainShooting, ShootingError, ShotOrbit
-from benchmarks.tables import Table, microseconds, number
 from branches.family import Family
 from branches.tracing import SETTINGS
-from tests.bvp import backbone
+from saltus.bench import backbone, cases
+from saltus.bench.breakdown import breakdown
+from saltus.bench.following import BareFamily, Run, Spread, spread, timed_runs
+from saltus.bench.shooting import PlainShooting, ShootingError, ShotOrbit
+from saltus.bench.tables import Table, microseconds, number
 
 __all__ = ["Shot", "layers", "points", "shoot"]
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import saltus
-from benchmarks.machine import describe
+from saltus.bench.machine import describe
 from transitions.section_plane import SectionPlane
 
 __all__ = ["integrated", "main", "wrong"]

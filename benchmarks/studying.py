@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.machine import describe
-from benchmarks.tables import Table, number
 from bvp.swift import swift_numbers, swift_runs
 from bvp.system import vibro_impact_nes
+from saltus.bench.machine import describe
+from saltus.bench.tables import Table, number
 from saltus.executors import open_executor
 from saltus.studying import carry_out
 from saltus.threads import one_thread

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable
 
 import saltus
-from benchmarks import cases
 from benchmarks.effort import Effort
-from benchmarks.following import spread, timed_runs
 from benchmarks.memory import held
 from benchmarks.processes import PROCESSES, measure
-from benchmarks.tables import Table, microseconds, number
 from branches.family import Family
 from branches.tracing import follow_family
+from saltus.bench import cases
+from saltus.bench.following import spread, timed_runs
+from saltus.bench.tables import Table, microseconds, number
 
 __all__ = ["families", "memory", "processes"]
 

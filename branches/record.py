@@ -172,6 +172,7 @@ def orbit_to_record(orbit: Orbit) -> dict[str, Any]:
                 "trivial": _finite(orbit.quality["trivial"]),
                 "pairing": _finite(orbit.quality["pairing"]),
                 "reliable": bool(orbit.quality["reliable"]),
+                **{name: value for name, value in orbit.quality.items() if name not in ("trivial", "pairing", "reliable")},
             },
             "residual": _finite(orbit.residual),
             "impacts": [{"time": _finite(x.time), "stop": x.stop, "speed": _finite(x.speed)} for x in orbit.impacts],

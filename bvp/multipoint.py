@@ -158,6 +158,10 @@ class MultipointProblem:
         self._bounds = np.array([observed.lower, observed.upper])
         self._planar = self.half == 2
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process may have: the addresses of compiled functions are this one's alone."""
+        return {name: value for name, value in self.__dict__.items() if name != "addresses"}
+
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system which can move as a whole: an orbit between them is not determined.
 

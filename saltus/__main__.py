@@ -27,6 +27,7 @@ COMMANDS = {
     "export": ("saltus.commands.export", "write what a catalogue holds: plots of many families, the graph, points, orbits"),
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
     "section": ("saltus.commands.section", "make Poincare sections: many motions of one energy, or a plate of energies"),
+    "bench": ("saltus.commands.bench", "measure speed against error, beside other methods, on this machine"),
     "run": ("saltus.commands.run", "run one damped motion, event by event, and tell where its energy goes"),
     "gallery": ("saltus.commands.gallery", "make the figures of a publication, each with its data"),
     "impulsive": ("saltus.commands.impulsive", "find the orbits that start with the velocity of the oscillator alone"),

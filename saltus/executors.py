@@ -16,7 +16,7 @@ from branches.files import reason
 from saltus.errors import BadInput, one_line
 from saltus.threads import one_thread
 
-__all__ = ["open_executor"]
+__all__ = ["end_with_the_parent", "open_executor"]
 
 _PATIENCE = 10.0
 """Seconds to wait for a scheduler."""
@@ -100,10 +100,11 @@ def _depend_on_the_parent() -> None:
     """Ctrl-C reaches every process of a terminal: the parent ends the work, and the workers say nothing. A parent that is killed cannot
     end them: they would wait for work for ever, so that each ends by itself."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+    threading.Thread(target=end_with_the_parent, daemon=True).start()
 
 
-def _end_with_the_parent() -> None:
+def end_with_the_parent() -> None:
+    """End this process when the one that started it has ended."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from branches.diagram.files import PICTURE_FORMATS, picture_format
 from branches.files import WriteFailure, reason, replacing, write_text
 from saltus.errors import BadInput, nearest
 
-__all__ = ["STANDARD_OUTPUT", "WriteFailure", "check_picture", "check_writable", "replacing", "write_data"]
+__all__ = ["STANDARD_OUTPUT", "WriteFailure", "check_picture", "check_writable", "output_folder", "replacing", "write_data"]
 
 STANDARD_OUTPUT = "-"
 
@@ -60,6 +61,36 @@ def check_writable(path: str) -> None:
                 pass
     except OSError as error:
         raise BadInput(f"cannot write {path}: {reason(error)}") from error
+
+
+def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
+    """The folder that results go into, made if there is none, after looking whether every file can be written.
+
+    Parameters
+    ----------
+    option : str
+        What names it, for messages.
+    place : str
+    names : iterable of str
+        The files.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be made, is a file, or one of the files cannot be written.
+    """
+    if not place or "\0" in place:
+        raise BadInput(f"{option} {place!r}: expected a folder")
+    folder = Path(place)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise BadInput(f"{option} {place}: it is a file, expected a folder") from error
+    except OSError as error:
+        raise BadInput(f"cannot make the folder {place}: {reason(error)}") from error
+    for name in names:
+        check_writable(str(folder / name))
+    return folder
 
 
 def check_picture(path: str) -> None:

@@ -107,7 +107,9 @@ def _of_stop(impact: Any, stop: Any, system: Any) -> bool:
 
 def _title(orbit: Any) -> str:
     stable = {1: "stable", 0: "unstable"}.get(orbit.stable, "stability undecided")
-    if not orbit.quality.get("reliable", True):
+    if orbit.quality.get("approximate", False):
+        stable = f"approximate ({orbit.quality['method']}, to {orbit.quality['tolerance']:.0e})"
+    elif not orbit.quality.get("reliable", True):
         stable += " (multipliers not reliable)"
     family = family_text(orbit.label, orbit.ends, orbit.word)
     return rf"{family}:  $h = {orbit.h:.8g}$,  $\alpha = {orbit.alpha:.8g}$,  {stable}   ({system_text(orbit.system)})"

@@ -147,6 +147,16 @@ def fill(segment, y, factor):
             for c in range(size):
                 column[after - base + c] = segment.gap[i, c] * scale[after + c]
         else:
+            if i == 0 and not periodic:
+                # landing <- landing Z, once for all closing equations
+                row = factor.work[1, :size]
+                for b in range(size):
+                    for c in range(states):
+                        row[c] = 0.0
+                        for d in range(size):
+                            row[c] += landing[b, d] * segment.start_map[d, c]
+                    for c in range(states):
+                        landing[b, c] = row[c]
             for e in range(closing.shape[0]):
                 column = closing[e]
                 if periodic and e == size:
@@ -157,12 +167,6 @@ def fill(segment, y, factor):
                     total = 0.0
                     if periodic:
                         total = landing[e, c]
-                    elif i == 0:
-                        for b in range(size):
-                            inner = 0.0
-                            for d in range(size):
-                                inner += landing[b, d] * segment.start_map[d, c]
-                            total += segment.end_map[e, b] * inner
                     else:
                         for b in range(size):
                             total += segment.end_map[e, b] * landing[b, c]

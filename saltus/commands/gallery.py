@@ -8,11 +8,10 @@ import io
 import time
 from pathlib import Path
 
-from branches.files import reason
 from saltus import catalogue_arguments
 from saltus.arguments import one_of
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say, say_and_code
-from saltus.files import WriteFailure, check_writable, write_data
+from saltus.errors import DONE, FAILED, INTERRUPTED, say, say_and_code
+from saltus.files import WriteFailure, output_folder, write_data
 from saltus.galleries import Figure, Gallery, load_gallery
 
 __all__ = ["add_arguments", "run"]
@@ -37,7 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
     figures = gallery.chosen(arguments.figure)
     with catalogue_arguments.given(arguments, load_scene(gallery.scene)):
         pass  # A file that is no catalogue, or one of another system, is refused before the work.
-    folder = _folder(arguments.out, figures, arguments.format)
+    files = [CAPTIONS, *(name for figure in figures for name in _names(figure, arguments.format))]
+    folder = output_folder("--out", arguments.out, files)
     more = [] if arguments.catalogue is None else ["--catalogue", arguments.catalogue]
     made: list[Figure] = []
     code = DONE
@@ -74,22 +74,6 @@ def captions(gallery: Gallery, figures: list[Figure], picture: str) -> str:
 def _names(figure: Figure, picture: str) -> list[str]:
     """The files of a figure: what its command writes, and what it prints."""
     return [*figure.written(figure.name, picture), f"{figure.name}.txt"]
-
-
-def _folder(place: str, figures: tuple[Figure, ...], picture: str) -> Path:
-    """The folder, made if there is none, after looking whether every file can be written."""
-    if not place or "\0" in place:
-        raise BadInput(f"--out {place!r}: expected a folder")
-    folder = Path(place)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:
-        raise BadInput(f"--out {place}: it is a file, expected a folder") from error
-    except OSError as error:
-        raise BadInput(f"cannot make the folder {place}: {reason(error)}") from error
-    for name in [CAPTIONS, *(name for figure in figures for name in _names(figure, picture))]:
-        check_writable(str(folder / name))
-    return folder
 
 
 def _make(figure: Figure, folder: Path, picture: str, more: list[str]) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from saltus import catalogue_arguments, outputs, scene_arguments
-from saltus.arguments import positive
+from saltus.arguments import one_of, positive
 from saltus.errors import BadInput
 from saltus.events_table import stability_word
 from saltus.orbit_choice import agreed, family_of, select
@@ -24,6 +24,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, or a family's id")
     parser.add_argument("--energy", metavar="H", type=positive, help="the orbit at this energy h")
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
+    parser.add_argument(
+        "--method",
+        metavar="METHOD",
+        type=one_of("exact", "nstt"),
+        default="exact",
+        help="exact (default), or nstt: shooting in nonsmooth time as in Lee et al. (2009), approximate, without multipliers",
+    )
+    parser.add_argument("--tolerance", metavar="EPS", type=positive, help="of nstt: the half period is matched to this (default: 1e-6)")
     outputs.add_arguments(parser)
     catalogue_arguments.add_file(parser, "take the family from this catalogue, as it was followed, in place of a search")
     scene_arguments.add_arguments(parser)
@@ -32,6 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     files = outputs.from_arguments(arguments)
+    if arguments.tolerance is not None and arguments.method == "exact":
+        raise BadInput("--tolerance is of an approximate method, and --method is exact: expected --method nstt with it")
 
     from branches.labels import parse_name
 
@@ -47,8 +57,16 @@ def run(arguments: argparse.Namespace) -> int:
         for line in explain(scene.system, arguments.name):
             print(f"model  {line}", file=files.words, flush=True)
     orbit = select(family_of(arguments.name, scene, energy, arguments.catalogue), name, energy, alpha)
+    if arguments.method == "nstt":
+        from bvp.nonsmooth_time import TOLERANCE
+        from saltus.nonsmooth_time import approximate
+
+        exact = orbit
+        orbit = approximate(exact, arguments.tolerance or TOLERANCE)
     for line in describe(orbit):
         print(line, file=files.words, flush=True)
+    if arguments.method == "nstt":
+        print(f"exact    h = {exact.h:.15g}: off by {orbit.h - exact.h:.1e}", file=files.words, flush=True)
 
     from branches.record import orbit_to_csv, orbit_to_json
 
@@ -82,13 +100,22 @@ def describe(orbit: Orbit) -> list[str]:
         f"stable   {stability_word(orbit.stable)}{traces}",
     ]
     lines += [f"multiplier  {value.real:+.12e} {value.imag:+.12e} i  modulus {abs(value):.12e}" for value in orbit.multipliers]
-    quality = orbit.quality
-    reliable = "reliable" if quality["reliable"] else "NOT RELIABLE"
-    trivial, pairing = quality["trivial"], quality["pairing"]
-    lines.append(f"quality  {reliable}  trivial {trivial:.1e}  pairing {pairing:.1e}  residual {orbit.residual:.1e}")
-    if trivial >= TRIVIAL_LOST:
+    lines.append(_quality_line(orbit))
+    if orbit.quality["trivial"] >= TRIVIAL_LOST:
         lines.append("doubt    a product of saltation matrices loses the trivial multiplier; those above are of the saddle-point matrix")
     lines.append(f"impacts  {len(orbit.impacts)} in a period")
     lines.append(f"{'time':>20}  stop  {'speed':>20}")
     lines += [f"{impact.time:20.14g}  {impact.stop:<4}  {impact.speed:20.14g}" for impact in orbit.impacts]
     return lines
+
+
+def _quality_line(orbit: Orbit) -> str:
+    """The line that tells how good the numbers are."""
+    quality = orbit.quality
+    if quality.get("approximate"):
+        return (
+            f"quality  APPROXIMATE  {quality['method']} ({quality['integrator']})  tolerance {quality['tolerance']:.1e}"
+            f"  mismatch {orbit.residual:.1e}  energy drift {quality['drift']:.1e}  no multipliers"
+        )
+    reliable = "reliable" if quality["reliable"] else "NOT RELIABLE"
+    return f"quality  {reliable}  trivial {quality['trivial']:.1e}  pairing {quality['pairing']:.1e}  residual {orbit.residual:.1e}"

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 import branches.family
-from benchmarks import cases, continuation
-from benchmarks.breakdown import breakdown, compiled_calls
+from benchmarks import continuation
 from benchmarks.effort import FULL, QUICK
-from benchmarks.following import BareFamily, RecordedFamily, spread, timed_run
 from benchmarks.memory import held
 from benchmarks.point_tables import layers, points
 from benchmarks.processes import measure, seconds_of
-from benchmarks.shooting import PlainShooting, ShotOrbit
-from benchmarks.tables import BEGIN, END, PageError, Table, check_page, write_page
 from branches.family import Family
 from branches.orbit import Orbit
-from tests.bvp import backbone
+from saltus.bench import backbone, cases
+from saltus.bench.breakdown import breakdown, compiled_calls
+from saltus.bench.following import BareFamily, RecordedFamily, spread, timed_run
+from saltus.bench.shooting import PlainShooting, ShotOrbit
+from saltus.bench.tables import BEGIN, END, PageError, Table, check_page, write_page
 
 
 @pytest.fixture(scope="module")

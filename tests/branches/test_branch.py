@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import saltus
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 from tests.branches.traced import traced
 
 COLUMNS = {
@@ -110,7 +110,7 @@ def test_an_orbit_is_its_point():
 def test_samples_of_an_orbit():
     """Oracle: closed form of the motion; periodicity; the velocity after the impact at its time."""
     from bvp.system import vibro_impact_nes
-    from tests.bvp import backbone
+    from saltus.bench import backbone
 
     orbit = traced("S13O00+").orbit_at(alpha=1.7)
     system = vibro_impact_nes()

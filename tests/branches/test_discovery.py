@@ -14,7 +14,7 @@ from branches.labels import parse
 from branches.orbit import Orbit
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 from tests.bvp import orbits as by_numpy
 from tests.bvp.orbits import backbone_segment
 

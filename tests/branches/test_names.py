@@ -30,7 +30,7 @@ def test_short_names_are_the_backbones():
 @pytest.mark.parametrize("h", [0.12, 0.3, 5.0, 14.5])
 def test_a_suffix_selects_the_orbit(h):
     """Oracle: the energy that was asked for, and the closed form's quarter period through it."""
-    from tests.branches.closed_form import Backbone
+    from saltus.bench.closed_form import Backbone
 
     orbit, _ = found(f"S13O00+@h={h}")
     assert math.isclose(orbit.h, h, rel_tol=1e-13) and abs(Backbone().energy(orbit.alpha) / h - 1) < 1e-12

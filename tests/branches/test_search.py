@@ -23,7 +23,7 @@ from branches.words import impacts_per_period
 from bvp.kernels.verdict import GRAZED
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 
 SYSTEM = saltus.vibro_impact_nes()
 ALL = tuple(CLASSES)

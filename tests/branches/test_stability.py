@@ -8,7 +8,7 @@ import pytest
 
 from branches.stability import describe
 from bvp.multipliers import saddle_point_multipliers
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 from tests.branches.traced import monodromy, spread, traced
 
 

@@ -15,7 +15,7 @@ from branches.labels import parse
 from branches.stretch import embed
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 from tests.branches.traced import EPS, monodromy, traced
 
 REST = "S11E11+@h=3.0"

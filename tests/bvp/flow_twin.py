@@ -6,7 +6,7 @@ are found by sampling the gaps and their rates and by bisection; tests keep away
 
 import numpy as np
 
-from tests.bvp.backbone import modes_of
+from saltus.bench.backbone import modes_of
 from tests.bvp.twins import first_order
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp import backbone
+from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 
 

@@ -10,7 +10,7 @@ from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem
 from bvp.saltation import monodromy
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp import backbone
+from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 from tests.bvp.orbits import backbone_segment, chains, collection
 

@@ -15,7 +15,7 @@ from bvp.multipoint import MultipointProblem
 from bvp.saltation import reduced_monodromy, saltation_multipliers
 from bvp.stability import ERROR_FACTOR, balance, decide, half_map_of, stability, velocity_scale
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp import backbone
+from saltus.bench import backbone
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
 

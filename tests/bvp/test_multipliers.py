@@ -14,7 +14,7 @@ from bvp.cycle import Cycle, cycle_of
 from bvp.multipliers import nearest_grazing, saddle_point_multipliers, sort_multipliers
 from bvp.saltation import monodromy, saltation_matrix, saltation_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp import backbone
+from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 from tests.bvp.orbits import backbone_segment, chains, collection
 

@@ -4,6 +4,8 @@ Oracles: the same equations written again in numpy with complex numbers, differe
 closed forms of one-impact orbits; the numpy event-driven flow; refinement to 60 digits.
 """
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,7 +17,7 @@ from bvp.kernels.multipoint import evaluate, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp import backbone
+from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
@@ -336,3 +338,14 @@ def test_no_orbit_is_said_so():
     problem, y = backbone_segment(system, 1.0)
     with pytest.raises(NotConverged):
         problem.solve(y, energy=0.9 * 0.05)
+
+
+def test_a_problem_that_has_been_followed_goes_to_another_process_without_its_addresses():
+    """Oracle: addresses of compiled functions hold in one process only; the copy finds its own, and makes the same step."""
+    problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
+    solution = problem.solve(problem.pack([0.0, 0.0, 0.9, 0.6], [], [1.7]), quarter_period=1.7)
+    assert len(problem.addresses) == 3
+    copy = pickle.loads(pickle.dumps(problem))
+    assert "addresses" not in vars(copy) and "addresses" in vars(problem)
+    steps = [each.step(solution.y, solution.tangent, 0.01) for each in (problem, copy)]
+    np.testing.assert_array_equal(steps[0].result, steps[1].result)

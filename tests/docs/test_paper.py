@@ -15,7 +15,7 @@ from branches.labels import canonical, parse
 from branches.names import passes
 from branches.orbit import Orbit
 from bvp.system import vibro_impact_nes
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 from tests.branches.paper_names import NAMES, SYSTEM, event, family, found, orbit_of
 from tests.branches.traced import traced
 from tests.docs.pages import compare, numbers, page, table

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from branches.tracing import follow_family
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment
 from tests.hard.cases import hard

@@ -11,7 +11,7 @@ from bvp.cycle import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment
 from tests.hard.cases import hard

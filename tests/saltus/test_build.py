@@ -6,8 +6,8 @@ import multiprocessing
 import pytest
 
 import saltus
+from saltus.bench.closed_form import Backbone
 from saltus.progress import ProgressBar
-from tests.branches.closed_form import Backbone
 from tests.saltus.running import refused, run
 
 SMALL = "--energy 0.06:0.4 --max-quarter-period 1.9 --max-impacts 2"

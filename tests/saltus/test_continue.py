@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from saltus.__main__ import main
-from tests.branches.closed_form import Backbone
+from saltus.bench.closed_form import Backbone
 
 SMOOTH = "RT", "PD", "SB", "BP", "SN"
 

@@ -12,7 +12,7 @@ import numpy as np
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, vibro_impact_nes
 from continuation.problem import Step
-from tests.bvp import backbone
+from saltus.bench import backbone
 
 __all__ = ["ALPHA", "INNER", "MU", "SIGMA", "closed_form_error", "segment", "step_error", "system"]
 

@@ -1,4 +1,4 @@
-"""Closed forms of the two backbones in forty digits, and their stability: oracles that share nothing with the program.
+"""Closed forms of the two backbones in forty digits, and their stability: they share nothing with the rest of the program.
 
 One impact a half period, mode by mode: G = sum b_k^2 tan(w_k alpha)/w_k, h = sum b_k^2 sec^2(w_k alpha) / (2 G^2). The half-period
 map composed with u -> -u is one exact flight over 2 alpha and one saltation; its trace less 2, for the two trivial multipliers
@@ -13,10 +13,10 @@ DIGITS = 40
 class Backbone:
     """The orbits with one impact a half period of the linear oscillator with a vibro-impact energy sink; alpha is T/4."""
 
-    def __init__(self, mu=0.1, sigma=0.1):
+    def __init__(self, mu=0.1, sigma=0.1, ground=None):
         with mp.workdps(DIGITS):
             mu, sigma = mp.mpf(mu), mp.mpf(sigma)
-            first, mixed, last = sigma / mu, -sigma / mp.sqrt(mu), 1 + sigma
+            first, mixed, last = sigma / mu, -sigma / mp.sqrt(mu), 1 + sigma if ground is None else mp.mpf(ground)
             middle, root = (first + last) / 2, mp.sqrt(((first - last) / 2) ** 2 + mixed**2)
             self.modes = []
             for square in (middle - root, middle + root):
@@ -24,6 +24,11 @@ class Backbone:
                 shape /= mp.norm(shape)
                 absorber, primary = shape[0] / mp.sqrt(mu), shape[1]
                 self.modes.append((mp.sqrt(square), (absorber, primary), absorber - primary))
+
+    @classmethod
+    def of(cls, system):
+        """The same of a system whose stiffness 1 + sigma is the number in double precision that it has."""
+        return cls(float(system.mass[0, 0]), float(system.stiffness[0, 0]), float(system.stiffness[1, 1]))
 
     def half_period_sum(self, alpha):
         """G(alpha)."""
@@ -82,7 +87,26 @@ class Backbone:
 
     def where_tau_half_is(self, value, low, high):
         """alpha and h between low and high where tau_half has a value."""
-        with mp.workdps(DIGITS):
-            bracket = (mp.mpf(low), mp.mpf(high))
-            alpha = mp.findroot(lambda x: self.tau_half(x) - value, bracket, solver="anderson", tol=mp.mpf(10) ** -30)
-            return float(alpha), float(self.energy(alpha))
+        alpha, h = self.root(lambda x: self.tau_half(x) - value, low, high)
+        return float(alpha), float(h)
+
+    def fold(self, low, high):
+        """alpha and h between low and high where h has an extremum, in all digits: with G' = sum b^2 sec^2, h = G'/(2 G^2) and h' = 0 is
+        G G'' = 2 G'^2."""
+
+        def slope(alpha):
+            first = sum((b / mp.cos(w * alpha)) ** 2 for w, _, b in self.modes)
+            second = sum(2 * w * mp.tan(w * alpha) * (b / mp.cos(w * alpha)) ** 2 for w, _, b in self.modes)
+            return self.half_period_sum(alpha) * second - 2 * first**2
+
+        return self.root(slope, low, high)
+
+    def symmetry_breaking(self, low, high):
+        """alpha and h between low and high where tau_half is -2, in all digits."""
+        return self.root(lambda x: self.tau_half(x) + 2, low, high)
+
+    def root(self, function, low, high):
+        """alpha and h between low and high where a function of alpha is zero, in all digits."""
+        with mp.workdps(DIGITS + 10):
+            alpha = mp.findroot(function, (mp.mpf(low), mp.mpf(high)), solver="anderson", tol=mp.mpf(10) ** (-2 * DIGITS + 10))
+            return alpha, self.energy(alpha)

@@ -17,9 +17,9 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 import branches.family
-from benchmarks.following import RecordedFamily, Spread, spread, timed_run, timed_runs
 from branches.family import Family
 from bvp.multipoint import MultipointProblem
+from saltus.bench.following import RecordedFamily, Spread, spread, timed_run, timed_runs
 
 __all__ = ["Breakdown", "breakdown", "compiled_calls"]
 

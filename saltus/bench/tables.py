@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.following import Spread
+from saltus.bench.following import Spread
 
 __all__ = ["BEGIN", "END", "PageError", "Table", "check_page", "microseconds", "number", "write_page"]
 

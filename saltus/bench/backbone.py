@@ -1,4 +1,4 @@
-"""Closed forms of orbits with one impact a half period, and of one impact a period on a one-sided stop: oracles for tests.
+"""Closed forms of orbits with one impact a half period, and of one impact a period on a one-sided stop.
 
 A linear undamped system with modes w_k, mass-normalised shapes and b_k = c . phi_k moves under impulses of alternating sign
 along the gap w = c . u, half a period 2 alpha apart: an antiperiodic train of impulses, summed mode by mode.

@@ -1,0 +1,70 @@
+"""What a method is to the bench, and the methods by name.
+
+A method is asked for a task and a setting of its ladder, and gives the work; whoever asks does it, and measures it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from saltus.bench.answers import Answer
+from saltus.bench.tasks import Task
+
+__all__ = ["Method", "Work", "methods"]
+
+
+@dataclass(frozen=True)
+class Work:
+    """What does a task.
+
+    Attributes
+    ----------
+    once : callable
+        Does it once: measured from outside, by its time divided by the points of its answer.
+    measured : callable or None
+        For a method that follows a family: does it for many points and measures the time of one itself.
+    """
+
+    once: Callable[[], Answer]
+    measured: Callable[[], Answer] | None = None
+
+
+class Method(Protocol):
+    """A way to do tasks.
+
+    Attributes
+    ----------
+    name : str
+    setting : str
+        What the numbers of its ladder are, in words; "" for a method that has none.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def setting(self) -> str: ...
+
+    def missing(self) -> str | None:
+        """Why it cannot be used here; None where it can."""
+
+    def does(self, task: Task) -> bool:
+        """Whether the task is of a kind that it does."""
+
+    def ladder(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
+        """Its settings, loose to tight, out of the tolerances asked for; (None,) for a method that works to rounding error."""
+
+    def prepare(self, task: Task, setting: float | None) -> Work:
+        """The work of a task at a setting."""
+
+
+def methods() -> dict[str, Method]:
+    """All methods by name, in the order in which they are done."""
+    from saltus.bench.exact import EXACT
+    from saltus.bench.integrators import INTEGRATORS
+    from saltus.bench.peers import PEERS
+
+    known: tuple[Method, ...] = (*EXACT, *INTEGRATORS, *PEERS)
+    return {method.name: method for method in known}

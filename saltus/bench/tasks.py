@@ -1,0 +1,281 @@
+"""The tasks: orbits, a run and special points, each with an answer that is known to thirty digits and more.
+
+Start values are rough; they only say which orbit is meant, and are corrected before anything is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+
+from bvp.multipoint import MultipointProblem
+from bvp.system import ImpactSystem, vibro_impact_nes
+from saltus.bench.answers import Answer, Errors, farthest, multiplier_error, relative
+from saltus.bench.cases import MU, SIGMA, system
+from saltus.bench.closed_form import DIGITS as CLOSED_DIGITS
+from saltus.bench.closed_form import Backbone
+from saltus.bench.digits import DIGITS, DigitOrbit, orbit_in_digits, pair
+from saltus.bench.digits_run import DigitRun, run_in_digits
+
+__all__ = ["LocateTask", "OrbitTask", "RunTask", "Task", "TASKS", "Wanted"]
+
+STEP = 0.0125
+"""Arclength between an orbit and the neighbours that a start value is extrapolated from: half the longest step of continuation."""
+
+
+@dataclass(frozen=True)
+class OrbitTask:
+    """The orbit of a family at a quarter period.
+
+    Parameters
+    ----------
+    name, title : str
+        For files, and for a reader.
+    ends : (str, str)
+        The first is the origin.
+    word : str
+        Inner impacts.
+    velocities : tuple of float
+        Rough, at the start.
+    times : tuple of float
+        Rough flight times.
+    alpha : float
+        Quarter period.
+    reference : str
+        What the error is measured against, in words.
+    closed : bool
+        Whether the closed form of one impact a half period is that.
+    """
+
+    name: str
+    title: str
+    ends: tuple[str, str]
+    word: str
+    velocities: tuple[float, ...]
+    times: tuple[float, ...]
+    alpha: float
+    reference: str
+    closed: bool = False
+
+    point = "orbit"
+
+    @property
+    def system(self) -> ImpactSystem:
+        """The system."""
+        return system()
+
+    @cached_property
+    def problem(self) -> MultipointProblem:
+        """The multipoint problem."""
+        return MultipointProblem(self.system, self.ends, tuple(self.word))
+
+    def unknowns(self) -> np.ndarray:
+        """The orbit to double precision."""
+        start = self.system.modes.from_state @ np.concatenate([np.zeros(len(self.velocities)), self.velocities])
+        y = self.problem.shoot(start, np.array(self.times))
+        return self.problem.solve(y, quarter_period=self.alpha).y
+
+    def guess(self) -> np.ndarray:
+        """Unknowns extrapolated to the task's quarter period from two neighbours on the family: what every method starts from."""
+        problem = self.problem
+        here = problem.step(self.unknowns(), np.zeros(2 * problem.unknowns), 0.0, full=False)
+        assert here is not None
+        near = problem.step(here.y, here.tangent, -STEP, full=False)
+        far = problem.step(here.y, here.tangent, -2.0 * STEP, full=False)
+        if near is None or far is None:
+            raise RuntimeError(f"{self.name}: the neighbours of the orbit were not found")
+        alphas = problem.quarter_period(near.y), problem.quarter_period(far.y)
+        return near.y + (near.y - far.y) * (self.alpha - alphas[0]) / (alphas[0] - alphas[1])
+
+    def start_velocities(self, y: np.ndarray) -> np.ndarray:
+        """Physical velocities at the start of unknowns."""
+        return (self.system.modes.to_state @ self.problem.start(y))[len(self.velocities) :]
+
+    def exact(self, alpha: float | None = None, y: np.ndarray | None = None) -> DigitOrbit:
+        """The orbit at a quarter period, near unknowns y, in many digits; by default the task's own."""
+        if alpha is None:
+            alpha = self.alpha
+        if y is not None and not self.closed:
+            return orbit_in_digits(self.problem, y, alpha)
+        if alpha != self.alpha and not self.closed:
+            raise ValueError(f"{self.name}: an orbit at another quarter period than {self.alpha:g} comes with its unknowns")
+        return _exact(self, alpha)
+
+    def errors(self, answer: Answer) -> Errors:
+        """The largest errors over the orbits of an answer, each against the orbit at its own quarter period."""
+        found: list[Errors] = []
+        for orbit in answer.orbits:
+            exact = self.exact(orbit.alpha, orbit.unknowns)
+            with mp.workdps(DIGITS):
+                in_orbit = None
+                if orbit.velocities is not None:
+                    in_orbit = farthest(orbit.velocities, exact.velocities)
+                    if orbit.times is not None:
+                        late = [abs(mp.mpf(float(a)) - b) for a, b in zip(orbit.times, exact.times, strict=True)]
+                        in_orbit = max([in_orbit, *(float(x / (4 * exact.alpha)) for x in late)])
+                found.append(
+                    Errors(
+                        in_orbit,
+                        None if orbit.energy is None else relative(orbit.energy, exact.h),
+                        None if orbit.multipliers is None else multiplier_error(orbit.multipliers, exact.multipliers),
+                    )
+                )
+        return Errors(*(None if None in column else max(column) for column in zip(*found, strict=True)))
+
+
+@cache
+def _exact(task: OrbitTask, alpha: float) -> DigitOrbit:
+    if not task.closed:
+        return orbit_in_digits(task.problem, task.unknowns(), alpha)
+    backbone = Backbone.of(task.system)
+    # The closed form is that of a quarter period before the upper side.
+    sign = 1 if task.ends[1] == "stop+" else -1
+    with mp.workdps(CLOSED_DIGITS):
+        tau = backbone.tau_half(alpha) ** 2 - 2
+        return DigitOrbit(
+            mp.mpf(alpha), backbone.energy(alpha), [sign * v for v in backbone.velocities(alpha)], [], pair(tau / 2), mp.mpf(0)
+        )
+
+
+@dataclass(frozen=True)
+class RunTask:
+    """A damped motion through a number of impacts.
+
+    Parameters
+    ----------
+    name, title : str
+    damping, restitution : float
+    velocities : tuple of float
+        At the start, where u = 0.
+    impacts : int
+    reference : str
+    """
+
+    name: str
+    title: str
+    damping: float
+    restitution: float
+    velocities: tuple[float, ...]
+    impacts: int
+    reference: str
+
+    point = "impact"
+
+    @property
+    def system(self) -> ImpactSystem:
+        """The system."""
+        return vibro_impact_nes(MU, SIGMA, lam=self.damping, rho=self.restitution)
+
+    def exact(self) -> DigitRun:
+        """The motion in many digits."""
+        return _ran(self)
+
+    def errors(self, answer: Answer) -> Errors:
+        """Of the state and the time after the last impact, and of the energy that is left then."""
+        if answer.ran is None:
+            return Errors()
+        time, state, energy = answer.ran
+        exact = self.exact()
+        with mp.workdps(DIGITS):
+            return Errors(max(relative(time, exact.time), farthest(state, exact.state)), relative(energy, exact.energy))
+
+
+@cache
+def _ran(task: RunTask) -> DigitRun:
+    return run_in_digits(task.system, np.array(task.velocities), task.impacts)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A special point to be located: its type, an orbit of the family to come from, and quarter periods between which it lies."""
+
+    type: str
+    family: OrbitTask
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class LocateTask:
+    """Special points of the backbones.
+
+    Parameters
+    ----------
+    name, title : str
+    wanted : mapping as a tuple of (name, Wanted)
+    reference : str
+    """
+
+    name: str
+    title: str
+    wanted: tuple[tuple[str, Wanted], ...]
+    reference: str
+
+    point = "located point"
+
+    def exact(self) -> dict[str, tuple[Any, Any]]:
+        """Quarter period and energy of each, in many digits."""
+        return _located(self)
+
+    def errors(self, answer: Answer) -> Errors:
+        """The largest of those of the quarter periods and the energies, of the points that are given."""
+        exact = self.exact()
+        with mp.workdps(CLOSED_DIGITS):
+            found = [relative(a, b) for name, pair in answer.located.items() for a, b in zip(pair, exact[name], strict=True)]
+        return Errors(located=max(found, default=None))
+
+
+@cache
+def _located(task: LocateTask) -> dict[str, tuple[Any, Any]]:
+    out = {}
+    for name, wanted in task.wanted:
+        backbone = Backbone.of(wanted.family.system)
+        find: dict[str, Callable[..., Any]] = {"SN": backbone.fold, "SB": backbone.symmetry_breaking}
+        out[name] = find[wanted.type](wanted.low, wanted.high)
+    return out
+
+
+Task = OrbitTask | RunTask | LocateTask
+
+_CLOSED = "closed form"
+_DIGITS = f"the same equations in {DIGITS} digits"
+
+
+def _backbone(name: str, title: str, stop: str, velocities: tuple[float, float], alpha: float) -> OrbitTask:
+    return OrbitTask(name, title, ("origin", stop), "", velocities, (alpha,), alpha, _CLOSED, closed=True)
+
+
+IN_PHASE = _backbone("S13O00+", "S13O00+, quarter period 1.65", "stop+", (1.82, 3.07), 1.65)
+OUT_OF_PHASE = _backbone("S11O00-", "S11O00- at h = 1e4", "stop-", (-426.4, 42.64), 0.00213200908706663)
+
+TASKS: dict[str, Task] = {
+    task.name: task
+    for task in (
+        IN_PHASE,
+        OrbitTask(
+            "U8353-", "U8353-, 8 inner impacts", ("origin", "origin"), "+-+-+-+-", (0.059436725, -1.972621447),
+            (0.54734943, 0.89065889, 0.95702120, 1.12608516, 0.86660931, 1.06450745, 1.23252467, 0.88055437, 2.24768973), 4.9065, _DIGITS,
+        ),
+        OrbitTask(
+            "U(16)588-", "U(16)588-, 16 inner impacts", ("origin", "origin"), "+-" * 8, (3.9841075, 1.55328321),
+            (0.41695582, 1.20945676, 1.20691748, 0.83343044, 1.19957028, 1.18751309, 0.83136071, 1.16979004, 1.13378856, 0.82721372,
+             1.11638289, 1.03825688, 0.82818690, 1.05791723, 0.93091488, 0.85627355, 0.51578613), 8.18, _DIGITS,
+        ),
+        OUT_OF_PHASE,
+        RunTask("damped", "damped run of 1,000 impacts", 0.001, 0.999, (2.894377, 4.377472), 1000, "the same run in 50 digits"),
+        LocateTask(
+            "located", "SN of S11O00- and SB of S13O00+",
+            (
+                ("SN", Wanted("SN", _backbone("S11O00-", "", "stop-", (-0.9, 0.1), 1.2), 1.05, 1.2)),
+                ("SB", Wanted("SB", _backbone("S13O00+", "", "stop+", (0.9, 0.6), 1.7), 1.7, 1.73)),
+            ),
+            f"roots of the closed form in {CLOSED_DIGITS} digits",
+        ),
+    )
+}  # fmt: skip
+"""The tasks by name, in the order in which they are done."""

@@ -1,0 +1,155 @@
+"""The paper's own method: shooting in nonsmooth time, against the closed form and against the orbits of the multipoint problem."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from bvp.cycle import cycle_of
+from bvp.nonsmooth_time import TOLERANCE, NotMatched, solve_nonsmooth_time
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from saltus.bench import backbone
+from tests.bvp.orbits import chain, collection
+
+ALPHA = 1.7
+
+
+def rounded(values, digits):
+    """A guess: the values to some significant digits."""
+    return [float(f"{value:.{digits - 1}e}") for value in values]
+
+
+@pytest.mark.parametrize("integrator", ["RK45", "DOP853"])
+@pytest.mark.parametrize(("alpha", "h"), [(1.7, 0.58875), (0.5, None)])
+def test_the_backbones_keep_within_the_tolerance(alpha, h, integrator):
+    """Oracle: closed form of both backbones (S13O00+ and S11O00-), and the published h = 0.58875 at alpha = 1.7. Ten
+    thousand times the tolerance is at least a hundred times the error."""
+    system = vibro_impact_nes()
+    exact = backbone.origin_velocity(system, alpha)
+    errors = []
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        orbit = solve_nonsmooth_time(system, alpha, rounded(exact, 2), tolerance=tolerance, integrator=integrator)
+        assert orbit.mismatch < tolerance and orbit.tolerance == tolerance
+        errors.append(abs(orbit.h / backbone.energy(system, alpha) - 1.0))
+        assert errors[-1] < 10.0 * tolerance
+        assert np.allclose(orbit.velocities, exact, atol=10.0 * tolerance, rtol=0.0)
+        assert [impact[1] for impact in orbit.impacts] in (["+", "-"], ["-", "+"])
+        assert np.allclose([impact[0] for impact in orbit.impacts], [alpha, 3.0 * alpha], atol=10.0 * tolerance)
+        if h is not None and tolerance < 1e-5:
+            assert abs(orbit.h - h) < 5e-6
+    assert errors[2] < 0.01 * errors[0]
+
+
+def test_the_energy_of_the_start_is_that_of_the_motion():
+    """Oracle: the system's own energy along the sampled orbit; the prefactor 1/(2 alpha^2) is the only one that gives it."""
+    system = vibro_impact_nes()
+    orbit = solve_nonsmooth_time(system, ALPHA, [1.4, 1.0], tolerance=1e-8)
+    u, v = orbit.sample(np.linspace(0.0, 4.0 * ALPHA, 501))
+    assert np.allclose(system.energy(u, v), orbit.h, rtol=1e-7)
+    assert orbit.drift < 1e-8
+
+
+def test_the_motion_over_a_period():
+    """Oracle: the closed form in the first half, Eq. (5) in the second: u(2 alpha + s) = -u(2 alpha - s); an
+    impact reverses the speed of the gap."""
+    system = vibro_impact_nes()
+    orbit = solve_nonsmooth_time(system, ALPHA, [1.4, 1.0], tolerance=1e-9)
+    times = np.linspace(0.01, ALPHA - 0.01, 40)
+    u, v = backbone.motion(system, ALPHA, times)
+    for shift in (0.0, 4.0 * ALPHA, -4.0 * ALPHA):
+        found = orbit.sample(times + shift)
+        assert np.allclose(found[0], u, atol=1e-7) and np.allclose(found[1], v, atol=1e-7)
+    back = orbit.sample(2.0 * ALPHA + times)
+    before = orbit.sample(2.0 * ALPHA - times)
+    assert np.allclose(back[0], -before[0], atol=1e-12) and np.allclose(back[1], before[1], atol=1e-12)
+    for time, letter, speed in orbit.impacts:
+        side = 1.0 if letter == "+" else -1.0
+        place, just_after = orbit.sample([time + 1e-9])
+        _, just_before = orbit.sample([time - 1e-9])
+        gap = np.array([1.0, -1.0])
+        assert np.isclose(side * place[0] @ gap, 1.0, atol=1e-7)
+        assert np.isclose(side * just_after[0] @ gap, -speed, atol=1e-6) and np.isclose(side * just_before[0] @ gap, speed, atol=1e-6)
+
+
+def test_orbits_with_inner_impacts():
+    """Oracle: the multipoint problem: velocities, energy, times, stops and speeds of all impacts over the period."""
+    found = [x for x in collection() if x.problem.ends[0] == "origin" and x.problem.inner >= 2 and abs(x.solution["trace"]) < 50.0][:8]
+    assert len(found) >= 5 and max(x.problem.inner for x in found) >= 4
+    for orbit in found:
+        problem, system, y = orbit.problem, orbit.problem.system, orbit.solution.y
+        n = system.degrees_of_freedom
+        velocities = (system.modes.to_state @ problem.start(y))[n:]
+        cycle = cycle_of(problem, y)
+        near = solve_nonsmooth_time(system, problem.quarter_period(y), rounded(velocities, 6), tolerance=1e-9)
+        assert np.isclose(near.h, problem.energy(y), rtol=1e-6), orbit.name
+        assert [impact[1] for impact in near.impacts] == list(cycle.letters), orbit.name
+        assert np.allclose([impact[0] for impact in near.impacts], cycle.times, atol=1e-6)
+        assert np.allclose([impact[2] for impact in near.impacts], cycle.speeds, atol=1e-5)
+
+
+def test_three_masses():
+    """Oracle: the closed form of one impact a half period for any linear system."""
+    system = chain(np.random.default_rng(2), 3, grounded=True)
+    alpha = next(a for a in np.linspace(0.3, 2.0, 18) if backbone.is_physical(system, a))
+    exact = backbone.origin_velocity(system, alpha)
+    orbit = solve_nonsmooth_time(system, alpha, rounded(exact, 4))
+    assert np.isclose(orbit.h, backbone.energy(system, alpha), rtol=1e-5)
+    assert orbit.tolerance == TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"system": vibro_impact_nes(lam=0.01)}, "damping"),
+        ({"system": vibro_impact_nes(rho=0.9)}, "restitution 0.9"),
+        ({"system": ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), (Stop((1.0, -1.0), upper=1.0),))}, "odd symmetry"),
+        ({"quarter_period": -1.0}, "quarter_period.*-1"),
+        ({"velocities": [1.0]}, "2 finite numbers"),
+        ({"velocities": [0.0, 0.0]}, "all zero"),
+        ({"tolerance": 0.0}, "tolerance.*0"),
+        ({"tolerance": float("nan")}, "NaN"),
+        ({"integrator_tolerance": -1e-9}, "integrator_tolerance.*-1e-09"),
+    ],
+)
+def test_what_it_cannot_do_is_refused(change, words):
+    """Oracle: the message names what was received."""
+    given = {"system": vibro_impact_nes(), "quarter_period": ALPHA, "velocities": [1.4, 1.0]} | change
+    with pytest.raises(ValueError, match=words):
+        solve_nonsmooth_time(**given)
+
+
+def test_shooting_that_does_not_arrive_is_told():
+    """Oracle: the motion at rest satisfies both ends, and is no orbit that impacts; and the message has the mismatch that stays."""
+    with pytest.raises(NotMatched, match="without impacts"):
+        solve_nonsmooth_time(vibro_impact_nes(), 0.05, [1e-3, 1e-3])
+    with pytest.raises(NotMatched, match="mismatch of 2.0e-01, not below 1.0e-02"):
+        solve_nonsmooth_time(vibro_impact_nes(), ALPHA, [3.0, 1.0], tolerance=0.01, integrator_tolerance=0.01, integrator="DOP853")
+
+
+@pytest.mark.parametrize(
+    ("gap", "words"),
+    [(lambda begin, tau: 1.0, r"passed a stop by \S+ between two of its steps"), (lambda begin, tau: begin - tau, "passed a whole flight")],
+)
+def test_an_integrator_that_passes_a_stop_is_told(gap, words, monkeypatch):
+    """Oracle: events that see no impact at all, and events that see one where the flight begins, in place of the integrator's."""
+    from scipy import integrate
+
+    whole = integrate.solve_ivp
+
+    def blind(motion, span, state, *, events, **options):
+        def event(tau, state):
+            return gap(span[0], tau)
+
+        event.terminal, event.direction = True, -1.0
+        return whole(motion, span, state, events=[event] * len(events), **options)
+
+    monkeypatch.setattr(integrate, "solve_ivp", blind)
+    with pytest.raises(NotMatched, match=f"{words}.*smaller tolerance"):
+        solve_nonsmooth_time(vibro_impact_nes(), ALPHA, [30.0, 1.0])
+
+
+def test_an_orbit_is_not_changed():
+    """Oracle: a frozen record."""
+    orbit = solve_nonsmooth_time(vibro_impact_nes(), ALPHA, [1.4, 1.0])
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        orbit.slope = None

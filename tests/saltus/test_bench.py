@@ -1,0 +1,376 @@
+"""`saltus bench`. Oracles: closed forms, a second method in many digits, the equations themselves; no time is asserted."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import saltus
+from saltus.bench import cases
+from saltus.bench.answers import Answer, OrbitAnswer, multiplier_error
+from saltus.bench.closed_form import DIGITS, Backbone
+from saltus.bench.digits import orbit_in_digits
+from saltus.bench.digits_run import run_in_digits
+from saltus.bench.effort import FULL, QUICK, Effort
+from saltus.bench.exact import EXACT
+from saltus.bench.fixed_period import Integrator, PeriodShooting
+from saltus.bench.growth import chain, growth, physical_period
+from saltus.bench.integrators import INTEGRATORS
+from saltus.bench.methods import methods
+from saltus.bench.peers import PEERS
+from saltus.bench.report import best_rows, tables
+from saltus.bench.tasks import IN_PHASE, OUT_OF_PHASE, TASKS, OrbitTask
+from saltus.commands.bench import DATA, FILES, GROWTH, PRECISION, ROWS, bench
+from tests.branches.many_digits import ManyDigits
+from tests.saltus.bench_methods import Absent, Astray, Endless, Failing, Interrupted, Plain
+from tests.saltus.running import run
+
+TINY = Effort("tiny", None, None, (1e-2, 1e-4), 0.0, 60.0, 300.0, (1, 2), (2, 3), (1.8,))
+ORBITS = [task for task in TASKS.values() if isinstance(task, OrbitTask)]
+
+
+# -- reference values ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("task", [IN_PHASE, OUT_OF_PHASE], ids=lambda task: task.name)
+def test_orbits_in_digits_are_the_closed_form(task):
+    """Oracle: the closed form of one impact a half period, which shares nothing with the multipoint equations."""
+    exact, found = task.exact(), orbit_in_digits(task.problem, task.unknowns(), task.alpha)
+    with mp.workdps(DIGITS):
+        assert abs(found.h / exact.h - 1) < mp.mpf(10) ** -35
+        for a, b in zip(found.velocities, exact.velocities, strict=True):
+            assert abs(a / b - 1) < mp.mpf(10) ** -35
+        for a, b in zip(found.multipliers, exact.multipliers, strict=True):
+            assert abs(a / b - 1) < mp.mpf(10) ** -33
+
+
+@pytest.mark.parametrize("task", [task for task in ORBITS if not task.closed], ids=lambda task: task.name)
+def test_orbits_in_digits_are_those_of_single_shooting(task):
+    """Oracle: single shooting over the whole period in fifty digits, next to the same orbit in double precision; it may lie apart from that
+    along the family by some units of rounding, so that its trace is another one by as much."""
+    from branches.orbit import Orbit
+
+    orbit = Orbit(task.problem, task.problem.solve(task.unknowns(), quarter_period=task.alpha))
+    other = ManyDigits(orbit)
+    exact = task.exact()
+    assert exact.residual < mp.mpf(10) ** -40
+    # The trace changes by up to 1e4 as much as the orbit.
+    assert abs(float(abs(mp.re(sum(exact.multipliers))) - 2 - other.margin)) < 1e-8
+
+
+def test_an_orbit_in_digits_sees_wrong_equations():
+    """Oracle: a start from which Newton's corrections settle on no orbit of the word is refused, and other ends are."""
+    problem, y = IN_PHASE.problem, IN_PHASE.unknowns()
+    with pytest.raises(ArithmeticError, match="did not settle"):
+        orbit_in_digits(problem, 3.0 * y, IN_PHASE.alpha)
+    other = saltus.trace("S13O00+", energy=(0.5, 0.6)).problem.__class__(saltus.vibro_impact_nes(), ("rest", "rest"), ("+",))
+    with pytest.raises(ValueError, match="start at the origin"):
+        orbit_in_digits(other, np.ones(other.unknowns), 1.0)
+
+
+def test_a_run_in_digits_is_the_closed_form_where_nothing_is_lost():
+    """Oracle: S13O00+ hits at 1.65, 4.95, ...; its start is rounded to double precision."""
+    task = IN_PHASE
+    velocities = np.array([float(v) for v in task.exact().velocities])
+    found = run_in_digits(task.system, velocities, 6)
+    assert float(found.time) == pytest.approx(11 * task.alpha, rel=1e-14)
+    assert float(found.energy) == pytest.approx(float(task.exact().h), rel=1e-14)
+    u = np.array([float(x) for x in found.state[:2]])
+    assert u[0] - u[1] == pytest.approx(-1.0, abs=1e-14)
+
+
+def test_a_damped_run_in_digits_keeps_the_balance_of_energies():
+    """Oracle: an integrator of the motion with its dissipation, run by run of the tolerance; and restitution at each impact."""
+    system = saltus.vibro_impact_nes(mu=0.1, sigma=0.1, lam=0.05, rho=0.8)
+    found = run_in_digits(system, np.array([2.9, 4.4]), 5)
+    integrator = Integrator(system, "DOP853", 1e-13)
+    y, now = np.array([[0.0], [0.0], [2.9], [4.4]]), 0.0
+    for _ in range(5):
+        duration, y, hit = integrator.flight(y, 1e3)
+        assert hit
+        y, now = integrator.strike(y), now + duration
+    assert float(found.time) == pytest.approx(now, rel=1e-11)
+    np.testing.assert_allclose([float(x) for x in found.state], y[:, 0], rtol=1e-10)
+
+
+def test_special_points_of_the_closed_form():
+    """Oracle: at the fold, where dh/dalpha = 0, the trace of the half map is 2; the published values are near."""
+    backbone = Backbone()
+    with mp.workdps(DIGITS):
+        alpha, h = backbone.fold(1.05, 1.2)
+        assert abs(backbone.tau_half(alpha) - 2) < mp.mpf(10) ** -30
+        assert abs(h - mp.mpf("0.0691164499")) < 1e-9
+        alpha, h = backbone.symmetry_breaking(1.7, 1.73)
+        assert abs(backbone.tau_half(alpha) + 2) < mp.mpf(10) ** -30
+
+
+# -- methods --------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", EXACT, ids=lambda method: method.name)
+@pytest.mark.parametrize("task", ORBITS, ids=lambda task: task.name)
+def test_orbits_of_saltus(task, method):
+    """Oracle: the closed form or fifty digits. U8353- and U(16)588- change a thousand times as much as their quarter period."""
+    answer = method.prepare(task, None).once()
+    errors = task.errors(answer)
+    bound = 1e-13 if task.closed else 1e-11
+    assert errors.orbit < bound and errors.energy < bound and errors.located is None
+    if method.route == "none":
+        assert errors.multipliers is None
+    elif method.route != "saltation":
+        assert errors.multipliers < (1e-11 if task.closed else 1e-6)
+
+
+def test_points_of_saltus_along_a_family_are_all_right():
+    """Oracle: the closed form at each point's own quarter period; the layers sum to the point."""
+    answer = EXACT[0].prepare(IN_PHASE, None).measured()
+    assert answer.points > 8 and len(answer.orbits) == 4 and len({orbit.alpha for orbit in answer.orbits}) == 4
+    errors = IN_PHASE.errors(answer)
+    assert max(errors.orbit, errors.energy, errors.multipliers) < 1e-12
+    layers = dict(answer.layers)
+    assert layers.pop("total") == pytest.approx(sum(layers.values()), rel=1e-9)
+
+
+def test_the_run_and_the_special_points_of_saltus():
+    """Oracle: the run in fifty digits, here of its first 50 impacts; roots of the closed form."""
+    from dataclasses import replace
+
+    short = replace(TASKS["damped"], impacts=50)
+    errors = short.errors(EXACT[0].prepare(short, None).once())
+    assert errors.orbit < 1e-12 and errors.energy < 1e-12
+    task = TASKS["located"]
+    assert task.errors(EXACT[0].prepare(task, None).once()).located < 1e-9
+
+
+@pytest.mark.parametrize("method", INTEGRATORS, ids=lambda method: method.integrator)
+def test_integrators_come_nearer_with_their_tolerance(method):
+    """Oracle: the closed form; orbit, energy, multipliers and located points within a few hundred tolerances."""
+    for task in (IN_PHASE, TASKS["located"]):
+        for rtol in (1e-5, 1e-9):
+            errors = task.errors(method.prepare(task, rtol).once())
+            known = [error for error in errors if error is not None]
+            assert known and max(known) < 300.0 * rtol
+
+
+def test_shooting_finds_a_wrong_saltation_matrix():
+    """Oracle: the fifty digits; without the jump term the multipliers of U8353- are others."""
+    task = TASKS["U8353-"]
+
+    class Wrong(Integrator):
+        def strike(self, y):
+            out = self.impact @ y
+            return out
+
+    velocities = task.start_velocities(task.unknowns())
+    errors = []
+    for kind in (Integrator, Wrong):
+        integrator = kind(task.system, "DOP853", 1e-12)
+        matrix = PeriodShooting(integrator, "origin", 8).monodromy(velocities, 4.0 * task.alpha)
+        errors.append(abs(np.trace(matrix) - 2.0 - float(sum(task.exact().multipliers))))
+    assert errors[0] < 1e-6 < 1.0 < errors[1]
+
+
+def test_the_nonsmooth_method_comes_nearer_with_its_matching():
+    """Oracle: the closed form; at the paper's matching of 1e-6 the energy is right to a hundred times that."""
+    method = PEERS[0]
+    loose, tight = (IN_PHASE.errors(method.prepare(IN_PHASE, tolerance).once()) for tolerance in (1e-4, 1e-6))
+    assert loose.multipliers is None and tight.energy < 1e-4 and tight.energy < loose.energy < 1e-2
+
+
+def test_collocation_comes_nearer_with_its_tolerance():
+    """Oracle: the closed form, and fifty digits for 8 inner impacts."""
+    method = PEERS[1]
+    for task in (IN_PHASE, TASKS["U8353-"]):
+        loose, tight = (task.errors(method.prepare(task, tolerance).once()) for tolerance in (1e-4, 1e-6))
+        assert tight.multipliers is None and tight.energy < 1e-5 and tight.energy < 0.1 * loose.energy < 1e-3
+
+
+@pytest.mark.skipif(PEERS[2].missing() is not None, reason=f"AUTO-07p cannot be used: {PEERS[2].missing()}")
+def test_auto_as_a_method():
+    """Oracle: the closed form, of orbits and of the fold; a time above nothing."""
+    method = PEERS[2]
+    answer = method.prepare(IN_PHASE, 2.0).once()
+    errors = IN_PHASE.errors(answer)
+    assert len(answer.orbits) > 2 and errors.orbit < 1e-10 and errors.energy < 1e-10 and errors.multipliers is None
+    task = TASKS["located"]
+    answer = method.prepare(task, 4.0).measured()
+    assert set(answer.located) == {"SN"} and task.errors(answer).located < 1e-8 and answer.seconds > 0.0
+
+
+def test_errors_see_what_is_wrong():
+    """Oracle: known relative changes."""
+    exact = IN_PHASE.exact()
+    velocities = np.array([float(v) for v in exact.velocities])
+    multipliers = np.array([complex(value) for value in exact.multipliers])
+    right = IN_PHASE.errors(Answer(orbits=(OrbitAnswer(1.65, float(exact.h), velocities, np.zeros(0), multipliers),)))
+    assert max(right[:3]) < 1e-15 and right.located is None
+    wrong = IN_PHASE.errors(Answer(orbits=(OrbitAnswer(1.65, 1.001 * float(exact.h), velocities * 1.01, None, multipliers * 1.1),)))
+    assert wrong[:3] == pytest.approx((1e-2, 1e-3, 1e-1), rel=1e-6)
+    assert multiplier_error(multipliers[:1], exact.multipliers) == float("inf")
+    located = TASKS["located"]
+    alpha, h = (float(x) for x in located.exact()["SN"])
+    assert located.errors(Answer()).located is None
+    assert located.errors(Answer(located={"SN": (alpha, h)})).located < 1e-15
+    assert located.errors(Answer(located={"SN": (alpha, h), "SB": (1.001 * float(located.exact()["SB"][0]), 1.0)})).located > 1e-3
+
+
+def test_efforts_name_what_there_is():
+    """Oracle: the tasks and methods."""
+    for effort in (QUICK, FULL):
+        assert set(effort.tasks or ()) <= set(TASKS)
+        assert set(effort.methods or ()) <= set(methods())
+
+
+# -- growth -----------------------------------------------------------------------------------------------------------------------
+
+
+def test_the_chain_is_the_reference_system_with_more_masses():
+    """Oracle: the reference system; the closed form holds for any number of masses."""
+    from bvp.system import vibro_impact_nes
+
+    two, reference = chain(2), vibro_impact_nes(cases.MU, cases.SIGMA)
+    np.testing.assert_array_equal(two.stiffness, reference.stiffness)
+    np.testing.assert_array_equal(two.mass, reference.mass)
+    system = chain(9)
+    problem, y = cases.segment(system, 0, physical_period(system))
+    step = problem.step(y, np.zeros(2 * problem.unknowns), 0.0)
+    velocities = (system.modes.to_state @ problem.start(step.y))[9:]
+    assert cases.closed_form_error(system, 0, step["energy"], problem.quarter_period(step.y), velocities) < 1e-13
+
+
+def test_rows_of_growth():
+    """Oracle: the sizes that were asked for, and residuals at rounding level."""
+    rows = list(growth(TINY))
+    assert [(row["growth"], row["value"]) for row in rows] == [
+        ("impacts", 1), ("impacts", 2), ("degrees of freedom", 2), ("degrees of freedom", 3), ("quarter period", 1.8),
+    ]  # fmt: skip
+    assert all(row["seconds"] > 0.0 for row in rows) and all(row["residual"] < 1e-12 for row in rows[:-1])
+    assert rows[-1]["settled"] and rows[-1]["orbits"] > 0
+
+
+# -- the command --------------------------------------------------------------------------------------------------------------------
+
+
+def rows_in(folder):
+    return [json.loads(line) for line in (folder / ROWS).read_text().splitlines()]
+
+
+def test_a_tiny_bench(tmp_path, capsys):
+    """Oracle: what each method does by construction: the error it was given, the failure it raises, the reason for which it is absent."""
+    code = bench(tmp_path, TINY, [IN_PHASE], [EXACT[0], Plain(), Failing(), Absent()])
+    out, err = capsys.readouterr()
+    assert code == 0 and not err
+    assert "skipped  absent: the program absent is not installed" in out
+    record = json.loads((tmp_path / DATA).read_text())
+    assert record["schema"] == 1 and record["skipped"] == {"absent": "the program absent is not installed"}
+    assert any("cores" in line for line in record["machine"])
+    rows = [row for row in record["rows"] if "task" in row]
+    assert record["rows"] == rows_in(tmp_path)
+    assert [(row["method"], row["setting"]) for row in rows] == [
+        ("saltus", None), ("plain", 1e-2), ("plain", 1e-4), ("failing", 1e-2), ("failing", 1e-4),
+    ]  # fmt: skip
+    own, first, second, failed, after = rows
+    assert own["failed"] is None
+    assert own["errors"]["orbit"] < 1e-12 and own["layers"] and own["seconds"] > 0.0 and own["memory"] > 1e6
+    assert first["errors"]["energy"] == pytest.approx(1e-2) and second["errors"]["energy"] == pytest.approx(1e-4)
+    assert first["errors"]["orbit"] is None and first["first"] > 0.0 and second["first"] is None
+    assert failed["failed"] == "it does not converge" and failed["seconds"] is None
+    assert after["failed"] is None and after["errors"]["energy"] == pytest.approx(1e-4)
+    assert sum("growth" in row for row in record["rows"]) == 5
+    for picture in (PRECISION, GROWTH):
+        assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+    assert "S13O00+, quarter period 1.65" in out and "plain" in out
+
+
+def test_an_endless_work_is_given_up(tmp_path, capsys):
+    """Oracle: a work that sleeps: one row that says so, and no other setting of its ladder."""
+    from dataclasses import replace
+
+    assert bench(tmp_path, replace(TINY, limit=3.0, start=0.0, impacts=(), degrees=(), periods=()), [IN_PHASE], [Endless(), Plain()]) == 0
+    rows = rows_in(tmp_path)
+    assert [(row["method"], row["failed"]) for row in rows] == [("endless", "not done in 3 s"), ("plain", None), ("plain", None)]
+
+
+def test_an_answer_next_to_no_orbit_is_a_row_too(tmp_path, capsys):
+    """Oracle: a start thirty times too large, from which no orbit of the word is found in fifty digits."""
+    from dataclasses import replace
+
+    assert bench(tmp_path, replace(TINY, impacts=(), degrees=(), periods=()), [TASKS["U8353-"]], [Astray()]) == 0
+    rows = rows_in(tmp_path)
+    assert len(rows) == 2 and all(row["failed"].startswith("its error cannot be told") for row in rows)
+    assert all(error is None for row in rows for error in row["errors"].values())
+
+
+def test_an_interrupted_bench_keeps_its_rows(tmp_path, capsys):
+    """Oracle: the rows of the method before the interruption, exit code 130, and the older results as they were."""
+    (tmp_path / DATA).write_text("older")
+    assert bench(tmp_path, TINY, [IN_PHASE], [Plain(), Interrupted()]) == 130
+    assert [row["method"] for row in rows_in(tmp_path)] == ["plain", "plain"]
+    assert (tmp_path / DATA).read_text() == "older"
+    err = capsys.readouterr().err
+    assert "interrupted" in err and f"{tmp_path / ROWS} keeps the 2 rows" in err
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGKILL], ids=lambda ending: ending.name)
+def test_a_bench_that_is_ended_from_outside_keeps_its_rows(tmp_path, ending):
+    """Oracle: a process of its own, ended after its first row: the rows are there, and none of its workers stays."""
+    words = [sys.executable, "-m", "saltus", "bench", "--quick", "--out", str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(Path(saltus.__file__).parents[1])}
+    process = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background have it ignored
+    )  # fmt: skip
+    rows, patience = tmp_path / ROWS, time.monotonic() + 300.0
+    while not (rows.exists() and rows.read_text().count("\n") >= 1):
+        assert process.poll() is None and time.monotonic() < patience
+        time.sleep(0.05)
+    process.send_signal(ending)
+    # The pipes close when the last worker has ended too.
+    _, err = process.communicate(timeout=120)
+    assert len(rows_in(tmp_path)) >= 1 and not (tmp_path / DATA).exists()
+    if ending == signal.SIGINT:
+        assert process.returncode == 130 and "interrupted" in err and len(err.splitlines()) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path, capsys):
+    """Oracle: exit code 2, one line, and nothing started: not even the machine is described."""
+    file = tmp_path / "file"
+    file.write_text("")
+    code, out, err = run(capsys, "bench", "--quick", "--out", file)
+    assert (code, out, err) == (2, "", f"saltus: --out {file}: it is a file, expected a folder\n")
+    for name in FILES:
+        folder = tmp_path / f"with {name}"
+        (folder / name).mkdir(parents=True)
+        code, out, err = run(capsys, "bench", "--out", folder)
+        assert code == 2 and not out and err == f"saltus: cannot write {folder / name}: it is a directory, expected a file\n"
+
+
+# -- the report ---------------------------------------------------------------------------------------------------------------------
+
+
+def row(method, setting, energy, seconds=1.0, failed=None):
+    errors = {"orbit": None, "energy": energy, "multipliers": None, "located": None}
+    known = {"task": "S13O00+", "method": method, "setting": setting, "errors": errors, "seconds": seconds}
+    return {**known, "failed": failed, "first": None, "memory": None, "points": 1, "repeats": 1, "layers": None}
+
+
+def test_each_method_stands_in_the_table_at_its_least_error():
+    """Oracle: rows made by hand."""
+    rows = [
+        row("saltus", None, 1e-14, 1e-5), row("a", 1e-3, 1e-4), row("a", 1e-9, 1e-8, 2.0), row("a", 1e-12, 1e-7, 9.0),
+        row("b", 1e-3, None, None, "not done in 3 s"),
+    ]  # fmt: skip
+    assert [(best["method"], best["setting"]) for best in best_rows(rows, "S13O00+")] == [("saltus", None), ("a", 1e-9), ("b", 1e-3)]
+    table, digits = tables(rows, [IN_PHASE], {"a": "rtol", "b": "rtol"})
+    assert [cells[1:] for cells in digits.rows] == [("saltus", *["10"] * 4), ("a", "1000000", "2000000", "-", "-")]
+    own, a, b = table.rows
+    assert own[2] == "10" and a[1] == "rtol 1e-09" and a[table.columns.index("to saltus")] == "200000"
+    assert b[2] == "not done in 3 s"
+    assert len({len(cells) for cells in table.rows} | {len(table.columns)}) == 1
