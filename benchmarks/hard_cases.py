@@ -16,8 +16,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from benchmarks.machine import describe
 from branches.files import write_text
+from saltus.bench.machine import describe
 from tests.hard.cases import HEADINGS, RECORD, Case, all_cases
 
 __all__ = ["main", "old_errors", "page", "tables"]

@@ -14,9 +14,9 @@ from branches.tracing import TraceError, follow_family
 from bvp.damped import Mover
 from bvp.forcing import Harmonic
 from bvp.impact import ImpactStatus, next_impact
-from bvp.motion import EventKind
+from bvp.motion import EventKind, MotionStatus
 from bvp.multipoint import MultipointProblem
-from bvp.run import RunStatus, run
+from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.test_grazing import met
 from tests.bvp.high_precision import Exact, dot, flow
@@ -215,9 +215,9 @@ def test_touch_and_go(power):
     assert hit.status is ImpactStatus.HIT
     assert next_impact(oscillator, [0.0], [1.0 - depth], 3.0).status is ImpactStatus.NONE
     assert next_impact(oscillator, [0.0], [1.0], 3.0).status is ImpactStatus.TOUCH
-    motion = run(oscillator, [0.0], [1.0], 40.0)
-    assert motion.touches.all() and len(motion.times) == 7
-    assert np.abs(motion.times - math.pi / 2 - 2 * math.pi * np.arange(7)).max() < 1e-6
+    events = run(oscillator, [0.0], [1.0], 40.0).stop_events
+    assert events.touches.all() and len(events.times) == 7
+    assert np.abs(events.times - math.pi / 2 - 2 * math.pi * np.arange(7)).max() < 1e-6
     exact = mp.asin(1 / mp.mpf(1.0 + depth))
     return float(abs(hit.time - exact)) * hit.speed
 
@@ -236,10 +236,11 @@ def test_an_impact_at_the_end_of_a_flight(offset):
     for k in range(10):
         first = run(oscillator, [0.0], [2.0], float(exact[k] * (1.0 + offset)))
         second = run(oscillator, first.final[:1], first.final[1:], float(exact[9] + 1.0 - first.duration))
-        assert first.status is second.status is RunStatus.DURATION_REACHED
-        times = np.concatenate([first.times, first.duration + second.times])
-        assert len(times) == 10 and not first.touches.any() and not second.touches.any(), (k, len(first.times), len(second.times))
-        assert len(first.times) == k + (offset > 1e-15) or abs(offset) < 1e-13
+        assert first.status is second.status is MotionStatus.DURATION_REACHED
+        met, later = first.stop_events, second.stop_events
+        times = np.concatenate([met.times, first.duration + later.times])
+        assert len(times) == 10 and not met.touches.any() and not later.touches.any(), (k, len(met.times), len(later.times))
+        assert len(met.times) == k + (offset > 1e-15) or abs(offset) < 1e-13
         worst = max(worst, np.max(np.abs(times - exact)))
     return worst
 
@@ -288,8 +289,8 @@ def test_impacts_that_merge(coupling):
         exact = both_at_once(system, mp.mpf(alpha))
         start = modes.from_state @ np.array([0.0, 0.0, *map(float, exact)])
         motion = run(system, [0.0, 0.0], [float(x) for x in exact], 1.5 * alpha)
-        assert motion.status is RunStatus.DURATION_REACHED and sorted(motion.contacts) == ["a+", "b+"]
-        last = modes.from_state @ motion.after[-1]
+        assert motion.status is MotionStatus.DURATION_REACHED and sorted(motion.stop_events.contacts) == ["a+", "b+"]
+        last = modes.from_state @ motion.stop_events.after[-1]
         first = last.copy()
         b = modes.contact_letters.index("b+")
         first += 2.0 * modes.contact_push[b] * -(modes.contact_rate[b] @ first)
@@ -301,7 +302,7 @@ def test_impacts_that_merge(coupling):
         assert all(end.text.startswith("GR at h") for end in ended)
     coupled = [[1.0, 0.3], [0.3, 1.0]]
     mixed = ImpactSystem(coupled, np.zeros((2, 2)), coupled, (Stop((1.0, 0.0), upper=0.5), Stop((0.0, 1.0), upper=0.5)))
-    assert run(mixed, [0.0, 0.0], [1.0, 1.0], 5.0).status is RunStatus.SIMULTANEOUS
+    assert run(mixed, [0.0, 0.0], [1.0, 1.0], 5.0).status is MotionStatus.SIMULTANEOUS
     return worst
 
 

@@ -6,10 +6,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from bvp.damped import run
 from bvp.forcing import Constant
 from bvp.impact import ImpactStatus, next_impact
 from bvp.motion import EventKind
+from bvp.run import run
 from bvp.system import ImpactSystem, Stop
 from tests.hard import sweeping
 from tests.hard.cases import hard

@@ -10,10 +10,10 @@ from bvp.cycle import Cycle, cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.saltation import monodromy, saltation_multipliers
 from bvp.system import vibro_impact_nes
+from saltus.bench import backbone
 from saltus.bench.closed_form import Backbone
 from saltus.commands.orbit import describe as orbit_lines
 from tests.branches.traced import traced
-from tests.bvp import backbone
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
 from tests.hard.cases import hard
 from tests.hard.digits import Closed

@@ -10,7 +10,7 @@ from bvp.cycle import cycle_of
 from bvp.impact import ImpactStatus, next_impact
 from bvp.multipliers import saddle_point_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp import backbone
+from saltus.bench import backbone
 from tests.bvp.orbits import backbone_segment
 from tests.hard.cases import hard
 from tests.hard.digits import Closed, relative
