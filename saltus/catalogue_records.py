@@ -83,9 +83,11 @@ def same_meeting(one: Edge, other: Edge) -> bool:
 
 def node_record(catalogue: Catalogue, id: str) -> dict[str, Any]:
     """A node of the graph in a few words: a family by its label and energies, another node by what it is."""
+    from branches.labels import spelled
+
     if id in catalogue:
         row = catalogue.family(id)
-        return {"id": id, "kind": "family", "label": row.label, "h": list(row.h)}
+        return {"id": id, "kind": "family", "label": spelled(row.label, catalogue.scene.pins), "h": list(row.h)}
     node: Node | None = next((node for node in catalogue.nodes if node.id == id), None)
     if node is None:
         return {"id": id, "kind": "missing", "label": "", "h": None}

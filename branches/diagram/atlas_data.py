@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram.pinned import pinned_names
+from branches.labels import spelled
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -178,7 +179,7 @@ def atlas_of(
             labels = points["label"][part]
             label = branch.label if branch.label in labels else str(labels[len(labels) // 2])
             columns = {name: np.asarray(points[name][part]) for name in COLUMNS}
-            names, marked = np.full(len(part), label, dtype=object), np.zeros(len(part), dtype=bool)
+            names, marked = np.full(len(part), spelled(label, pinned), dtype=object), np.zeros(len(part), dtype=bool)
             for name in named.get(branch.id, ()):
                 mine = name.points(columns["h"], columns["alpha"], labels.tolist())
                 names[mine], marked[mine] = name.text, True
