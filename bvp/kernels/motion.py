@@ -7,7 +7,8 @@ from numba import int64
 from bvp.kernels.bounds import dot
 from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
+from bvp.kernels.held_impact import strike_held, touches_held
+from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact
 from bvp.kernels.ledger import fly, hold, lose, record, record_chatter
 from bvp.kernels.phase import (
     BOUNCES,
@@ -57,6 +58,17 @@ REFRESH = 256
 through (u, v) each time would round in one direction."""
 
 
+@kernel
+def count_impact(phases, c, speed, loss, counts, clock, sums, marks):
+    """Take an impact at contact c into the counts, the clock and the sums."""
+    lose(phases, c, loss, counts, clock, sums, marks)
+    counts[IMPACTS] += 1
+    clock[LAST_IMPACT] = clock[TIME]
+    clock[SPEED] = speed
+    clock[LOSS] = loss
+    counts[CONTACT] = c
+
+
 @part
 def strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
     """The impacts at contact c and at those struck with it, in phase 0, up to the most impacts; False where their impulses interact. The
@@ -78,31 +90,13 @@ def strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
         restitution = phases.restitution[hit]
         restitute(rate, push, phases.restitution, hit, z, z)
         loss = 0.5 * phases.contact_mass[hit] * (1.0 - restitution) * (1.0 + restitution) * speed * speed
-        lose(phases, hit, loss, counts, clock, sums, marks)
-        counts[IMPACTS] += 1
-        clock[LAST_IMPACT] = clock[TIME]
-        clock[SPEED] = speed
-        clock[LOSS] = loss
-        counts[CONTACT] = hit
+        count_impact(phases, hit, speed, loss, counts, clock, sums, marks)
         hit = struck_with(pairs, matrix, gap, rate, acceleration, side, bound, hit, -1, z) if counts[IMPACTS] < most else -1
         if hit >= 0:
             if interacts(rate, push, counts[CONTACT], hit):
                 return False
             record(log, IMPACT, counts[CONTACT], counts, clock, before, z, sums)
     return True
-
-
-@kernel
-def held_after(phases, held, c, z):
-    """The held contacts that an impact at contact c leaves held, from the state z of phase 0 after it; -1 where it presses one of them."""
-    left = held
-    for k in range(phases.side.shape[1]):
-        if (held >> k) & 1 != 0 and interacts(phases.rate[0], phases.push[0], c, k):
-            _, slope, _, _ = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], k, z)
-            if slope < -rounding_level(phases.pairs[0], phases.matrix[0], phases.rate[0], k, z):
-                return -1
-            left &= ~(int64(1) << k)
-    return left
 
 
 @kernel
@@ -212,7 +206,18 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
             times_matrix(phases.enter[0], x, z)
             counts[PHASE] = 0
-        if not strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
+        left = held
+        acts, struck = touches_held(phases, held, c, z) if held else (False, 1)
+        if acts:
+            if struck > 1:
+                return INTERACTING
+            times_matrix(phases.leave[0], z, before)
+            speed = phases.side[0, c] * dot(phases.rate[0], c, z)
+            left, loss = strike_held(phases, held, c, z, scratch.impulses)
+            if left < 0:
+                return INTERACTING
+            count_impact(phases, c, speed, loss, counts, clock, sums, marks)
+        elif not strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
             return INTERACTING
         elastic = phases.restitution[counts[CONTACT]] == 1.0
         if f != 0 or not elastic or phases.frequency.shape[0]:
@@ -220,9 +225,6 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
         if counts[CONTACT] != c:
             counts[BOUNCES] = 0
             c = counts[CONTACT]
-        left = held_after(phases, held, c, z) if held else held
-        if left < 0:
-            return INTERACTING
         if f != 0:
             after = find_phase(phases, left)
             if after < 0:
