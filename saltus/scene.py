@@ -238,7 +238,7 @@ def _names(names: Table) -> dict[str, Mapping[str, float]]:
     """Each name with its cited point; an empty one where the name alone says which family is meant."""
     from branches.labels import parse_name
 
-    points = {}
+    points: dict[str, Mapping[str, float]] = {}
     for name in names.keys():
         point = names.table(name)
         point.only("h", "alpha")
