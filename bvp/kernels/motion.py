@@ -4,7 +4,7 @@ The distance of a held contact is its force, so `next_impact` finds impacts and 
 
 from numba import int64
 
-from bvp.kernels.bounds import dot
+from bvp.kernels.bounds import dot, fastest_rate
 from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.held_impact import strike_held, touches_held
@@ -139,9 +139,11 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.gap[f], phases.rate[f], phases.acceleration[f],
             phases.side[f], phases.bound[f], counts[LEAVING], z, horizon, work,
         )  # fmt: skip
-        counts[IDLE] = counts[IDLE] + 1 if flight == 0.0 else 0
+        # A search that gave up within a radian of the fastest motion has made no way either, though time has passed.
+        slow = status == EXHAUSTED and flight * fastest_rate(phases.pairs[f], phases.matrix[f]) < 1.0
+        counts[IDLE] = counts[IDLE] + 1 if flight == 0.0 or slow else 0
         if counts[IDLE] > 8 + 4 * contacts:
-            return CYCLING
+            return GAVE_UP if slow else CYCLING
         clock[SPEED] = 0.0
         clock[LOSS] = 0.0
         counts[LEAVING] = -1

@@ -2,6 +2,7 @@
 constraint built in, a stop of very little restitution, closed forms, the conservative flight."""
 
 import math
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -167,6 +168,22 @@ def test_simultaneous_impacts_of_stops_that_interact_end_the_motion():
     motion = run(system, [0.0, 0.0], [1.0, 1.0], 5.0)
     assert motion.status is MotionStatus.SIMULTANEOUS and motion.duration == pytest.approx(math.pi / 6, rel=1e-12)
     assert "interact" in motion.status.value and motion.balance_error < 1e-14
+
+
+def test_a_search_that_makes_no_way_ends_the_motion():
+    """A phase whose states are scaled so that bounds of its gap are 1e14 times too large: steps too small to arrive, and it is said."""
+    mover = Mover(vibro_impact_nes(0.1, 0.0, 0.0, 0.7))
+    phase = mover.table.phases[0]
+    scale = np.ones(len(phase.matrix))
+    scale[np.abs(phase.gap).argmax() % len(scale)] = 1e14
+    rows = {name: getattr(phase, name) * scale for name in ("leave", "gap", "rate", "acceleration", "first", "second")}
+    columns = {"enter": phase.enter / scale[:, None], "push": phase.push / scale, "matrix": phase.matrix * scale / scale[:, None]}
+    whole = np.array([[0, -len(scale)]], dtype=np.int64)
+    blocks = {"pairs": whole, "mean": np.zeros(1), "delta": np.zeros(1)}
+    mover.table.phases[0] = replace(phase, **rows, **columns, **blocks)
+    mover.table.__dict__.pop("stacked", None)
+    motion = mover.run([0.0, 0.0], [0.1, 1.0], 5.0)
+    assert motion.status is MotionStatus.EXHAUSTED and motion.duration < 5.0
 
 
 def test_marks_are_the_times_at_which_so_much_is_gone():
