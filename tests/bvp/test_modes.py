@@ -204,7 +204,8 @@ def bodies_behind_dampers():
 
 
 def test_a_translation_that_dampers_resist_only_in_rounding_is_free():
-    """Of the three bodies' shapes without a spring one is the drift of all: no damper sees it, and its states have the size of the others."""
+    """Of the three bodies' shapes without a spring one is the drift of all:
+    no damper sees it, and its states are of the size of the others."""
     system = bodies_behind_dampers()
     modes = system.modes
     assert_blocks_are_the_system(system, 1e-14)
