@@ -29,8 +29,8 @@ MOST_SAMPLES = 400_000
 
 
 COARSEST, FINEST = 1.0 / 8.0, 64.0
-"""Samples over those by default: down to which a long motion is looked at as a whole, and up to which they are tried where the record
-is too coarse. At the lower one impacts, whose harmonics fall with the square of their order, still blur a line by 1e-3 of itself at most."""
+"""Samples over those by default: down to which a long motion is looked at as a whole - the harmonics of impacts fall with the square of
+their order - and up to which they are tried where the record is too coarse."""
 
 
 @dataclass(frozen=True, eq=False)

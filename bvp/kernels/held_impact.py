@@ -12,10 +12,23 @@ from numba import int64
 
 from bvp.kernels.bounds import dot
 from bvp.kernels.compiled import kernel
-from bvp.kernels.impact import rounding_level
+from bvp.kernels.impact import gauge, rounding_level
 from bvp.kernels.simultaneous import interacts, struck_with
 
-__all__ = ["strike_held", "touches_held"]
+__all__ = ["resting", "strike_held", "touches_held"]
+
+
+@kernel
+def resting(phases, c, z):
+    """The contacts other than c that the state z of phase 0 is on without speed, held or not: a body may lie on its stop unpressed."""
+    found = int64(0)
+    for k in range(phases.side.shape[1]):
+        if k == c:
+            continue
+        d, slope, _, tolerance = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], k, z)
+        if d <= tolerance and abs(slope) <= rounding_level(phases.pairs[0], phases.matrix[0], phases.rate[0], k, z):
+            found |= int64(1) << k
+    return found
 
 
 @kernel

@@ -7,7 +7,7 @@ from numba import int64
 from bvp.kernels.bounds import dot, fastest_rate
 from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.held_impact import strike_held, touches_held
+from bvp.kernels.held_impact import resting, strike_held, touches_held
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact
 from bvp.kernels.ledger import fly, hold, lose, record, record_chatter
 from bvp.kernels.phase import (
@@ -209,15 +209,17 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             times_matrix(phases.enter[0], x, z)
             counts[PHASE] = 0
         left = held
-        acts, struck = touches_held(phases, held, c, z) if held else (False, 1)
+        still = held | resting(phases, c, z)
+        acts, struck = touches_held(phases, still, c, z) if still else (False, 1)
         if acts:
             if struck > 1:
                 return INTERACTING
             times_matrix(phases.leave[0], z, before)
             speed = phases.side[0, c] * dot(phases.rate[0], c, z)
-            left, loss = strike_held(phases, held, c, z, scratch.impulses)
+            left, loss = strike_held(phases, still, c, z, scratch.impulses)
             if left < 0:
                 return INTERACTING
+            left &= held
             count_impact(phases, c, speed, loss, counts, clock, sums, marks)
         elif not strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
             return INTERACTING

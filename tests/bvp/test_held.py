@@ -122,6 +122,16 @@ def test_a_blow_onto_its_stop_meets_a_held_mass_as_a_wall():
     assert into.balance_error < 1e-15
 
 
+def test_a_body_that_lies_on_its_stop_unpressed_is_a_wall_too():
+    """Two free bodies: the first comes to rest at 0 at time 0.1, the second meets it at time 1.8 and leaves with half its speed."""
+    stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.0), Stop((-1.0, 1.0), lower=0.1, restitution=0.5))
+    motion = run(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops), [0.1, 1.0], [-1.0, -0.5], 2.8)
+    assert motion.status is MotionStatus.DURATION_REACHED
+    np.testing.assert_allclose(motion.times, [0.0, 0.1, 1.8], rtol=1e-14)
+    np.testing.assert_allclose(motion.final, [0.0, 0.35, 0.0, 0.25], atol=1e-14)
+    assert motion.dissipated == {"gaps": 0.0, "rest": 0.0, "stop a": 0.5, "stop b": pytest.approx(0.5 * 0.25 * 0.75, rel=1e-14)}
+
+
 def shared_blow(mass, gaps, held, struck, restitution, v):
     """Newton's law at all contacts at once, by trying every set of held contacts that stays: velocities after it, and the set."""
     inverse = np.linalg.inv(mass)
