@@ -25,12 +25,11 @@ if TYPE_CHECKING:
 __all__ = ["Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
 
 MOST_SAMPLES = 400_000
-"""Samples of the record that stages are told from: about twenty seconds of work. A much longer motion has them as far as these go."""
+"""Samples of the record that stages are told from: about twenty seconds of work. A longer motion has them as far as these go."""
 
 
-COARSEST, FINEST = 1.0 / 8.0, 64.0
-"""Samples over those by default: down to which a long motion is looked at as a whole - the harmonics of impacts fall with the square of
-their order - and up to which they are tried where the record is too coarse."""
+FINEST = 64
+"""How many times more samples than by default are tried where the record is too coarse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,10 +176,9 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
         families = families_of(catalogue, gap)
     elif start.branch is not None:
         families = families_of([start.branch], gap)
-    span = told.motion.duration
-    finer = min(1.0, max(COARSEST, MOST_SAMPLES / samples_of(told.motion, span)))
+    span, finer = told.motion.duration, 1
     while True:
-        samples = int(finer * samples_of(told.motion, span))
+        samples = finer * samples_of(told.motion, span)
         if samples > MOST_SAMPLES:
             span *= MOST_SAMPLES / samples
             samples = MOST_SAMPLES
@@ -188,7 +186,7 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
             shown = Transition(scene.system, sampled(told.motion, told.sharing, samples, span), gap)
             stages = stages_of(shown.record, gap, families, spectrum=shown.spectrum)
         except TooCoarse as error:
-            finer *= 2.0
+            finer *= 2
             if finer > FINEST:
                 return replace(told, why_no_stages=one_line(error))
         except ValueError as error:
