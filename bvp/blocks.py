@@ -100,11 +100,10 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
         Where the Schur form does not converge.
     """
     n = len(squares)
-    size = np.abs(shapes)
-    noise = 8.0 * n * EPSILON * (size.T @ np.abs(system.damping) @ size)
-    shapes = _turn_repeated(system, squares, shapes, noise)
+    shapes = _turn_repeated(system, squares, shapes, _noise(system, shapes))
     damping = shapes.T @ system.damping @ shapes
-    damping = np.where(np.abs(damping) <= noise, 0.0, damping)
+    # Anew, for shapes that were turned touch dampers that they did not: a free translation must not seem to be damped.
+    damping = np.where(np.abs(damping) <= _noise(system, shapes), 0.0, damping)
     groups = coupled_groups(damping)
     single = [group[0] for group in groups if len(group) == 1]
     two = np.eye(2)
@@ -140,6 +139,12 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
     pairs = np.array(layout, dtype=np.int64)
     mean, delta = traceless(matrix, pairs)
     return Blocks("coupled", shapes, pairs, mean, delta, matrix, np.hstack(columns), np.vstack(rows))
+
+
+def _noise(system: Dynamics, shapes: np.ndarray) -> np.ndarray:
+    """Rounding of each entry of the damping between shapes, (n, n)."""
+    size = np.abs(shapes)
+    return 8.0 * len(shapes) * EPSILON * (size.T @ np.abs(system.damping) @ size)
 
 
 def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:

@@ -77,6 +77,7 @@ class Mover:
             work=work_array(size, len(phases.restitution)),
             integral=integral_work(size, len(self.meters.weight)),
             out=np.zeros(len(self.meters.weight)),
+            impulses=np.zeros((len(phases.restitution), len(phases.restitution) + 1)),
         )
 
     def run(

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TextIO
+from typing import IO, TextIO, cast
 
 from saltus.errors import DONE, FAILED, BadInput, nearest, one_line, say, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
@@ -23,6 +23,29 @@ _HYPHEN = "; - is standard output, which then carries nothing else"
 
 class NotDrawn(RuntimeError):
     """What was computed has no such picture; the message says why in words."""
+
+
+class _Lasting:
+    """A stream whose reader may leave - ``| head`` - without an end to the work: what is told from then on is dropped."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write, as long as somebody reads."""
+        self._do(lambda: self.stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, as long as somebody reads."""
+        self._do(self.stream.flush)
+
+    def _do(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except BrokenPipeError:
+            # What the stream still holds must not fail again.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
 
 
 @dataclass(frozen=True)
@@ -85,8 +108,11 @@ class Outputs:
 
     @property
     def words(self) -> TextIO:
-        """The stream for what is told: standard error where standard output carries data."""
-        return sys.stderr if STANDARD_OUTPUT in (self.json, self.csv) else sys.stdout
+        """The stream for what is told: standard error where standard output carries data. Where files are to be written, a reader that
+        leaves does not keep them from it."""
+        stream = sys.stderr if STANDARD_OUTPUT in (self.json, self.csv) else sys.stdout
+        files = any(path not in (None, STANDARD_OUTPUT) for path in (self.json, self.csv, self.plot, self.npz, self.mat))
+        return cast(TextIO, _Lasting(stream)) if files else stream
 
     def write(
         self,

@@ -4,10 +4,11 @@ The distance of a held contact is its force, so `next_impact` finds impacts and 
 
 from numba import int64
 
-from bvp.kernels.bounds import dot
+from bvp.kernels.bounds import dot, fastest_rate
 from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, gauge, next_impact, rounding_level
+from bvp.kernels.held_impact import resting, strike_held, touches_held
+from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact
 from bvp.kernels.ledger import fly, hold, lose, record, record_chatter
 from bvp.kernels.phase import (
     BOUNCES,
@@ -57,6 +58,17 @@ REFRESH = 256
 through (u, v) each time would round in one direction."""
 
 
+@kernel
+def count_impact(phases, c, speed, loss, counts, clock, sums, marks):
+    """Take an impact at contact c into the counts, the clock and the sums."""
+    lose(phases, c, loss, counts, clock, sums, marks)
+    counts[IMPACTS] += 1
+    clock[LAST_IMPACT] = clock[TIME]
+    clock[SPEED] = speed
+    clock[LOSS] = loss
+    counts[CONTACT] = c
+
+
 @part
 def strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
     """The impacts at contact c and at those struck with it, in phase 0, up to the most impacts; False where their impulses interact. The
@@ -78,31 +90,13 @@ def strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
         restitution = phases.restitution[hit]
         restitute(rate, push, phases.restitution, hit, z, z)
         loss = 0.5 * phases.contact_mass[hit] * (1.0 - restitution) * (1.0 + restitution) * speed * speed
-        lose(phases, hit, loss, counts, clock, sums, marks)
-        counts[IMPACTS] += 1
-        clock[LAST_IMPACT] = clock[TIME]
-        clock[SPEED] = speed
-        clock[LOSS] = loss
-        counts[CONTACT] = hit
+        count_impact(phases, hit, speed, loss, counts, clock, sums, marks)
         hit = struck_with(pairs, matrix, gap, rate, acceleration, side, bound, hit, -1, z) if counts[IMPACTS] < most else -1
         if hit >= 0:
             if interacts(rate, push, counts[CONTACT], hit):
                 return False
             record(log, IMPACT, counts[CONTACT], counts, clock, before, z, sums)
     return True
-
-
-@kernel
-def held_after(phases, held, c, z):
-    """The held contacts that an impact at contact c leaves held, from the state z of phase 0 after it; -1 where it presses one of them."""
-    left = held
-    for k in range(phases.side.shape[1]):
-        if (held >> k) & 1 != 0 and interacts(phases.rate[0], phases.push[0], c, k):
-            _, slope, _, _ = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], k, z)
-            if slope < -rounding_level(phases.pairs[0], phases.matrix[0], phases.rate[0], k, z):
-                return -1
-            left &= ~(int64(1) << k)
-    return left
 
 
 @kernel
@@ -145,9 +139,11 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.gap[f], phases.rate[f], phases.acceleration[f],
             phases.side[f], phases.bound[f], counts[LEAVING], z, horizon, work,
         )  # fmt: skip
-        counts[IDLE] = counts[IDLE] + 1 if flight == 0.0 else 0
+        # A search that gave up within a radian of the fastest motion has made no way either, though time has passed.
+        slow = status == EXHAUSTED and flight * fastest_rate(phases.pairs[f], phases.matrix[f]) < 1.0
+        counts[IDLE] = counts[IDLE] + 1 if flight == 0.0 or slow else 0
         if counts[IDLE] > 8 + 4 * contacts:
-            return CYCLING
+            return GAVE_UP if slow else CYCLING
         clock[SPEED] = 0.0
         clock[LOSS] = 0.0
         counts[LEAVING] = -1
@@ -212,7 +208,20 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
             times_matrix(phases.enter[0], x, z)
             counts[PHASE] = 0
-        if not strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
+        left = held
+        still = held | resting(phases, c, z)
+        acts, struck = touches_held(phases, still, c, z) if still else (False, 1)
+        if acts:
+            if struck > 1:
+                return INTERACTING
+            times_matrix(phases.leave[0], z, before)
+            speed = phases.side[0, c] * dot(phases.rate[0], c, z)
+            left, loss = strike_held(phases, still, c, z, scratch.impulses)
+            if left < 0:
+                return INTERACTING
+            left &= held
+            count_impact(phases, c, speed, loss, counts, clock, sums, marks)
+        elif not strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
             return INTERACTING
         elastic = phases.restitution[counts[CONTACT]] == 1.0
         if f != 0 or not elastic or phases.frequency.shape[0]:
@@ -220,9 +229,6 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
         if counts[CONTACT] != c:
             counts[BOUNCES] = 0
             c = counts[CONTACT]
-        left = held_after(phases, held, c, z) if held else held
-        if left < 0:
-            return INTERACTING
         if f != 0:
             after = find_phase(phases, left)
             if after < 0:

@@ -79,6 +79,7 @@ class Scratch(NamedTuple):
     work: np.ndarray  # of `impact.work_array`
     integral: np.ndarray  # of `integral.integral_work`
     out: np.ndarray  # (R,)
+    impulses: np.ndarray  # (m, m + 1) equations of an impact while contacts are held
 
 
 @kernel

@@ -2,6 +2,8 @@
 constraint built in, a stop of very little restitution, closed forms, the conservative flight."""
 
 import math
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -95,17 +97,79 @@ def test_two_stops_are_held_and_released_one_by_one():
     assert motion.balance_error < 1e-12
 
 
-def test_impacts_that_interact_with_a_held_stop():
-    """Three masses in a row: the middle one is hit away from its stop, and leaves it; hit towards it, the motion stops and says so."""
-    stops = (Stop((0.0, 1.0, 0.0), lower=0.0, restitution=0.0), Stop((-1.0, 1.0, 0.0), lower=-1.0, restitution=0.6))
+def row_of_three(second, duration=0.9):
+    """Three masses, the middle one pressed onto its stop by a force of 1; the left one hits it at time 0.5 with speed 2."""
+    stops = (Stop((0.0, 1.0, 0.0), lower=0.0, restitution=0.0), second)
     system = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.diag([0.0, 1e-3, 1.0]), stops)
-    away = run(system, [0.0, 0.0, 0.0], [2.0, 0.0, 0.0], 0.9, forces=Constant([0.0, -1.0, 0.0]))
+    side = 1.0 if second.upper > 1e9 else -1.0
+    return run(system, [0.0, 0.0, 0.0], [2.0 * side, 0.0, 0.0], duration, forces=Constant([0.0, -1.0, 0.0]))
+
+
+def test_a_blow_away_from_its_stop_frees_a_held_mass():
+    away = row_of_three(Stop((-1.0, 1.0, 0.0), lower=-1.0, restitution=0.6))
     assert away.status is MotionStatus.DURATION_REACHED
     assert [s.held for s in away.stretches][-2:] == [("a-",), ()]
-    stops = (Stop((0.0, 1.0, 0.0), lower=0.0, restitution=0.0), Stop((-1.0, 1.0, 0.0), upper=1.0, restitution=0.6))
-    system = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.diag([0.0, 1e-3, 1.0]), stops)
-    into = run(system, [0.0, 0.0, 0.0], [-2.0, 0.0, 0.0], 0.9, forces=Constant([0.0, -1.0, 0.0]))
-    assert into.status is MotionStatus.SIMULTANEOUS and into.duration == pytest.approx(0.5, rel=1e-12)
+    assert away.after[np.flatnonzero(away.kinds == EventKind.IMPACT.value)[-1], 3:5] == pytest.approx([2.0 * 0.2, 2.0 * 0.8], rel=1e-14)
+
+
+def test_a_blow_onto_its_stop_meets_a_held_mass_as_a_wall():
+    """The held mass stays: the other one leaves with 0.6 of its speed and loses (1 - 0.36) 2^2/2, as from a wall."""
+    into = row_of_three(Stop((-1.0, 1.0, 0.0), upper=1.0, restitution=0.6))
+    assert into.status is MotionStatus.DURATION_REACHED and into.stretches[-1].held == ("a-",)
+    assert into.last_impact == pytest.approx(0.5, rel=1e-14)
+    assert into.dissipated["stop b"] == pytest.approx(1.28, rel=1e-14) and into.dissipated["stop a"] == 0.0
+    np.testing.assert_allclose(into.final, [-1.0 + 1.2 * 0.4, 0.0, 0.0, 1.2, 0.0, 0.0], atol=1e-14)
+    assert into.balance_error < 1e-15
+
+
+def test_a_body_that_lies_on_its_stop_unpressed_is_a_wall_too():
+    """Two free bodies: the first comes to rest at 0 at time 0.1, the second meets it at time 1.8 and leaves with half its speed."""
+    stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.0), Stop((-1.0, 1.0), lower=0.1, restitution=0.5))
+    motion = run(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops), [0.1, 1.0], [-1.0, -0.5], 2.8)
+    assert motion.status is MotionStatus.DURATION_REACHED
+    np.testing.assert_allclose(motion.times, [0.0, 0.1, 1.8], rtol=1e-14)
+    np.testing.assert_allclose(motion.final, [0.0, 0.35, 0.0, 0.25], atol=1e-14)
+    assert motion.dissipated == {"gaps": 0.0, "rest": 0.0, "stop a": 0.5, "stop b": pytest.approx(0.5 * 0.25 * 0.75, rel=1e-14)}
+
+
+def shared_blow(mass, gaps, held, struck, restitution, v):
+    """Newton's law at all contacts at once, by trying every set of held contacts that stays: velocities after it, and the set."""
+    inverse = np.linalg.inv(mass)
+    for count in range(len(held), -1, -1):
+        for stay in combinations(held, count):
+            rows = gaps[[*stay, struck]]
+            target = np.append(np.zeros(count), -restitution * gaps[struck] @ v)
+            impulse = np.linalg.solve(rows @ inverse @ rows.T, target - rows @ v)
+            after = v + inverse @ rows.T @ impulse
+            left = [k for k in held if k not in stay]
+            if np.all(impulse[:count] >= 0.0) and np.all(gaps[left] @ after >= 0.0):
+                return after, set(stay)
+    raise AssertionError("no set")
+
+
+def test_a_blow_on_held_contacts_presses_some_and_frees_others():
+    """Bodies that share inertia, three of them held at lower stops by loads: against the enumeration of what may stay held."""
+    random = np.random.default_rng(3)
+    seen = set()
+    for _ in range(12):
+        root = random.normal(size=(4, 4))
+        mass = root @ root.T + 0.3 * np.eye(4)
+        stops = [Stop(tuple(np.eye(4)[k]), lower=0.0, restitution=0.0) for k in range(3)]
+        stops.append(Stop((0.0, 0.0, 0.0, 1.0), lower=-1.0, restitution=0.4))
+        system = ImpactSystem(mass, np.zeros((4, 4)), 1e-3 * np.eye(4), tuple(stops))
+        # With x4'' = 0 and a force of -1 on all held bodies, these are pressed with 1 each.
+        motion = run(system, np.zeros(4), [0.0, 0.0, 0.0, -2.0], 1.0, forces=Constant([-1.0, -1.0, -1.0, 0.0]))
+        assert motion.status is MotionStatus.DURATION_REACHED
+        hit = int(np.flatnonzero((motion.kinds == EventKind.IMPACT.value) & (motion.contacts == 3))[0])
+        before = motion.before[hit, 4:]
+        held = next(stretch.held for stretch in motion.stretches if stretch.begin < motion.times[hit] - 1e-9 <= stretch.end)
+        assert held == ("a-", "b-", "c-")
+        after, stay = shared_blow(mass, np.eye(4), [0, 1, 2], 3, 0.4, before)
+        np.testing.assert_allclose(motion.after[hit, 4:], after, atol=1e-12)
+        assert motion.losses[hit] == pytest.approx(0.5 * (before @ mass @ before - after @ mass @ after), rel=1e-12)
+        assert motion.balance_error < 1e-12
+        seen.add(len(stay))
+    assert {0, 1, 2} <= seen
 
 
 def test_simultaneous_impacts_of_stops_that_interact_end_the_motion():
@@ -114,6 +178,22 @@ def test_simultaneous_impacts_of_stops_that_interact_end_the_motion():
     motion = run(system, [0.0, 0.0], [1.0, 1.0], 5.0)
     assert motion.status is MotionStatus.SIMULTANEOUS and motion.duration == pytest.approx(math.pi / 6, rel=1e-12)
     assert "interact" in motion.status.value and motion.balance_error < 1e-14
+
+
+def test_a_search_that_makes_no_way_ends_the_motion():
+    """A phase whose states are scaled so that bounds of its gap are 1e14 times too large: steps too small to arrive, and it is said."""
+    mover = Mover(vibro_impact_nes(0.1, 0.0, 0.0, 0.7))
+    phase = mover.table.phases[0]
+    scale = np.ones(len(phase.matrix))
+    scale[np.abs(phase.gap).argmax() % len(scale)] = 1e14
+    rows = {name: getattr(phase, name) * scale for name in ("leave", "gap", "rate", "acceleration", "first", "second")}
+    columns = {"enter": phase.enter / scale[:, None], "push": phase.push / scale, "matrix": phase.matrix * scale / scale[:, None]}
+    whole = np.array([[0, -len(scale)]], dtype=np.int64)
+    blocks = {"pairs": whole, "mean": np.zeros(1), "delta": np.zeros(1)}
+    mover.table.phases[0] = replace(phase, **rows, **columns, **blocks)
+    mover.table.__dict__.pop("stacked", None)
+    motion = mover.run([0.0, 0.0], [0.1, 1.0], 5.0)
+    assert motion.status is MotionStatus.EXHAUSTED and motion.duration < 5.0
 
 
 def test_marks_are_the_times_at_which_so_much_is_gone():

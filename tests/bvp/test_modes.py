@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from bvp.blocks import cut
 from bvp.modes import undamped_modes
+from bvp.motion import MotionStatus
 from bvp.numerics import jacobi
+from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain, first_order
 
@@ -188,6 +190,28 @@ def test_internal_damping_leaves_the_rigid_body_mode_free():
     system = chain([1.0, 3.0, 0.7], [1.0, 0.3], damping=0.1)
     modes = system.modes
     assert modes.frequencies[0] == 0.0 and modes.matrix[3, 3] == 0.0 and modes.mean[0] == 0.0 and modes.delta[0] == 0.0
+
+
+def bodies_behind_dampers():
+    """Two bodies joined by a spring, a third and a fourth hung on by dampers alone: all drift, the last two stay where they are."""
+    damping = np.zeros((4, 4))
+    for k in (1, 2):
+        damping[k : k + 2, k : k + 2] += 3.0 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stiffness = np.zeros((4, 4))
+    stiffness[:2, :2] = 1.7 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stops = (Stop((1.0, 0.0, 0.0, 0.0), upper=0.2, restitution=0.95), Stop((0.0, 0.0, 1.0, 0.0), lower=-0.8, restitution=0.95))
+    return ImpactSystem(np.diag([1.98, 1.42, 1.6, 0.21]), damping, stiffness, stops)
+
+
+def test_a_translation_that_dampers_resist_only_in_rounding_is_free():
+    """Of the three bodies' shapes without a spring one is the drift of all:
+    no damper sees it, and its states are of the size of the others."""
+    system = bodies_behind_dampers()
+    modes = system.modes
+    assert_blocks_are_the_system(system, 1e-14)
+    assert np.abs(modes.to_state).max() < 10.0 and np.abs(modes.from_state).max() < 10.0
+    motion = run(system, np.zeros(4), [-3.0, 1.1, -0.5, 1.2], 40.0)
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.balance_error < 1e-13
 
 
 @pytest.mark.parametrize("offset", [-1e-3, -1e-8, -1e-12, 0.0, 1e-12, 1e-8, 1e-3])

@@ -253,6 +253,21 @@ def test_a_reader_that_leaves_is_no_traceback():
     assert done.stdout.startswith("h,alpha,") and "Traceback" not in done.stderr
 
 
+@pytest.mark.skipif(os.name != "posix", reason="needs pipes that break")
+def test_a_reader_that_leaves_does_not_keep_the_files_from_being_written(tmp_path):
+    """Oracle: every file that was asked for, whole, though nobody reads a line of what is told."""
+    names = ("a.json", "a.csv", "a.npz")
+    options = (word for name in names for word in (f"--{name[2:]}", str(tmp_path / name)))
+    command = [sys.executable, "-m", "saltus", "run", "--impulse", "0.5", "--duration", "5", *options]
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    os.close(writing)
+    assert done.returncode == 0 and done.stderr == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    assert json.loads((tmp_path / "a.json").read_text())["duration"] == 5.0
+
+
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
 def test_the_interrupt_key_ends_the_process_with_130():
     """Oracle: the exit code; no traceback, whenever it comes."""

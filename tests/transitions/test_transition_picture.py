@@ -13,10 +13,14 @@ import saltus
 from branches.catalogue import Catalogue
 from branches.diagram import atlas_of
 from branches.export import ExportError, read_atlas, write_atlas
+from bvp.forcing import Harmonic
+from bvp.run import run
 from tests.transitions.motions import of_run, synthetic
 from transitions.diagram.over_energy import over_energy
 from transitions.diagram.transition_picture import draw_transition, transition_figure
 from transitions.families import families_of
+from transitions.sampled import sampled
+from transitions.sharing import sharing_of
 from transitions.spectrum import Wavelet
 from transitions.stages import stages_of
 from transitions.transition import Transition, atlas_behind
@@ -78,6 +82,21 @@ def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn):
         assert box.x0 >= whole.x0 and box.x1 <= whole.x1 and box.y0 >= whole.y0 and box.y1 <= whole.y1, text
     for (one, a), (other, b) in itertools.combinations(boxes, 2):
         assert min(a.x1, b.x1) - max(a.x0, b.x0) < 1.0 or min(a.y1, b.y1) - max(a.y0, b.y0) < 1.0, (one, other)
+
+
+@pytest.mark.parametrize(("speed", "words"), [(0.0, "of what came in"), (0.1, "of the start")])
+def test_what_a_load_brings_in_is_dissipated_within_the_panel(speed, words):
+    """Oracles: shares of what came in end at what `saltus run` tells; shares of a small start exceed 100 % and are all to be seen."""
+    system = replace(DAMPED, damping=DAMPED.damping + 0.1 * np.eye(2))
+    shared = sharing_of(system, (0,), (1,))
+    motion = run(system, [0.0, 0.0], [0.0, speed], 60.0, forces=Harmonic(0.9, cosine=[0.0, 1.0]), dampers=shared.dampers)
+    figure = transition_figure(Transition(system, sampled(motion, shared), GAP, (), Wavelet(), (0.5, 6.0)))
+    line = by_gid(figure, "lost-both")
+    spent = float(motion.totals[:-1].sum())
+    whole = motion.initial_energy if speed else motion.initial_energy + motion.work
+    assert line.get_ydata()[-1] == pytest.approx(100.0 * spent / whole, rel=1e-9)
+    assert line.get_ydata().max() <= line.axes.get_ylim()[1] and words in line.axes.get_ylabel()
+    assert figure.get_suptitle().startswith("Motion from energy" if speed else "Motion from rest")
 
 
 def test_lines_show_the_record(drawn):
