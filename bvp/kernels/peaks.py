@@ -5,7 +5,7 @@ import math
 from bvp.kernels.bounds import amplitudes, dot
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flow_state
-from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, ROUNDING, TOUCH, next_impact, rounding_level
+from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
 __all__ = ["PEAK_ROWS", "peak_flight"]
 
@@ -70,12 +70,6 @@ def peak_flight(pairs, mean, delta, matrix, leave, z, flight, peaks, scratch, ed
             )
             if status == NONE:
                 step = left
-            if idle >= 2 and step == 0.0:
-                # Still whichever way it is taken: its first movement has a higher order than is looked at, as far from a load that begins.
-                # On over the time in which a bound of the rate stays within rounding.
-                size, _, third = amplitudes(pairs, mean, delta, matrix, scratch[0], 0, now, left)
-                step = min(left, (6.0 * ROUNDING * size / third) ** (1.0 / 3.0)) if third > 0.0 else left
-                status = EXHAUSTED
             idle = idle + 1 if step == 0.0 else 0
             if idle > IDLE_LIMIT:
                 return False
