@@ -394,7 +394,8 @@ class _Build:
 
     def _event_there(self, link: Link, target: str) -> str:
         """The event of the target at which it meets the source, "" where it has none."""
-        same = [(id, orbit) for id, h, orbit in self.joins.get((target, link.type == "GR"), ()) if abs(h / link.h - 1.0) < _SAME]
+        slack = max(_SAME, link.width)
+        same = [(id, orbit) for id, h, orbit in self.joins.get((target, link.type == "GR"), ()) if abs(h / link.h - 1.0) < slack]
         if len(same) < 2 or link.there is None:
             return same[0][0] if same else ""
         # Two families can meet more than once at one energy. An orbit and its image are told apart by nothing: then the first will do.

@@ -65,7 +65,8 @@ class Link:
     """Where two nodes of the graph meet, before it is known which family is on the other side.
 
     source: id of the family or linear mode. event, type: of the event there. kind: of the edge. note: in words. target: id of the node on
-    the other side, where it is known without a search. here, there: the event's orbit as the two families have it.
+    the other side, where it is known without a search. here, there: the event's orbit as the two families have it. width: of the
+    event's bracket.
     """
 
     source: str
@@ -79,6 +80,7 @@ class Link:
     target: str | None = None
     here: EventOrbit | None = None
     there: EventOrbit | None = None
+    width: float = 0.0
 
 
 class Answer(NamedTuple):

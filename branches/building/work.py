@@ -268,7 +268,8 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
 
 def _end(branch: Branch, event: BranchEvent, note: str | None) -> Link:
     """What tells why a family has no neighbour at an event."""
-    return Link(branch.id, event.id, event.type, "dead end", event.h, event.alpha, None, note, here=orbit_of_event(branch, event))
+    here, width = orbit_of_event(branch, event), event.bracket[1] - event.bracket[0]
+    return Link(branch.id, event.id, event.type, "dead end", event.h, event.alpha, None, note, here=here, width=width)
 
 
 def _has_event(birth: Birth) -> bool:

@@ -224,7 +224,7 @@ def _edge(catalogue: Catalogue, edge: Edge, kept: dict[str, _Kept], nodes: set[s
             yield f"its {side} {id} is not in the catalogue, or is damaged"
             continue
         if family is not None and (event or side == "source"):
-            yield from _event(family, side, event, edge)
+            yield from _event(family, side, event, edge, kept.get(edge.source))
         if orbit is None:
             if family is not None:
                 yield f"it has no orbit of its {side}, so it cannot be seen to close"
@@ -254,14 +254,15 @@ def _solves(problem: MultipointProblem, y: np.ndarray, side: str, orbit: EventOr
         yield f"the orbit of its {side} has h = {problem.energy(y):.17g}, the edge h = {edge.h:.17g}"
 
 
-def _event(family: _Kept, side: str, id: str, edge: Edge) -> Iterator[str]:
-    """Whether the edge is at its event on a family."""
+def _event(family: _Kept, side: str, id: str, edge: Edge, source: _Kept | None) -> Iterator[str]:
+    """Whether the edge, which is where its source has its event, is at its event on a family."""
     event = next((event for event in family.events if event.id == id), None)
     if event is None:
         yield f"its {side} has no event {id!r}"
         return
     # log h and log alpha are two of the coordinates of the arclength, so that its error bar bounds theirs.
-    slack = max(SAME, event.bracket[1] - event.bracket[0])
+    own = [] if source is None else [other for other in source.events if other.id == edge.source_event]
+    slack = max(SAME, *(known.bracket[1] - known.bracket[0] for known in (event, *own)))
     if not (abs(event.h / edge.h - 1.0) <= slack and (side == "target" or abs(event.alpha / edge.alpha - 1.0) <= slack)):
         yield f"it is at h = {edge.h:.12g}, event {id} of its {side} at h = {event.h:.12g}"
 

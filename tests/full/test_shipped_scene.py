@@ -5,10 +5,12 @@ import json
 import pytest
 
 import saltus
+from branches.building.bounds import Bounds
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check
 from saltus.__main__ import main
 from tests.branches.building.agreement import Families, decided_stability
+from tests.branches.building.meetings import unanswered
 
 SCENE = saltus.load_scene()
 COMPLETE = SCENE.complete
@@ -38,6 +40,29 @@ def test_every_point_and_edge_holds(built):
         counts, failures = check(catalogue)
     assert failures == []
     assert counts["families"] > 1000 and counts["edges"] > 2000
+
+
+def test_every_meeting_has_an_edge_or_a_dead_end(built):
+    """Oracle: the events themselves."""
+    with Catalogue(built[0]) as catalogue:
+        assert unanswered(catalogue, catalogue.families()) == []
+
+
+@pytest.mark.parametrize("name", SCENE.names)
+def test_direct_neighbours_of_named_families_are_there(built, name):
+    """Oracle: the events of the family, with the period doublings and q-tuplings whose new orbits lie in the wider bounds."""
+    wide = Bounds(COMPLETE["energy"], SCENE.quarter_period, SCENE.impacts)
+    with Catalogue(built[0]) as catalogue:
+        assert unanswered(catalogue, [catalogue.find(name)], wide) == []
+
+
+@pytest.mark.parametrize(("first", "last"), [("S13+", "S73O33-"), ("S11-", "U8353-"), ("S13+", "U(15)578-")])
+def test_families_of_the_paper_are_joined(built, first, last, capsys):
+    """Oracle: the edges of the chain lead from each node to the next."""
+    assert main(["path", first, last, "--catalogue", str(built[0]), "--json", "-"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    chain = [node["id"] for node in record["nodes"]]
+    assert [{edge["source"], edge["target"]} for edge in record["edges"]] == [set(pair) for pair in zip(chain, chain[1:], strict=False)]
 
 
 def test_stability_is_decided_for_nine_tenths_of_the_points(built):
