@@ -40,6 +40,10 @@ class _Lasting:
         """Flush, as long as somebody reads."""
         self._do(self.stream.flush)
 
+    def isatty(self) -> bool:
+        """Whether it is a terminal."""
+        return self.stream.isatty()
+
     def _do(self, action: Callable[[], object]) -> None:
         try:
             action()
