@@ -7,7 +7,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -65,7 +66,8 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._connection, there = context.Pipe()
         self._process = context.Process(target=_serve, args=(there, prepare, task, repeat, time.monotonic()), daemon=True)
-        self._process.start()
+        with _uninterrupted():
+            self._process.start()
         there.close()
 
     def do(self, setting: float | None, limit: float) -> Timed:
@@ -95,6 +97,20 @@ class Worker:
         self._process.kill()
         self._process.join()
         self._connection.close()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Put an interruption off: between its start and what it is sent, a process would end with a traceback. It inherits that it is not
+    interrupted, and is ended by its parent."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(connection: Connection, prepare: Callable[[Any, Any], Work], task: Any, repeat: float, began: float) -> None:
