@@ -88,6 +88,12 @@ class EventFinder:
             if self._tests[suspect.index].kind == "guard" and locator.ends_with_another(suspect.index):
                 continue
             found = self._locate(locator, suspect.index, suspect.dip, ds)
+            if any(location.kind == "jump" for location in found):
+                # Steps taken for another event may lie on another family, beside a point where the two cross.
+                alone = Locator(self._problem, before, self._settings)
+                alone.enter(ds, after.step)
+                again = self._locate(alone, suspect.index, suspect.dip, ds)
+                found = again if any(location.kind == "zero" for location in again) else found
             located += [(suspect.index, self._refined(suspect.index, location, before, ds)) for location in found]
 
         def place(pair: tuple[int, Location]) -> tuple[float, float, int]:

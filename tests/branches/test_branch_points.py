@@ -84,3 +84,18 @@ def test_orbits_without_a_reversal_triple():
     other = next(event for event in born.events if event.type == "RT" and event.p_q[1] != 3)
     with pytest.raises(ValueError, match="triple at most"):
         births(born, other)
+
+
+def test_a_fold_beside_a_tripling_is_found():
+    """Oracle: the parabola of the energy along the family, from points on both sides: near 1/3 the tripled orbits turn back just beside the
+    crossing (Arnold's normal form)."""
+    branch = saltus.trace("S31O11-", SYSTEM, energy=(0.15, 1.0))
+    crossing = min((e for e in branch.events if e.type == "BP"), key=lambda e: abs(e.h - 0.172891195))
+    fold = min((e for e in branch.events if e.type == "SN"), key=lambda e: abs(e.h - crossing.h))
+    s, h = branch.points["arclength"], branch.points["h"]
+    near = np.abs(s - crossing.arclength) < 0.05
+    parabola = np.polynomial.Polynomial.fit(s[near] - crossing.arclength, h[near], 3).convert()
+    least = min(parabola.deriv().roots(), key=lambda root: abs(root)).real
+    assert 1e-4 < abs(fold.arclength - crossing.arclength) < 1e-3
+    assert abs((fold.arclength - crossing.arclength) - least) < 5e-5
+    assert 1e-7 < 1.0 - fold.h / crossing.h < 2e-7
