@@ -42,14 +42,14 @@ def test_cold_kernels_start_the_compiling_process(monkeypatch):
     assert all(path in seen["env"]["PYTHONPATH"] for path in sys.path if path)
 
 
-@pytest.mark.parametrize("missing", ["march", "trail", "run", "scan_interval"])
+@pytest.mark.parametrize("missing", ["march", "trail", "move", "scan_interval"])
 def test_what_a_command_needs_is_looked_for(monkeypatch, missing):
     """Oracle: one kernel is taken for not compiled; who needs it says so, and no other does."""
     from branches.kernels.warm import kept
 
     monkeypatch.setattr("bvp.kernels.warm.stored", lambda kernel: kernel.py_func.__name__ != missing)
     assert kept() is (missing != "march")
-    assert kept(impulsive=True) is (missing not in ("march", "trail", "run"))
+    assert kept(impulsive=True) is (missing not in ("march", "trail", "move"))
     assert kept(discovery=True) is (missing not in ("march", "scan_interval"))
 
 
