@@ -66,7 +66,7 @@ def test_the_two_commands_do_all_the_set_up_in_one_line(tmp_path, monkeypatch):
         assert install.startswith(".venv/bin/python -m pip install ")
         assert work.startswith(".venv/bin/")
     assert SETUP[0].endswith("saltus continue S13O00+ --plot S13O00+.png")
-    assert SETUP[1].endswith("-m pytest")
+    assert SETUP[1].endswith("-m pytest -n 2 --dist loadfile")
     monkeypatch.chdir(tmp_path)
     assert main(shlex.split(SETUP[0].rpartition("saltus ")[2])) == 0
     assert (tmp_path / "S13O00+.png").read_bytes().startswith(b"\x89PNG")
