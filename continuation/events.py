@@ -88,7 +88,7 @@ class EventFinder:
             if self._tests[suspect.index].kind == "guard" and locator.ends_with_another(suspect.index):
                 continue
             found = self._locate(locator, suspect.index, suspect.dip, ds)
-            if any(location.kind == "jump" for location in found):
+            if not locator.has_end and any(location.kind == "jump" for location in found):
                 # Steps taken for another event may lie on another family, beside a point where the two cross.
                 alone = Locator(self._problem, before, self._settings)
                 alone.enter(ds, after.step)

@@ -285,6 +285,11 @@ class Locator:
         ends = self.step(found.low), self.step(found.high)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted)
 
+    @property
+    def has_end(self) -> bool:
+        """Whether a guard was located: beyond it test functions may jump or grow without bound."""
+        return bool(self._ends)
+
     def ends_with_another(self, index: int) -> bool:
         """Whether a guard is violated first where another one has its zero: then that is the end, and this one tells no more of it."""
         return any(self.value(index, low) > 0.0 >= self.value(index, high) for low, high in self._ends)

@@ -8,9 +8,10 @@ SAME = 1e-8
 """Relative difference of the energies of one grazing orbit on two families."""
 
 
-def unanswered(catalogue, rows, bounds=None):
+def unanswered(catalogue, rows, bounds=None, longest=math.inf):
     """Grazings, branch points and symmetry breakings of families without edge or dead end; with bounds also the period doublings and
-    q-tuplings whose new orbits lie within them.
+    q-tuplings whose new orbits lie within them. longest: quarter period up to which events are asked; families beyond a build's bounds are
+    kept as neighbours, and their own neighbours are not.
 
     One grazing orbit is unfolded once, for all the families that meet there.
     """
@@ -33,7 +34,8 @@ def unanswered(catalogue, rows, bounds=None):
         (row.id, event.id, event.h, event.alpha)
         for row in rows
         for event in catalogue.events(row.id)
-        if low <= event.h <= high and is_asked(row, event) and (row.id, event.id) not in own and not is_told(event)
+        if low <= event.h <= high and event.alpha <= longest and is_asked(row, event)
+        if (row.id, event.id) not in own and not is_told(event)
     ]
 
 
