@@ -18,7 +18,7 @@ from bvp.saltation import saltation_multipliers
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.breakdown import breakdown
 from saltus.bench.following import BareFamily, timed_runs
-from saltus.bench.methods import Work
+from saltus.bench.methods import Method, Work
 from saltus.bench.tasks import LocateTask, OrbitTask, RunTask, Task
 
 __all__ = ["EXACT", "Saltus"]
@@ -30,7 +30,7 @@ LOOKED_AT = 4
 
 
 @dataclass(frozen=True)
-class Saltus:
+class Saltus(Method):
     """The exact multipoint problem along a family.
 
     Parameters
@@ -48,10 +48,6 @@ class Saltus:
     layers: bool = False
 
     setting = ""
-
-    def missing(self) -> str | None:
-        """See `saltus.bench.methods.Method`."""
-        return None
 
     def does(self, task: Task) -> bool:
         """See `saltus.bench.methods.Method`."""

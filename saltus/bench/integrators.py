@@ -10,7 +10,7 @@ import numpy as np
 from bvp.multipliers import sort_multipliers
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.fixed_period import Integrator, PeriodShooting
-from saltus.bench.methods import Work
+from saltus.bench.methods import Method, Work
 from saltus.bench.shooting import ShootingError
 from saltus.bench.tasks import LocateTask, OrbitTask, RunTask, Task, Wanted
 
@@ -21,35 +21,24 @@ _TARGET = {"SN": 2.0, "SB": -2.0}
 
 
 @dataclass(frozen=True)
-class Shooting:
+class Shooting(Method):
     """Shooting with one of scipy's integrators.
 
     Parameters
     ----------
+    name : str
     integrator : str
         A method of `solve_ivp`.
     """
 
+    name: str
     integrator: str
 
     setting = "rtol"
 
-    @property
-    def name(self) -> str:
-        """The method's name."""
-        return f"solve_ivp {self.integrator}"
-
-    def missing(self) -> str | None:
-        """See `saltus.bench.methods.Method`."""
-        return None
-
     def does(self, task: Task) -> bool:
         """See `saltus.bench.methods.Method`."""
         return True
-
-    def ladder(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
-        """See `saltus.bench.methods.Method`."""
-        return tolerances
 
     def prepare(self, task: Task, setting: float | None) -> Work:
         """See `saltus.bench.methods.Method`."""
@@ -128,4 +117,4 @@ def _special(wanted: Wanted, method: str, rtol: float) -> tuple[float, float]:
     return alpha, _energy(integrator, velocities)
 
 
-INTEGRATORS = tuple(Shooting(name) for name in ("DOP853", "LSODA", "RK45", "Radau"))
+INTEGRATORS = tuple(Shooting(f"solve_ivp {name}", name) for name in ("DOP853", "LSODA", "RK45", "Radau"))

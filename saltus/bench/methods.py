@@ -5,12 +5,12 @@ A method is asked for a task and a setting of its ladder, and gives the work; wh
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from saltus.bench.answers import Answer
-from saltus.bench.tasks import Task
+from saltus.bench.tasks import OrbitTask, Task
 
 __all__ = ["Method", "Work", "methods"]
 
@@ -31,8 +31,8 @@ class Work:
     measured: Callable[[], Answer] | None = None
 
 
-class Method(Protocol):
-    """A way to do tasks.
+class Method(ABC):
+    """A way to do tasks: of its own, each has a name, its work, and what differs from the rest here.
 
     Attributes
     ----------
@@ -41,21 +41,22 @@ class Method(Protocol):
         What the numbers of its ladder are, in words; "" for a method that has none.
     """
 
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def setting(self) -> str: ...
+    name: str
+    setting: str
 
     def missing(self) -> str | None:
         """Why it cannot be used here; None where it can."""
+        return None
 
     def does(self, task: Task) -> bool:
         """Whether the task is of a kind that it does."""
+        return isinstance(task, OrbitTask)
 
     def ladder(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
         """Its settings, loose to tight, out of the tolerances asked for; (None,) for a method that works to rounding error."""
+        return tolerances
 
+    @abstractmethod
     def prepare(self, task: Task, setting: float | None) -> Work:
         """The work of a task at a setting."""
 

@@ -11,7 +11,7 @@ from bvp.nonsmooth_time import NonsmoothTimeOrbit, solve_nonsmooth_time
 from saltus.bench import auto
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.collocation import solve_collocation
-from saltus.bench.methods import Work
+from saltus.bench.methods import Method, Work
 from saltus.bench.tasks import LocateTask, OrbitTask, Task
 
 __all__ = ["PEERS", "Auto07p", "Collocation", "NonsmoothTime"]
@@ -21,23 +21,11 @@ AWAY = 0.01
 
 
 @dataclass(frozen=True)
-class NonsmoothTime:
+class NonsmoothTime(Method):
     """Shooting in nonsmooth time; it gives orbits and their energies, and nothing of their stability."""
 
     name = "nonsmooth time (the paper's)"
     setting = "matched to"
-
-    def missing(self) -> str | None:
-        """See `saltus.bench.methods.Method`."""
-        return None
-
-    def does(self, task: Task) -> bool:
-        """See `saltus.bench.methods.Method`."""
-        return isinstance(task, OrbitTask)
-
-    def ladder(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
-        """See `saltus.bench.methods.Method`."""
-        return tolerances
 
     def prepare(self, task: Task, setting: float | None) -> Work:
         """See `saltus.bench.methods.Method`."""
@@ -63,23 +51,11 @@ def _solve(task: OrbitTask, velocities: np.ndarray, expected: np.ndarray, tolera
 
 
 @dataclass(frozen=True)
-class Collocation:
+class Collocation(Method):
     """`scipy.integrate.solve_bvp` on the multi-segment form; it gives orbits and their energies, and nothing of their stability."""
 
     name = "solve_bvp"
     setting = "tol"
-
-    def missing(self) -> str | None:
-        """See `saltus.bench.methods.Method`."""
-        return None
-
-    def does(self, task: Task) -> bool:
-        """See `saltus.bench.methods.Method`."""
-        return isinstance(task, OrbitTask)
-
-    def ladder(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
-        """See `saltus.bench.methods.Method`."""
-        return tolerances
 
     def prepare(self, task: Task, setting: float | None) -> Work:
         """See `saltus.bench.methods.Method`."""
@@ -100,7 +76,7 @@ ENTRIES = 1e7
 
 
 @dataclass(frozen=True)
-class Auto07p:
+class Auto07p(Method):
     """AUTO-07p on the multi-segment form: continuation in the energy, and folds. It has no multipliers for such problems."""
 
     name = "AUTO-07p"
