@@ -40,8 +40,8 @@ class Block(NamedTuple):
 
 @kernel
 def march(
-    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, most, control, kinds, limits, targets, first_y,
-    first_tangent, first_position, first_tests, first_older, goal, direction, before, ds, metric, places, block,
+    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, period, most, control, kinds, limits, targets,
+    first_y, first_tangent, first_position, first_tests, first_older, goal, direction, before, ds, metric, places, block,
 ):  # fmt: skip
     """Steps from (first_y, first_tangent) into `block`.
 
@@ -72,7 +72,7 @@ def march(
                 ends[i, r] = factor.before[i, r]
         if full:
             call_at(addresses[1], (pairs, rows, scalars, start_map, shape, observed, bounds, new, ends, work, result))
-            call_at(addresses[2], (pairs, rows, scalars, start_map, shape, new, ends, work, result))
+            call_at(addresses[2], (pairs, rows, scalars, start_map, shape, new, ends, period, result))
         place = block.position[count]
         for r in range(place.shape[0]):
             place[r] = metric[0, r]
