@@ -17,10 +17,10 @@ import numpy as np
 from branches.grazing_notes import describe_merging, describe_touch, describe_vanishing
 from branches.kernels.march import Block, march
 from branches.labels import ImpossibleLabelError, Label, label_of
+from branches.marched import MarchedSteps, step_of
 from branches.markers import COMMON, NOISE, common_tests, is_orbit, planar_tests
 from bvp.kernels import segment as kernel
 from bvp.kernels.newton import set_scale
-from bvp.kernels.result import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
 from continuation.branch_point import refine_branch_point
@@ -177,10 +177,7 @@ class Family:
             planar_tests(result, self.problem.quarters, self._targets, tests)
         else:
             tests[COMMON:] = self._general(solution)
-        return Step(
-            True, solution.y, solution.tangent, tuple(solution.position.tolist()), result[TURN], result[CONTRACTION],
-            int(result[ITERATIONS]), result[RESIDUAL], result[ENERGY], result[SLOPE], tests, solution,
-        )  # fmt: skip
+        return step_of(solution, result, tests)
 
     @property
     def march(self) -> Callable[..., Marched] | None:
@@ -188,8 +185,9 @@ class Family:
         return self._march if self._planar else None
 
     def _march(
-        self, step: Step, tests: list[float], older: list[float], before: float, ds: float, goal: Any, room: int, control: Control
-    ) -> Marched:
+        self, step: Step, tests: list[float], older: list[float], before: float, ds: float, goal: Any, direction: Any, room: int,
+        control: Control,
+    ) -> Marched:  # fmt: skip
         problem = self.problem
         rows = room + 1
         size, unknowns = problem.size, problem.unknowns
@@ -204,24 +202,18 @@ class Family:
         )
         count, tried, ds = problem.compiled(
             march, control, self._kinds, self._bounds, self._aims, step.y, step.tangent, np.array(step.position), np.array(tests),
-            np.array(older), np.array(goal), before, ds, np.empty((4, size + 2)), np.empty(len(self._tests)), block,
+            np.array(older), goal, direction, before, ds, np.empty((4, size + 2)), np.empty(len(self._tests)), block,
             full=self._full,
         )  # fmt: skip
         if 2 * (count + tried) < rows:  # let no short piece keep a whole block
             block = Block(*(array[: count + tried].copy() for array in block))
-        solutions = [Solution(*row) for row in zip(block.y, block.tangent, block.position, block.ends, block.result, strict=True)]
-        picked = block.result[:count, _PICKED].tolist()
-        positions, values, lengths = (array[:count].tolist() for array in (block.position, block.tests, block.lengths))
-        ahead = []
-        for i in range(count - 1, -1, -1):
-            solution = solutions[i]
-            turn, contraction, iterations, residual, energy, slope = picked[i]
-            taken = Step(
-                True, solution.y, solution.tangent, tuple(positions[i]), turn, contraction, int(iterations), residual, energy, slope,
-                values[i], solution,
-            )  # fmt: skip
-            ahead.append((taken, *lengths[i]))
-        return Marched(ahead, ds, self._step(solutions[count]) if tried else None)
+        trial = None
+        if tried:
+            trial = self._step(
+                Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
+            )
+        taken = Block(*(array[:count] for array in block))
+        return Marched(MarchedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
 
     def _general(self, solution: Solution) -> list[float]:
         """More than two degrees of freedom: determinants of the blocks of the half map in place of its entries."""
@@ -360,7 +352,5 @@ class Family:
                 data.update(describe(self.problem, solution))
         return data
 
-
-_PICKED = np.array([TURN, CONTRACTION, ITERATIONS, RESIDUAL, ENERGY, SLOPE])
 
 _FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, math.inf, 0, math.inf, math.nan, math.nan, [])

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.branch import Branch, BranchEvent, Ended
+from branches.marched import solutions_of
 from continuation.ends import EndReason
 from continuation.problem import Event
 
 if TYPE_CHECKING:
-    from bvp.multipoint import MultipointProblem, Solution
+    from bvp.multipoint import MultipointProblem
     from continuation.run import Run
 
 __all__ = ["branch_of", "event_of"]
@@ -104,8 +105,8 @@ def branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float])
     energy : (float, float)
         The range in which it was followed.
     """
-    solutions: list[Solution] = [point.step.extra for point in run.points]
-    arclength = np.array([point.arclength for point in run.points])
+    solutions = solutions_of(run.points)
+    arclength = run.points.arclengths()
 
     def backward(event: Event) -> bool:
         """Whether it was found against the arclength; what lies on the seam of a closed family is read along it."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from branches.family import label_text
+from branches.marched import Solutions
 from bvp.cycle import cycle_of
 from bvp.kernels import segment as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
@@ -51,9 +52,8 @@ def describe(problem: MultipointProblem, solutions: Sequence[Solution], arclengt
     count = len(solutions)
     n, size = problem.half, problem.size
     modes = problem.modes
-    results = np.array([solution.result for solution in solutions])
-    unknowns = np.array([solution.y for solution in solutions])
-    ends = np.array([solution.ends for solution in solutions])
+    stacked = Solutions.stacked(solutions)
+    results, unknowns, ends = stacked.result, stacked.y, stacked.ends
 
     def entry(name: str) -> np.ndarray:
         return results[:, RESULT_INDEX[name]]

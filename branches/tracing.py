@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
 from bvp.multipoint import MultipointProblem
+from continuation.points import PlainPoints, Points
 from continuation.problem import Event, Point, Step
 from continuation.run import trace as follow_both
 from continuation.settings import Settings
@@ -209,7 +210,7 @@ def follow_family(
             direction=sign,
             stop_when=condition,
             stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
-            on_point=collector.point,
+            on_points=collector.points,
             on_event=collector.event,
         )
     except (KeyboardInterrupt, RuntimeError) as error:
@@ -263,25 +264,36 @@ class _Collector:
         self.on_event = on_event
         self.on_point = on_point
         self.direction = direction
-        self.halves: dict[int, list[Point]] = {1: [], -1: []}
+        self.halves: dict[int, Points] = {1: Points(), -1: Points()}
         self.sign = 1
         self.begin: Point | None = None
         self.count = 0
         self.types: dict[str, int] = {}
 
-    def point(self, point: Point) -> None:
-        self.count += 1
-        if self.begin is None:
-            self.begin = point
-        elif point.index == 1:
+    def points(self, points: Sequence[Point]) -> None:
+        if self.on_point is None and isinstance(points, PlainPoints):
+            self.count += len(points)
+            self.face(points[0])
+            self.halves[self.sign].extend(points)
+            return
+        for point in points:
+            self.count += 1
+            if self.begin is None:
+                self.begin = point
+            else:
+                self.face(point)
+                self.halves[self.sign].append(point)
+            if self.on_point is not None:
+                self.on_point(self.count)
+
+    def face(self, point: Point) -> None:
+        """Know the half that a point goes on with."""
+        assert self.begin is not None
+        if point.index == 1:
             rises = self.direction == 0 or (point.parameter - self.begin.parameter) * self.direction >= 0.0
             self.sign = 1 if rises and not self.halves[1] else -1
         elif not self.halves[self.sign] or self.halves[self.sign][-1].index + 1 != point.index:
             self.sign = -self.sign
-        if point is not self.begin:
-            self.halves[self.sign].append(point)
-        if self.on_point is not None:
-            self.on_point(self.count)
 
     def event(self, event: Event) -> None:
         if self.on_event is None:

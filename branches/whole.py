@@ -21,8 +21,10 @@ import numpy as np
 
 from branches.family import SETTINGS, Family
 from branches.identity import Mark, canonical_orbit, digests, is_solved_as_it_is, mark_of
+from branches.marched import MarchedSteps, solutions_of
 from branches.passing import Runs, one_family
 from branches.words import canonical, join_family_id
+from bvp.kernels.result import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.ends import EndReason
 from continuation.problem import Marched, Step, Test
@@ -145,14 +147,14 @@ class _Ends(Family):
         self._kinds = self._kinds[: self.COUNT]  # a march watches no more
 
     def _step(self, solution: Solution | None) -> Step:
-        return self._cut(super()._step(solution))
+        step = super()._step(solution)
+        return step._replace(tests=step.tests[: self.COUNT])
 
     def _march(self, *arguments: Any) -> Marched:
         marched = super()._march(*arguments)
-        return marched._replace(ahead=[(self._cut(step), length, arclength) for step, length, arclength in marched.ahead])
-
-    def _cut(self, step: Step) -> Step:
-        return step._replace(tests=step.tests[: self.COUNT])
+        assert isinstance(marched.steps, MarchedSteps)
+        block = marched.steps.block
+        return marched._replace(steps=MarchedSteps(block._replace(tests=block.tests[:, : self.COUNT])))
 
 
 class _Curve(NamedTuple):
@@ -253,8 +255,8 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
             certain = end.reason is EndReason.EVENT and point.event is not None and point.event.code == "GR"
             (grazing if certain else cuts).append(point.y)
     folds = [event.point.y for event in run.events if event.code == "SN"]
-    h = np.array([point.parameter for point in run.points])
-    alpha = np.array([problem.quarter_period(point.y) for point in run.points])
+    found = solutions_of(run.points).result
+    h, alpha = found[:, ENERGY], found[:, QUARTER_PERIOD]
     return _Curve(h, alpha, grazing, folds, cuts, run.closed, run.start)
 
 
@@ -267,7 +269,7 @@ def _length(run: Run) -> float:
 
 
 def _at(run: Run, part: float) -> np.ndarray:
-    return min(run.points, key=lambda point: abs(point.arclength - part * _length(run))).y
+    return run.points[int(np.argmin(np.abs(run.points.arclengths() - part * _length(run))))].y
 
 
 def _near_ends(run: Run) -> tuple[np.ndarray, np.ndarray] | None:

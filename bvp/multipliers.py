@@ -146,8 +146,10 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
     landings(
         *modes.blocks, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along
     )  # fmt: skip
-    pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right)
-    flow, level = trivial_directions(modes.pairs, modes.matrix, weights, modes.contact_gap, after, row, 1, scale, maps, along)
+    pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right, np.empty((5, size, size)), np.empty(2))
+    flow, level = trivial_directions(
+        modes.pairs, modes.matrix, weights, modes.contact_gap, after, row, 1, scale, maps, along, np.empty((4, size))
+    )
     trivial = float(max(flow, level) if conservative else flow)
     free = size - int(conservative)
     width = np.where(np.roll(row, -1) < 0, free, free - 1)

@@ -23,7 +23,7 @@ from bvp.kernels.observe import orbit_observe
 from bvp.kernels.result import RESULT
 from bvp.kernels.segment import ORIGIN, PERIODIC, Segment, pack
 from bvp.kernels.shoot import nodes_by_flight
-from bvp.kernels.stability import orbit_stability
+from bvp.kernels.stability import make_period, orbit_stability
 from bvp.kernels.step import end_states, orbit_step
 from bvp.observed import observed_of
 from bvp.system import ImpactSystem
@@ -151,6 +151,7 @@ class MultipointProblem:
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
         self._factor = make_factor(self.segment)
         self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
+        self._period = make_period(4 * (self.inner + 1))
         self._zero = np.zeros(2 * self.unknowns)
         self._packed = pack(self.segment)
         observed = self.observed
@@ -329,7 +330,7 @@ class MultipointProblem:
         if full:
             orbit_observe(*packed, self._watched, self._bounds, out, ends, self._work, result)
             if self._planar:
-                orbit_stability(*packed, out, ends, self._work, result)
+                orbit_stability(*packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
     @cached_property
@@ -341,7 +342,7 @@ class MultipointProblem:
         calls = (
             (orbit_step, (*packed, self._factor, y, tangent, 0.0, 0, metric, y, tangent, result)),
             (orbit_observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
-            (orbit_stability, (*packed, y, ends, self._work, result)),
+            (orbit_stability, (*packed, y, ends, self._period, result)),
         )
         return np.array([address_of(function, arguments) for function, arguments in calls])
 
@@ -349,7 +350,7 @@ class MultipointProblem:
         """Call a compiled function that takes steps of its own: before its own arguments it gets `addresses` (where not `full`, 0 for all
         but that of `orbit_step`), the problem as `orbit_step` does, what is watched, scratch, and the most iterations of a correction."""
         addresses = self.addresses if full else self.addresses * np.array([1, 0, 0])
-        return kernel(addresses, *self._packed, self._factor, self._watched, self._bounds, self._work, maximum, *arguments)
+        return kernel(addresses, *self._packed, self._factor, self._watched, self._bounds, self._work, self._period, maximum, *arguments)
 
 
 _ENTRIES = len(RESULT)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from bvp.cycle import cycle_of
-from bvp.kernels.halfmap import half_map
+from bvp.kernels.halfmap import half_map, half_map_scratch
 from bvp.kernels.segment import ORIGIN
 from bvp.multipliers import nearest_grazing, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
@@ -161,8 +161,8 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
         entries = [[solution["a"], solution["b"]], [solution["c"], solution["d"]]]
         return np.array(entries), solution["magnified"]
     phi = np.zeros((2 * (problem.half - 1),) * 2)
-    work = np.zeros((2 * problem.size + 8, problem.size))
-    magnified = half_map(problem.segment, np.ascontiguousarray(solution.y), np.ascontiguousarray(solution.ends), work, phi)
+    y, ends = np.ascontiguousarray(solution.y), np.ascontiguousarray(solution.ends)
+    magnified = half_map(problem.segment, y, ends, *half_map_scratch(problem.size), phi)
     return phi, float(magnified)
 
 

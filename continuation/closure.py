@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from continuation.control import height
 from continuation.location import Locator, StepRefused, bracketed_root
 from continuation.problem import Point, Problem, Step
 from continuation.settings import Settings
@@ -37,11 +38,11 @@ class Closure:
         self._problem = problem
         self._settings = settings
         self._goal = goal
-        self._origin = np.asarray(goal.position, dtype=float)
-        self._direction = np.asarray(direction, dtype=float)
+        self.origin = np.asarray(goal.position, dtype=float)
+        self.direction = np.asarray(direction, dtype=float)
 
     def _height(self, step: Step) -> float:
-        return float(self._direction @ (np.asarray(step.position, dtype=float) - self._origin))
+        return float(height(step.position, self.origin, self.direction))
 
     def landing(self, before: Point, after: Step, ds: float) -> tuple[float, Step] | None:
         """The step from `before` that lands on the goal, and its length, if the step to `after` of length ds passes it."""

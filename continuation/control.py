@@ -25,6 +25,7 @@ __all__ = [
     "arclength_of",
     "control_of",
     "distance",
+    "height",
     "kinds_of",
     "next_step",
     "refusal",
@@ -38,7 +39,7 @@ BLOCK = 64
 """Most steps that a problem is asked to march before the engine looks up: an interruption loses no more than these."""
 
 NEAR_GOAL = 2.0
-"""A point nearer to the goal than this many chords is looked at for the closure of the family."""
+"""A point that has just passed the goal, nearer to it than this many chords, is looked at for the closure of the family."""
 
 _LONG_CHORD = 2.0  # a chord longer than this many times its step did not come from following the curve
 _CROSSING, _GUARD, _TERMINAL_GUARD, _CHANGE = 0, 1, 2, 3
@@ -96,6 +97,14 @@ def distance(a: Any, b: Any) -> Any:
     for i in range(len(a)):
         total += (a[i] - b[i]) * (a[i] - b[i])
     return math.sqrt(total)
+
+
+def height(position: Any, goal: Any, direction: Any) -> Any:
+    """How far a position is beyond the plane through `goal` at right angles to `direction`."""
+    total = 0.0
+    for i in range(len(goal)):
+        total += direction[i] * (position[i] - goal[i])
+    return total
 
 
 def arclength_of(chord: Any, turn: Any) -> Any:

@@ -17,6 +17,7 @@ from continuation.control import BLOCK, JUMPED, NEAR_GOAL, SLOW, TURNED, arcleng
 from continuation.ends import End, EndReason, Tally
 from continuation.events import EventFinder, Found, arclength_between, make_event
 from continuation.location import StepRefused
+from continuation.points import PlainPoints
 from continuation.problem import Event, Point, Problem, Step
 from continuation.settings import Settings
 
@@ -121,7 +122,11 @@ def follow(
     if isinstance(first, str):
         yield End(EndReason.NO_START, first)
         return
-    yield from walk(problem, first, settings, stop_when, stop_at, Allowance(settings.maximum_points))
+    for item in walk(problem, first, settings, stop_when, stop_at, Allowance(settings.maximum_points)):
+        if isinstance(item, PlainPoints):
+            yield from item
+        else:
+            yield item
 
 
 class Allowance:
@@ -143,8 +148,9 @@ def walk(
     stop_at: Collection[str],
     allowance: Allowance,
     goal: tuple[Step, np.ndarray] | None = None,
-) -> Iterator[Point | Event | End]:
-    """The run that `follow` describes, from a corrected and oriented start.
+) -> Iterator[Point | PlainPoints | Event | End]:
+    """The run that `follow` describes, from a corrected and oriented start; points that were marched to come together, where no
+    condition has to be asked of each.
 
     It gives an `End` with reason POINTS whenever the allowance is used up; an allowance that can be raised lets it go on when
     it is asked for more. Every other `End` is its last word. The family is closed when it comes back to the `goal`, a point
@@ -172,7 +178,6 @@ def walk(
     length_old = 0.0
     ds = settings.initial_step
     closure = None if goal is None else Closure(problem, settings, *goal)
-    ahead: list[tuple[Step, float, float]] = []  # marched and accepted, the next one last
     trial: Step | None = None  # the step of length ds where it was tried already
 
     while True:
@@ -180,61 +185,84 @@ def walk(
             yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
             if not allowance.resume:
                 return
-        if not ahead and trial is None and march is not None and older is not None:
-            ahead, ds, trial = march(step, values, older, length_old, ds, origin, min(allowance.points, BLOCK), control)
+        if trial is None and march is not None and older is not None and closure is not None:
+            room = min(allowance.points, BLOCK)
+            marched = march(step, values, older, length_old, ds, closure.origin, closure.direction, room, control)
+            ds, trial = marched.ds, marched.trial
+            steps = marched.steps
+            count = len(steps)
+            if count:
+                arclengths = np.cumsum([arclength, *marched.lengths])[1:]
+                plain = PlainPoints(index + 1, arclengths, marched.strides, steps)
+                if stop_when is None:
+                    accepted += count
+                    index += count
+                    allowance.points -= count
+                    yield plain
+                else:
+                    for point in plain:
+                        accepted += 1
+                        index += 1
+                        allowance.points -= 1
+                        yield point
+                        answer = stop_when(point)
+                        if answer:
+                            words = answer if isinstance(answer, str) else ""
+                            yield End(EndReason.STOP_WHEN, words, Tally(accepted, not_converged, slow, turned, jumped))
+                            return
+                point = plain[-1]
+                step = point.step
+                older, values = (steps[-2].tests if count > 1 else values), step.tests  # type: ignore[assignment]
+                arclength, length_old = point.arclength, float(marched.lengths[-1])
+                position = step.position
+                continue
         cause = ""
         found: list[Found] = []
         closed = False
-        marched = bool(ahead)
         tests: Any
-        if marched:
-            new, stride, length = ahead.pop()
-            tests = new.tests
+        new = take(step.y, step.tangent, ds) if trial is None else trial
+        trial = None
+        length = 0.0
+        chord = math.inf
+        verdict = None
+        if new.converged:
+            chord = distance(position, new.position)
+            verdict = refusal(new.turn, new.contraction, chord, ds, control)
+        if verdict is None:
+            not_converged += 1
+            cause = "the corrector does not converge"
+        elif verdict == TURNED:
+            turned += 1
+            cause = "the tangent turns too far"
+        elif verdict == SLOW:
+            slow += 1
+            cause = f"the corrector contracts by {new.contraction:.3g} only"
+        elif verdict == JUMPED:
+            jumped += 1
+            cause = f"the corrector goes {chord:.3g} away in a step of {ds:.3g}"
         else:
-            new = take(step.y, step.tangent, ds) if trial is None else trial
-            trial = None
-            length = 0.0
-            chord = math.inf
-            verdict = None
-            if new.converged:
-                chord = distance(position, new.position)
-                verdict = refusal(new.turn, new.contraction, chord, ds, control)
-            if verdict is None:
-                not_converged += 1
-                cause = "the corrector does not converge"
-            elif verdict == TURNED:
-                turned += 1
-                cause = "the tangent turns too far"
-            elif verdict == SLOW:
-                slow += 1
-                cause = f"the corrector contracts by {new.contraction:.3g} only"
-            elif verdict == JUMPED:
-                jumped += 1
-                cause = f"the corrector goes {chord:.3g} away in a step of {ds:.3g}"
-            else:
-                if closure is not None and distance(new.position, origin) <= NEAR_GOAL * chord:
-                    landing = closure.landing(point, new, ds)
-                    if landing is not None:
-                        ds, new = landing
-                        chord = distance(position, new.position)
-                        closed = True
-                length = arclength_of(chord, new.turn)
-                tests = new.tests
-                if type(tests) is not list:
-                    tests = _floats(tests)
-                suspects = scan(older, values, tests, length_old, length)
-                if suspects:
-                    try:
-                        found = finder.find(suspects, point, Point(index + 1, arclength + length, new, ds), ds)
-                    except StepRefused as refused:
-                        jumped += 1
-                        cause = f"{refused} (inside a step of {ds:.3g})"
-                    else:
-                        if not closed and ds > 4 * max(tolerance, shortest):
-                            if any(ds - event.location.s <= tolerance and not event.details.terminal for event in found):
-                                ds *= 0.75  # an accepted point on an event would have test functions of undecided sign
-                                continue
-            stride = ds
+            if closure is not None and distance(new.position, origin) <= NEAR_GOAL * chord:
+                landing = closure.landing(point, new, ds)
+                if landing is not None:
+                    ds, new = landing
+                    chord = distance(position, new.position)
+                    closed = True
+            length = arclength_of(chord, new.turn)
+            tests = new.tests
+            if type(tests) is not list:
+                tests = _floats(tests)
+            suspects = scan(older, values, tests, length_old, length)
+            if suspects:
+                try:
+                    found = finder.find(suspects, point, Point(index + 1, arclength + length, new, ds), ds)
+                except StepRefused as refused:
+                    jumped += 1
+                    cause = f"{refused} (inside a step of {ds:.3g})"
+                else:
+                    if not closed and ds > 4 * max(tolerance, shortest):
+                        if any(ds - event.location.s <= tolerance and not event.details.terminal for event in found):
+                            ds *= 0.75  # an accepted point on an event would have test functions of undecided sign
+                            continue
         if cause:
             ds *= 0.5
             if ds < shortest:
@@ -281,7 +309,7 @@ def walk(
         index += 1
         allowance.points -= 1
         arclength += length
-        point = Point(index, arclength, new, stride)
+        point = Point(index, arclength, new, ds)
         yield point
         if stop_when is not None:
             answer = stop_when(point)
@@ -297,8 +325,7 @@ def walk(
         step = new
         position = new.position
         older, values, length_old = values, tests, length
-        if not marched:
-            ds = next_step(ds, new.turn, new.contraction, control)
+        ds = next_step(ds, new.turn, new.contraction, control)
 
 
 def _floats(values: Any) -> list[float]:

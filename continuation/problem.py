@@ -107,23 +107,29 @@ class Step(NamedTuple):
 class Marched(NamedTuple):
     """Plain steps that a problem took by itself, as the engine would have.
 
-    ``march(step, tests, older, before, ds, goal, room, control)`` starts at `step` with its `tests`, those of the point before it
-    (`older`) and the arclength between the two (`before`), with a first step of length `ds`. It corrects, judges and measures each step
+    ``march(step, tests, older, before, ds, goal, direction, room, control)`` starts at `step` with its `tests`, those of the point before
+    it (`older`) and the arclength between the two (`before`), with a first step of length `ds`. It corrects, judges and measures each step
     with `refusal`, `arclength_of`, `watch` and `next_step` of `continuation.control`, given `control`. It stops after `room` steps, or
-    with the first step that is not plain: not converged, refused, with a test function that asks for a look, or within `NEAR_GOAL` chords
-    of the position `goal`. The points must be those that the engine finds step by step.
+    with the first step that is not plain: not converged, refused, with a test function that asks for a look, or one that passes the
+    position `goal` in the `direction` (its `height` was below zero and is not any more) to within `NEAR_GOAL` chords of it. The points
+    must be those that the engine finds step by step.
 
     Attributes
     ----------
-    ahead : list of (Step, float, float)
-        The accepted steps with the length asked for and the arclength, the last one first; `Step.tests` are lists.
+    steps : sequence of Step
+        The accepted steps in order; their tests are lists. They may be made when they are asked for, of arrays in which they stand: the
+        engine asks for the last two.
+    strides, lengths : (N,) float
+        Of each, the length asked for and the arclength.
     ds : float
         Length of the step after them.
     trial : Step or None
         The step of length `ds`, if it was tried and is not plain; the engine decides what it is.
     """
 
-    ahead: list[tuple[Step, float, float]]
+    steps: Sequence[Step]
+    strides: np.ndarray
+    lengths: np.ndarray
     ds: float
     trial: Step | None
 
@@ -261,8 +267,8 @@ class Problem(Protocol):
        or ``"interrupted"``.
     6. `residual(y)` (n,) and `jacobian(y)` (n, n + 1) are used for switching only.
 
-    Optional, found by name: ``march(step, tests, older, before, ds, goal, room, control) -> Marched``, which takes many plain steps at
-    once, for speed alone (see `Marched`); ``failure(y, tangent, ds) -> str``, words for the end of a family where steps fail;
+    Optional, found by name: ``march(step, tests, older, before, ds, goal, direction, room, control) -> Marched``, which takes many
+    plain steps at once, for speed alone (see `Marched`); ``failure(y, tangent, ds) -> str``, words for where steps fail;
     ``refined(index, at) -> Step | None``, the event of test `index` to full accuracy, where steps bring it no nearer than the step
     `at` (whose tangent and turn it has), None where that is as near as it gets;
     ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from continuation.ends import End, EndReason, Tally
 from continuation.engine import Allowance, StopWhen, first_step, walk
 from continuation.events import EventFinder, make_event
+from continuation.points import Piece, PlainPoints, Points
 from continuation.problem import Event, Point, Problem, Step
 from continuation.settings import Settings
 
@@ -20,9 +22,9 @@ class Run:
 
     Attributes
     ----------
-    points : tuple of Point
-        In order of arclength, which is 0 at the first. Tangents, slopes and oriented test functions point along growing
-        arclength.
+    points : Points
+        In order of arclength, which is 0 at the first; those that were marched to are made when asked for. Tangents, slopes and oriented
+        test functions point along growing arclength.
     events : tuple of Event
         In order of arclength; ``events[k].index`` is the index of its point.
     ends : tuple of End
@@ -32,7 +34,7 @@ class Run:
         Index of the point that the run was started from.
     """
 
-    points: tuple[Point, ...]
+    points: Points
     events: tuple[Event, ...]
     ends: tuple[End, End]
     start: int
@@ -58,7 +60,7 @@ def trace(
     direction: int = 1,
     stop_when: StopWhen | None = None,
     stop_at: Collection[str] = frozenset(),
-    on_point: Callable[[Point], object] | None = None,
+    on_points: Callable[[Sequence[Point]], object] | None = None,
     on_event: Callable[[Event], object] | None = None,
 ) -> Run:
     """Follow a family from a start in both directions.
@@ -72,9 +74,9 @@ def trace(
         False: the direction alone.
     direction : int
         Sign of the slope in the direction that is followed first, and that the run is oriented by; 0: the tangent of the start.
-    on_point, on_event : callable, optional
-        Called with each point and each event as it is found, that is, with arclength and index counted from the start in its
-        direction.
+    on_points, on_event : callable, optional
+        Called with the points, one or many at a time, and with each event as they are found, that is, with arclength and index counted
+        from the start in its direction.
 
     Returns
     -------
@@ -90,18 +92,18 @@ def trace(
     first = first_step(problem, start, direction)
     if isinstance(first, str):
         none = End(EndReason.NO_START, first)
-        return Run((), (), (none, none), 0)
+        return Run(Points(), (), (none, none), 0)
     if stop_when is not None:
         point = Point(0, 0.0, first)
         verdict = stop_when(point)
         if verdict:
-            if on_point is not None:
-                on_point(point)
+            if on_points is not None:
+                on_points([point])
             held = End(EndReason.STOP_WHEN, (f"{verdict}, " if isinstance(verdict, str) else "") + "at the start already")
-            return Run((point,), (), (held, held), 0)
+            return Run(Points([[point]]), (), (held, held), 0)
     total = settings.maximum_points
     allowance = Allowance(min(total // 2 + 1, total) if both else total, resume=both)
-    forward = _Half(problem, first, settings, stop_when, stop_at, allowance, on_point, on_event)
+    forward = _Half(problem, first, settings, stop_when, stop_at, allowance, on_points, on_event)
     forward.go()
     if not both or forward.closed:
         return _one_way(problem, settings, forward)
@@ -109,9 +111,9 @@ def trace(
     opposite = problem.step(first.y, -first.tangent, 0.0)
     if not opposite.converged:
         lost = End(EndReason.NO_START, "the corrector did not converge at the start with its tangent reversed")
-        return Run(tuple(forward.points), tuple(forward.events), (lost, forward.end), 0)
+        return Run(forward.points, tuple(forward.events), (lost, forward.end), 0)
     backward = _Half(
-        problem, opposite, settings, stop_when, stop_at, allowance, on_point, on_event, forward.last_place(problem)
+        problem, opposite, settings, stop_when, stop_at, allowance, on_points, on_event, forward.last_place(problem)
     )
     backward.go()
     if forward.end.reason is EndReason.POINTS and not backward.closed and allowance.points > 0:
@@ -132,11 +134,11 @@ class _Half:
         stop_when: StopWhen | None,
         stop_at: Collection[str],
         allowance: Allowance,
-        on_point: Callable[[Point], object] | None,
+        on_points: Callable[[Sequence[Point]], object] | None,
         on_event: Callable[[Event], object] | None,
         goal: tuple[Step, np.ndarray] | None = None,
     ) -> None:
-        self.points: list[Point] = []
+        self.points = Points()
         self.events: list[Event] = []
         self.end = End(EndReason.POINTS)
         self._allowance = allowance
@@ -145,7 +147,7 @@ class _Half:
         allowance.started = True
         self._near = settings.coincidence_tolerance
         self._exact = settings.location_tolerance
-        self._on_point = on_point
+        self._on_points = on_points
         self._on_event = on_event
 
     @property
@@ -160,8 +162,12 @@ class _Half:
                     self._start_is(item.event)
                     continue
                 self.points.append(item)
-                if self._on_point is not None and (item.index or self._first):
-                    self._on_point(item)
+                if self._on_points is not None and (item.index or self._first):
+                    self._on_points([item])
+            elif isinstance(item, PlainPoints):
+                self.points.extend(item)
+                if self._on_points is not None:
+                    self._on_points(item)
             elif isinstance(item, Event):
                 item = self.events[0] if self.events and self.events[0].index == 0 else item
                 if item.index:
@@ -176,42 +182,53 @@ class _Half:
         """The family ends at the start itself, to the accuracy of locations: one point, which has the event."""
         low, high = event.bracket
         first = replace(event, arclength=0.0, bracket=(min(low, 0.0), max(high, 0.0)), index=0)
-        self.points = [Point(0, 0.0, first.point, 0.0, first)]
+        self.points = Points([[Point(0, 0.0, first.point, 0.0, first)]])
         self.events = [first]
         self._allowance.points += 1
 
     def last_place(self, problem: Problem) -> tuple[Step, np.ndarray] | None:
         """The last point seen from the other direction, and the way along the curve there; None if it is the start."""
         last = np.asarray(self.points[-1].position, dtype=float)
-        for point in reversed(self.points[:-1]):
+        for k in range(len(self.points) - 2, -1, -1):
+            point = self.points[k]
             way = np.asarray(point.position, dtype=float) - last
             if float(np.linalg.norm(way)) > self._near:
                 return _turned_round(problem, self.points[-1].step), way
         return None
 
-    def moved(self, index: int, arclength: float) -> tuple[list[Point], list[Event]]:
+    def moved(self, index: int, arclength: float) -> tuple[Points, list[Event]]:
         """Points and events with indices and arclengths that start later."""
         events = {event.index: _moved_event(event, event.index + index, arclength, event.point) for event in self.events}
-        points = [
-            Point(p.index + index, p.arclength + arclength, p.step, p.step_size, events.get(p.index)) for p in self.points
-        ]
-        return points, list(events.values())
 
-    def reversed(self, problem: Problem) -> tuple[list[Point], list[Event]]:
+
+        def placed(piece: Piece) -> Piece:
+            if isinstance(piece, PlainPoints):
+                return piece.moved(index, arclength)
+            return [Point(p.index + index, p.arclength + arclength, p.step, p.step_size, events.get(p.index)) for p in piece]
+
+        return Points([placed(piece) for piece in self.points.pieces]), list(events.values())
+
+    def reversed(self, problem: Problem) -> tuple[Points, list[Event]]:
         """Points and events seen the other way: the last comes first, tangents are turned round."""
         last, total = self.points[-1].index, self.points[-1].arclength
-        points: list[Point] = []
+        pieces: list[Piece] = []
         events: list[Event] = []
-        for p in reversed(self.points):
-            step, index, event = _turned_round(problem, p.step), last - p.index, None
-            if p.event is not None:
-                low, high = p.event.bracket
-                event = replace(
-                    p.event, arclength=total - p.event.arclength, bracket=(total - high, total - low), index=index, point=step
-                )
-                events.append(event)
-            points.append(Point(index, total - p.arclength, step, p.step_size, event))
-        return points, events
+        for piece in reversed(self.points.pieces):
+            if isinstance(piece, PlainPoints):
+                pieces.append(piece.reversed(last, total, partial(_turned_round, problem)))
+                continue
+            points = []
+            for p in reversed(piece):
+                step, index, event = _turned_round(problem, p.step), last - p.index, None
+                if p.event is not None:
+                    low, high = p.event.bracket
+                    event = replace(
+                        p.event, arclength=total - p.event.arclength, bracket=(total - high, total - low), index=index, point=step
+                    )
+                    events.append(event)
+                points.append(Point(index, total - p.arclength, step, p.step_size, event))
+            pieces.append(points)
+        return Points(pieces), events
 
 
 def _moved_event(event: Event, index: int, arclength: float, point: Step) -> Event:
@@ -231,9 +248,9 @@ def _one_way(problem: Problem, settings: Settings, half: _Half) -> Run:
     """A run in one direction, which may be closed."""
     points, events = half.points, half.events
     if not half.closed:
-        return Run(tuple(points), tuple(events), (End(EndReason.NOT_ASKED), half.end), 0)
-    points, events = _with_events_at(0, problem, settings, points, events)
-    return Run(tuple(points), tuple(events), (half.end, half.end), 0)
+        return Run(points, tuple(events), (End(EndReason.NOT_ASKED), half.end), 0)
+    events = _with_events_at(0, problem, settings, points, events)
+    return Run(points, tuple(events), (half.end, half.end), 0)
 
 
 def _both_ways(problem: Problem, settings: Settings, backward: _Half, forward: _Half) -> Run:
@@ -243,34 +260,28 @@ def _both_ways(problem: Problem, settings: Settings, backward: _Half, forward: _
     later, later_events = forward.moved(start, points[-1].arclength)
     if later[0].event is not None:
         points[-1] = later[0]
-    points += later[1:]
+    points.extend(later[1:])
     events += later_events
     if 0 < start < len(points) - 1:
-        points, events = _with_events_at(start, problem, settings, points, events)
+        events = _with_events_at(start, problem, settings, points, events)
     if not backward.closed:
-        return Run(tuple(points), tuple(events), (backward.end, forward.end), start)
-    points, events = _with_events_at(0, problem, settings, points, events)
+        return Run(points, tuple(events), (backward.end, forward.end), start)
+    events = _with_events_at(0, problem, settings, points, events)
     tally = Tally(*(a + b for a, b in zip(backward.end.tally, forward.end.tally, strict=True)))
     end = End(EndReason.CLOSED, f"length {points[-1].arclength:.9g}", tally)
-    return Run(tuple(points), tuple(events), (end, end), start)
+    return Run(points, tuple(events), (end, end), start)
 
 
-def _with_events_at(
-    place: int, problem: Problem, settings: Settings, points: list[Point], events: list[Event]
-) -> tuple[list[Point], list[Event]]:
-    """Add the events that lie on the start of a half, which neither half reports; they share its point.
+def _with_events_at(place: int, problem: Problem, settings: Settings, points: Points, events: list[Event]) -> list[Event]:
+    """The events, with those that lie on the start of a half, which neither half reports; they share its point, which gets one.
 
     Place 0 is where a closed family begins and ends.
     """
     last = len(points) - 1
-    regular = [
-        point.index for point in points if point.event is None and point.index not in (place, last if place == 0 else place)
-    ]
-    earlier = [index for index in regular if index < place or place == 0]
-    further = [index for index in regular if index > place]
-    if not earlier or not further:
-        return points, events
-    before, after = points[earlier[-1]], points[further[0]]
+    before = _regular(points, range(last - 1, 0, -1) if place == 0 else range(place - 1, -1, -1))
+    after = _regular(points, range(1, last) if place == 0 else range(place + 1, last + 1))
+    if before is None or after is None:
+        return events
     if place == 0:
         known = {event.test for event in events if event.index > before.index or event.index < after.index}
     else:
@@ -280,5 +291,10 @@ def _with_events_at(
         event = make_event(found, at.position, at.arclength, at.index)
         events = [*events, event]
         if points[place].event is None:
-            points = [*points[:place], replace(at, event=event), *points[place + 1 :]]
-    return points, sorted(events, key=lambda event: (event.arclength, event.index))
+            points[place] = replace(at, event=event)
+    return sorted(events, key=lambda event: (event.arclength, event.index))
+
+
+def _regular(points: Points, places: range) -> Point | None:
+    """The first point at these places that no event was met at."""
+    return next((point for point in map(points.__getitem__, places) if point.event is None), None)

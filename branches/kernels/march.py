@@ -11,11 +11,12 @@ from branches.markers import common_tests, is_orbit, planar_tests
 from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import call_at, kernel, part
 from bvp.kernels.result import CONTRACTION, CONVERGED, SLOPE, TURN
-from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, next_step, refusal, watch
+from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, next_step, refusal, watch
 
 __all__ = ["Block", "march"]
 
 _distance = part(distance)
+_height = part(height)
 _arclength_of = part(arclength_of)
 _refusal = part(refusal)
 _next_step = part(next_step)
@@ -39,20 +40,22 @@ class Block(NamedTuple):
 
 @kernel
 def march(
-    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, most, control, kinds, limits, targets, first_y,
-    first_tangent, first_position, first_tests, first_older, goal, before, ds, metric, places, block,
+    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, period, most, control, kinds, limits, targets,
+    first_y, first_tangent, first_position, first_tests, first_older, goal, direction, before, ds, metric, places, block,
 ):  # fmt: skip
     """Steps from (first_y, first_tangent) into `block`.
 
     addresses (3,): of `orbit_step`, `orbit_observe`, `orbit_stability`; 0 for the last two: the fold is the only test. limits (3,):
-    bounds of the energy's logarithm, and of the quarter period's. metric (4, N + 2), places (tests,): scratch. Returns (accepted steps,
-    1 where the row after them holds a step that is not plain, length of the step to take next)."""
+    bounds of the energy's logarithm, and of the quarter period's. goal, direction (N + 2,): see `continuation.problem.Marched`.
+    metric (4, N + 2), places (tests,): scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length
+    of the step to take next)."""
     full = addresses[1] != 0
     y = first_y
     tangent = first_tangent
     position = first_position
     tests = first_tests
     older = first_older
+    height_old = _height(position, goal, direction)
     for count in range(block.y.shape[0] - 1):
         result = block.result[count]
         set_1(result, np.nan)
@@ -69,7 +72,7 @@ def march(
                 ends[i, r] = factor.before[i, r]
         if full:
             call_at(addresses[1], (pairs, rows, scalars, start_map, shape, observed, bounds, new, ends, work, result))
-            call_at(addresses[2], (pairs, rows, scalars, start_map, shape, new, ends, work, result))
+            call_at(addresses[2], (pairs, rows, scalars, start_map, shape, new, ends, period, result))
         place = block.position[count]
         for r in range(place.shape[0]):
             place[r] = metric[0, r]
@@ -84,7 +87,10 @@ def march(
         turn = result[TURN]
         contraction = result[CONTRACTION]
         chord = _distance(position, place)
-        if _refusal(turn, contraction, chord, ds, control) != ACCEPTED or _distance(place, goal) <= NEAR_GOAL * chord:
+        if _refusal(turn, contraction, chord, ds, control) != ACCEPTED:
+            return count, 1, ds
+        height_new = _height(place, goal, direction)
+        if height_old < 0.0 and height_new >= 0.0 and _distance(place, goal) <= NEAR_GOAL * chord:
             return count, 1, ds
         length = _arclength_of(chord, turn)
         if _watch(kinds, older, tests, values, before, length, control.dip_ratio, places) > 0:
@@ -93,6 +99,7 @@ def march(
         block.lengths[count, 1] = length
         ds = _next_step(ds, turn, contraction, control)
         before = length
+        height_old = height_new
         older = tests
         tests = values
         position = place

@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["address_of", "allocating", "call_at", "kernel", "part"]
+__all__ = ["address_of", "allocating", "call_at", "kernel", "part", "sized"]
 
 _COUNTED: dict[str, Any] = {"_nrt": True}  # numba's own run time for arrays; said in full, for what a kernel calls inherits it
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
@@ -61,3 +61,31 @@ def _call_at(typing_context, address, arguments):
 
 
 call_at: Any = intrinsic(_call_at)
+
+
+def _sized(typing_context, array, size):
+    """The same array, whose last axis is known to have a written-out length: loops along it are unrolled, in this kernel and its parts.
+
+    The array is contiguous, and has that length: it is not looked at.
+    """
+    length = size.literal_value
+
+    def code(context, builder, signature, values):
+        kind = signature.args[0]
+        found = context.make_array(kind)(context, builder, values[0])
+        item = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+        shape = cgutils.unpack_tuple(builder, found.shape)
+        strides = cgutils.unpack_tuple(builder, found.strides)
+        word = shape[-1].type
+        shape[-1] = ir.Constant(word, length)
+        strides[-1] = ir.Constant(word, item)
+        if kind.ndim > 1:
+            strides[-2] = ir.Constant(word, item * length)
+        found.shape = cgutils.pack_array(builder, shape)
+        found.strides = cgutils.pack_array(builder, strides)
+        return found._getvalue()
+
+    return array(array, size), code
+
+
+sized: Any = intrinsic(prefer_literal=True)(_sized)

@@ -13,21 +13,26 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.bounds import dot
-from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.compiled import kernel, part, sized
 from bvp.kernels.flight import block_product, flow_matrix
 from bvp.kernels.pencil import complement
 from bvp.kernels.restitution import strike
-from bvp.kernels.segment import ORIGIN, REST, STOP, start_state
+from bvp.kernels.segment import ORIGIN, REST, STOP, sized_rows, start_state
 
-__all__ = ["half_map", "section_basis"]
+__all__ = ["half_map", "half_map_scratch", "planar_half_map", "section_basis"]
 
 
 @kernel
 def section_basis(segment, node, kind, z, vectors, out):
+    """See `_section_basis`."""
+    _section_basis(segment, node, kind, z, vectors, out)
+
+
+@part
+def _section_basis(segment, node, kind, z, vectors, out):
     """Rows of `out` (n - 1, n): orthonormal, perpendicular to the velocity (origin), the force (rest) or the stop's normal (stop),
     oriented with it, so that determinants taken with it change sign only through zero."""
-    size = segment.matrix.shape[0]
-    half = size // 2
+    half = z.shape[0] // 2
     for r in range(half):
         if kind == ORIGIN:
             vectors[0, r] = z[half + r]
@@ -47,7 +52,7 @@ def section_basis(segment, node, kind, z, vectors, out):
             out[half - 2, r] = -out[half - 2, r]
 
 
-@kernel
+@part
 def magnification(segment, node, z, reach):
     """sqrt(2 h) |g| / |g . v|: what an impact at the state z makes of rounding errors (1 where it is head-on and fastest)."""
     normal = 0.0
@@ -58,27 +63,34 @@ def magnification(segment, node, z, reach):
     return reach * math.sqrt(normal) / abs(speed) if speed != 0.0 else math.inf
 
 
-@allocating
-def half_map(segment, y, ends, work, phi):
-    """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; `work` (>= N + 3, N).
-    Returns the largest factor by which an impact magnifies rounding (1: none)."""
-    size = segment.matrix.shape[0]
+def half_map_scratch(size):
+    """Scratch of `half_map` for states of so many entries."""
+    half = size // 2
+    return np.empty((size + 3, size)), np.empty((1, size, size)), np.empty((3, max(2, half), half))
+
+
+@part
+def _half_map(segment, y, ends, work, square, small, phi):
+    """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; scratch: `work`
+    (>= N + 3, N), `square` (>= 1, N, N), `small` (3, max(n, 2), n). Returns the largest factor by which an
+    impact magnifies rounding (1: none)."""
+    size = work.shape[1]
     half = size // 2
     k = segment.shape[0]
     s = segment.start_map.shape[1]
     kind = segment.shape[3]
-    z = work[0, :size]
-    field = work[1, :size]
+    z = work[0]
+    field = work[1]
     columns = 2 * (half - 1)
-    vectors = np.empty((2, half))
-    flow = np.empty((size, size))
-    x = work[4, :size]
-    first = np.empty((half - 1, half))
-    last = np.empty((half - 1, half))
+    flow = square[0]
+    x = work[4]
+    vectors = small[0]
+    first = small[1]
+    last = small[2]
     start_state(segment.start_map, segment.start_offset, y, z)
-    section_basis(segment, k + 1, kind, z, vectors, first)
+    _section_basis(segment, k + 1, kind, z, vectors, first)
     final_kind = segment.shape[4]
-    section_basis(segment, k, final_kind, ends[k], vectors, last)
+    _section_basis(segment, k, final_kind, ends[k], vectors, last)
     magnified = 1.0
     reach = 0.0
     for r in range(size):
@@ -89,7 +101,7 @@ def half_map(segment, y, ends, work, phi):
     if final_kind == STOP:
         magnified = max(magnified, magnification(segment, k, ends[k], reach))
     for column in range(columns):
-        v = work[5 + column, :size]
+        v = work[5 + column]
         for r in range(size):
             v[r] = 0.0
         kept = column < half - 1
@@ -130,7 +142,7 @@ def half_map(segment, y, ends, work, phi):
         if i < k:
             magnified = max(magnified, magnification(segment, i, ends[i], reach))
         for column in range(columns):
-            v = work[5 + column, :size]
+            v = work[5 + column]
             block_product(segment.pairs, flow, v, x)
             if hit:
                 strike(segment.gap_rate, segment.push, i, jump, x, x)
@@ -140,7 +152,7 @@ def half_map(segment, y, ends, work, phi):
             for r in range(size):
                 v[r] = x[r]
     for column in range(columns):
-        x = work[5 + column, :size]
+        x = work[5 + column]
         for b in range(half - 1):
             displacement = 0.0
             velocity = 0.0
@@ -154,3 +166,15 @@ def half_map(segment, y, ends, work, phi):
                 phi[b, column] = displacement
                 phi[half - 1 + b, column] = velocity
     return magnified
+
+
+@kernel
+def half_map(segment, y, ends, work, square, small, phi):
+    """See `_half_map`."""
+    return _half_map(segment, y, ends, work, square, small, phi)
+
+
+@kernel
+def planar_half_map(segment, y, ends, work, square, small, phi):
+    """See `_half_map`; N = 4."""
+    return _half_map(sized_rows(segment), y, sized(ends, 4), sized(work, 4), sized(square, 4), sized(small, 2), sized(phi, 2))

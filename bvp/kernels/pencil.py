@@ -19,17 +19,15 @@ rectangular there; `cuts` marks such nodes.
 
 import math
 
-import numpy as np
-
-from bvp.kernels.compiled import allocating, kernel, part
+from bvp.kernels.compiled import kernel, part, sized
 from bvp.kernels.flight import block_product, flow_matrix
 from bvp.kernels.restitution import strike, strike_columns
 
-__all__ = ["complement", "landing_map", "landings", "pencil"]
+__all__ = ["complement", "landing_map", "landings", "pencil", "planar_landings", "planar_pencil"]
 
 
-@kernel
-def complement(vectors, count, out, factor):
+@part
+def _complement(vectors, count, out, factor):
     """Rows of `out` (N - count, N): orthonormal basis of the complement of the first `count` rows of `vectors` (overwritten).
     `factor` (>= count,): scratch."""
     size = vectors.shape[1]
@@ -68,10 +66,22 @@ def complement(vectors, count, out, factor):
                     x[r] -= inner * vectors[c, r]
 
 
+@kernel
+def complement(vectors, count, out, factor):
+    """See `_complement`."""
+    _complement(vectors, count, out, factor)
+
+
+@kernel
+def planar_complement(vectors, count, out, factor):
+    """See `_complement`; N = 4."""
+    _complement(sized(vectors, 4), count, sized(out, 4), factor)
+
+
 @part
 def landing_map(pairs, mean, delta, matrix, gap_rate, push, contact, jump, duration, before, scale, landing, along):
     """landing = R exp(B t), along = R B z(t), in states divided by `scale`; jump = 0 leaves the impact out."""
-    size = matrix.shape[0]
+    size = along.shape[0]
     flow_matrix(pairs, mean, delta, matrix, duration, landing)
     block_product(pairs, matrix, before, along)
     if jump != 0.0:
@@ -99,8 +109,8 @@ def _constraints(gap, weights, after, scale, conservative, free, vectors):
     return count
 
 
-@kernel
-def landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
+@part
+def _landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
     """maps (P, N, N) and along (P, N): J_i and F_i of the flight after each node, which lands on the next."""
     nodes = duration.shape[0]
     for i in range(nodes):
@@ -112,18 +122,33 @@ def landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration,
         )  # fmt: skip
 
 
-@allocating
-def pencil(weights, gap, conservative, after, row, scale, maps, along, left, right):
+@kernel
+def landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
+    """See `_landings`."""
+    _landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along)
+
+
+@kernel
+def planar_landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
+    """See `_landings`; N = 4."""
+    _landings(
+        pairs, mean, delta, sized(matrix, 4), sized(gap_rate, 4), sized(push, 4), jump, sized(before, 4), duration, row, sized(scale, 4),
+        sized(maps, 4), sized(along, 4),
+    )  # fmt: skip
+
+
+@part
+def _pencil(complement, weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor):
     """Factors of the product pencil: left[i] = E_i, right[i] = A_i. The arrays are (P, N, N); factor i uses the first rows and
     columns: E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N less the constraints of a node and m_i = d_{i+1}, or for a cut
-    m_i = d_{i+1} of an unconstrained node. row[i] < 0 marks a cut. maps, along: of `landings`."""
+    m_i = d_{i+1} of an unconstrained node. row[i] < 0 marks a cut. maps, along: of `landings`.
+    complement: of `complement` and its like; scratch (5, max(N, 2), N), factor (2,)."""
     nodes, size = after.shape
-    turned = np.empty(size)
-    vectors = np.empty((2, size))
-    basis = np.empty((size, size))
-    following = np.empty((size, size))
-    rows = np.empty((size, size))
-    factor = np.empty(2)
+    basis = scratch[0]
+    following = scratch[1]
+    rows = scratch[2]
+    vectors = scratch[3]
+    turned = scratch[4, 0]
     count = _constraints(gap[max(row[0], 0)], weights, after[0], scale, conservative, row[0] < 0, vectors)
     complement(vectors, count, basis, factor)
     dimension = size - count
@@ -163,3 +188,18 @@ def pencil(weights, gap, conservative, after, row, scale, maps, along, left, rig
                 right[i, a, b] = total
         dimension = next_dimension
         basis, following = following, basis
+
+
+@kernel
+def pencil(weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor):
+    """See `_pencil`."""
+    _pencil(complement, weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor)
+
+
+@kernel
+def planar_pencil(weights, gap, after, row, scale, maps, along, left, right, scratch, factor):
+    """See `_pencil`; N = 4 and an energy is conserved."""
+    _pencil(
+        planar_complement, sized(weights, 4), sized(gap, 4), True, sized(after, 4), row, sized(scale, 4), sized(maps, 4), sized(along, 4),
+        sized(left, 4), sized(right, 4), sized(scratch, 4), factor,
+    )  # fmt: skip

@@ -23,7 +23,7 @@ def restitute(rate_rows, push, restitution, c, z, out):
 @part
 def strike_columns(rate_rows, push, c, jump, matrix):
     """`strike` each column of a matrix (N, N), in place."""
-    size = matrix.shape[0]
+    size = matrix.shape[1]
     for column in range(size):
         change = 0.0
         for r in range(size):

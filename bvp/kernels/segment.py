@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import kernel, part, sized
 
-__all__ = ["ORIGIN", "PERIODIC", "REST", "STOP", "Segment", "pack", "start_state", "total_time", "unpack"]
+__all__ = ["ORIGIN", "PERIODIC", "REST", "STOP", "Segment", "pack", "sized_rows", "start_state", "total_time", "unpack"]
 
 ORIGIN, REST, STOP, PERIODIC = 0, 1, 2, 3
 """Kinds of an end."""
@@ -81,6 +81,29 @@ def unpack(pairs, rows, scalars, start_map, shape):
         scalars[side + nodes :],
         rows[at + 1],
         shape,
+    )
+
+
+@part
+def sized_rows(segment):
+    """The same segment, known to be of states of four entries."""
+    return Segment(
+        sized(segment.pairs, 2),
+        segment.mean,
+        segment.delta,
+        sized(segment.matrix, 4),
+        sized(segment.gap, 4),
+        sized(segment.gap_rate, 4),
+        sized(segment.push, 4),
+        segment.jump,
+        segment.bound,
+        segment.side,
+        segment.start_map,
+        sized(segment.start_offset, 4),
+        sized(segment.end_map, 4),
+        segment.end_offset,
+        sized(segment.weights, 4),
+        segment.shape,
     )
 
 

@@ -1,14 +1,15 @@
 """Half map and multipliers of an orbit with two degrees of freedom."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import allocating, part
+from bvp.kernels.arrays import set_1, set_2
+from bvp.kernels.compiled import kernel, part
 from bvp.kernels.cycle import count_impacts, unfold
-from bvp.kernels.halfmap import half_map
-from bvp.kernels.pencil import landings, pencil
+from bvp.kernels.halfmap import planar_half_map
+from bvp.kernels.pencil import planar_landings, planar_pencil
 from bvp.kernels.result import (
     DETERMINANT,
     HALF_A,
@@ -25,26 +26,57 @@ from bvp.kernels.result import (
     TRIVIAL,
 )
 from bvp.kernels.segment import unpack
-from bvp.kernels.sweep import sweep
-from bvp.kernels.trivial import trivial_directions
+from bvp.kernels.sweep import planar_sweep
+from bvp.kernels.trivial import planar_trivial_directions
 
-__all__ = ["orbit_stability"]
+__all__ = ["Period", "make_period", "orbit_stability"]
+
+
+class Period(NamedTuple):
+    """Scratch for the P impacts of a whole period, n = 2, N = 4."""
+
+    before: np.ndarray  # (P, N)
+    after: np.ndarray  # (P, N)
+    duration: np.ndarray  # (P,)
+    contact: np.ndarray  # (P,) int64
+    maps: np.ndarray  # (P, N, N)
+    left: np.ndarray  # (P, N, N)
+    right: np.ndarray  # (P, N, N)
+    along: np.ndarray  # (P, N)
+    rows: np.ndarray  # (N + 3, N)
+    square: np.ndarray  # (5, N, N)
+    plane: np.ndarray  # (4, 2, 2)
+
+
+def make_period(impacts):
+    """Scratch for so many impacts."""
+    square = (impacts, 4, 4)
+    return Period(
+        np.zeros((impacts, 4)),
+        np.zeros((impacts, 4)),
+        np.zeros(impacts),
+        np.zeros(impacts, np.int64),
+        np.zeros(square),
+        np.zeros(square),
+        np.zeros(square),
+        np.zeros((impacts, 4)),
+        np.zeros((7, 4)),
+        np.zeros((5, 4, 4)),
+        np.zeros((4, 2, 2)),
+    )
 
 
 @part
-def stability_2(segment, y, ends, work, result):
+def stability_2(segment, y, ends, scratch, result):
     """Half map, and multipliers of the reduced saddle-point matrix, for two degrees of freedom."""
-    size = segment.matrix.shape[0]
+    size = scratch.before.shape[1]
     impacts = count_impacts(segment.shape)
     # the second half period of an orbit solved as a quarter has the very factors of the first one: all changes its sign
     turns = 2 if segment.shape[2] == 1 else 1
     nodes = impacts // turns
-    states = np.empty((2, impacts, size))
-    cycle_time = np.empty(impacts)
-    cycle_row = np.empty(impacts, np.int64)
-    phi = np.empty((2, 2))
     if segment.shape[2] != 4:
-        result[MAGNIFIED] = half_map(segment, y, ends, work, phi)
+        phi = scratch.plane[0]
+        result[MAGNIFIED] = planar_half_map(segment, y, ends, scratch.rows, scratch.square, scratch.plane[1:], phi)
         result[HALF_A] = phi[0, 0]
         result[HALF_B] = phi[0, 1]
         result[HALF_C] = phi[1, 0]
@@ -52,22 +84,19 @@ def stability_2(segment, y, ends, work, result):
     else:
         set_1(result[HALF_A : HALF_D + 1], math.nan)
         result[MAGNIFIED] = 1.0
-    unfold(segment, y, ends, states[0], states[1], cycle_time, cycle_row, work)
+    unfold(segment, y, ends, scratch.before, scratch.after, scratch.duration, scratch.contact, scratch.rows)
     if nodes == 0:
         set_1(result[TRACE : SINGULAR + 1], math.nan)
         return
-    cycle_before = states[0, :nodes]
-    cycle_after = states[1, :nodes]
-    cycle_row = cycle_row[:nodes]
-    cycle_time = cycle_time[:nodes]
-    factors = np.empty((3, nodes, size, size))
-    maps = factors[0]
-    left = factors[1]
-    right = factors[2]
-    vectors = np.empty((nodes + 1, size))
-    along = vectors[:nodes]
-    scale = vectors[nodes]
-    scratch = np.empty((4, size, size))
+    cycle_before = scratch.before[:nodes]
+    cycle_after = scratch.after[:nodes]
+    cycle_row = scratch.contact[:nodes]
+    cycle_time = scratch.duration[:nodes]
+    maps = scratch.maps[:nodes]
+    left = scratch.left[:nodes]
+    right = scratch.right[:nodes]
+    along = scratch.along[:nodes]
+    scale = scratch.rows[0]
     # velocities by sqrt(2 h), not by those at the impacts: an impact may be the only slow part of an orbit
     displacement = 0.0
     energy = 0.0
@@ -79,25 +108,27 @@ def stability_2(segment, y, ends, work, result):
     for r in range(size // 2):
         scale[r] = displacement if displacement > 0.0 else 1.0
         scale[size // 2 + r] = math.sqrt(energy)
-    landings(
+    planar_landings(
         segment.pairs, segment.mean, segment.delta, segment.matrix, segment.gap_rate, segment.push, segment.jump, cycle_before,
         cycle_time, cycle_row, scale, maps, along,
     )  # fmt: skip
-    pencil(segment.weights, segment.gap, True, cycle_after, cycle_row, scale, maps, along, left, right)
-    dimension = size - 2
-    frame = np.zeros((dimension, dimension))
-    older = np.empty((dimension, dimension))
+    planar_pencil(
+        segment.weights, segment.gap, cycle_after, cycle_row, scale, maps, along, left, right, scratch.square, scratch.plane[0, 0]
+    )
+    dimension = 2
+    frame = scratch.plane[0]
+    older = scratch.plane[1]
+    product = scratch.plane[2]
+    exponent = scratch.plane[3, 0]
+    set_2(frame, 0.0)
     for r in range(dimension):
         frame[r, r] = 1.0
-    product = np.empty((dimension, dimension))
-    exponent = np.empty(dimension)
-    height = np.full(nodes, dimension)
     singular = 0
     for _ in range(4):
         for r in range(dimension):
             for c in range(dimension):
                 older[r, c] = frame[r, c]
-        singular = sweep(left, right, height, height, turns, scratch, frame, product, exponent)
+        singular = planar_sweep(left, right, cycle_row, turns, scratch.square, frame, product, exponent)
         coupling = abs(older[0, 1] * frame[0, 0] + older[1, 1] * frame[1, 0])
         grade = abs(product[0, 1]) + abs(product[0, 0])
         if coupling < 1e-15 or grade < 30.0 * abs(product[1, 1]) * 2.0 ** (exponent[1] - exponent[0]):
@@ -130,15 +161,15 @@ def stability_2(segment, y, ends, work, result):
         result[LARGER_IMAGINARY] = -math.sqrt(-square)
         result[SMALLER_REAL] = 0.5 * trace
         result[SMALLER_IMAGINARY] = math.sqrt(-square)
-    flow, level = trivial_directions(
-        segment.pairs, segment.matrix, segment.weights, segment.gap, cycle_after, cycle_row, turns, scale, maps, along
+    flow, level = planar_trivial_directions(
+        segment.pairs, segment.matrix, segment.weights, segment.gap, cycle_after, cycle_row, turns, scale, maps, along, scratch.rows[1:]
     )
     result[TRIVIAL] = max(flow, level)
     result[SINGULAR] = singular
 
 
-@allocating
-def orbit_stability(pairs, rows, scalars, start_map, shape, y, ends, work, result):
+@kernel
+def orbit_stability(pairs, rows, scalars, start_map, shape, y, ends, period, result):
     """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
     segment = unpack(pairs, rows, scalars, start_map, shape)
-    stability_2(segment, y, ends, work, result)
+    stability_2(segment, y, ends, period, result)

@@ -7,12 +7,12 @@ factor is kept triangular, so that small multipliers survive beside large ones.
 import math
 
 from bvp.kernels.arrays import set_2
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import kernel, part, sized
 
-__all__ = ["sweep"]
+__all__ = ["planar_sweep", "sweep"]
 
 
-@kernel
+@part
 def _rotation(a, b):
     """c, s with c a + s b = r, -s a + c b = 0."""
     if b == 0.0:
@@ -21,11 +21,12 @@ def _rotation(a, b):
     return a / r, b / r
 
 
-@kernel
-def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
+@part
+def _sweep(left, right, height, width, square, turns, scratch, frame, product, exponent):
     """One orthogonal sweep round the cycle, which runs through the given factors `turns` times. scratch (4, N, N).
 
-    frame (d_0, w): orthonormal columns at node 0, replaced by those that node P is reached with. height[i], width[i] = (m_i, d_{i+1}).
+    frame (d_0, w): orthonormal columns at node 0, replaced by those that node P is reached with. height[i], width[i] = (m_i, d_{i+1});
+    not looked at where they are all w and `square` says so.
     product (w, w): upper triangular product of the factors U_i^-1 T_i, scaled by 2^-exponent[j] in row j. Returns the number of
     singular factors met (grazing impacts)."""
     w = frame.shape[1]
@@ -40,14 +41,14 @@ def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
     for c in range(w):
         product[c, c] = 1.0
         exponent[c] = 0.0
-    here = frame.shape[0]
+    here = w if square else frame.shape[0]
     for r in range(here):
         for c in range(w):
             current[r, c] = frame[r, c]
     for count in range(turns * nodes):
         i = count % nodes
-        m = height[i]
-        d = width[i]
+        m = w if square else height[i]
+        d = w if square else width[i]
         for a in range(m):
             for c in range(w):
                 total = 0.0
@@ -121,3 +122,17 @@ def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
         for c in range(w):
             frame[r, c] = current[r, c]
     return singular
+
+
+@kernel
+def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
+    """See `_sweep`."""
+    return _sweep(left, right, height, width, False, turns, scratch, frame, product, exponent)
+
+
+@kernel
+def planar_sweep(left, right, integers, turns, scratch, frame, product, exponent):
+    """See `_sweep`; N = 4, and all factors are 2 by 2. integers: any array of such, which is not looked at."""
+    return _sweep(
+        sized(left, 4), sized(right, 4), integers, integers, True, turns, sized(scratch, 4), sized(frame, 2), sized(product, 2), exponent
+    )

@@ -2,15 +2,13 @@
 
 import math
 
-import numpy as np
-
-from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.compiled import kernel, part, sized
 from bvp.kernels.flight import block_product
 
-__all__ = ["trivial_directions"]
+__all__ = ["planar_trivial_directions", "trivial_directions"]
 
 
-@kernel
+@part
 def departure(first, last):
     """|last - first|/|first|."""
     length = 0.0
@@ -21,15 +19,15 @@ def departure(first, last):
     return math.sqrt(defect / length)
 
 
-@allocating
-def trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along):
+@part
+def _trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along, scratch):
     """How well the product of saltation matrices, `turns` times round the given nodes, keeps the flow and the energy:
-    (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|)."""
+    (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|). scratch (4, N)."""
     nodes, size = after.shape
-    first = np.empty(size)
-    flow = np.empty(size)
-    work = np.empty(size)
-    field = np.empty(size)
+    first = scratch[0]
+    flow = scratch[1]
+    work = scratch[2]
+    field = scratch[3]
     block_product(pairs, matrix, after[0], first)
     for r in range(size):
         first[r] /= scale[r]
@@ -81,3 +79,18 @@ def trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, ma
         for r in range(size):
             flow[r] = work[r]
     return kept_flow, departure(first, flow)
+
+
+@kernel
+def trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along, scratch):
+    """See `_trivial_directions`."""
+    return _trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along, scratch)
+
+
+@kernel
+def planar_trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along, scratch):
+    """See `_trivial_directions`; N = 4."""
+    return _trivial_directions(
+        pairs, sized(matrix, 4), sized(weights, 4), sized(gap, 4), sized(after, 4), row, turns, sized(scale, 4), sized(maps, 4),
+        sized(along, 4), sized(scratch, 4),
+    )  # fmt: skip

@@ -41,5 +41,5 @@ def warm() -> None:
     y = np.array([0.8, 0.6, 1.7])
     ends = np.ones((1, 4))
     result = np.zeros(len(RESULT))
-    orbit_stability(*problem._packed, y, ends, problem._work, result)
+    orbit_stability(*problem._packed, y, ends, problem._period, result)
     orbit_observe(*problem._packed, problem._watched, problem._bounds, y, ends, problem._work, result)

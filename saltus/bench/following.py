@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from continuation.control import kinds_of
 from continuation.ends import End, EndReason
 from continuation.engine import Allowance, first_step, walk
 from continuation.location import Location
+from continuation.points import PlainPoints
 from continuation.problem import Event, EventDetails, Marched, Point, Problem, Step, Test
 
 __all__ = ["BareFamily", "RecordedFamily", "Run", "Spread", "spread", "timed_run", "timed_runs"]
@@ -90,7 +92,7 @@ class RecordedFamily(Family):
     def _march(self, *arguments: Any) -> Marched:
         found = super()._march(*arguments)
         self.marches.append(arguments)
-        self.marched += [step for step, _, _ in reversed(found.ahead)]
+        self.marched += found.steps
         self.tried += found.trial is not None
         return found
 
@@ -131,7 +133,7 @@ def timed_run(family: Problem, start: Step, points: int) -> Run:
     """Follow a family to higher energy, and time each point.
 
     Points come in blocks: the first of a block has the time of all of it, and of the step that ended it. Means are right; no more points
-    are computed than are counted.
+    are computed than are counted. Those of a block stay in its arrays while time is taken, with all that is known of them.
 
     Parameters
     ----------
@@ -153,7 +155,8 @@ def timed_run(family: Problem, start: Step, points: int) -> Run:
         raise RuntimeError(first)
     run = walk(family, first, SETTINGS, None, (), allowance)
     next(run)
-    steps: list[Step] = []
+    found: list[Sequence[Point]] = []
+    count = 0
     seconds: list[float] = []
     clean: list[bool] = []
     events = on_the_way = 0
@@ -165,19 +168,21 @@ def timed_run(family: Problem, start: Step, points: int) -> Run:
         elif isinstance(item, End):
             if item.reason is not EndReason.POINTS:
                 break
-            allowance.points = points - len(steps)
-        elif isinstance(item, Point) and item.event is None:
-            steps.append(item.step)
-            seconds.append(now - last)
-            clean.append(on_the_way == 0)
+            allowance.points = points - count
+        elif isinstance(item, PlainPoints) or item.event is None:
+            piece: Sequence[Point] = item if isinstance(item, PlainPoints) else (item,)
+            found.append(piece)
+            count += len(piece)
+            seconds += [now - last, *[0.0] * (len(piece) - 1)]
+            clean += [on_the_way == 0] * len(piece)
             events += on_the_way
             on_the_way = 0
-            if len(steps) == points:
+            if count == points:
                 break
             last = clock()
     if not any(clean):
         raise RuntimeError("every step of the run has an event in it: nothing to measure; start elsewhere on the family")
-    return Run(steps, np.array(seconds), np.array(clean), events)
+    return Run([point.step for piece in found for point in piece], np.array(seconds), np.array(clean), events)
 
 
 def timed_runs(family: Problem, y: np.ndarray, points: int, repeats: int) -> list[Run]:

@@ -34,7 +34,7 @@ def test_both_families_follow_the_closed_form(system, inner):
     assert np.max(np.abs(problem.residual(y))) < 1e-12 * np.max(np.abs(y))
     runs = [timed_run(family, family.begin(y), 4) for family in (Family(problem), BareFamily(problem))]
     for run in runs:
-        assert len(run.steps) == 4 and np.all(run.seconds > 0.0)
+        assert len(run.steps) == 4 and np.all(run.seconds >= 0.0) and np.sum(run.seconds) > 0.0
         assert all(cases.step_error(problem, step) < 1e-12 for step in run.steps)
         assert all(later.parameter > earlier.parameter for earlier, later in zip(run.steps, run.steps[1:], strict=False))
     for full, bare in zip(*(run.steps for run in runs), strict=True):
@@ -95,9 +95,9 @@ def test_compiled_calls_are_seen_and_do_the_same_again(system):
     family = Family(problem)
     recorded = RecordedFamily(problem)
     timed_run(recorded, recorded.begin(y), 8)
-    (expected, *_), _, _ = family._march(*recorded.marches[-1])
+    expected = family._march(*recorded.marches[-1]).steps
     with compiled_calls() as calls:
-        (found, *_), _, _ = family._march(*recorded.marches[-1])
+        found = family._march(*recorded.marches[-1]).steps
     assert len(calls) == 1
     np.testing.assert_array_equal(found[0].y, expected[0].y)
     for function, arguments in calls:

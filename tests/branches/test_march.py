@@ -10,7 +10,7 @@ from branches.switching import embed
 from branches.tracing import SETTINGS
 from bvp.multipoint import MultipointProblem
 from continuation import Settings
-from continuation.control import NEAR_GOAL, control_of, distance
+from continuation.control import NEAR_GOAL, control_of, distance, height
 from continuation.run import trace
 from tests.branches.traced import traced
 
@@ -88,25 +88,36 @@ def test_more_degrees_of_freedom_go_step_by_step():
     assert Family(traced("S13O00+").problem).march is not None
 
 
-def test_a_march_comes_back_near_its_goal():
-    """Oracle: the distance of each point from the goal, measured from outside."""
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_march_comes_back_where_it_passes_its_goal(side):
+    """Oracle: each point's distance from the goal, and the side of the plane there that it is on, measured from outside; a goal that is
+    passed the other way is none."""
     problem, y = problem_and_start("S11O00-")
     family = Family(problem)
     points = trace(OneByOne(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 30}), both=False).points
     older, start, goal = points[1], points[2], points[20]
     before = start.arclength - older.arclength
+    aim, direction = np.array(goal.position), side * (np.array(goal.position) - np.array(points[19].position))
     found = family.march(
-        start.step, start.tests, older.tests, before, points[3].step_size, goal.position, 25, control_of(SETTINGS)
+        start.step, start.tests, older.tests, before, points[3].step_size, aim, direction, 25, control_of(SETTINGS)
     )
-    path = [start.position, *(step.position for step, _, _ in reversed(found.ahead))]
-    far = [distance(b, goal.position) > NEAR_GOAL * distance(a, b) for a, b in zip(path, path[1:], strict=False)]
-    assert len(far) > 10 and all(far) and found.trial is not None
-    assert distance(found.trial.position, goal.position) <= NEAR_GOAL * distance(path[-1], found.trial.position)
+    path = [start.position, *(step.position for step in found.steps)]
+    if side < 0.0:
+        assert len(found.steps) == 25 and found.trial is None
+        return
+    assert len(path) > 10 and all(height(place, aim, direction) < 0.0 for place in path)
+    assert found.trial is not None and height(found.trial.position, aim, direction) >= 0.0
+    assert distance(found.trial.position, aim) <= NEAR_GOAL * distance(path[-1], found.trial.position)
 
 
 def test_a_short_piece_keeps_no_whole_block():
     """Oracle: the bytes of the array that a point's unknowns are a view of."""
     problem, y = problem_and_start("S11O00-")
     run = trace(Family(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 200}))
-    kept = {id(owner): owner for point in run.points for owner in [point.y if point.y.base is None else point.y.base]}
+    kept = {}
+    for point in run.points:
+        owner = point.y
+        while owner.base is not None:
+            owner = owner.base
+        kept[id(owner)] = owner
     assert sum(owner.nbytes for owner in kept.values()) < 3 * len(run.points) * problem.unknowns * 8

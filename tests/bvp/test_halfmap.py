@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bvp.cycle import cycle_of
-from bvp.kernels.halfmap import half_map, section_basis
+from bvp.kernels.halfmap import half_map, half_map_scratch, section_basis
 from bvp.kernels.segment import ORIGIN
 from bvp.multipoint import MultipointProblem
 from bvp.saltation import reduced_monodromy, saltation_multipliers
@@ -27,8 +27,7 @@ def computed(problem, solution):
     """phi and the magnification straight from the kernel."""
     size = 2 * (problem.half - 1)
     phi = np.empty((size, size))
-    work = np.empty((2 * problem.size + 8, problem.size))
-    return phi, half_map(problem.segment, solution.y, solution.ends, work, phi)
+    return phi, half_map(problem.segment, solution.y, solution.ends, *half_map_scratch(problem.size), phi)
 
 
 def defect(problem, solution):

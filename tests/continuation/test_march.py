@@ -7,7 +7,7 @@ import pytest
 
 from continuation import Settings, follow, trace
 from continuation import Test as Marker
-from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, kinds_of, next_step, refusal, watch
+from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, kinds_of, next_step, refusal, watch
 from continuation.problem import Marched
 from tests.continuation.curves import Eight, Line, Ring, circle, cubic, ellipse, hyperbola, parts, pitchfork
 
@@ -22,10 +22,10 @@ class Marching:
     def __getattr__(self, name):
         return getattr(self.problem, name)
 
-    def march(self, step, tests, older, before, ds, goal, room, control):
+    def march(self, step, tests, older, before, ds, goal, direction, room, control):
         kinds, places = kinds_of(self.problem.tests), [0.0] * len(tests)
-        ahead, trial = [], None
-        while len(ahead) < room and trial is None:
+        steps, strides, lengths, trial = [], [], [], None
+        while len(steps) < room and trial is None:
             new = self.problem.step(step.y, step.tangent, ds)
             new = new._replace(tests=[float(value) for value in new.tests])
             chord = distance(step.position, new.position) if new.converged else math.inf
@@ -33,16 +33,22 @@ class Marching:
             if (
                 not new.converged
                 or refusal(new.turn, new.contraction, chord, ds, control) != ACCEPTED
-                or distance(new.position, goal) <= NEAR_GOAL * chord
+                or (passes(step, new, goal, direction) and distance(new.position, goal) <= NEAR_GOAL * chord)
                 or watch(kinds, older, tests, new.tests, before, length, control.dip_ratio, places)
             ):
                 trial = new
             else:
-                ahead.insert(0, (new, ds, length))
+                steps.append(new)
+                strides.append(ds)
+                lengths.append(length)
                 ds = next_step(ds, new.turn, new.contraction, control)
                 step, older, tests, before = new, tests, new.tests, length
-        self.blocks.append(len(ahead))
-        return Marched(ahead, ds, trial)
+        self.blocks.append(len(steps))
+        return Marched(steps, np.array(strides), np.array(lengths), ds, trial)
+
+
+def passes(old, new, goal, direction):
+    return height(old.position, goal, direction) < 0.0 <= height(new.position, goal, direction)
 
 
 EVENTS = (

@@ -138,7 +138,7 @@ def test_same_family_from_two_starts():
 
 def test_callbacks_hear_everything_as_it_is_found():
     points, events = [], []
-    run = trace(Line(*TESTS), np.array([0.0]), SHORT, on_point=points.append, on_event=events.append)
+    run = trace(Line(*TESTS), np.array([0.0]), SHORT, on_points=points.extend, on_event=events.append)
     assert len(points) == len(run.points) and len(events) == len(run.events)
     assert {event.code for event in events} == {event.code for event in run.events}
 
@@ -152,7 +152,7 @@ def test_stop_conditions_hold_in_both_directions():
 def test_no_start_is_an_empty_run_with_words():
     nowhere = GenericProblem(lambda y: np.array([y @ y + 1]), lambda y: 2 * y[None, :])
     run = trace(nowhere, np.array([0.3, 0.2]))
-    assert run.points == () and run.events == ()
+    assert len(run.points) == 0 and run.events == ()
     assert all(end.reason is EndReason.NO_START for end in run.ends)
 
 
@@ -190,7 +190,7 @@ def test_event_on_the_start_of_a_closed_family_is_reported_once(offset, directio
 def test_a_condition_that_holds_at_the_start_ends_it_there(words):
     """Oracle: the definition: one point, and both ends say why."""
     seen = []
-    run = trace(Line(*TESTS), np.array([0.0]), SHORT, stop_when=lambda point: point.parameter < 1 and words, on_point=seen.append)
+    run = trace(Line(*TESTS), np.array([0.0]), SHORT, stop_when=lambda point: point.parameter < 1 and words, on_points=seen.extend)
     assert [point.parameter for point in run.points] == [0.0] and run.events == () and len(seen) == 1
     assert all(end.reason is EndReason.STOP_WHEN and "at the start" in end.detail for end in run.ends)
     assert words is True or all("far enough" in end.detail for end in run.ends)

@@ -145,10 +145,11 @@ def pencil_trace(cycle, names):
     maps, along = np.empty((nodes, size, size)), np.empty((nodes, size))
     left, right = np.zeros((nodes, size, size)), np.zeros((nodes, size, size))
     jump = 1.0 + modes.contact_restitution
-    landings = next(mutants(pencils.landings, names))[1]
+    landings = next(mutants(pencils._landings, names))[1]
     landings(*modes.blocks, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along)
     conservative = cycle.system.is_conservative
-    pencils.pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right)
+    scratch = np.empty((5, size, size)), np.empty(2)
+    pencils.pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right, *scratch)
     free = size - 1 - int(conservative)
     product = np.eye(free)
     for i in range(nodes):

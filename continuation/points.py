@@ -1,0 +1,154 @@
+"""The points of a run: those made one by one, and those that a problem marched to, which stand in its arrays until they are asked for."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from typing import overload
+
+import numpy as np
+
+from continuation.problem import Point, Step
+
+__all__ = ["PlainPoints", "Points"]
+
+
+class PlainPoints(Sequence[Point]):
+    """Points with no event among them, one after another; each is made when it is asked for, anew each time.
+
+    Parameters
+    ----------
+    begin : int
+        Place of the first in the run; the others follow it.
+    arclengths, strides : (N,) float
+        Arclength of each, and the length of the step that led there.
+    steps : sequence of N Step
+    seen : callable, optional
+        What a step is as this run sees it; by default as it stands.
+    """
+
+    __slots__ = ("arclengths", "begin", "seen", "steps", "strides")
+
+    def __init__(
+        self, begin: int, arclengths: np.ndarray, strides: np.ndarray, steps: Sequence[Step], seen: Callable[[Step], Step] | None = None
+    ) -> None:
+        self.begin = begin
+        self.arclengths = arclengths
+        self.strides = strides
+        self.steps = steps
+        self.seen = seen
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    @overload
+    def __getitem__(self, place: int) -> Point: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> PlainPoints: ...
+
+    def __getitem__(self, place: int | slice) -> Point | PlainPoints:
+        if isinstance(place, slice):
+            first, _, stride = place.indices(len(self))
+            if stride != 1:
+                raise ValueError(f"points[{place}]: expected neighbours in their order")
+            return PlainPoints(self.begin + first, self.arclengths[place], self.strides[place], self.steps[place], self.seen)
+        if place < 0:
+            place += len(self)
+        step = self.steps[place]
+        index = self.begin + place
+        return Point(index, float(self.arclengths[place]), step if self.seen is None else self.seen(step), float(self.strides[place]))
+
+    def moved(self, index: int, arclength: float) -> PlainPoints:
+        """The same points further along the run."""
+        return PlainPoints(self.begin + index, self.arclengths + arclength, self.strides, self.steps, self.seen)
+
+    def reversed(self, last: int, total: float, seen: Callable[[Step], Step]) -> PlainPoints:
+        """The points of a run whose last has that index and arclength, from there to its start; they were not turned before."""
+        begin = last - (self.begin + len(self) - 1)
+        return PlainPoints(begin, total - self.arclengths[::-1], self.strides[::-1], self.steps[::-1], seen)
+
+
+Piece = list[Point] | PlainPoints
+
+
+class Points(Sequence[Point]):
+    """The points of a run, in pieces.
+
+    Parameters
+    ----------
+    pieces : sequence of (list of Point, or PlainPoints)
+        None of them empty.
+    """
+
+    def __init__(self, pieces: Sequence[Piece] = ()) -> None:
+        self.pieces: list[Piece] = list(pieces)
+        self._begins: list[int] = []
+        self._length = 0
+        for piece in self.pieces:
+            self._begins.append(self._length)
+            self._length += len(piece)
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __iter__(self) -> Iterator[Point]:
+        for piece in self.pieces:
+            yield from piece
+
+    @overload
+    def __getitem__(self, place: int) -> Point: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> Points: ...
+
+    def __getitem__(self, place: int | slice) -> Point | Points:
+        if isinstance(place, slice):
+            first, last, stride = place.indices(self._length)
+            if stride != 1:
+                raise ValueError(f"points[{place}]: expected neighbours in their order")
+            parts = (
+                piece[max(0, first - begin) : max(0, last - begin)] for begin, piece in zip(self._begins, self.pieces, strict=True)
+            )
+            return Points([part for part in parts if len(part)])
+        if not -self._length <= place < self._length:
+            raise IndexError(f"point {place} of {self._length}")
+        piece, at = self._found(place % self._length)
+        return piece[at]
+
+    def __setitem__(self, place: int, point: Point) -> None:
+        piece, at = self._found(place % self._length)
+        if not isinstance(piece, list):
+            raise TypeError("a point that was marched to stays as it is")
+        piece[at] = point
+
+    def _found(self, place: int) -> tuple[Piece, int]:
+        k = bisect_right(self._begins, place) - 1
+        return self.pieces[k], place - self._begins[k]
+
+    def append(self, point: Point) -> None:
+        """Add one point."""
+        if self.pieces and isinstance(self.pieces[-1], list):
+            self.pieces[-1].append(point)
+        else:
+            self._begins.append(self._length)
+            self.pieces.append([point])
+        self._length += 1
+
+    def extend(self, points: Points | PlainPoints) -> None:
+        """Add others; single points are put to those before them."""
+        for piece in points.pieces if isinstance(points, Points) else (points,):
+            if isinstance(piece, PlainPoints):
+                self._begins.append(self._length)
+                self.pieces.append(piece)
+                self._length += len(piece)
+            else:
+                for point in piece:
+                    self.append(point)
+
+    def arclengths(self) -> np.ndarray:
+        """Arclength of each, (N,)."""
+        columns = [
+            piece.arclengths if isinstance(piece, PlainPoints) else np.array([point.arclength for point in piece]) for piece in self.pieces
+        ]
+        return np.concatenate(columns) if columns else np.empty(0)
