@@ -11,12 +11,13 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from branches.stretch import SLACK, Stretch, closed_stretch, run_backwards, solved, stretch_between, stretch_of
-from branches.words import PERIODIC, Word, canonical, mirror
+from branches.words import PERIODIC, Ends, Word, canonical, full_word, mirror, segments_per_period
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -292,7 +293,7 @@ def same_segment(
         Of states and times, relative to the largest.
     """
     forward = stretch_of(*b)
-    images = [forward, run_backwards(b[0].system, forward)]
+    images = [forward, run_backwards(b[0].system, forward, b[0])]
     if b[0].system.has_odd_symmetry:
         images += [image.mirrored() for image in images]
     return _is_among(stretch_of(*a), images, tolerance)
@@ -304,9 +305,9 @@ def _is_among(stretch: Stretch, images: Iterable[Stretch], tolerance: float) -> 
     longest = float(np.max(stretch.times))
     return any(
         (image.ends, image.word) == (stretch.ends, stretch.word)
-        and np.allclose(image.times, stretch.times, rtol=0.0, atol=tolerance * longest)
-        and np.allclose(image.start, stretch.start, rtol=0.0, atol=tolerance * size)
-        and np.allclose(image.nodes, stretch.nodes, rtol=0.0, atol=tolerance * size)
+        and (np.abs(image.times - stretch.times) <= tolerance * longest).all()
+        and (np.abs(image.start - stretch.start) <= tolerance * size).all()
+        and (np.abs(image.nodes - stretch.nodes) <= tolerance * size).all()
         for image in images
     )
 
@@ -314,9 +315,23 @@ def _is_among(stretch: Stretch, images: Iterable[Stretch], tolerance: float) -> 
 def turns(problem: MultipointProblem, solution: Solution) -> int:
     """How often the solved orbit repeats itself: k for k turns of its primitive orbit, with k = 2 also where the solved half is half a
     turn of an orbit with half-period symmetry (a quarter problem solves that one)."""
+    if not _may_repeat(problem.ends, problem.word):
+        return 1
     shifts = _Shifts(cycle_of(problem, solution.y))
     length = shifts.length()
     return 2 if length == shifts.count and problem.quarters == 2 and shifts.has_half(length) else shifts.count // length
+
+
+@lru_cache(maxsize=4096)
+def _may_repeat(ends: Ends, word: Word) -> bool:
+    """Whether the impacts of a period, by their contacts alone, are those of a shorter one run through again, or of its mirror image."""
+    letters = full_word(word, ends)
+    count = len(letters)
+    if any(count % d == 0 and letters[d:] + letters[:d] == letters for d in range(1, count)):
+        return True
+    # Of a quarter the second half period is the image of the first in any case: its problem solves such an orbit once.
+    half = count // 2
+    return segments_per_period(ends) == 2 and count % 2 == 0 and letters[half:] + letters[:half] == mirror(letters)
 
 
 class Mark(NamedTuple):

@@ -189,12 +189,11 @@ class MultipointProblem:
         difference = np.asarray(start, float) - self.segment.start_offset
         y[: self.parameters] = self.segment.start_map.T @ difference
         at = self.parameters
-        for i in range(self.inner + 1):
-            if i > 0:
-                y[at : at + self.size] = nodes[i - 1]
-                at += self.size
-            y[at] = times[i]
-            at += 1
+        y[at] = times[0]
+        if self.inner:
+            rows = y[at + 1 : at + 1 + self.inner * (self.size + 1)].reshape(self.inner, self.size + 1)
+            rows[:, : self.size] = nodes[: self.inner]
+            rows[:, self.size] = times[1 : self.inner + 1]
         return y
 
     def shoot(self, start: np.ndarray, flight_times: np.ndarray) -> np.ndarray:

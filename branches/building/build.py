@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -149,7 +149,7 @@ class _Build:
         self.told: dict[str, Any] = {"beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun}
         description = json.dumps(self.system.describe(), sort_keys=True)
         self.frontier: Frontier[tuple[str, Seed], Answer] = Frontier(
-            executor, partial(_named, description), self._is_known, lambda item: item[0], AHEAD * workers
+            executor, partial(_named, description), self._is_known, lambda item: item[0], AHEAD * workers, _kin
         )
         self.count = 0
 
@@ -406,6 +406,14 @@ class _Build:
 
 def _named(description: str, item: tuple[str, Seed]) -> Answer:
     return work(description, item[1])
+
+
+def _kin(item: tuple[str, Seed]) -> Hashable:
+    """What seeds that may be of one family, or of one grazing orbit, have in common."""
+    seed = item[1]
+    if seed.kind == "grazing":
+        return None if seed.value.mark is None else ("grazing", *(f"{number:.6e}" for number in seed.value.mark))
+    return (seed.images[0].ends, seed.images[0].word) if seed.images else None
 
 
 def _asked(seed: Seed) -> tuple[bool, int]:

@@ -14,6 +14,9 @@ from typing import Generic, NamedTuple, TypeVar
 
 __all__ = ["Frontier", "Taken"]
 
+LOOK = 8
+"""Seeds among which those to be worked on are looked for, for each one that may be."""
+
 Seed = TypeVar("Seed")
 Result = TypeVar("Result")
 
@@ -38,7 +41,10 @@ class Frontier(Generic[Seed, Result]):
     key : callable
         seed -> its name; a name is queued once.
     ahead : int
-        How many seeds from the front may be worked on at a time.
+        How many seeds near the front may be worked on at a time.
+    kin : callable, optional
+        seed -> what seeds of which one may make another one known have in common; None: nothing. Such a seed is not worked on ahead of
+        its elders: its turn may find it known.
 
     Examples
     --------
@@ -61,12 +67,14 @@ class Frontier(Generic[Seed, Result]):
         known: Callable[[Seed], bool],
         key: Callable[[Seed], Hashable],
         ahead: int,
+        kin: Callable[[Seed], Hashable] | None = None,
     ) -> None:
         self._executor = executor
         self._work = work
         self._known = known
         self._key = key
         self._ahead = ahead
+        self._kin = kin or (lambda seed: None)
         self._queue: deque[Seed] = deque()
         self._names: set[Hashable] = set()
         self._running: dict[Hashable, Future[Result]] = {}
@@ -110,7 +118,17 @@ class Frontier(Generic[Seed, Result]):
             self._running.clear()
 
     def _submit(self) -> None:
-        for seed, _ in zip(self._queue, range(self._ahead), strict=False):
-            name = self._key(seed)
-            if name not in self._running and not self._known(seed):
+        """Have those near the front worked on that are not known, and have no elder kin in the queue."""
+        waiting = 0
+        elders: set[Hashable] = set()
+        for seed, _ in zip(self._queue, range(LOOK * self._ahead), strict=False):
+            if waiting == self._ahead:
+                break
+            name, kin = self._key(seed), self._kin(seed)
+            if name in self._running:
+                waiting += 1
+            elif kin not in elders and not self._known(seed):
                 self._running[name] = self._executor.submit(self._work, seed)
+                waiting += 1
+            if kin is not None:
+                elders.add(kin)

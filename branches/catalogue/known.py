@@ -76,11 +76,11 @@ class _Curve:
             longest = float(np.max(times))
             here = float(np.linalg.norm(position - self.positions[j]))
             if here <= ON:
-                if np.allclose(columns["flight_times"][j], times, rtol=0.0, atol=10.0 * ON * longest):
+                if (np.abs(columns["flight_times"][j] - times) <= 10.0 * ON * longest).all():
                     return float(columns["arclength"][j])
                 # Where the flight times change fast along the family, points this near are told apart by the correction.
             found = self._corrected(i, j, position)
-            if found is not None and np.allclose(found, times, rtol=0.0, atol=10.0 * ON * longest):
+            if found is not None and (np.abs(found - times) <= 10.0 * ON * longest).all():
                 return float(columns["arclength"][i] + along * (columns["arclength"][i + 1] - columns["arclength"][i]))
         return None
 
@@ -88,9 +88,10 @@ class _Curve:
         """Flight times of the family's orbit on the hyperplane through a position near the chord i, from its point j; None where that
         orbit is elsewhere."""
         problem = self.branch.problem
-        y = self.branch.unknowns(j)
+        ends = self.branch.unknowns(i), self.branch.unknowns(i + 1)
+        y = ends[j - i]
         tangent = np.zeros(2 * problem.unknowns)
-        tangent[: problem.unknowns] = (self.branch.unknowns(i + 1) - self.branch.unknowns(i)) / self.lengths[i]
+        tangent[: problem.unknowns] = (ends[1] - ends[0]) / self.lengths[i]
         here, direction = np.empty((2, problem.size + 2))
         for _ in range(_STEPS):
             along = np.ascontiguousarray(tangent[: problem.unknowns])

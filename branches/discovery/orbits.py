@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import Counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,6 +28,10 @@ SAME_STATE = 1e-8
 
 MOVED = 1e-6
 """How far Newton's method may move the start of a passage, relative to its size, before it counts as another orbit's."""
+
+
+MOST_PROBLEMS = 1000
+"""Problems kept from one search to the next: some twenty kilobytes each."""
 
 
 class Unpolished(NamedTuple):
@@ -96,6 +101,26 @@ def _repeats(instant: float, word: tuple[str, ...], far: str, period: float, fir
     return word[: len(expected)] == expected and len(word) - len(expected) in (0, 1)
 
 
+_Problems = dict[tuple[tuple[str, str], tuple[str, ...]], MultipointProblem]
+
+
+class _Kept(threading.local):
+    """The problems of the system that was searched last: neighbouring energies have the same words. Each thread has its own, for problems
+    hold scratch arrays."""
+
+    system: ImpactSystem | None = None
+    problems: _Problems
+
+
+_kept = _Kept()
+
+
+def _problems_of(system: ImpactSystem) -> _Problems:
+    if _kept.system is not system or len(_kept.problems) > MOST_PROBLEMS:
+        _kept.system, _kept.problems = system, {}
+    return _kept.problems
+
+
 class Collector:
     """Collects the orbits of one system at one energy.
 
@@ -111,7 +136,7 @@ class Collector:
         self.counts: Counter[str] = Counter()
         self.unpolished: list[Unpolished] = []
         self.found: dict[tuple[Any, Any], list[list[Found]]] = {}
-        self.problems: dict[tuple[tuple[str, str], tuple[str, ...]], MultipointProblem] = {}
+        self.problems = _problems_of(system)
 
     def problem(self, ends: tuple[str, str], word: tuple[str, ...]) -> MultipointProblem:
         """The multipoint problem with these ends and word, made once."""

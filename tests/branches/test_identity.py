@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.identity import BORDER, Mark, canonical_orbit, digests, mark_of, same_orbit, symmetries
+from branches.identity import BORDER, Mark, canonical_orbit, digests, mark_of, same_orbit, symmetries, turns
 from branches.stretch import embed, solved
 from branches.tracing import follow_family
 from branches.whole import energy_scale
@@ -90,6 +90,20 @@ def test_different_orbits_are_told_apart():
     assert not same_orbit((branch.problem, a), (branch.problem, b))
     twice = traced("S11O00-").orbits_at(energy=0.08)
     assert len(twice) == 2 and not same_orbit(*((orbit.problem, orbit.solution.y) for orbit in twice))
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_turns_are_those_of_the_symmetries(name):
+    """Oracle: the symmetries, which look at the states whatever the word."""
+    branch = traced(name)
+    problem, y = branch.problem, branch.orbit(2 * len(branch) // 5).solution.y
+    counted = set()
+    for words, (other, z) in images(problem, y):
+        found = symmetries(cycle_of(other, z))
+        expected = 2 if found.turns == 1 and other.quarters == 2 and found.half else found.turns
+        assert turns(other, solved(other, z)) == expected, words
+        counted.add(expected)
+    assert len(counted) > 1
 
 
 @pytest.mark.parametrize("name", FAMILIES)

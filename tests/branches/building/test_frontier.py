@@ -55,6 +55,32 @@ def test_what_became_known_while_it_was_worked_on_is_taken_without_result():
     assert taken[:2] == [(8, divisors(8)), (1, None)]
 
 
+def test_what_its_elders_may_make_known_is_not_worked_on_ahead_of_them():
+    worked = []
+
+    def work(n):
+        worked.append(n)
+        return divisors(n)
+
+    def taken(kin):
+        worked.clear()
+        families, out = set(), []
+        frontier = Frontier(Serial(), work, lambda n: n % 7 in families, lambda n: n, 6, kin)
+        frontier.extend((1000, 777, 41))
+        for seed, result in frontier:
+            out.append((seed, result))
+            if result is not None:
+                families.add(seed % 7)
+                frontier.extend(result)
+        return out, list(worked)
+
+    plain, wasteful = taken(None)
+    told, needed = taken(lambda n: n % 7)
+    assert told == plain
+    assert sorted(needed) == sorted(n for n, result in plain if result is not None)
+    assert len(wasteful) > len(needed)
+
+
 def test_a_name_is_queued_once():
     frontier = Frontier(Serial(), divisors, lambda n: False, lambda n: n % 10, 2)
     assert frontier.extend([1, 11, 2]) == 2
