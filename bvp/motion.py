@@ -34,7 +34,10 @@ class MotionStatus(Enum):
     SIMULTANEOUS = (
         "two stops are hit at the same instant and their impulses interact; the outcome is not defined by restitution"
     )
-    OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
+    OUTSIDE = (
+        "the start lies beyond a stop; start with every gap coordinate within its bounds. Later than at the start: rounding has carried "
+        "a gap beyond the contact tolerance"
+    )
     UNDECIDED = "contacts are made and lost again without time passing; change the state at which the motion stopped a little"
     EXHAUSTED = "the search for the next impact gave up; ask for a shorter duration"
 
@@ -174,6 +177,12 @@ class Motion:
         """|balance| over the initial energy, or over the energy that came in where there was none."""
         incoming = self.initial_energy if self.initial_energy > 0.0 else max(abs(self.work), self.totals[:-1].sum(), abs(self.energy))
         return abs(self.balance) / incoming if incoming > 0.0 else abs(self.balance)
+
+    @property
+    def turnover(self) -> float:
+        """The largest of the energies that passed through: the initial one, the work of the loads, what was dissipated. Rounding goes with
+        it, not with an initial energy that is small beside it."""
+        return max(self.initial_energy, abs(self.work), float(self.totals[:-1].sum()))
 
     @cached_property
     def after(self) -> np.ndarray:

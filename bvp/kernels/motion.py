@@ -7,8 +7,8 @@ from numba import int64
 from bvp.kernels.bounds import dot, fastest_rate
 from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.held_impact import resting, strike_held, touches_held
-from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact
+from bvp.kernels.held_impact import comes_to_rest, settle, strike_held, touches_held
+from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact, rounding_level
 from bvp.kernels.ledger import fly, hold, lose, record, record_chatter
 from bvp.kernels.phase import (
     BOUNCES,
@@ -32,6 +32,7 @@ from bvp.kernels.phase import (
     SPAN,
     SPEED,
     STICK,
+    SWITCH_ERROR,
     TIME,
     TIME_LOW,
     TOUCHED,
@@ -43,7 +44,7 @@ from bvp.kernels.phase import (
     write_loads,
 )  # fmt: skip
 from bvp.kernels.restitution import restitute
-from bvp.kernels.simultaneous import independent, interacts, struck_with
+from bvp.kernels.simultaneous import at_their_bounds, clash
 
 __all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "REACHED", "STARTED_OUTSIDE", "move"]
 
@@ -70,33 +71,51 @@ def count_impact(phases, c, speed, loss, counts, clock, sums, marks):
 
 
 @part
-def strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
-    """The impacts at contact c and at those struck with it, in phase 0, up to the most impacts; False where their impulses interact. The
-    last one is left to be recorded."""
-    pairs = phases.pairs[0]
-    matrix = phases.matrix[0]
-    gap = phases.gap[0]
-    rate = phases.rate[0]
-    acceleration = phases.acceleration[0]
-    side = phases.side[0]
-    bound = phases.bound[0]
-    push = phases.push[0]
-    if not independent(pairs, matrix, gap, rate, acceleration, side, bound, push, c, z):
-        return False
-    hit = c
-    while hit >= 0:
-        speed = side[hit] * dot(rate, hit, z)
-        times_matrix(phases.leave[0], z, before)
-        restitution = phases.restitution[hit]
-        restitute(rate, push, phases.restitution, hit, z, z)
-        loss = 0.5 * phases.contact_mass[hit] * (1.0 - restitution) * (1.0 + restitution) * speed * speed
-        count_impact(phases, hit, speed, loss, counts, clock, sums, marks)
-        hit = struck_with(pairs, matrix, gap, rate, acceleration, side, bound, hit, -1, z) if counts[IMPACTS] < most else -1
-        if hit >= 0:
-            if interacts(rate, push, counts[CONTACT], hit):
-                return False
-            record(log, IMPACT, counts[CONTACT], counts, clock, before, z, sums)
-    return True
+def strike(phases, still, moving, c, counts, clock, sums, marks, z, scratch):
+    """The impact at contact c in phase 0, with `still` and `moving` of `at_their_bounds`. Returns (the held contacts that stay, whether c
+    is one of them); -1 where restitution does not define what follows."""
+    speed = phases.side[0, c] * dot(phases.rate[0], c, z)
+    times_matrix(phases.leave[0], z, scratch.before)
+    stay = int64(0)
+    if moving:
+        stay, part, span = comes_to_rest(phases, still, moving, c, z, scratch.impulses)
+        if stay:
+            loss = settle(phases, stay, part, z, scratch.impulses)
+            if loss < 0.0:
+                return int64(-1), False
+            count_impact(phases, c, speed, loss, counts, clock, sums, marks)
+            clock[SWITCH_ERROR] = max(clock[SWITCH_ERROR], span)
+            return stay, True
+        unknown, span = clash(phases, moving, c, z)
+        if unknown:
+            return int64(-1), False
+        clock[SWITCH_ERROR] = max(clock[SWITCH_ERROR], span)
+    if still and touches_held(phases, still, c):
+        stay, loss = strike_held(phases, still, c, z, scratch.impulses)
+        if stay < 0:
+            return int64(-1), False
+    else:
+        stay = still
+        restitution = phases.restitution[c]
+        restitute(phases.rate[0], phases.push[0], phases.restitution, c, z, z)
+        loss = 0.5 * phases.contact_mass[c] * (1.0 - restitution) * (1.0 + restitution) * speed * speed
+    count_impact(phases, c, speed, loss, counts, clock, sums, marks)
+    return stay, False
+
+
+@kernel
+def lift(phases, freed, x, z):
+    """Move x (2 n + 2 G,) so that the contacts of the bits of `freed` are not beyond their bounds: those held until now by what has been
+    rounded since, others by what counts as a touch. z (N,) is scratch."""
+    n = phases.shape[0]
+    for c in range(phases.side.shape[1]):
+        if (freed >> c) & 1 == 0:
+            continue
+        times_matrix(phases.enter[0], x, z)
+        beyond = dot(phases.gap[0], c, z) - phases.bound[0, c]
+        if phases.side[0, c] * beyond > 0.0:
+            for i in range(n):
+                x[i] -= beyond * dot(phases.leave[0], n + i, phases.push[0, c])
 
 
 @kernel
@@ -118,6 +137,7 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             if f < 0:
                 return NEW_PHASE
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
+            lift(phases, phases.held[counts[PHASE]] & ~phases.held[f], x, z)
             times_matrix(phases.enter[f], x, z)
             counts[PHASE] = f
             counts[PENDING] = -1
@@ -208,28 +228,31 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
             times_matrix(phases.enter[0], x, z)
             counts[PHASE] = 0
-        left = held
-        still = held | resting(phases, c, z)
-        acts, struck = touches_held(phases, still, c, z) if still else (False, 1)
-        if acts:
-            if struck > 1:
-                return INTERACTING
-            times_matrix(phases.leave[0], z, before)
-            speed = phases.side[0, c] * dot(phases.rate[0], c, z)
-            left, loss = strike_held(phases, still, c, z, scratch.impulses)
-            if left < 0:
-                return INTERACTING
-            left &= held
-            count_impact(phases, c, speed, loss, counts, clock, sums, marks)
-        elif not strike_all(phases, c, z, most, counts, clock, sums, marks, log, before):
+        still, moving = at_their_bounds(phases, c, z)
+        still |= held
+        fast = abs(dot(phases.rate[0], c, z)) > rounding_level(phases.pairs[0], phases.matrix[0], phases.rate[0], c, z)
+        left, settled = strike(phases, still, moving & ~held, c, counts, clock, sums, marks, z, scratch)
+        if left < 0:
             return INTERACTING
-        elastic = phases.restitution[counts[CONTACT]] == 1.0
-        if f != 0 or not elastic or phases.frequency.shape[0]:
+        if fast:
+            counts[IDLE] = 0
+        elastic = phases.restitution[c] == 1.0
+        if f != 0 or settled or not elastic or phases.frequency.shape[0]:
             times_matrix(phases.leave[0], z, x)
-        if counts[CONTACT] != c:
+        if settled:
+            record(log, IMPACT, c, counts, clock, before, z, sums)
+            for r in range(width):
+                before[r] = x[r]
+            clock[SPEED] = 0.0
+            clock[LOSS] = 0.0
+            lift(phases, moving & ~left, x, work[0, : z.shape[0]])
+            counts[PENDING] = left
+            counts[KIND] = STICK
             counts[BOUNCES] = 0
-            c = counts[CONTACT]
+            continue
+        left &= held
         if f != 0:
+            lift(phases, held & ~left, x, work[0, : z.shape[0]])
             after = find_phase(phases, left)
             if after < 0:
                 counts[PENDING] = left

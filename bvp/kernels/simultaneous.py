@@ -1,12 +1,16 @@
-"""Impacts at one instant: contacts within the contact tolerance of their bound and approaching when another one is hit.
+"""Contacts near their bound when another one is hit: which lie on it, which come down on it, and whether it is known which comes first.
 
-They are taken one after the other where the impulse of one does not change the rate of the other (rows c_i M^-1 c_j = 0); else restitution
-does not define what follows."""
+An impact is taken alone; what it throws onto its stop, or what arrives within rounding, is the next impact. Where the impulse of one does
+not change the rate of the other (rows c_i M^-1 c_j = 0) their order is the same to both. Where it does, the order is told by the distances
+as long as bounces are followed that are near their stop; of fast bodies that arrive within the contact tolerance of each other it is not
+told, and restitution does not define what follows."""
+
+from numba import int64
 
 from bvp.kernels.compiled import kernel
-from bvp.kernels.impact import gauge, rounding_level
+from bvp.kernels.impact import NEAR, gauge, rounding_level
 
-__all__ = ["independent", "interacts", "struck_with"]
+__all__ = ["at_their_bounds", "clash", "interacts", "low"]
 
 INTERACTION_LEVEL = 1e-13
 """c_i M^-1 c_j below this fraction of the sizes it is summed from is rounding."""
@@ -25,29 +29,47 @@ def interacts(rate_rows, push, first, second):
 
 
 @kernel
-def struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, after, z):
-    """The first contact after `after`, other than `hit`, that is within the tolerance and approaching; -1 where there is
-    none."""
-    for c in range(after + 1, side.shape[0]):
-        if c == hit:
+def at_their_bounds(phases, c, z):
+    """Bits of the contacts other than c within the contact tolerance of their bound, at the state z of phase 0: (those without speed, held
+    or not, for a body may lie on its stop unpressed; those with)."""
+    still = int64(0)
+    moving = int64(0)
+    for k in range(phases.side.shape[1]):
+        if k == c:
             continue
-        d, slope, _, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, z)
-        if d <= tolerance and slope < -rounding_level(pairs, matrix, rate_rows, c, z):
-            return c
-    return -1
+        d, slope, _, tolerance = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], k, z)
+        if d <= tolerance:
+            if abs(slope) <= rounding_level(phases.pairs[0], phases.matrix[0], phases.rate[0], k, z):
+                still |= int64(1) << k
+            else:
+                moving |= int64(1) << k
+    return still, moving
 
 
 @kernel
-def independent(pairs, matrix, gap, rate_rows, acceleration, side, bound, push, hit, z):
-    """True where no two of the contacts struck together (`hit` and those that `struck_with` finds) interact."""
-    first = hit
-    while first >= 0:
-        after = -1 if first == hit else first
-        second = struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, after, z)
-        while second >= 0:
-            if interacts(rate_rows, push, first, second):
-                return False
-            second = struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, second, z)
-        first = struck_with(pairs, matrix, gap, rate_rows, acceleration, side, bound, hit, after, z)
-    return True
+def low(phases, k, z, heights):
+    """True where contact k moves so slowly that its accelerations, taken by their sizes, stop it within `heights` contact tolerances."""
+    _, slope, _, tolerance = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], k, z)
+    size = 0.0
+    for r in range(z.shape[0]):
+        size += abs(phases.acceleration[0, k, r] * z[r])
+    return slope * slope <= 2.0 * size * heights * tolerance
 
+
+@kernel
+def clash(phases, moving, c, z):
+    """(True where a contact of the bits of `moving` arrives together with c, acts on it, and it is not known which is first; how far the
+    end of bounces is left open where rounding tells, in time)."""
+    open_time = 0.0
+    _, speed, press, _ = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], c, z)
+    for k in range(phases.side.shape[1]):
+        if (moving >> k) & 1 == 0 or not interacts(phases.rate[0], phases.push[0], c, k):
+            continue
+        d, slope, bend, _ = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], k, z)
+        if slope > 0.0:
+            continue
+        if not (low(phases, c, z, NEAR) and low(phases, k, z, NEAR)):
+            return True, 0.0
+        if d <= rounding_level(phases.pairs[0], phases.matrix[0], phases.gap[0], k, z):
+            open_time = max(open_time, (abs(speed) + abs(slope)) / max(abs(press), abs(bend)))
+    return False, open_time
