@@ -122,12 +122,12 @@ class Family:
     def _tables(self) -> dict[tuple[float, ...], tuple[np.ndarray, np.ndarray]]:
         return {}
 
-    def shares_at(self, point: float, gap: tuple[float, ...]) -> np.ndarray:
-        """Parts (32,) of the amplitude that the harmonics carry at a place of the family, an index of its points or between two."""
+    def shares_at(self, point: float | np.ndarray, gap: tuple[float, ...]) -> np.ndarray:
+        """Parts (..., 32) of the amplitude that the harmonics carry at places of the family, indices (...) of its points or between two."""
         if self.load is None:
-            return np.eye(1, _HARMONICS)[0]
+            return np.broadcast_to(np.eye(1, _HARMONICS)[0], (*np.shape(point), _HARMONICS))
         at, table = self.read(gap)
-        return np.array([np.interp(point, at, column) for column in table.T])
+        return np.stack([np.interp(point, at, column) for column in table.T], axis=-1)
 
     def label_at(self, point: float) -> str:
         """The label at a place of the family, an index of its points or between two."""
@@ -149,7 +149,7 @@ class Family:
                 continue
             place = np.interp(level[inside], rising, index)
             ratio = pitch[inside] - np.interp(place, np.arange(len(own)), own)
-            near = np.clip(np.round(2.0**np.clip(ratio, -1.0, 10.0)), 1, None)
+            near = np.clip(np.round(2.0 ** np.clip(ratio, -1.0, 10.0)), 1, None)
             away = ratio - np.log2(near)
             fits = (np.abs(away) <= NEAR) & (near <= _HARMONICS)
             if not fits.any():

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from transitions.families import NEAR, Meeting
-from transitions.ridges import HOLDS
+from transitions.ridges import HOLDS, SHARE
 
-__all__ = ["EQUAL_OCTAVES", "EQUAL_SHARE", "Line", "Stretch", "best_of", "stretches", "unlike"]
+__all__ = ["EQUAL_OCTAVES", "EQUAL_SHARE", "Match", "Stretch", "best_of", "lasting", "steady", "stretches"]
 
 EQUAL_OCTAVES = 0.2 * NEAR
 """Mean deviations that differ by less than this are equal: a fifth of what a ridge may be off."""
@@ -20,11 +20,28 @@ EQUAL_SHARE = 0.1
 """Amplitudes that differ by less than this, in parts of the orbit's, are equal."""
 
 
-class Line(NamedTuple):
-    """A ridge of a motion: its frequency in that of the ridge that is followed, and its amplitude."""
+class Match(NamedTuple):
+    """What a motion and a family that its ridge is at have in common, at the places (j,) of the ridge.
 
-    ratio: float
-    amplitude: float
+    Parameters
+    ----------
+    meeting : Meeting
+    unlike : (j,) float
+        Largest difference of their lines, as part of the amplitude.
+    miscount : (j,) float
+        Impacts that the motion has more than the orbit, in three periods of the ridge, or as many as the orbit has whole ones of its own.
+    """
+
+    meeting: Meeting
+    unlike: np.ndarray
+    miscount: np.ndarray
+
+    @property
+    def cost(self) -> np.ndarray:
+        """Squares of the deviation in units of what is allowed, and, 1 at most, of the difference of the lines in units of a fifth and of
+        the impacts: (j,), infinite where the ridge is not at the family."""
+        away = np.nan_to_num(self.meeting.deviation, nan=np.inf)
+        return (away / NEAR) ** 2 + np.minimum(1.0, (self.unlike / SHARE) ** 2 + self.miscount**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +50,21 @@ class Stretch:
 
     first: int
     last: int
-    meeting: Meeting | None
+    match: Match | None
 
 
-def stretches(meetings: Sequence[Meeting], turns: np.ndarray) -> list[Stretch]:
+def lasting(meeting: Meeting, turns: np.ndarray) -> bool:
+    """Whether a ridge is at a family for three of its periods or more: `turns` (j,) are those since its first place."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.isfinite(meeting.deviation), [False]]).astype(int)))
+    return any(turns[b - 1] - turns[a] >= HOLDS for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+def stretches(matches: Sequence[Match], turns: np.ndarray) -> list[Stretch]:
     """Cut a ridge into stretches.
 
     Parameters
     ----------
-    meetings : sequence of Meeting
+    matches : sequence of Match
         At the same places (j,) of the ridge.
     turns : (j,) float
         Periods of the ridge since its first place, rising.
@@ -49,27 +72,58 @@ def stretches(meetings: Sequence[Meeting], turns: np.ndarray) -> list[Stretch]:
     Returns
     -------
     list of Stretch
-        In order, without gaps; one of a family lasts three periods or more. Following a family costs its squared deviation, in units of
-        what is allowed, and following none costs 1, for each period; taking up a family and leaving it cost half of three periods each.
-        Of all ways to cut the ridge, the one that costs least in all is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
+        In order, without gaps; one of a family lasts three periods or more. For each period, following a family costs what `Match.cost`
+        says, 2 at most, and following none costs 2; taking up a family and leaving it cost half of three periods each. So a motion
+        that changes to a family with other lines or impacts, though its ridge goes on, has to stay there for three periods to count. Of
+        all ways to cut the ridge, the one that costs least in all is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
     """
     count = len(turns)
-    fits = [np.isfinite(meeting.deviation) for meeting in meetings]
-    chosen = [meeting for meeting, fit in zip(meetings, fits, strict=True) if _longest(fit, turns) >= HOLDS]
-    costs = np.ones((count, len(chosen) + 1))  # state 0 follows none
-    for i, meeting in enumerate(chosen):
-        away = np.nan_to_num(meeting.deviation, nan=np.inf)
-        costs[:, i + 1] = (away / NEAR) ** 2
+    costs = np.stack([np.full(count, 2.0), *(match.cost for match in matches)], axis=1)  # state 0 follows none
     path = _cheapest(costs * np.gradient(turns)[:, None], 0.5 * HOLDS)
-    bounds = np.concatenate([[0], np.flatnonzero(np.diff(path)) + 1, [count]])
     out: list[Stretch] = []
-    for first, stop in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+    for first, stop in _runs(path):
         lasts = turns[stop - 1] - turns[first]
-        followed = chosen[path[first] - 1] if path[first] and lasts >= HOLDS * (1.0 - 1e-9) else None
-        if followed is None and out and out[-1].meeting is None:
+        followed = matches[path[first] - 1] if path[first] and lasts >= HOLDS * (1.0 - 1e-9) else None
+        if followed is None and out and out[-1].match is None:
             first = out.pop().first
         out.append(Stretch(first, stop - 1, followed))
     return out
+
+
+def steady(shown: np.ndarray, turns: np.ndarray) -> list[tuple[int, int, tuple[int, ...]]]:
+    """Cut places where the set of harmonics that are shown changes for three periods or more.
+
+    Parameters
+    ----------
+    shown : (k, j) bool
+        Whether a harmonic is shown at a place.
+    turns : (j,) float
+        Periods since the first place, rising.
+
+    Returns
+    -------
+    list of (int, int, tuple of int)
+        First and last place, and the indices of the harmonics. Each period in which one is taken for shown and is not, or the other way
+        round, costs 1, and each change half of three periods.
+    """
+    length = np.gradient(turns)[:, None]
+    kept = np.array([_cheapest(np.stack([row, ~row], axis=1) * length, 0.5 * HOLDS) > 0 for row in shown])
+    changed = np.concatenate([[0], np.cumsum((kept[:, 1:] != kept[:, :-1]).any(axis=0))])
+    out: list[tuple[int, int, tuple[int, ...]]] = []
+    for first, stop in _runs(changed):
+        own = tuple(np.flatnonzero(kept[:, first]).tolist())
+        if out and turns[out[-1][1]] - turns[out[-1][0]] < HOLDS:
+            first = out.pop()[0]
+        elif out and turns[stop - 1] - turns[first] < HOLDS:
+            first, _, own = out.pop()
+        out.append((first, stop - 1, own))
+    return out
+
+
+def _runs(values: np.ndarray) -> list[tuple[int, int]]:
+    """Stretches of one value: the first index, and that after the last."""
+    bounds = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]]).tolist()
+    return list(zip(bounds[:-1], bounds[1:], strict=True))
 
 
 def _cheapest(costs: np.ndarray, switch: float) -> np.ndarray:
@@ -94,88 +148,35 @@ def _cheapest(costs: np.ndarray, switch: float) -> np.ndarray:
     return path
 
 
-def _longest(fits: np.ndarray, turns: np.ndarray) -> float:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], fits, [False]]).astype(int)))
-    return max((float(turns[b - 1] - turns[a]) for a, b in zip(edges[::2], edges[1::2], strict=True)), default=0.0)
-
-
-def best_of(
-    stretch: Stretch,
-    meetings: Sequence[Meeting],
-    gap: tuple[float, ...],
-    lines: Sequence[Line],
-    size: Callable[[int], float],
-    impacts: float,
-    turns: float,
-) -> list[Meeting]:
+def best_of(stretch: Stretch, matches: Sequence[Match], impacts: float, turns: float) -> list[Meeting]:
     """The family that fits a stretch best, and the others that fit it as well.
 
     Parameters
     ----------
     stretch : Stretch
-        With a meeting.
-    meetings : sequence of Meeting
+        With a match.
+    matches : sequence of Match
         All that there are: those that fit all of the stretch are compared.
-    gap : (n,) float
-        Gap coordinate.
-    lines : sequence of Line
-        The ridges of the motion in the stretch, that which is followed first.
-    size : callable
-        Amplitude of the motion, as it shows within so many periods of the followed ridge.
     impacts, turns : float
         In the stretch: impacts, and periods of the followed ridge.
 
     Returns
     -------
     list of Meeting
-        Of each family one, the best first: those of least mean deviation; of those that are equal in this, those with the most like line
-        spectrum (least of the largest difference that a line of the motion or of the orbit has from its partner in the other, as part of
-        the amplitude, a line without a partner counting whole); of these, those with the number of impacts that is nearest to the
-        motion's, to one impact. All of these are equal, and stand in the order of their impacts in a period, then of the harmonic, then
-        of the deviation: the first is the simplest, not the truest.
+        Of each family one, the best first: that of least mean cost, and those that are equal to it in mean deviation, in the mean
+        difference of the lines, and in the number of impacts to one. They stand in the order of their impacts in a period, then of the
+        harmonic, then of the deviation: the first is the simplest, not the truest.
     """
     part = slice(stretch.first, stretch.last + 1)
-    fit = [meeting for meeting in meetings if np.isfinite(meeting.deviation[part]).all()]
-    away = np.array([np.mean(np.abs(meeting.deviation[part])) for meeting in fit])
-    fit = [meeting for meeting, value in zip(fit, away, strict=True) if value <= away.min() + EQUAL_OCTAVES]
-    middle = (stretch.first + stretch.last) // 2
-    off = np.array(
-        [unlike(meeting.family.shares_at(meeting.point[middle], gap), meeting.harmonic, lines, size(meeting.harmonic)) for meeting in fit]
-    )
-    fit = [meeting for meeting, value in zip(fit, off, strict=True) if value <= off.min() + EQUAL_SHARE]
-    more = np.array([abs(turns * meeting.family.impacts / meeting.harmonic - impacts) for meeting in fit])
-    fit = [meeting for meeting, value in zip(fit, more, strict=True) if value <= more.min() + 1.0]
-    fit.sort(key=lambda item: (item.family.impacts, item.harmonic, float(np.mean(np.abs(item.deviation[part])))))
-    return list({meeting.family.id: meeting for meeting in reversed(fit)}.values())[::-1]
+    fit = [match for match in matches if np.isfinite(match.meeting.deviation[part]).all()]
+    best = int(np.argmin([np.mean(match.cost[part]) for match in fit]))
 
+    def equal(values: list[float], much: float) -> np.ndarray:
+        return np.array(values) <= values[best] + much
 
-def unlike(shares: np.ndarray, harmonic: int, lines: Sequence[Line], amplitude: float) -> float:
-    """Largest difference between the lines of a motion and the harmonics of an orbit, as part of the amplitude.
-
-    Parameters
-    ----------
-    shares : (k,) float
-        Parts of the orbit's amplitude that its harmonics 1 to k carry.
-    harmonic : int
-        The one that the first line is at.
-    lines : sequence of Line
-    amplitude : float
-        Of the motion.
-
-    Examples
-    --------
-    >>> round(float(unlike(np.array([0.8, 0.0, 0.1]), 1, [Line(1.0, 0.7), Line(3.02, 0.15)], 1.0)), 6)
-    0.1
-    """
-    left = shares.copy()
-    worst = 0.0
-    for line in lines:
-        turn = line.ratio * harmonic
-        k = max(1, round(turn))
-        part = line.amplitude / amplitude
-        if k <= len(left) and abs(np.log2(turn / k)) <= NEAR:
-            worst = max(worst, abs(part - left[k - 1]))
-            left[k - 1] = 0.0
-        else:
-            worst = max(worst, part)
-    return max(worst, float(left.max()))
+    same = equal([float(np.mean(np.abs(match.meeting.deviation[part]))) for match in fit], EQUAL_OCTAVES)
+    same &= equal([float(np.mean(match.unlike[part])) for match in fit], EQUAL_SHARE)
+    same &= equal([abs(turns * match.meeting.family.impacts / match.meeting.harmonic - impacts) for match in fit], 1.0)
+    kept = [fit[i].meeting for i in np.flatnonzero(same)]
+    kept.sort(key=lambda item: (item.family.impacts, item.harmonic, float(np.mean(np.abs(item.deviation[part])))))
+    return list({meeting.family.id: meeting for meeting in reversed(kept)}.values())[::-1]

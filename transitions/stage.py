@@ -25,6 +25,8 @@ class Follows:
         Part of the orbit's amplitude that the harmonic carries, mean over the stage.
     impacts : int
         In a period of the orbit; 0 of a linear mode.
+    harmonics : tuple of int
+        Rising: this one, and those others that carry a fifth both of the orbit's amplitude and of the motion's.
     others : tuple of str
         Ids of the other families that fit as well (`transitions.following.best_of` says what that means): by spectrum and impacts they are
         not told apart, and this one is named because it has the fewest impacts in a period.
@@ -36,7 +38,20 @@ class Follows:
     deviation: float
     share: float
     impacts: int
+    harmonics: tuple[int, ...]
     others: tuple[str, ...]
+
+    @property
+    def beside(self) -> str:
+        """The other harmonics in words.
+
+        Examples
+        --------
+        >>> Follows("a", "S13O00+", 1, 0.0, 0.5, 2, (1, 3, 5), ()).beside
+        ', with 3, 5'
+        """
+        rest = ", ".join(str(k) for k in self.harmonics if k != self.harmonic)
+        return f", with {rest}" if rest else ""
 
 
 @dataclass(frozen=True)
@@ -97,7 +112,7 @@ class Stage:
         """
         if self.follows is None:
             return "follows no family"
-        which = f"harmonic {self.follows.harmonic} of {self.follows.label or self.follows.family}"
+        which = f"harmonic {self.follows.harmonic} of {self.follows.label or self.follows.family}{self.follows.beside}"
         count = len(self.follows.others)
         return which + (f" ({count} other{'s fit' if count > 1 else ' fits'} as well)" if count else "")
 
@@ -159,5 +174,5 @@ def stage_from_data(data: dict[str, Any]) -> Stage:
         frequencies=(data["frequencies"][0], data["frequencies"][1]),
         energies=(data["energies"][0], data["energies"][1]),
         companions=tuple(Companion(**item) for item in data["companions"]),
-        follows=None if follows is None else Follows(**{**follows, "others": tuple(follows["others"])}),
+        follows=None if follows is None else Follows(**{**follows, **{name: tuple(follows[name]) for name in ("harmonics", "others")}}),
     )

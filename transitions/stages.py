@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from transitions.families import Families, Meeting
-from transitions.following import Line, Stretch, best_of, stretches
+from transitions.following import EQUAL_SHARE, Match, best_of, lasting, steady, stretches
+from transitions.lines import Around, lines_of, partner, unlike
 from transitions.record import Record
-from transitions.ridges import HOLDS, Held, Ridge, amplitude_of_motion, held, periods, ridges
+from transitions.ridges import HOLDS, SHARE, Held, Ridge, amplitude_of_motion, held, periods, ridges
 from transitions.spectrum import Spectrum, morlet_spectrum
 from transitions.stage import Companion, Follows, Stage
 
@@ -84,18 +85,20 @@ def stages_of(record: Record, gap: Sequence[float], families: Families | None = 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Part of an interval, and the families that fit it, the best first, at the places `first` to `last` where they are compared."""
+    """Part of an interval, and the families that fit it, the best first, at the places `first` to `last` where they are compared, with the
+    harmonics of the first that are shown."""
 
     held: Held
     meetings: Sequence[Meeting] = ()
     first: int = 0
     last: int = 0
+    harmonics: tuple[int, ...] = ()
 
 
 def _parts(
     record: Record, w: np.ndarray, spectrum: Spectrum, found: Sequence[Ridge], interval: Held, families: Families | None
 ) -> list[_Part]:
-    """The interval, cut where another family is followed."""
+    """The interval, cut where another family is followed, or other harmonics of it are shown."""
     if families is None:
         return [_Part(interval)]
     step = float(spectrum.times[1] - spectrum.times[0])
@@ -105,54 +108,62 @@ def _parts(
     energy = np.interp(times, record.times, record.energy)
     even = np.linspace(0.0, turns[-1], min(_MOST_PLACES, int(_PLACES * turns[-1]) + 2))
     places = np.unique(np.searchsorted(turns, even).clip(0, len(turns) - 1))
-    mean_pitch = np.exp(_averaged(np.log(pitch), turns, places))
-    mean_energy = np.exp(_averaged(np.log(np.maximum(energy, _NOTHING)), turns, places))
+    around = Around(turns, places)
+    mean_pitch = np.exp(around.mean(np.log(pitch)))
+    mean_energy = np.exp(around.mean(np.log(np.maximum(energy, _NOTHING))))
+    at = turns[places]
     meetings = [_where_it_can(item, record, times[places], mean_pitch) for item in families.meet(mean_energy, mean_pitch)]
-    out: list[_Part] = []
-    cut = stretches(meetings, turns[places])
-    for i, stretch in enumerate(cut):
-        first = 0 if i == 0 else int(places[stretch.first])
-        last = len(turns) - 1 if i + 1 == len(cut) else int(places[cut[i + 1].first])
-        part = Held(interval.ridge, interval.first + first, interval.first + last)
-        if stretch.meeting is not None:
-            best = _best(record, w, spectrum, found, part, stretch, meetings, families.gap)
-            out.append(_Part(part, best, stretch.first, stretch.last))
-        elif turns[last] - turns[first] >= HOLDS:
-            out.append(_Part(part))
-    return out
-
-
-def _best(
-    record: Record,
-    w: np.ndarray,
-    spectrum: Spectrum,
-    found: Sequence[Ridge],
-    part: Held,
-    stretch: Stretch,
-    meetings: Sequence[Meeting],
-    gap: tuple[float, ...],
-) -> list[Meeting]:
-    frequency = float(np.exp(np.mean(np.log(part.frequencies))))
-    amplitude = float(np.mean(part.amplitudes))
-    lines = [Line(1.0, amplitude), *(Line(item.ratio, item.amplitude * amplitude) for item in _companions(found, part, frequency))]
-    times = spectrum.times[part.first : part.last + 1]
+    lines = lines_of(found, interval, around)
 
     @cache
-    def size(count: int) -> float:
+    def parts(count: int) -> np.ndarray:
         # An orbit of so many periods of the ridge shows its whole range within half of them on each side.
-        return float(np.mean(amplitude_of_motion(record.times, w, times, 2.0 * part.frequencies / count)))
+        size = amplitude_of_motion(record.times, w, times[places], 2.0 * mean_pitch / count)
+        return lines.amplitudes / np.maximum(size, _NOTHING)
 
-    impacts = _impacts(record, times[0], times[-1])
-    return best_of(stretch, meetings, gap, lines, size, impacts, periods(part.frequencies, float(times[1] - times[0])))
+    @cache
+    def rate(length: float) -> np.ndarray:
+        # Counted between impacts as well, so that a window's edges do not fall on one side or the other of an impact.
+        low, high = (np.interp(edge, turns, times) for edge in around.window(length))
+        counts = np.arange(1.0, len(record.impacts) + 1.0)
+        impacts = np.interp(high, record.impacts, counts) - np.interp(low, record.impacts, counts) if len(counts) else np.zeros(len(at))
+        return np.asarray(impacts / np.subtract(*around.window(length)[::-1]) * length)
+
+    def match(item: Meeting) -> Match:
+        k = item.harmonic
+        own = item.family.shares_at(item.point, families.gap)
+        length = k * math.ceil(HOLDS / k)
+        return Match(item, unlike(own, k, lines.ratios, parts(k)), rate(length) - length * item.family.impacts / k)
+
+    matches = [match(item) for item in meetings if lasting(item, at)]
+    out: list[_Part] = []
+    for stretch in stretches(matches, at):
+        first, last = int(places[stretch.first]), int(places[stretch.last])
+        if stretch.match is None:
+            out.append(_Part(Held(interval.ridge, first, last), (), stretch.first, stretch.last))
+            continue
+        impacts = _impacts(record, times[first], times[last])
+        best = best_of(stretch, matches, impacts, turns[last] - turns[first])
+        part = slice(stretch.first, stretch.last + 1)
+        own, k = best[0].family.shares_at(best[0].point[part], families.gap).T, best[0].harmonic
+        seen = partner(len(own), k, lines.ratios[:, part], parts(k)[:, part])
+        shown = (own >= SHARE) & (seen >= SHARE - EQUAL_SHARE)
+        shown[k - 1] = True  # the ridge itself
+        for begin, end, harmonics in steady(shown, at[part]):
+            begin, end = stretch.first + begin, stretch.first + end
+            out.append(_Part(Held(interval.ridge, 0, 0), best, begin, end, tuple(k + 1 for k in harmonics)))
+    return _joined(out, interval, places, turns)
 
 
-def _averaged(values: np.ndarray, turns: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Mean of values (m,) over three periods around each place, or as much of that as there is."""
-    half = 0.5 * HOLDS
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(turns))])
-    low = np.clip(turns[places] - half, 0.0, turns[-1])
-    high = np.clip(turns[places] + half, 0.0, turns[-1])
-    return (np.interp(high, turns, area) - np.interp(low, turns, area)) / (high - low)
+def _joined(parts: Sequence[_Part], interval: Held, places: np.ndarray, turns: np.ndarray) -> list[_Part]:
+    """The same parts, each up to where the next one begins; those of no family that last less than three periods are left out."""
+    out = []
+    for i, part in enumerate(parts):
+        first = 0 if i == 0 else int(places[part.first])
+        last = len(turns) - 1 if i + 1 == len(parts) else int(places[parts[i + 1].first])
+        if part.meetings or turns[last] - turns[first] >= HOLDS:
+            out.append(replace(part, held=Held(interval.ridge, interval.first + first, interval.first + last)))
+    return out
 
 
 def _where_it_can(meeting: Meeting, record: Record, times: np.ndarray, pitch: np.ndarray) -> Meeting:
@@ -190,6 +201,7 @@ def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Pa
             float(np.mean(np.abs(meeting.deviation[places]))),
             float(np.mean(meeting.share[places])),
             meeting.family.impacts,
+            part.harmonics,
             tuple(other.family.id for other in part.meetings[1:]),
         )
     return Stage(

@@ -27,7 +27,7 @@ from branches.diagram.atlas_parts import (
 )
 from branches.diagram.files import draw
 from branches.diagram.insets import Inset, draw_insets
-from branches.diagram.marks import draw_curve, legend_entries
+from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
 
@@ -100,7 +100,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         energy_axis(axes, atlas, x_limits)
         frequency_axis(axes, atlas, frequency, shown)
         runs = runs_of(curves)
-        entries = legend_entries(runs, [])
+        entries = legend_entries(seen([(axes, runs)]), [])
         entries += other_entries(atlas, modes, stars is not None)
         named = names_of(curves) if curves else _star_names(atlas, stars)
         figure.legend(handles=entries, loc="outside lower center", ncols=min(3, len(entries)), frameon=False)

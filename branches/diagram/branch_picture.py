@@ -9,7 +9,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram.files import draw
-from branches.diagram.marks import STABILITY, curve_runs, draw_curve, draw_events, label_events, legend_entries, seen
+from branches.diagram.marks import curve_runs, draw_curve, draw_events, label_events, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.smooth import Curve, smooth
 from branches.diagram.style import new_figure, picture_settings, settle_layout
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 FREQUENCIES = ("index", "fundamental")
 _WIDE, _NARROW = (470.0, 170.0), (210.0, 130.0)  # panels in points (1/72 inch), nearly
-_NOTHING = np.empty((0, 2))
 _MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis too: the low ones would be one line
 
 
@@ -114,8 +113,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
                 linear_axis(axes[panel.name], "y", limits, 5, panel.words, panel.symbol)
             if panel.note:
                 axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
-        told = set(STABILITY) - {-1} | {-1 for panel in panels if seen(axes[panel.name], runs[panel.name].get(-1, _NOTHING))}
-        entries = legend_entries({code: run for code, run in runs["frequency"].items() if code in told}, kinds)
+        entries = legend_entries(seen((axes[panel.name], runs[panel.name]) for panel in panels), kinds)
         columns = -(-len(entries) // -(-len(entries) // 6))
         figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)
         settle_layout(figure)

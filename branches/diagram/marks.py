@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -196,14 +196,26 @@ def _drawn(axes: Axes, curve: tuple[np.ndarray, np.ndarray, np.ndarray], to_poin
     return np.split(path, np.flatnonzero(breaks) + 1)
 
 
-def seen(axes: Axes, run: np.ndarray) -> bool:
-    """Whether a run from `curve_runs` has a piece long enough to be told apart in a panel with its limits."""
-    to_points = 72 / axes.figure.dpi
-    for piece in _pieces(run):
-        inside = piece[np.isfinite(piece).all(axis=1)]
-        if len(inside) and np.max(np.ptp(axes.transData.transform(inside), axis=0)) * to_points > _SEEN:
-            return True
-    return False
+def seen(panels: Iterable[tuple[Axes, Mapping[int, np.ndarray]]]) -> dict[int, np.ndarray]:
+    """The runs from `curve_runs` of panels, with their limits, that a legend has to tell of: those that come into sight in any of them. An
+    undecided one has to be long enough to be told apart, for a shorter piece lies beneath the marker of its event."""
+    out: dict[int, np.ndarray] = {}
+    for axes, runs in panels:
+        low, high = np.sort(axes.transAxes.transform([(0.0, 0.0), (1.0, 1.0)]), axis=0)
+        for code, run in runs.items():
+            for piece in _pieces(run):
+                finite = piece[np.isfinite(piece).all(axis=1)]
+                points = axes.transData.transform(finite)
+                # Of one point, the dot that is drawn for it; else the pieces of the line that lie in the panel, at least in part.
+                begin, end = (points, points) if len(points) == 1 else (points[:-1], points[1:])
+                inside = ((np.maximum(begin, end) >= low) & (np.minimum(begin, end) <= high)).all(axis=1)
+                if not inside.any():
+                    continue
+                shown = np.clip(np.concatenate([begin[inside], end[inside]]), low, high)
+                if code >= 0 or len(points) == 1 or np.max(np.ptp(shown, axis=0)) * 72 / axes.figure.dpi > _SEEN:
+                    out.setdefault(code, run)
+                    break
+    return out
 
 
 def legend_entries(runs: Mapping[int, np.ndarray], kinds: Sequence[str]) -> list[Line2D]:

@@ -24,7 +24,7 @@ from branches.diagram.atlas_parts import (
     title,
 )
 from branches.diagram.files import draw
-from branches.diagram.marks import draw_curve, legend_entries
+from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
 from branches.diagram.titles import velocity_symbol
@@ -89,7 +89,7 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
             drawn.append((axes, k, of_panel, runs_of(of_panel)))
         for axes in panels[:-1]:
             axes.set_xlabel("")
-        entries = legend_entries(drawn[0][3], [])
+        entries = legend_entries(seen((axes, runs) for axes, _, _, runs in drawn), [])
         if len(atlas.manifold_h):
             entries += manifold_entry("impulsive motions")
         if stars is not None:

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from branches.diagram import branch_figure, draw_branch, draw_orbit, orbit_figure, picture_format
-from branches.diagram.marks import crowds, curve_runs, draw_events, label_events
+from branches.diagram.marks import crowds, curve_runs, draw_events, label_events, seen
 from branches.diagram.placement import Cover, crossing_boxes, crossing_segments, even_points, overlapping, place_texts, thinned
 from branches.diagram.scales import linear_ticks, logarithmic_ticks
 from branches.diagram.style import new_figure, picture_settings, settle_layout
@@ -643,3 +643,25 @@ def test_walls_bound_the_region_behind_them(normal, bound):
     assert (wall is not None) == (min(map(len, regions)) > 2)
     if wall is not None:
         np.testing.assert_allclose(wall @ np.array(normal), bound, atol=1e-9)
+
+
+def test_a_legend_tells_of_what_is_in_sight():
+    """Oracle: by hand: a stable line, an unstable one outside, one that only passes through, and undecided pieces of 2 and of 40 points."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(2.0, 2.0), dpi=72)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, 144.0), ylim=(0.0, 144.0))
+    line = {1: np.array([[0.0, 5.0], [50.0, 5.0]])}
+    outside, through = np.array([[10.0, 200.0], [90.0, 200.0]]), np.array([[-50.0, 70.0], [200.0, 70.0]])
+    short, long_ = np.array([[10.0, 10.0], [12.0, 10.0]]), np.array([[10.0, 10.0], [50.0, 10.0]])
+    dot, gap = np.array([[60.0, 60.0]]), np.full((1, 2), np.nan)
+    for more, expected in (
+        ({0: outside}, {1}),
+        ({0: through}, {1, 0}),
+        ({0: np.concatenate([outside, gap, through])}, {1, 0}),
+        ({-1: short}, {1}),
+        ({-1: long_}, {1, -1}),
+        ({-1: np.concatenate([short, gap, dot])}, {1, -1}),
+    ):
+        assert set(seen([(axes, {**line, **more})])) == expected
+    assert set(seen([(axes, line), (axes, {0: through})])) == {1, 0}

@@ -9,13 +9,17 @@ from functools import cache, cached_property
 import pytest
 
 import saltus
+from branches.building.bounds import Bounds, Plan
+from branches.building.build import build
+from branches.catalogue import Catalogue
 from bvp.motion import Motion
 from bvp.run import run
+from saltus.executors import open_executor
 from saltus.galleries import load_gallery
 from tests.branches.paper_names import NAMES, SYSTEM, family
 from tests.branches.traced import traced
 from tests.docs.pages import compare, page, table
-from transitions.families import families_of
+from transitions.families import Families, families_of
 from transitions.sampled import sampled
 from transitions.sharing import Sharing, sharing_of
 from transitions.stage import Stage
@@ -25,12 +29,28 @@ from transitions.transition import Transition
 PAGE = page("paper_damped.md")
 GAP = (1.0, -1.0)
 DURATION = 400.0
+FAMILIES: list[Families] = []
 
 
 @cache
 def named_families():
-    """The families that the paper names, which stages are told by."""
+    """The families that the paper names."""
     return families_of([family(name) for name in NAMES], GAP)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def all_families(tmp_path_factory):
+    """What stages are told by: all families with up to two impacts in half a period and a quarter period up to 4, and those that the paper
+    names."""
+    path = tmp_path_factory.mktemp("few") / "few.sqlite"
+    with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
+        build(catalogue, Plan.within(Bounds((0.05, 100.0), 4.0, 2)), executor, workers)
+    with Catalogue(path) as catalogue:
+        few = families_of(catalogue, GAP)
+        ids = {item.id for item in few.members}
+        FAMILIES.append(Families((*few.members, *(item for item in named_families().members if item.id not in ids)), few.gap))
+        yield
+        FAMILIES.clear()
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +77,8 @@ class Damped:
 
     @cached_property
     def stages(self) -> tuple[Stage, ...]:
-        """Its stages, told by the families that the paper names."""
-        return self.told(named_families())
+        """Its stages, told by all families that there are here."""
+        return self.told(FAMILIES[0])
 
     def told(self, families) -> tuple[Stage, ...]:
         """Its stages, told by these families."""
@@ -94,8 +114,18 @@ def impulsive(name):
 
 
 def follows(stage):
-    """Harmonic and label of what a stage follows, None where it follows no family."""
-    return None if stage.follows is None else (stage.follows.harmonic, stage.follows.label)
+    """Harmonics, that of the ridge first, and label or family of what a stage follows, None where it follows no family."""
+    if stage.follows is None:
+        return None
+    own = stage.follows.harmonic
+    return (own, *(k for k in stage.follows.harmonics if k != own), stage.follows.label or stage.follows.family)
+
+
+ONE = "rest-stop+::87c63b1c"
+"""One impact a period, at one of the two stops."""
+
+HALF = "rest-stop+::2c49f5ff"
+"""The same with a period twice as long."""
 
 
 ROWS = {}
@@ -115,33 +145,32 @@ def in_phase_shares():
 @row(2)
 def in_phase_stage_a():
     motion = on("S13O00+", 10.0)
-    first = motion.stages[0]
-    assert follows(first) == (1, "S13O11+") and first.start == 0.0
-    assert "S13O11+" in {alias["label"] for alias in family("S31O11-").aliases}
-    nes, lo = motion.shares(first.end)
-    return [first.end, nes + lo, lo, nes, 85]
+    first, second, third, after = motion.stages[:4]
+    told = [follows(stage) for stage in (first, second, third, after)]
+    assert told == [(1, "S11E11+"), (1, 3, "S11E11+"), (1, 3, "S13O00+"), (1, "S13O00+")] and first.start == 0.0
+    nes, lo = motion.shares(third.end)
+    return [1, 1, 1, first.end, 3, second.end, third.end, nes + lo, lo, nes, nes + lo - 85]
 
 
 @row(3)
 def in_phase_stage_b():
-    second = on("S13O00+", 10.0).stages[1]
-    assert follows(second) == (1, "S13O00+")
+    pure = on("S13O00+", 10.0).stages[3]
     breaking = next(e.h for e in traced("S13O00+").events if e.type == "SB")
-    return [second.start, second.end, *second.energies[::-1], breaking]
+    return [pure.start, pure.end, *pure.energies[::-1], breaking]
 
 
 @row(4)
 def in_phase_stage_c():
-    third = on("S13O00+", 10.0).stages[2]
-    assert follows(third) is None
-    return [third.start, third.end, third.frequency]
+    fifth, sixth = on("S13O00+", 10.0).stages[4:6]
+    assert follows(fifth) == (1, ONE) and follows(sixth) == (2, HALF)
+    return [fifth.start, fifth.end, 1, sixth.end, 2]
 
 
 @row(5)
 def in_phase_stage_d():
     motion = on("S13O00+", 10.0)
-    last = motion.stages[3]
-    assert len(motion.stages) == 4 and follows(last) == (1, "L11+")
+    last = motion.stages[6]
+    assert len(motion.stages) == 7 and follows(last) == (1, "L11+")
     return [motion.motion.last_impact, last.start]
 
 
@@ -188,12 +217,15 @@ def second_regime_shares():
 def second_regime_stages():
     motion = struck(impulsive("S95E22-"))
     first, second, third, last = motion.stages
-    assert [follows(stage) for stage in (first, second, third, last)] == [(4, "U4421+"), (2, "U2201+"), None, (1, "L11+")]
-    for one, other in (("U4421+", "U5421-"), ("U2201+", "U3201-")):
-        assert family(one).id == family(other).id
+    assert [follows(stage) for stage in (first, second, third, last)] == [(1, ONE), (2, HALF), None, (1, "L11+")]
     alone = motion.told(families_of([family("S95E22-")], GAP))[0]
     assert follows(alone) == (5, "S55E22+") and "S55E22+" in {alias["label"] for alias in family("S95E22-").aliases}
-    return [first.start, first.end, second.end, last.start, motion.motion.last_impact, 5, alone.end]
+    named = motion.told(named_families())
+    assert [follows(stage) for stage in named[:3]] == [(4, 7, "U4421+"), (4, "U4421+"), (2, 3, "U2201+")]
+    for one, other in (("U4421+", "U5421-"), ("U2201+", "U3201-")):
+        assert family(one).id == family(other).id
+    out = [first.start, first.end, 1, second.end, 2, third.end, motion.motion.last_impact]
+    return [*out, 4, named[1].end, 2, named[2].end, 5, alone.end]
 
 
 @row(12)
@@ -210,10 +242,10 @@ def third_regime_shares():
 def third_regime_stages():
     motion = struck(impulsive("S31O11-"))
     first, second, last = motion.stages
-    assert follows(second) is None and follows(last) == (1, "L11+")
+    assert follows(second) == (2, HALF) and follows(last) == (1, "L11+")
     alone = motion.told(families_of([family("S31O11-")], GAP))[0]
-    assert follows(alone) == (1, "S31O11+")
-    return [first.start, first.end, second.end, motion.motion.last_impact, alone.end]
+    assert follows(alone) == (1, 3, "S31O11+")
+    return [first.start, first.end, 2, second.end, motion.motion.last_impact, 1, 3, alone.end]
 
 
 @row(14)
@@ -221,9 +253,11 @@ def highest_regime():
     h = impulsive("U4122-")
     assert h > impulsive("S31O11-")
     motion = struck(h)
-    first = motion.stages[0]
-    assert follows(first) == (1, "S13O00+")
-    out = [h, first.end, motion.shares(first.end)[0], DURATION, motion.shares()[0]]
+    first, second, third, fourth, last = motion.stages
+    told = [follows(stage) for stage in (first, second, third, fourth, last)]
+    assert told == [(1, 3, "S13O00+"), (1, "S13O00+"), (1, ONE), (2, HALF), (1, "L11+")]
+    out = [h, first.end, second.end, motion.shares(second.end)[0], third.end, motion.shares(third.end)[0], fourth.end]
+    out += [DURATION, motion.shares()[0]]
     for other in (10.0, 20.0, 100.0):
         out += [other, struck(other).shares()[0]]
     return out
@@ -232,33 +266,33 @@ def highest_regime():
 @row(15)
 def impacts_alone():
     motion = struck(impulsive("U8344-"), lam=0.0)
-    first = motion.stages[0]
+    first, second, third = motion.stages
     nes, lo = motion.shares()
-    assert follows(first) == (1, "S13O00+") and lo == 0.0
+    assert [follows(stage) for stage in (first, second, third)] == [(1, "S13O00+"), (1, ONE), (2, HALF)] and lo == 0.0
     later = struck(impulsive("U8344-"), lam=0.0, duration=2000.0).motion
     left = 100.0 * later.energy / later.initial_energy
-    return [impulsive("U8344-"), first.start, first.end, DURATION, nes, later.last_impact, later.duration, left]
+    return [impulsive("U8344-"), first.start, first.end, second.end, 1, 2, DURATION, nes, later.last_impact, later.duration, left]
 
 
 @row(16)
 def damping_alone():
     motion = struck(impulsive("U8344-"), rho=1.0)
-    first, second = motion.stages[:2]
+    first, second, third = motion.stages[:3]
     nes, lo = motion.shares()
-    assert follows(first) == (8, "U8344-") and follows(second) is None and nes == 0.0
+    assert [follows(stage) for stage in (first, second, third)] == [(8, "U8344-"), (8, 3, "U8344-"), None] and nes == 0.0
     later = struck(impulsive("U8344-"), rho=1.0, duration=1000.0)
     last = later.stages[-1]
     assert follows(last) == (1, "L11+")
-    return [DURATION, lo, first.end, later.motion.impacts, later.motion.last_impact, last.start]
+    return [DURATION, lo, 8, 3, second.end, later.motion.impacts, later.motion.last_impact, last.start]
 
 
 @row(17)
 def impacts_and_damping():
     motion = struck(impulsive("U8344-"))
-    first, last = motion.stages[0], motion.stages[-1]
-    assert follows(first) == (1, "S13O00+") and follows(last) == (1, "L11+")
+    first, second, third, last = motion.stages
+    assert [follows(stage) for stage in (first, second, third, last)] == [(1, "S13O00+"), (2, 3, HALF), None, (1, "L11+")]
     nes, lo = motion.shares()
-    return [first.start, first.end, nes, lo, DURATION, motion.motion.last_impact, last.start]
+    return [first.start, first.end, second.end, 2, 3, nes, lo, DURATION, motion.motion.last_impact, last.start]
 
 
 @pytest.mark.parametrize("cells", table(PAGE, "Statements"), ids=lambda cells: f"{cells[0]}: {cells[2][:40]}")

@@ -13,7 +13,8 @@ import saltus
 from branches.catalogue import Catalogue
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import NEAR, Family, Meeting, families_of, harmonics
-from transitions.following import Line, stretches, unlike
+from transitions.following import Match, steady, stretches
+from transitions.lines import Around, partner, unlike
 from transitions.ridges import HOLDS, SHARE, amplitude_of_motion
 from transitions.spectrum import Wavelet
 from transitions.stage import changes, stages_as_data
@@ -321,22 +322,20 @@ def test_the_cut_is_the_cheapest_of_all():
     turns = 1.5 * np.arange(9)
     for _ in range(12):
         rows = [np.where(random.random(9) < 0.75, random.uniform(-NEAR, NEAR, 9), np.nan) for _ in range(2)]
-        met = [meeting("a", rows[0]), meeting("b", rows[1])]
+        off, more = random.uniform(0.0, 1.5 * SHARE, (2, 2, 9)) / np.array([1.0, SHARE]).reshape(2, 1, 1)
+        met = [Match(meeting(name, row), *pair) for name, row, pair in zip("ab", rows, zip(off, more, strict=True), strict=True)]
 
-        def cost(states, rows=rows):
+        def cost(states, rows=rows, off=off, more=more):
             total = 0.0
             for j, state in enumerate(states):
-                total += 1.5 * (1.0 if not state else (rows[state - 1][j] / NEAR) ** 2)
+                i = state - 1
+                doubt = min(1.0, (off[i][j] / SHARE) ** 2 + more[i][j] ** 2)
+                total += 1.5 * (2.0 if not state else (rows[i][j] / NEAR) ** 2 + doubt)
                 if j and state != states[j - 1]:
                     total += 0.5 * HOLDS * (1 if 0 in (state, states[j - 1]) else 2)
             return total
 
-        def lasting(row):
-            runs = [len(list(group)) for fits, group in itertools.groupby(np.isfinite(row)) if fits]
-            return max(runs, default=0) >= 3  # of places 1.5 periods apart
-
-        usable = [0, *(k + 1 for k in range(2) if lasting(rows[k]))]
-        best = min((s for s in itertools.product(usable, repeat=9) if not math.isnan(cost(s))), key=cost)
+        best = min((s for s in itertools.product(range(3), repeat=9) if not math.isnan(cost(s))), key=cost)
         expected = []
         for state, group in itertools.groupby(range(9), key=lambda j: best[j]):
             places = list(group)
@@ -347,16 +346,111 @@ def test_the_cut_is_the_cheapest_of_all():
                 expected.append([state, places])
         found = stretches(met, turns)
         names = [["", "a", "b"][state] for state, _ in expected]
-        assert [(s.meeting.family.id if s.meeting else "", s.first, s.last) for s in found] == [
+        assert [(s.match.meeting.family.id if s.match else "", s.first, s.last) for s in found] == [
             (name, places[0], places[-1]) for name, (_, places) in zip(names, expected, strict=True)
         ]
 
 
 def test_lines_without_a_partner_count_whole():
     """Oracle: by hand."""
-    orbit = np.array([0.7, 0.0, 0.3, 0.0])
-    assert unlike(orbit, 1, [Line(1.0, 0.7), Line(3.0, 0.3)], 1.0) == pytest.approx(0.0)
-    assert unlike(orbit, 1, [Line(1.0, 1.4), Line(3.0, 0.4)], 2.0) == pytest.approx(0.1)
-    assert unlike(orbit, 1, [Line(1.0, 0.7)], 1.0) == pytest.approx(0.3)
-    assert unlike(orbit, 1, [Line(1.0, 0.7), Line(3.0, 0.3), Line(2.5, 0.4)], 1.0) == pytest.approx(0.4)
-    assert unlike(orbit, 3, [Line(1.0, 0.3), Line(1.0 / 3.0, 0.7)], 1.0) == pytest.approx(0.0)
+    orbit = np.array([[0.7, 0.0, 0.3, 0.0]])
+    for harmonic, lines, expected in (
+        (1, [(1.0, 0.7), (3.0, 0.3)], 0.0),
+        (1, [(1.0, 0.7), (3.0, 0.2), (0.0, 0.0)], 0.1),
+        (1, [(1.0, 0.7)], 0.3),
+        (1, [(1.0, 0.7), (3.0, 0.3), (2.5, 0.4)], 0.4),
+        (1, [(1.0, 0.7), (3.0, 0.3), (40.0, 0.2)], 0.2),
+        (3, [(1.0, 0.3), (1.0 / 3.0, 0.7)], 0.0),
+    ):
+        ratios, parts = np.array(lines).T[:, :, None]
+        assert unlike(orbit, harmonic, ratios, parts) == pytest.approx([expected])
+    ratios, parts = np.array([[1.0, 1.0], [1.0 / 3.0, 0.0]]), np.array([[0.3, 0.4], [0.7, 0.0]])
+    np.testing.assert_array_equal(partner(3, 3, ratios, parts), [[0.7, 0.0], [0.0, 0.0], [0.3, 0.4]])
+
+
+def test_means_are_over_three_periods():
+    """Oracle: the integral of a parabola, which is zero outside of a part of the columns."""
+    turns = np.linspace(0.0, 12.0, 4001)
+    around = Around(turns, np.array([0, 1500, 2000, 4000]))
+    low, high = np.clip(turns[around.places] - 1.5, 0.0, 12.0), np.clip(turns[around.places] + 1.5, 0.0, 12.0)
+    np.testing.assert_allclose(around.mean(turns**2), (high**3 - low**3) / 3.0 / (high - low), rtol=5e-6)
+    first, stop = 1600, 2400
+    a, b = np.clip(low, turns[first], turns[stop - 1]), np.clip(high, turns[first], turns[stop - 1])
+    np.testing.assert_allclose(around.mean(turns[first:stop] ** 2, first), (b**3 - a**3) / 3.0 / (high - low), rtol=1e-6, atol=1e-12)
+    assert around.reached(first, stop) == slice(1, 3)
+
+
+def test_a_harmonic_that_comes_for_less_than_three_periods_does_not_count():
+    """Oracle: by hand."""
+    turns = 0.5 * np.arange(40)
+    row = (turns >= 10.0) | ((turns >= 4.0) & (turns < 5.0))
+    assert steady(np.stack([row, ~row | row, ~row & row]), turns) == [(0, 19, (1,)), (20, 39, (0, 1))]
+
+
+# -- one ridge, several families -----------------------------------------------------------------------------------------------
+
+
+def one_after_the_other(*pieces):
+    """A record of orbits one after the other, (orbit, periods), and when they change; the phase of the fundamental goes on."""
+    signal, rate, energy, impacts, ends, phase = [], [], [], [], [0.0], None
+    for orbit, count in pieces:
+        even = orbit.period * np.arange(512) / 512
+        turn = float(np.angle(np.sum(orbit.sample(even)[0] @ GAP * np.exp(-2j * math.pi * np.arange(512) / 512))))
+        phase = turn if phase is None else phase
+        ahead = (phase - turn) * orbit.period / (2.0 * math.pi)
+        steps = round(count * orbit.period / STEP)
+        u, v = orbit.sample(ahead + STEP * np.arange(steps))
+        signal.append(u @ GAP)
+        rate.append(v @ GAP)
+        energy.append(np.full(steps, orbit.h))
+        times = [(impact.time - ahead) % orbit.period + k * orbit.period for k in range(count + 1) for impact in orbit.impacts]
+        impacts += sorted(ends[-1] + t for t in times if t < STEP * steps)
+        ends.append(ends[-1] + STEP * steps)
+    signal, rate, energy = (np.concatenate(values) for values in (signal, rate, energy))
+    return synthetic(STEP * np.arange(len(signal)), signal, rate, energy, impacts), ends
+
+
+@pytest.mark.parametrize("scene", ["light", "heavy"])
+def test_a_ridge_is_cut_where_the_family_that_it_follows_changes(scenes, scene):
+    """Oracle: the signal, made of an orbit with two impacts in a period and one of the same frequency with one: the ridge goes on."""
+    catalogue, families = scenes[scene]
+    backbone = catalogue.branch(catalogue.find("S13O00+").id)
+    single = next(catalogue.branch(row.id) for row in catalogue.families() if row.id.startswith("rest-stop+::"))
+    other = single.orbit(len(single) // 2)
+    pitch = other.period / 4.0
+    orbit = min((backbone.orbit(i) for i in range(0, len(backbone), 3)), key=lambda orbit: abs(orbit.alpha - pitch))
+    assert abs(math.log2(orbit.period / other.period)) < 0.5 * NEAR
+    record, ends = one_after_the_other((orbit, 20), (other, 20))
+    first, second = stages_of(record, GAP, families)
+    assert (first.follows.family, first.follows.harmonic) == (backbone.id, 1)
+    assert (second.follows.family, second.follows.harmonic) == (single.id, 1)
+    assert first.end == pytest.approx(ends[1], abs=2.0 * orbit.period) and second.start == first.end
+    assert [(change.kind, change.family) for change in changes([first, second])] == [
+        ("capture", backbone.id),
+        ("escape", backbone.id),
+        ("capture", single.id),
+    ]
+
+
+@pytest.mark.parametrize("scene", ["light", "heavy"])
+def test_a_capture_with_a_third_harmonic_is_told_from_one_without(scenes, scene):
+    """Oracle: the orbits' own harmonics: on the backbone the first is the stronger, on the tongue the third; the weaker one carries a
+    fifth of the amplitude in the first orbit of each pair, and not in the second."""
+    catalogue, families = scenes[scene]
+    for name, strong, weak in (("S13O00+", 1, 3), ("S33O11-", 3, 1)):
+        branch = catalogue.branch(catalogue.find(name).id)
+        pair = []
+        for least, most in ((1.2 * SHARE, 1.5 * SHARE), (0.6 * SHARE, 0.8 * SHARE)):
+            for i in range(len(branch)):
+                parts = harmonics(branch.orbit(i), np.array(GAP))
+                if least <= parts[weak - 1] <= most and parts[strong - 1] > 2.0 * SHARE:
+                    pair.append(branch.orbit(i))
+                    break
+        record, ends = one_after_the_other(*((orbit, 12) for orbit in pair))
+        with_it, alone = stages_of(record, GAP, families)
+        assert with_it.follows.family == alone.follows.family == branch.id
+        assert (with_it.follows.harmonic, with_it.follows.harmonics) == (strong, (1, 3))
+        assert (alone.follows.harmonic, alone.follows.harmonics) == (strong, (strong,))
+        assert f", with {weak}" in with_it.text and "with" not in alone.text
+        assert with_it.end == pytest.approx(ends[1], abs=2.0 * pair[0].period)
+        assert [change.kind for change in changes([with_it, alone])] == ["capture"]

@@ -12,7 +12,7 @@ import numpy as np
 from branches.diagram.atlas_labels import Named, label_curves, names_of
 from branches.diagram.atlas_parts import draw_modes, frequency_of, mark_boxes, runs_of
 from branches.diagram.files import draw
-from branches.diagram.marks import draw_curve, legend_entries
+from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.style import BLACK, GREEN, GREY, LINES, NORMAL, SMALL, new_figure, picture_settings, settle_layout
 from branches.diagram.titles import gap_symbol, symbol_of, system_text
@@ -245,7 +245,7 @@ def _draw_over_energy(axes: Axes, transition: Transition, band: tuple[float, flo
 
 
 def _draw_families(axes: Axes, atlas: Atlas) -> None:
-    curves = [Named(curve, curve.h, *frequency_of(curve, "index")) for curve in atlas.curves]
+    curves = _named(atlas)
     modes = [mode for mode in atlas.thresholds if mode.h > axes.get_xlim()[0]]
     limits = axes.get_xlim(), axes.get_ylim()
     draw_curve(axes, runs_of(curves), "families", _FINE)
@@ -300,10 +300,13 @@ def _below(figure: Figure, stages: Sequence[Stage], caption: str) -> None:
 
 def _stabilities(axes: Axes, atlas: Atlas | None) -> None:
     """Above the panel: how families are drawn."""
-    codes = sorted({int(code) for curve in atlas.curves for code in np.unique(curve.stable)}, reverse=True) if atlas is not None else []
-    entries = legend_entries(dict.fromkeys(codes, np.zeros((0, 2))), [])
+    entries = legend_entries(seen([(axes, runs_of(_named(atlas)))]), []) if atlas is not None else []
     if entries:
         axes.legend(handles=entries, **_ABOVE, ncols=3, handlelength=1.6)
+
+
+def _named(atlas: Atlas) -> list[Named]:
+    return [Named(curve, curve.h, *frequency_of(curve, "index")) for curve in atlas.curves]
 
 
 def _follows(stage: Stage) -> str:
@@ -318,6 +321,6 @@ def _follows(stage: Stage) -> str:
             name = latex(parse(follows.label), short=True)
         except ValueError:
             name = follows.label
-    ordinal = "" if follows.harmonic == 1 else f"harmonic {follows.harmonic} of "
+    ordinal = "" if follows.harmonics == (1,) else f"harmonic {follows.harmonic} of "
     more = f" (+{len(follows.others)})" if follows.others else ""
-    return rf"$\omega$ = {stage.frequency:.3g}, {ordinal}{name}{more}"
+    return rf"$\omega$ = {stage.frequency:.3g}, {ordinal}{name}{follows.beside}{more}"
