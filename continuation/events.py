@@ -167,7 +167,8 @@ class EventFinder:
             low = 0.0
             while locator.value(index, low) != locator.value(index, ds) and not locator.changes_at_an_end(index, low, ds, key=True):
                 location, low = locator.change(index, low, ds, test.terminal)
-                changes.append(location)
+                if not locator.is_at_an_end(location):
+                    changes.append(location)
                 if len(changes) > _CHANGES:
                     raise StepRefused(f"the key of {test.code} changes more than {_CHANGES} times")
             return changes
@@ -181,7 +182,9 @@ class EventFinder:
             elif positive_low is not positive_high and (positive_low or test.kind == "crossing"):
                 if test.kind == "crossing" and locator.changes_at_an_end(index, low, high):
                     continue
-                crossings.append(locator.crossing(index, low, high, guard=test.kind == "guard"))
+                found = locator.crossing(index, low, high, guard=test.kind == "guard")
+                if test.kind == "guard" or not locator.is_at_an_end(found):
+                    crossings.append(found)
         return crossings
 
     def _probe(self, locator: Locator, index: int, dip: float, ds: float) -> list[float]:

@@ -300,6 +300,12 @@ class Locator:
         low, high = self._narrowed(index, low, high, operator.ne if key else _signs_differ)
         return any(first <= low and high <= last for first, last in self._ends)
 
+    def is_at_an_end(self, location: Location) -> bool:
+        """Whether an event is as near to the zero of a guard that was located as brackets are wide: the steps on either side of it then lie
+        in rounding, where a pole looks like a zero."""
+        near = self._settings.location_tolerance
+        return any(first - near <= location.s <= last + near for first, last in self._ends)
+
     def _narrowed(self, index: int, low: float, high: float, differ: Callable[[float, float], bool]) -> tuple[float, float]:
         """The first two neighbours, among the steps taken for other events, between which a test function that differs at low and high
         does so."""

@@ -152,6 +152,16 @@ def test_a_pole_at_the_end_of_a_family_is_no_event(before):
     assert [event.code for event in events] == ["END"]
 
 
+@pytest.mark.parametrize("low", [79.0, -79.0])
+@given(end=st.floats(1.05, 1.095), before=st.floats(-9e-11, 9e-11))
+def test_a_jump_to_small_values_at_the_end_of_a_family_is_no_event(low, end, before):
+    """Oracle: the family ends at `end`, to the width of a bracket. In the last steps before it multipliers are rounding: small beside what they
+    grow to, and of either sign."""
+    guard, noise = Marker("END", "guard", terminal=True), Marker("A", "crossing")
+    _, events, _ = run(Line((noise, lambda s: low if s >= end - before else -8500.0 * math.copysign(1.0, low)), (guard, lambda s: end - s)))
+    assert [event.code for event in events] == ["END"]
+
+
 @pytest.mark.parametrize("before", [0.0, 1e-12, 1e-11])
 def test_a_key_that_changes_at_the_end_of_a_family_is_no_event(before):
     """At a grazing it is rounding which side a turning point is counted on."""
