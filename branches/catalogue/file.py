@@ -7,6 +7,7 @@ import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -83,12 +84,12 @@ class CatalogueFile:
     @cached_property
     def scene(self) -> SceneRecord:
         """The scene that it belongs to."""
-        return SceneRecord(**self._table("scene"))
+        return SceneRecord(**self._whole("scene", [field.name for field in fields(SceneRecord)]))
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
         """Versions and settings that it was made with."""
-        return self._table("provenance")
+        return self._whole("provenance", ["created", "schema", "versions"])
 
     @cached_property
     def system(self) -> ImpactSystem:
@@ -182,6 +183,14 @@ class CatalogueFile:
         with translated(self.path):
             rows = self._connection.execute(f"SELECT key, value, crc FROM {table}").fetchall()
         return {key: json.loads(value) for key, value in (self._checked(row, f"{row[0]} in the table {table}") for row in rows)}
+
+    def _whole(self, table: str, keys: Iterable[str]) -> dict[str, Any]:
+        """What a table by key holds, where none of the keys lacks."""
+        kept = self._table(table)
+        missing = [key for key in keys if key not in kept]
+        if missing:
+            raise CatalogueDamaged(f"{self.path} is damaged: {missing[0]} is missing in the table {table}")
+        return kept
 
     def _checked(self, values: Iterable[Any], what: str) -> tuple[Any, ...]:
         """A row's values without the checksum at their end.

@@ -83,6 +83,7 @@ class Atlas:
     manifold : (h, frequency, joined) of the impulsive motions, joined (N,) bool tells whether a point is joined to the next.
     impulsive : columns h, alpha, frequency, frequency_index, velocities of the periodic impulsive orbits, and their labels.
     clearance, natural_frequency : lengths and angular frequencies are these times the dimensionless ones.
+    energy : the range that was asked for, if one was; linear modes that graze below it are not shown.
     """
 
     system: ImpactSystem
@@ -96,6 +97,7 @@ class Atlas:
     bounds: tuple[Bound, ...] = ()
     clearance: float = 1.0
     natural_frequency: float = 1.0
+    energy: tuple[float, float] | None = None
 
     @property
     def energy_unit(self) -> float:
@@ -114,10 +116,11 @@ class Atlas:
 
     @property
     def thresholds(self) -> list[Threshold]:
-        """The linear modes, in the units of the scale."""
-        return [
+        """The linear modes that are shown, in the units of the scale."""
+        found = [
             Threshold(mode.label, mode.frequency * self.natural_frequency, mode.h * self.energy_unit) for mode in thresholds_of(self.system)
         ]
+        return [mode for mode in found if self.energy is None or mode.h >= self.energy[0]]
 
 
 def thresholds_of(system: ImpactSystem) -> list[Threshold]:
@@ -157,35 +160,30 @@ def atlas_of(
     bounds : sequence of Bound
         Bounds of regimes, as from `regime_bounds`.
     energy : (float, float), optional
-        Points outside are left out.
+        What lies outside is left out; where a family passes a bound, its orbit there is the last.
 
     Raises
     ------
     ValueError
         For a branch of another system.
     """
-    low, high = energy if energy is not None else (0.0, math.inf)
     branches = list(branches)
     named = pinned_names(branches, pinned)
     curves = []
     for branch in branches:
         if branch.system.describe() != system.describe():
             raise ValueError(f"the family {branch.label or branch.id} belongs to another system than the picture")
-        points = branch.points
-        kept = (points["h"] >= low) & (points["h"] <= high)
-        for part in np.split(np.flatnonzero(kept), np.flatnonzero(np.diff(np.flatnonzero(kept)) > 1) + 1):
-            if not len(part):
-                continue
-            labels = points["label"][part]
+        for piece in _pieces(branch, energy):
+            labels = piece["label"]
             label = branch.label if branch.label in labels else str(labels[len(labels) // 2])
-            columns = {name: np.asarray(points[name][part]) for name in COLUMNS}
-            names, marked = np.full(len(part), spelled(label, pinned), dtype=object), np.zeros(len(part), dtype=bool)
+            columns = {name: piece[name] for name in COLUMNS}
+            names, marked = np.full(len(labels), spelled(label, pinned), dtype=object), np.zeros(len(labels), dtype=bool)
             for name in named.get(branch.id, ()):
                 mine = name.points(columns["h"], columns["alpha"], labels.tolist())
                 names[mine], marked[mine] = name.text, True
             columns |= {"names": names.astype(str), "pinned": marked, "labels": labels.astype(str)}
-            curves.append(Curve(branch.id, velocities=points["velocities"][part], **columns))
-    atlas = Atlas(system, tuple(curves), bounds=tuple(bounds))
+            curves.append(Curve(branch.id, velocities=piece["velocities"], **columns))
+    atlas = Atlas(system, tuple(curves), bounds=tuple(bounds), energy=energy)
     if manifold is not None:
         kept = np.isfinite(manifold.frequency)
         index = np.flatnonzero(kept)
@@ -202,6 +200,16 @@ def atlas_of(
     if impulsive is not None and impulsive.orbits:
         atlas = replace(atlas, impulsive=_impulsive_curve(impulsive))
     return atlas
+
+
+def _pieces(branch: Branch, energy: tuple[float, float] | None) -> list[dict[str, np.ndarray]]:
+    """The columns of a family, or of its pieces within a range of energies."""
+    from branches.diagram.cut import cut
+
+    names = (*COLUMNS, "label", "velocities")
+    if energy is None:
+        return [{name: np.asarray(branch.points[name]) for name in names}] if len(branch) else []
+    return cut(branch, *energy, names)
 
 
 def _impulsive_curve(found: ImpulsiveOrbits) -> Curve:
@@ -298,4 +306,5 @@ def rescaled(atlas: Atlas, clearance: float = 1.0, natural_frequency: float = 1.
         bounds=tuple(replace(bound, h=bound.h * speed**2) for bound in atlas.bounds),
         clearance=clearance,
         natural_frequency=natural_frequency,
+        energy=None if atlas.energy is None else (atlas.energy[0] * speed**2, atlas.energy[1] * speed**2),
     )

@@ -33,6 +33,7 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         "system": atlas.system.describe(),
         "clearance": atlas.clearance,
         "natural_frequency": atlas.natural_frequency,
+        "energy": None if atlas.energy is None else list(atlas.energy),
         "manifold": {"window": atlas.manifold_window, "periods": atlas.manifold_periods},
         "bounds": [{"below": b.below, "above": b.above, "h": b.h, "what": b.what} for b in atlas.bounds],
     }
@@ -102,6 +103,7 @@ def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> A
         tuple(Bound(str(b["below"]), str(b["above"]), float(b["h"]), str(b["what"])) for b in about["bounds"]),
         float(about["clearance"]),
         float(about["natural_frequency"]),
+        None if about.get("energy") is None else (float(about["energy"][0]), float(about["energy"][1])),
     )
 
 

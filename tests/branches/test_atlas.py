@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
 from branches.diagram.atlas_data import thresholds_of
@@ -352,15 +353,44 @@ def test_a_family_of_another_system_is_refused():
         atlas_of(vibro_impact_nes(mu=0.2), real.families()[:1])
 
 
-def test_a_range_of_energies_leaves_points_out_and_parts_families():
-    """Oracle: the families' own points."""
-    data = atlas_of(real.SYSTEM, real.families(), energy=(0.3, 2.0))
-    assert all(((curve.h >= 0.3) & (curve.h <= 2.0)).all() for curve in data.curves)
-    assert sum(len(curve.h) for curve in data.curves) == sum(
-        int(((branch.points["h"] >= 0.3) & (branch.points["h"] <= 2.0)).sum()) for branch in real.families()
-    )
+def test_a_range_of_energies_leaves_points_out_and_ends_families_at_its_bounds():
+    """Oracle: the families' own points, and their orbits at the two bounds."""
+    low, high = 0.3, 2.0
+    data = atlas_of(real.SYSTEM, real.families(), energy=(low, high))
+    for branch in real.families():
+        mine = [curve for curve in data.curves if curve.family == branch.id]
+        shown = np.concatenate([np.stack([curve.h, curve.alpha], axis=1) for curve in mine]) if mine else np.zeros((0, 2))
+        points = np.stack([branch.points["h"], branch.points["alpha"]], axis=1)
+        ends = [[orbit.h, orbit.alpha] for bound in (low, high) for orbit in branch.orbits_at(energy=bound)]
+        wanted = np.array([*points[(points[:, 0] >= low) & (points[:, 0] <= high)], *ends]).reshape(-1, 2)
+        assert len(shown) == len(wanted)
+        order, other = np.lexsort(shown.T), np.lexsort(wanted.T)
+        np.testing.assert_allclose(shown[order], wanted[other], rtol=1e-12)
     with pytest.raises(ValueError, match="nothing to draw"):
         atlas_figure(atlas_of(real.SYSTEM, real.families(), energy=(1e7, 1e8)))
+
+
+def test_families_without_a_point_in_a_narrow_range_are_shown():
+    """Oracle: the closed form of S13O00+ between two of its points, one impact in half a period."""
+    branch = real.families()[0]
+    k = int(np.argmax(np.diff(np.log(branch.points["h"]))))
+    part = np.array([0.4, 0.6])
+    low, high = branch.points["h"][k] ** (1 - part) * branch.points["h"][k + 1] ** part
+    (curve,) = atlas_of(real.SYSTEM, [branch], energy=(low, high)).curves
+    np.testing.assert_allclose(curve.h, [low, high], rtol=1e-13)
+    np.testing.assert_allclose(energy_of_one_impact(curve.alpha), [low, high], rtol=1e-11)
+    figure = atlas_figure(atlas_of(real.SYSTEM, [branch], energy=(low, high)))
+    left, right = figure.axes[0].get_xlim()
+    assert left > 0.9 * low and right < 1.1 * high, "linear modes that graze at other energies widen the picture"
+
+
+def energy_of_one_impact(alpha):
+    """h of the orbits with one impact in half a period: (1/(2 G^2)) sum_k b_k^2 sec^2(w_k alpha), G = sum_k b_k^2 tan(w_k alpha)/w_k."""
+    mass, stiffness = np.diag([0.1, 1.0]), np.array([[0.1, -0.1], [-0.1, 1.1]])
+    squares, modes = eigh(stiffness, mass)
+    frequencies, gaps = np.sqrt(squares), np.array([1.0, -1.0]) @ modes
+    angles = np.outer(alpha, frequencies)
+    return (gaps**2 / np.cos(angles) ** 2).sum(axis=1) / (2 * ((gaps**2 * np.tan(angles) / frequencies).sum(axis=1)) ** 2)
 
 
 # ------------------------------------------------------------------------------------------------ data
@@ -376,7 +406,8 @@ def picture(data, draw=draw_atlas, kind="svg", **options):
 def test_a_picture_drawn_from_its_exported_data_is_the_same(kind, tmp_path):
     """Oracle: the bytes of the pictures drawn from the families and from the file, of both kinds, scaled and not."""
     some = replace(real.atlas(), curves=real.atlas().curves[:8])
-    for data, draw in ((some, draw_atlas), (rescaled(some, 0.013, 7.7), draw_velocities)):
+    ranged = rescaled(atlas_of(real.SYSTEM, real.families()[:3], energy=(0.5, 2.0)), 2.0)
+    for data, draw in ((some, draw_atlas), (rescaled(some, 0.013, 7.7), draw_velocities), (ranged, draw_atlas)):
         path = tmp_path / f"data.{kind}"
         write_atlas(data, path)
         again = read_atlas(path)
