@@ -19,6 +19,7 @@ symmetries of the equations: mirror (where the stops are symmetric), and reversa
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 from branches.word_text import (
     PERIODIC,
@@ -70,6 +71,11 @@ def mirror(word: Iterable[str]) -> Word:
     >>> mirror(("+", "+", "-"))
     ('-', '-', '+')
     """
+    return _mirrored(tuple(word))
+
+
+@lru_cache(maxsize=16384)
+def _mirrored(word: Word) -> Word:
     return tuple(letter[:-1] + _SWAP[letter[-1]] for letter in word)
 
 
@@ -130,7 +136,13 @@ def canonical(word: Iterable[str], ends: Ends, *, odd_symmetry: bool = True, rev
         raise ValueError("an origin end needs odd symmetry: each stop two-sided with equal gaps and no constant load")
     if ends != PERIODIC and not reversible:
         raise ValueError(f"ends {format_ends(ends)} need a reversible system (no damping, elastic stops), expected periodic")
-    images = [(ends, tuple(word))]
+    return _smallest(tuple(word), (ends[0], ends[1]), odd_symmetry, reversible)
+
+
+@lru_cache(maxsize=16384)
+def _smallest(word: Word, ends: Ends, odd_symmetry: bool, reversible: bool) -> tuple[Word, Ends]:
+    """See `canonical`; a search asks for the same words at each energy."""
+    images = [(ends, word)]
     if odd_symmetry:
         images += [(mirror_ends(e), mirror(w)) for e, w in images]
     if reversible:

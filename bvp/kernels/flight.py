@@ -23,7 +23,9 @@ import numpy as np
 
 from bvp.kernels.compiled import allocating, kernel, part
 
-__all__ = ["block_product", "circular", "flight_at", "flow_block", "flow_matrix", "flow_pair", "flow_state", "sample_flights"]
+__all__ = [
+    "block_product", "circular", "flight_at", "flow_block", "flow_inside", "flow_matrix", "flow_pair", "flow_state", "sample_flights",
+]  # fmt: skip
 
 SERIES_LIMIT = 0.03
 """|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
@@ -132,9 +134,9 @@ def block_state(mean, matrix, start, size, t, z, out):
         out[start + r] = total
 
 
-@kernel
-def flow_state(pairs, mean, delta, matrix, z, t, out):
-    """out = exp(B t) z."""
+@part
+def flow_inside(pairs, mean, delta, matrix, z, t, out):
+    """`flow_state` as part of a loop that does little else: to hand over so many arrays takes as long as the flight."""
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
@@ -148,6 +150,12 @@ def flow_state(pairs, mean, delta, matrix, z, t, out):
             out[i] = math.exp(mean[k] * t) * z[i]
         else:
             block_state(mean[k], matrix, i, -j, t, z, out)
+
+
+@kernel
+def flow_state(pairs, mean, delta, matrix, z, t, out):
+    """out = exp(B t) z."""
+    flow_inside(pairs, mean, delta, matrix, z, t, out)
 
 
 @kernel

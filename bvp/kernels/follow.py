@@ -229,22 +229,20 @@ def nearest_turns(flow, row, horizon, work):
     count = 0
     t = 0.0
     floor = 1e-13 * duration
-    f = 0.0
-    slope = 0.0
-    for r in range(4):
-        f += rows[1, r] * z[r]
-        slope += rows[2, r] * z[r]
+    # w' is of the velocities alone, and w'' of the displacements.
+    f = rows[1, 2] * z[2] + rows[1, 3] * z[3]
+    slope = rows[2, 0] * z[0] + rows[2, 1] * z[1]
     sign = 1 if f > 0.0 else -1 if f < 0.0 else 0
     for _ in range(TURN_LIMIT):
         if t >= duration:
             break
         after = min(duration, t + max(safe_step(f, slope, 0.0, w_bound, 0.0), floor))
-        advance(flow.squares, after, z, dz, y, dy)
         f_after = 0.0
         slope = 0.0
-        for r in range(4):
-            f_after += rows[1, r] * y[r]
-            slope += rows[2, r] * y[r]
+        for r in range(2):
+            c, s = circular(-flow.squares[r], after)
+            f_after += rows[1, r + 2] * (-flow.squares[r] * s * z[r] + c * z[r + 2])
+            slope += rows[2, r] * (c * z[r] + s * z[r + 2])
         now = 1 if f_after > 0.0 else -1 if f_after < 0.0 else sign
         if sign * now < 0:
             turn = refine(

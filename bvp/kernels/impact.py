@@ -21,7 +21,7 @@ import numpy as np
 
 from bvp.kernels.bounds import amplitudes, dot, free_step, growth_rate
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.flight import block_product, flow_state
+from bvp.kernels.flight import block_product, flow_inside, flow_state
 from bvp.kernels.near import SERIES_REACH, SERIES_TERMS, near_return, series
 
 __all__ = [
@@ -132,7 +132,7 @@ def polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     """Zero of d along the exact flight by steps of third order, from a time near it, down to rounding."""
     last = math.inf
     for _ in range(60):
-        flow_state(pairs, mean, delta, matrix, z, t, state)
+        flow_inside(pairs, mean, delta, matrix, z, t, state)
         d, slope, bend, _ = gauge(gap, rate_rows, acceleration, side, bound, c, state)
         if slope >= 0.0:
             break
@@ -158,7 +158,7 @@ def resolve_turn(
         turn += change
         if count > 0 and 0.5 * bend * change * change <= 1e-3 * tolerance:
             break
-        flow_state(pairs, mean, delta, matrix, z, turn, state)
+        flow_inside(pairs, mean, delta, matrix, z, turn, state)
         d, slope, bend, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, state)
     least = d - 0.5 * slope * slope / bend
     if least > tolerance:
@@ -320,8 +320,11 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
             if c == leaving and near:
                 near_jerk = max(near_jerk, jerk[c])
                 if count == 0:
-                    force = rounding_level(pairs, matrix, acceleration, c, z)
-                    still = rounding_level(pairs, matrix, rate_rows, c, z)
+                    force = -math.inf
+                    still = 0.0
+                    if not (told and slope > 0.0):
+                        force = rounding_level(pairs, matrix, acceleration, c, z)
+                        still = rounding_level(pairs, matrix, rate_rows, c, z)
                     if released:
                         force *= RELEASED
                         still *= RELEASED
@@ -383,5 +386,5 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
         if t + step >= horizon:
             return kind, found, horizon
         t += step
-        flow_state(pairs, mean, delta, matrix, z, t, state)
+        flow_inside(pairs, mean, delta, matrix, z, t, state)
     return EXHAUSTED, -1, t

@@ -136,7 +136,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
         if not (theta_1 < probe < theta_2):
             break
         slot = third(one, two, first)
-        levels[slot] = follow(flow, probe, longest, most, records[slot], work)
+        levels[slot] = follow(flow, probe, longest, k, records[slot], work)
         followed += 1
         if levels[slot] <= k:
             break
@@ -163,15 +163,23 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
     edge_2 = theta_2
     theta_1 = min(theta_1, edge_2 - min(offset, 0.25 * (edge_2 - theta_a)))
     theta_2 = max(theta_2, edge_1 + min(offset, 0.25 * (theta_b - edge_1)))
-    if theta_a < theta_1 < edge_1:
+    moved_1 = theta_a < theta_1 < edge_1
+    moved_2 = edge_2 < theta_2 < theta_b
+    if moved_1:
         one = third(one, two, first)
         levels[one] = follow(flow, theta_1, longest, most, records[one], work)
         followed += 1
-    if edge_2 < theta_2 < theta_b:
+    if moved_2:
         two = third(one, two, first)
         levels[two] = follow(flow, theta_2, longest, most, records[two], work)
         followed += 1
-    return one, two, theta_1, theta_2, edge_1, edge_2, hidden > COARSE * touching(flow, records[late, k]), followed
+    coarse = hidden > COARSE * touching(flow, records[late, k])
+    # Probes were followed to the grazing only; one that becomes the end of an interval is followed to its end.
+    if not moved_1 and one != i_a:
+        levels[one] = follow(flow, edge_1, longest, most, records[one], work)
+    if not moved_2 and two != i_b:
+        levels[two] = follow(flow, edge_2, longest, most, records[two], work)
+    return one, two, theta_1, theta_2, edge_1, edge_2, coarse, followed
 
 
 @allocating
