@@ -55,6 +55,7 @@ def motion_record(told: Told, scene: Scene, start: Start, units: Units, locked: 
         "last_impact": None if motion.last_impact is None else motion.last_impact * t,
         "no_impact_from": None if motion.clear_from is None else motion.clear_from * t,
         "energy_balance_error": motion.balance_error,
+        "energy_balance_of_turnover": abs(motion.balance) / motion.turnover if motion.turnover > 0.0 else 0.0,
         "stages": None if told.stages is None else [_in_units(stage, units) for stage in stages_as_data(told.stages)],
         "stages_note": told.why_no_stages or None,
         "locked": None if locked is None else {"peaks": _peaks(locked, units), "energy_balance_error": locked.motion.balance_error},

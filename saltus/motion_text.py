@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from saltus.units import Units
 
 if TYPE_CHECKING:
+    from bvp.motion import Motion
     from saltus.motion_start import Start
     from saltus.motions import Told
 
@@ -43,7 +44,7 @@ def describe(told: Told, start: Start, record: dict[str, Any], units: Units) -> 
     left = motion.energy / told.reference if told.reference > 0.0 else 0.0
     of = f"of the {reference['what']} {reference['energy']:.10g}"
     yield f"shares   NES {nes:.4%}  LO {lo:.4%}  still there {left:.4%}  {of}"
-    yield f"balance  error {record['energy_balance_error']:.1e}" + (f", work of the loads {record['work']:.10g}" if motion.work else "")
+    yield f"balance  error {record['energy_balance_error']:.1e}" + _turnover(record, motion)
     if told.motion.initial_energy > 0.0 and motion.marks:
         yield f"{'gone':>6}  {'time':>14}  {'by NES':>9}  {'by LO':>9}"
         for name, at in record["at"].items():
@@ -73,6 +74,14 @@ def comparison(record: dict[str, Any]) -> Iterator[str]:
 
 def _numbers(values: list[float]) -> str:
     return " ".join(f"{value:.10g}" for value in values)
+
+
+def _turnover(record: dict[str, Any], motion: Motion) -> str:
+    """What the balance line says where loads do work."""
+    if not motion.work:
+        return ""
+    of = f" of the {record['shares_of']['what']}, {record['energy_balance_of_turnover']:.1e} of the largest energy that passed through"
+    return f"{of}; work of the loads {record['work']:.10g}"
 
 
 def _impact_lines(impacts: list[dict[str, Any]]) -> Iterator[str]:

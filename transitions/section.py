@@ -37,8 +37,6 @@ class SectionEnd(Enum):
 
     COMPLETE = "all crossings asked for"
     TIME_OVER = "crosses the section too seldom: the longest time was reached"
-    CHATTERING = "its bounces come to rest on a stop, and the orbit ends there"
-    STICKING = "sticks to a stop, and ends there"
     SIMULTANEOUS = "hits two stops at the same instant whose impulses interact: the outcome is not defined by restitution"
     OUTSIDE = "started beyond a stop"
     UNDECIDED = "meets its stops again and again without time passing"
@@ -48,8 +46,6 @@ class SectionEnd(Enum):
 _ENDS = {
     kernels.COMPLETE: SectionEnd.COMPLETE,
     kernels.TIME_OVER: SectionEnd.TIME_OVER,
-    kernels.RESTS: SectionEnd.CHATTERING,
-    kernels.STICKS: SectionEnd.STICKING,
     motion_kernels.INTERACTING: SectionEnd.SIMULTANEOUS,
     motion_kernels.STARTED_OUTSIDE: SectionEnd.OUTSIDE,
     motion_kernels.CYCLING: SectionEnd.UNDECIDED,
@@ -71,7 +67,10 @@ class Section:
     growths : (m, k) ndarray
         Logarithm of the size of a perturbation along the section, in the plane, over that at the start.
     tangents : (m, k, 2) ndarray
-        Direction of that perturbation in the plane.
+        Direction of that perturbation in the plane. Both are NaN from where the orbit has stuck to a stop: a degree of freedom is lost
+        there, so that the plane maps to a curve, and perturbations that meet on it have no rate.
+    held_times : (m,) ndarray
+        Time that each orbit sticks to stops, up to its last crossing or its end.
     counts, impacts : (m,) ndarray of int
         Crossings of each orbit, and impacts on its way.
     ends : tuple of m SectionEnd
@@ -87,6 +86,7 @@ class Section:
     tangents: np.ndarray
     counts: np.ndarray
     impacts: np.ndarray
+    held_times: np.ndarray
     ends: tuple[SectionEnd, ...]
     interrupted: bool = False
 
@@ -106,7 +106,7 @@ class Section:
     @cached_property
     def exponents(self) -> np.ndarray:
         """Largest Lyapunov exponent of each orbit, per unit of time, (m,): growth of a perturbation along the section over time,
-        without the first `SETTLING` of its crossings. NaN for an orbit with fewer than two crossings."""
+        without the first `SETTLING` of its crossings. NaN for an orbit with fewer than two crossings, and for one that sticks to a stop."""
         out = np.full(len(self.counts), math.nan)
         for m, count in enumerate(self.counts.tolist()):
             first, last = int(SETTLING * (count - 1)), count - 1
@@ -181,7 +181,7 @@ def section(
             raise
     arrays = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("times", "points", "energies", "growths", "tangents", "counts", "impacts")
+        for name in ("times", "points", "energies", "growths", "tangents", "counts", "impacts", "held_times")
     }
     return Section(plane, ends=tuple(end for part in parts for end in part.ends), interrupted=interrupted, **arrays)
 
@@ -193,37 +193,46 @@ def follow(
 
     By default the perturbations point along the diagonal of the section's extent. `longest` as in `section`."""
     system = plane.system
-    modes = system.modes
     u, v = plane.states(starts)
     count, mover = len(u), Mover(system)
     if directions is None:
         low, high = plane.reach
         directions = np.tile([0.5 * (high - low), plane.height(min(max(0.0, low), high))], (count, 1))
-    changes = plane.tangents(starts, np.asarray(directions, dtype=float)) @ modes.from_state.T
+    changes = plane.tangents(starts, np.asarray(directions, dtype=float))
     times, energies, growths = (np.full((count, crossings), math.nan) for _ in range(3))
     points, tangents = (np.full((count, crossings, 2), math.nan) for _ in range(2))
     counts, impacts, statuses = (np.zeros(count, dtype=np.int64) for _ in range(3))
+    held_times = np.zeros(count)
     fastest, slowest = _periods(plane)
-    kernels.follow_section(
-        mover.table.stacked,
-        *plane.rows(),
-        np.concatenate([u, v], 1),
-        changes,
-        _PERIODS * fastest,
-        _PATIENCE * slowest * crossings if longest is None else float(longest),
-        times,
-        points,
-        energies,
-        growths,
-        tangents,
-        counts,
-        impacts,
-        statuses,
-        mover.log(kernels.EVENTS_AT_ONCE),
-        mover.scratch(np.zeros(2 * system.degrees_of_freedom)),
-        np.zeros((0, len(mover.parts) + 3)),
-    )
-    return Section(plane, times, points, energies, growths, tangents, counts, impacts, tuple(_ENDS[code] for code in statuses.tolist()))
+    first = 0
+    while True:
+        phases = mover.table.stacked
+        first, held = kernels.follow_section(
+            phases,
+            *plane.rows(phases),
+            np.concatenate([u, v], 1),
+            changes @ phases.enter[0].T,
+            _PERIODS * fastest,
+            _PATIENCE * slowest * crossings if longest is None else float(longest),
+            first,
+            times,
+            points,
+            energies,
+            growths,
+            tangents,
+            counts,
+            impacts,
+            held_times,
+            statuses,
+            mover.log(kernels.EVENTS_AT_ONCE),
+            mover.scratch(np.zeros(2 * system.degrees_of_freedom)),
+            np.zeros((0, len(mover.parts) + 3)),
+        )
+        if first == count:
+            break
+        mover.table.add(int(held))
+    ends = tuple(_ENDS[code] for code in statuses.tolist())
+    return Section(plane, times, points, energies, growths, tangents, counts, impacts, held_times, ends)
 
 
 def _periods(plane: SectionPlane) -> tuple[float, float]:

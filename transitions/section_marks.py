@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.linear_modes import linear_modes
+from bvp.damped import Mover
 from bvp.kernels.flight import flow_state
 from transitions.kernels.section import ROOM, rises
 from transitions.section_plane import SectionPlane
@@ -67,7 +68,7 @@ def crossings_of(plane: SectionPlane, cycle: Cycle) -> tuple[np.ndarray, np.ndar
 
 
 def _passages(plane: SectionPlane, cycle: Cycle, side: float) -> np.ndarray:
-    functional, rows, _ = plane.rows()
+    functional, rows = (of_phase[0] for of_phase in plane.rows(Mover(plane.system).table.stacked)[:2])
     functional = side * functional
     blocks = plane.system.modes.blocks
     fastest = float(np.nanmax(plane.system.modes.frequencies))

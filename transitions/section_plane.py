@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from bvp.kernels.phase import Phases
     from bvp.system import ImpactSystem
 
 __all__ = ["SectionPlane"]
@@ -198,13 +199,15 @@ class SectionPlane:
         out[:, 2 + self.other] = directions[:, 1] - coupled / own * out[:, 2 + self.primary]
         return out
 
-    def rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rows on modal states z (N,): (3, N) of u_p, u_p', u_p''; (2, N) of x and y; (N, N) with energy z . quadratic z/2."""
-        modes = self.system.modes
-        position, velocity = modes.to_state[:2], modes.to_state[2:]
-        functional = np.stack([position[self.primary], velocity[self.primary], velocity[self.primary] @ modes.matrix])
-        plane = np.stack([position[self.other], self.system.mass[self.other] @ velocity / self._constants[0]])
-        quadratic = position.T @ self.system.stiffness @ position + velocity.T @ self.system.mass @ velocity
+    def rows(self, phases: Phases) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows on the states z (N,) of each of F phases: (F, 3, N) of u_p, u_p', u_p''; (F, 2, N) of x and y; (F, N, N) with energy
+        z . quadratic z/2."""
+        position, velocity = phases.leave[:, :2], phases.leave[:, 2:]
+        own = velocity[:, self.primary]
+        functional = np.stack([position[:, self.primary], own, np.einsum("fn,fnk->fk", own, phases.matrix)], axis=1)
+        plane = np.stack([position[:, self.other], self.system.mass[self.other] @ velocity / self._constants[0]], axis=1)
+        turned = position.transpose(0, 2, 1), velocity.transpose(0, 2, 1)
+        quadratic = turned[0] @ self.system.stiffness @ position + turned[1] @ self.system.mass @ velocity
         return functional, plane, np.ascontiguousarray(quadratic)
 
     def coordinates(self, u: Any, v: Any) -> np.ndarray:

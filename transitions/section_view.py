@@ -101,6 +101,7 @@ def view_record(view: SectionView) -> dict[str, Any]:
                 "energies": section.energies[m, :count].tolist(),
                 "impacts": int(section.impacts[m]),
                 "end": section.ends[m].name.lower(),
+                "sticking_time": float(section.held_times[m]),
                 "lyapunov": _number(section.exponents[m]),
                 "rotation": None if turning is None else _number(turning.numbers[m]),
                 "about": None if about < 0 else about,

@@ -233,6 +233,12 @@ def _remarks(view: SectionView, why: str | None) -> list[str]:
     for end, count in Counter(section.ends).items():
         if end is not SectionEnd.COMPLETE:
             lines.append(f"ended  {count} of {len(section.counts)} orbits: {end.value}")
+    stuck = int((section.held_times > 0.0).sum())
+    if stuck:
+        lines.append(
+            f"sticks {stuck} of {len(section.counts)} orbits, for a time of {section.held_times.sum():.6g} in all: their points go on, but "
+            "the plane maps to a curve there, so that they have no Lyapunov exponent"
+        )
     if view.marks:
         kinds = Counter(mark.kind for mark in view.marks)
         told = ", ".join(f"{kinds[kind]} {kind}" for kind in ("elliptic", "hyperbolic", "undecided") if kinds[kind])

@@ -131,6 +131,24 @@ def test_the_balance_closes_over_ten_thousand_impacts():
     assert forced.balance_error < 1e-12
 
 
+@pytest.mark.parametrize(("lam", "frequency", "amplitude"), [(1e-4, 1.0, 0.01), (1e-3, 0.9, 0.1)])
+def test_the_balance_closes_over_ten_thousand_forced_impacts_that_are_nearly_elastic(lam, frequency, amplitude):
+    """rho = 0.999, work of the load from a fiftieth of the initial energy to twice that: the balance to 1e-12 of the initial energy."""
+    forces = Harmonic(frequency, cosine=[0.0, amplitude])
+    motion = run(vibro_impact_nes(0.1, 0.1, lam, 0.999), [0.0, 0.0], [0.0, 5.0], 1e9, forces=forces, max_impacts=10_000)
+    assert motion.impacts == 10_000 and 0.01 < motion.work / motion.initial_energy < 3.0
+    assert motion.balance_error < 1e-12
+
+
+@pytest.mark.parametrize(("lam", "rho", "velocity"), [(0.01, 0.999, 5.0), (0.05, 0.7, 0.5)])
+def test_the_balance_of_motions_that_a_load_pumps_up_closes_to_the_energy_that_passes_through(lam, rho, velocity):
+    """Work of hundreds and of a hundred thousand times the initial energy in 10,000 impacts: rounding goes with what is there."""
+    system = vibro_impact_nes(0.1, 0.1, lam, rho)
+    motion = run(system, [0.0, 0.0], [0.0, velocity], 1e9, forces=Harmonic(1.0, cosine=[0.0, 1.0]), max_impacts=10_000)
+    assert motion.impacts == 10_000 and motion.turnover > 100.0 * motion.initial_energy
+    assert abs(motion.balance) < 5e-14 * motion.turnover
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0.0, 1.0), st.integers(0, 2**31), st.sampled_from([0.0, 0.02, 0.5]), st.booleans())
 def test_no_restitution_hangs_and_the_balance_closes(rho, seed, lam, forced):

@@ -111,11 +111,11 @@ def test_a_system_that_loses_energy_is_told_as_one(tmp_path):
 
 
 def test_a_free_sink_and_other_scenes(tmp_path):
-    """Oracle: exit code 0; orbits that come to rest on a stop are told."""
+    """Oracle: exit code 0; orbits that stick to a stop are followed on, and told."""
     code, out, _ = told(f"section --energy 0.5 --sigma 0 {SMALL} --model")
     assert code == 0 and "rigid-body mode" in out and "areas" in out
     code, out, _ = told(f"section --energy 5 --sigma 0 --rho 0.3 {SMALL}")
-    assert code == 0 and "ended  " in out and "come to rest on a stop" in out
+    assert code == 0 and "ended  " not in out and "sticks " in out and "no Lyapunov exponent" in out
     scene = tmp_path / "two.toml"
     scene.write_text(
         "[system]\nmass = [[0.7, 0.25], [0.25, 1.3]]\nstiffness = [[1.0, -0.3], [-0.3, 2.0]]\n"

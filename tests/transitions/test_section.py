@@ -270,11 +270,24 @@ def test_a_motion_that_loses_energy_leaves_its_surface():
     assert found.energies[:, -1].max() < 0.29
 
 
-def test_orbits_that_come_to_rest_on_a_stop_say_so():
-    """Oracle: with perfectly plastic stops and no spring, the sink sticks at its first impact towards a wall that moves into it."""
-    found = section(vibro_impact_nes(sigma=0.0, rho=0.0), 5.0, orbits=20, crossings=50)
-    assert SectionEnd.STICKING in found.ends
-    assert np.isnan(found.times[found.counts < 50, -1]).all()
+@pytest.mark.parametrize(("sigma", "rho"), [(0.0, 0.0), (0.1, 0.0), (0.1, 0.3)])
+def test_orbits_that_stick_to_a_stop_go_on(sigma, rho):
+    """Oracle: dense samples of the run of the same start: u2 passes zero upwards as often, and at these times the run has these points and
+    energies; the exponent is told of the orbits that never stick, alone."""
+    system = vibro_impact_nes(sigma=sigma, rho=rho)
+    found = section(system, 5.0, orbits=12, crossings=12)
+    assert set(found.ends) == {SectionEnd.COMPLETE} and (found.held_times > 0.0).any()
+    u, v = found.plane.states(found.points[:, 0])
+    for m in range(12):
+        motion = saltus.run(system, u[m], v[m], found.times[m, -1] + 1e-9)
+        assert found.held_times[m] == pytest.approx(motion.held_time, abs=2e-9)
+        us, vs = motion.sample(found.times[m])
+        np.testing.assert_allclose(us[:, 1], 0.0, atol=1e-10)
+        np.testing.assert_allclose(found.plane.coordinates(us, vs), found.points[m], atol=1e-10)
+        np.testing.assert_allclose(system.energy(us, vs), found.energies[m], atol=1e-10)
+        dense = motion.sample(np.linspace(1e-6, motion.duration, 40_000))[0][:, 1]
+        assert np.count_nonzero((dense[:-1] < 0.0) & (dense[1:] >= 0.0)) == 11
+    np.testing.assert_array_equal(np.isnan(found.exponents), found.held_times > 0.0)
 
 
 def test_an_orbit_that_does_not_come_back_is_left():

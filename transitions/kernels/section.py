@@ -3,7 +3,8 @@
 The section is f = row . z = 0 with f' > 0. Between two instants at which the bounds of `bvp.kernels.extrema` allow one zero at most, f
 either changes its sign or has none; the sign is carried from flight to flight, so that a crossing at an impact counts once. A
 perturbation is kept along the gap's zero at an impact and along the section at a crossing (`bvp.kernels.trail.event`), which makes it
-the derivative of the section's map.
+the derivative of the section's map. A stop that is held takes a degree of freedom away, so that the plane maps to a curve: the points go
+on, and the perturbation ends there.
 """
 
 import math
@@ -20,9 +21,10 @@ from bvp.kernels.phase import (
     COUNTS,
     EVENTS,
     IMPACT,
+    PENDING,
+    PHASE,
     REFERENCE,
     REFERENCE_LOW,
-    SPAN,
     TIME,
     TIME_LOW,
     begin_anew,
@@ -31,11 +33,10 @@ from bvp.kernels.phase import (
 from bvp.kernels.restitution import restitute
 from bvp.kernels.trail import event
 
-__all__ = ["COMPLETE", "EVENTS_AT_ONCE", "RESTS", "STICKS", "TIME_OVER", "follow_section", "rises"]
+__all__ = ["COMPLETE", "EVENTS_AT_ONCE", "TIME_OVER", "follow_section", "rises"]
 
-COMPLETE, TIME_OVER, RESTS, STICKS = -1, -2, -3, -4
-"""How following an orbit ended, besides the endings of `bvp.kernels.motion`: with all points asked for; at the longest time; where bounces
-come to rest on a stop; where it stays on one without."""
+COMPLETE, TIME_OVER = -1, -2
+"""How following an orbit ended, besides the endings of `bvp.kernels.motion`: with all points asked for; at the longest time."""
 
 STEP_LIMIT = 100_000
 ROOM = 64
@@ -83,36 +84,42 @@ def rises(pairs, mean, delta, matrix, value, rate, second, z, duration, sign, ti
 
 @allocating
 def follow_section(
-    phases, functional, plane, quadratic, starts, changes, stretch_time, longest,
-    times, points, energies, growths, tangents, counts, impacts, statuses, log, scratch, marks,
+    phases, functional, plane, quadratic, starts, changes, stretch_time, longest, first,
+    times, points, energies, growths, tangents, counts, impacts, held_times, statuses, log, scratch, marks,
 ):  # fmt: skip
-    """Follow each row (u, v) of `starts` (M, 2 n), which lies on the section, to its P-th crossing.
+    """Follow each row (u, v) of `starts` (M, 2 n), from the `first`-th on, which lies on the section, to its P-th crossing.
 
-    phases: that without a contact held alone; an orbit ends where it would need another one. functional (3, N): rows of f, f', f''.
-    plane (2, N): rows of the two coordinates on the section. quadratic (N, N): energy is z . quadratic z/2. changes (M, N): a perturbation
-    along the section of each start. stretch_time: length of what is run at once.
+    For each of F phases: functional (F, 3, N): rows of f, f', f''. plane (F, 2, N): rows of the two coordinates on the section. quadratic
+    (F, N, N): energy is z . quadratic z/2. changes (M, N): a perturbation along the section of each start. stretch_time: length of what is
+    run at once.
     times (M, P), points (M, P, 2), energies (M, P): of each crossing, the start being the first. growths (M, P): logarithm of the
-    perturbation's size, in the plane, over that at the start; tangents (M, P, 2): its direction.
-    counts, impacts, statuses (M,): crossings, impacts up to the end, how it ended. log, scratch, marks: as of `bvp.kernels.motion.move`; as
-    many events as the log has room for are run at once, too."""
+    perturbation's size, in the plane, over that at the start; tangents (M, P, 2): its direction; NaN after a contact was held.
+    counts, impacts, held_times, statuses (M,): crossings, impacts up to the end, time with a contact held up to the last crossing or the
+    end, how it ended. log, scratch, marks: as of `bvp.kernels.motion.move`; as many events as the log has room for are run at once, too.
+
+    Returns (M, 0), or (the orbit that wants one more phase, the contacts that are held in it): add it and call again from there."""
     size = changes.shape[1]
     wanted = times.shape[1]
-    pairs, mean, delta, matrix = phases.pairs[0], phases.mean[0], phases.delta[0], phases.matrix[0]
     z, begin, change = np.empty(size), np.empty(size), np.empty(size)
     x, no_peaks = np.empty(starts.shape[1]), np.empty(0)
     state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
     numbers, clock = np.empty(COUNTS, np.int64), np.empty(CLOCK)
     turns, sums = np.empty((0, 2)), np.empty((log.sums.shape[1], 2))
     passages, work = np.empty(ROOM), np.empty(size)
-    for m in range(starts.shape[0]):
+    for m in range(first, starts.shape[0]):
         begin_anew(numbers, clock, turns, sums)
         for r in range(starts.shape[1]):
             x[r] = starts[m, r]
         times_matrix(phases.enter[0], x, begin)
         for r in range(size):
             change[r] = changes[m, r]
-        growth = 0.0 - math.log(math.hypot(dot(plane[0], change), dot(plane[1], change)))
-        growth = record(plane, quadratic, begin, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0)
+        growth = 0.0 - math.log(math.hypot(dot(plane[0, 0], change), dot(plane[0, 1], change)))
+        f = 0
+        slid = False
+        held = 0.0
+        growth = record(
+            plane[0], quadratic[0], begin, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0
+        )
         count = 1
         hits = 0
         sign = int64(1)
@@ -126,31 +133,39 @@ def follow_section(
             code = move(
                 phases, min(stretch_time, longest - elapsed), MOST, z, x, numbers, clock, turns, sums, marks, no_peaks, log, scratch
             )
+            if code == NEW_PHASE:
+                return m, numbers[PENDING]
             events = numbers[EVENTS]
-            # Bounces that are summed lie beyond the state z.
-            reached = clock[TIME] - clock[SPAN]
             started = 0.0
             for k in range(events + 1):
-                duration = max(0.0, (log.values[k, 0] if k < events else reached) - started)
-                found, sign = rises(
-                    pairs, mean, delta, matrix, functional[0], functional[1], functional[2], begin, duration, sign, passages, work
-                )
+                pairs, mean, delta, matrix = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
+                rows = functional[f]
+                duration = max(0.0, (log.values[k, 0] if k < events else clock[TIME]) - started)
+                found, sign = rises(pairs, mean, delta, matrix, rows[0], rows[1], rows[2], begin, duration, sign, passages, work)
                 if found < 0:
                     status = GAVE_UP
                     break
                 for i in range(found):
-                    event(pairs, mean, delta, matrix, functional[0], begin, change, passages[i], state, state_change, velocity)
+                    event(pairs, mean, delta, matrix, rows[0], begin, change, passages[i], state, state_change, velocity)
                     growth = record(
-                        plane, quadratic, state, state_change, change, elapsed + started + passages[i], growth,
+                        plane[f], quadratic[f], state, state_change, change, elapsed + started + passages[i], growth,
                         times[m], points[m], energies[m], growths[m], tangents[m], count
                     )  # fmt: skip
                     count += 1
                     if count == wanted:
+                        duration = passages[i]
                         break
+                if f != 0:
+                    held += duration
                 if count == wanted:
                     break
-                if k < events and log.numbers[k, 0] == IMPACT:
-                    hits += 1
+                hits += 1 if k < events and log.numbers[k, 0] == IMPACT else 0
+                after = log.numbers[k, 2] if k < events else numbers[PHASE]
+                if slid or f != 0 or after != 0:
+                    slid = True
+                    for r in range(size):
+                        change[r] = math.nan
+                elif k < events and log.numbers[k, 0] == IMPACT:
                     contact = log.numbers[k, 1]
                     event(pairs, mean, delta, matrix, phases.gap[0, contact], begin, change, duration, state, state_change, velocity)
                     restitute(phases.rate[0], phases.push[0], phases.restitution, contact, state_change, change)
@@ -160,12 +175,9 @@ def follow_section(
                         change[r] = state_change[r]
                 for r in range(size):
                     begin[r] = log.states[k, r] if k < events else z[r]
-                started = log.values[k, 0] if k < events else reached
+                started = log.values[k, 0] if k < events else clock[TIME]
+                f = after
             if status == GAVE_UP or count == wanted:
-                break
-            if code == NEW_PHASE:
-                bounced = events > 0 and log.numbers[events - 1, 0] == IMPACT
-                status = RESTS if bounced and phases.restitution[log.numbers[events - 1, 1]] > 0.0 else STICKS
                 break
             if code != REACHED and code != FULL:
                 status = code
@@ -178,7 +190,9 @@ def follow_section(
             clock[TIME_LOW] = 0.0
         counts[m] = count
         impacts[m] = hits
+        held_times[m] = held
         statuses[m] = status
+    return starts.shape[0], int64(0)
 
 
 @kernel
