@@ -131,7 +131,11 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
     from branches.catalogue.tables import orbit_rows, orbit_samples
 
     found: list[tuple[str, Orbit]] = []
+    filters = family_filters.from_arguments(arguments)
     if arguments.names:
+        if family_filters.told(filters):
+            asked = family_filters.words(filters)
+            raise BadInput(f"names and {asked} both choose orbits; expected names, or --energy H for all that cross it")
         for name in arguments.names:
             match = catalogue.find(name)
             if match.kind != "family":
@@ -141,12 +145,12 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
             branch = catalogue.branch(match.id)
             assert match.h is not None and match.alpha is not None
             orbits = branch.orbits_at(energy=match.h) if "h=" in name else branch.orbits_at(alpha=match.alpha)
-            if orbits:
-                found.append((match.id, min(orbits, key=_distance_to(match.h, match.alpha))))
+            if not orbits:
+                raise BadInput(f"the orbit {name} could not be solved for; expected one farther from the end of its family")
+            found.append((match.id, min(orbits, key=_distance_to(match.h, match.alpha))))
     elif arguments.energy is None:
         raise BadInput("which orbits? expected names such as S13O00+@h=1, or --energy H for all families that cross it")
     else:
-        filters = family_filters.from_arguments(arguments)
         for row in catalogue.families(**filters):
             found += [(row.id, orbit) for orbit in catalogue.branch(row.id).orbits_at(energy=arguments.energy)]
         if not found:

@@ -174,6 +174,8 @@ BAD = [
     (["export", "points", "--out", "-", "--format", "npz"], "cannot go to standard output"),
     (["export", "orbits", "--out", "o.csv"], "--energy H"),
     (["export", "orbits", "S13+", "--out", "o.csv"], "which orbit of S13+"),
+    (["export", "orbits", "S13+@h=1", "--energy", "2", "--out", "o.csv"], "names and --energy 2.0 both choose orbits"),
+    (["export", "orbits", "S13+@h=1", "--label", "U8*", "--out", "o.csv"], "names and --label U8* both choose orbits"),
     (["export", "orbits", "S99O00+@h=1", "--out", "o.csv"], "nearest that exist"),
     (["export", "graph", "--out", "g.json", "--columns", "h"], "--columns is for points"),
     (["export", "points", "--out", "no/such/p.csv"], "does not exist"),
