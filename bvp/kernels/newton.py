@@ -143,17 +143,17 @@ def scaled_residual(segment, residual, displacement, velocity):
     rows = size + 1
     k = segment.shape[0]
     worst = 0.0
-    for j in range(residual.shape[0]):
-        i = j // rows
-        r = j - i * rows
-        if i < k or segment.shape[1] == 1:
-            scale = velocity if half <= r < size else displacement
-        else:
-            total = 0.0
-            for c in range(half):
-                total += abs(segment.end_map[r, c])
-            scale = displacement if total > 0.0 else velocity
-        value = abs(residual[j]) / scale
+    whole = k + 1 if segment.shape[1] == 1 else k
+    for i in range(whole):
+        for r in range(rows):
+            value = abs(residual[i * rows + r]) / (velocity if half <= r < size else displacement)
+            if not value <= worst:
+                worst = value
+    for e in range(residual.shape[0] - whole * rows):
+        total = 0.0
+        for c in range(half):
+            total += abs(segment.end_map[e, c])
+        value = abs(residual[whole * rows + e]) / (displacement if total > 0.0 else velocity)
         if not value <= worst:
             worst = value
     return worst
