@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
 
 MOST_SAMPLES = 400_000
-"""Samples of the record that stages are told from; a longer motion has them as far as these go. This bounds the work and does not tell
-its time, which goes by the machine and by the ridges that are linked: 20 s and 34 s were measured."""
+"""Samples of the record that stages are told from, which bounds the work: some tens of seconds, by the machine and the ridges. A longer
+motion has a coarser record, where that still shows what moves, and else stages as far as these go."""
 
 
 FINEST = 64
@@ -177,19 +177,21 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
         families = families_of(catalogue, gap)
     elif start.branch is not None:
         families = families_of([start.branch], gap)
-    span, finer = told.motion.duration, 1
+    span = told.motion.duration
+    samples = min(MOST_SAMPLES, samples_of(told.motion, span))
+    finest = FINEST * samples_of(told.motion, span) / span  # a unit of time
     while True:
-        samples = finer * samples_of(told.motion, span)
-        if samples > MOST_SAMPLES:
-            span *= MOST_SAMPLES / samples
-            samples = MOST_SAMPLES
         try:
             shown = Transition(scene.system, sampled(told.motion, told.sharing, samples, span), gap)
             stages = stages_of(shown.record, gap, families, spectrum=shown.spectrum)
         except TooCoarse as error:
-            finer *= 2
-            if finer > FINEST:
+            # Twice as fine: with more samples, or, where these are as many as there can be, over half of the time.
+            if 2.0 * samples / span > finest:
                 return replace(told, why_no_stages=one_line(error))
+            if samples < MOST_SAMPLES:
+                samples = min(MOST_SAMPLES, 2 * samples)
+            else:
+                span *= 0.5
         except ValueError as error:
             return replace(told, why_no_stages=one_line(error))
         else:

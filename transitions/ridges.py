@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from transitions.kernels.ridges import link
 from transitions.spectrum import Spectrum
 
 __all__ = ["HOLDS", "SHARE", "Held", "Ridge", "amplitude_of_motion", "held", "periods", "ridges"]
@@ -19,6 +20,9 @@ HOLDS = 3.0
 
 _FAINT = 0.25 * SHARE  # maxima with a smaller part are not looked at
 _DRIFT = 0.25  # octaves in one period of its own that a ridge may move: what goes faster is a jump to another
+
+
+_ROUNDING = 64.0 * np.finfo(float).eps  # of the signal: the transform turns over the whole of it at once, and rounds with its largest part
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +118,16 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
     -------
     list of Ridge
         Maxima of successive columns are one ridge where each is the other's nearest in frequency, and no further than a quarter of an
-        octave in one of their periods, or one row of the spectrum. A ridge that is lost for less than a period goes on.
+        octave in one of their periods, or one row of the spectrum. A ridge that is lost for less than a period goes on. What is lost in
+        the rounding of the transform, 1e-14 of the signal's range, has none.
     """
     amplitudes = spectrum.amplitudes
     step = float(spectrum.times[1] - spectrum.times[0])
     inner = amplitudes[1:-1]
     columns, rows = np.nonzero(((inner > amplitudes[:-2]) & (inner >= amplitudes[2:])).T)
     rows = rows + 1
-    below, here, above = (np.log(np.maximum(amplitudes[rows + k, columns], 1e-300)) for k in (-1, 0, 1))
+    # Neighbouring rows of a tone are nearly as high: what is not is rounding, and no parabola.
+    below, here, above = (np.log(np.maximum(amplitudes[rows + k, columns], 0.5 * amplitudes[rows, columns])) for k in (-1, 0, 1))
     # The logarithm of the response to a tone is nearly a parabola of that of the frequency.
     bend = below - 2.0 * here + above
     shift = np.where(bend < 0.0, 0.5 * (below - above) / np.where(bend < 0.0, bend, -1.0), 0.0)
@@ -132,7 +138,7 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
     motion = amplitude_of_motion(times, signal, at, frequencies)
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(motion > 0.0, heights / motion, 0.0)
-    kept = shares >= _FAINT
+    kept = (shares >= _FAINT) & (heights > _ROUNDING * np.ptp(signal))
     columns, level, heights, shares = columns[kept], level[kept], heights[kept], shares[kept]
     following = _linked(columns, level, amplitudes.shape[1], spectrum.octaves, step)
     out = []
@@ -154,30 +160,9 @@ def _ridge(columns: np.ndarray, level: np.ndarray, heights: np.ndarray, shares: 
 def _linked(columns: np.ndarray, level: np.ndarray, count: int, spacing: float, step: float) -> np.ndarray:
     """Index of the maximum that follows each, -1 where none does: `columns` do not fall, `level` is the frequency in octaves."""
     bounds = np.searchsorted(columns, np.arange(count + 1))
-    following = np.full(len(columns), -1)
     reach = np.maximum(spacing, _DRIFT * 2.0**level * step / (2.0 * math.pi))
-    for column in range(count - 1):
-        here, there = slice(bounds[column], bounds[column + 1]), slice(bounds[column + 1], bounds[column + 2])
-        if here.start == here.stop or there.start == there.stop:
-            continue
-        apart = np.abs(level[here][:, None] - level[there][None, :])
-        near, back = np.argmin(apart, axis=1), np.argmin(apart, axis=0)
-        one = np.arange(len(near))
-        linked = (back[near] == one) & (apart[one, near] <= reach[here])
-        following[here] = np.where(linked, there.start + near, -1)
-    followed = np.zeros(len(columns), dtype=bool)
-    followed[following[following >= 0]] = True
-    for end in np.flatnonzero(following < 0):
-        period = 2.0 * math.pi / 2.0 ** level[end]
-        stop = bounds[min(count, int(columns[end] + period / step) + 1)]
-        open_ = np.arange(bounds[columns[end] + 1], stop)
-        open_ = open_[~followed[open_]]
-        gaps = (columns[open_] - columns[end]) * step / period
-        apart = np.abs(level[open_] - level[end])
-        fits = apart <= np.maximum(spacing, _DRIFT * gaps)
-        if fits.any():
-            chosen = int(open_[fits][np.argmin(columns[open_][fits] * 1e3 + apart[fits])])
-            following[end], followed[chosen] = chosen, True
+    following, scratch = np.empty((2, len(columns)), dtype=np.int64)
+    link(columns, level, bounds, reach, spacing, _DRIFT, step, following, np.empty(len(columns), dtype=np.bool_), scratch)
     return following
 
 

@@ -14,8 +14,9 @@ from branches.catalogue import Catalogue
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import NEAR, Family, Meeting, families_of, harmonics
 from transitions.following import Match, steady, stretches
+from transitions.kernels.ridges import link
 from transitions.lines import Around, partner, unlike
-from transitions.ridges import HOLDS, SHARE, amplitude_of_motion
+from transitions.ridges import HOLDS, SHARE, amplitude_of_motion, ridges
 from transitions.spectrum import Wavelet
 from transitions.stage import changes, stages_as_data
 from transitions.stages import spectrum_of, stages_of
@@ -85,6 +86,29 @@ def test_two_tones_are_a_stage_with_a_companion_until_the_weaker_is_left():
     assert companion.ratio == pytest.approx(3.0, rel=0.01)
     mean = 60.0 * (1.0 - math.exp(-first.end / 60.0)) / first.end
     assert companion.amplitude == pytest.approx(0.3 / mean, rel=0.05)
+
+
+def test_a_tone_that_dies_away_is_one_stage():
+    """Oracle: the signal, exp(-t/30) cos 2t: a stage to 1e-5 of its first amplitude, and its ridge goes on down to 1e-13."""
+    times = 0.05 * np.arange(30_000)
+    decay = np.exp(-times / 30.0)
+    record = synthetic(times, decay * np.cos(2.0 * times), -decay * (np.cos(2.0 * times) / 30.0 + 2.0 * np.sin(2.0 * times)))
+    found = stages_of(record, GAP)
+    assert found[0].start == 0.0 and found[0].end > 345.0 and found[0].frequency == pytest.approx(2.0, rel=0.005)
+    spectrum = spectrum_of(record, GAP)
+    last = int(np.searchsorted(spectrum.times, 900.0))
+    (tone,) = [ridge for ridge in ridges(spectrum, times, decay * np.cos(2.0 * times)) if ridge.first == 0 and len(ridge) > last]
+    assert tone.frequencies == pytest.approx(2.0, rel=0.02) and 0.8 < tone.shares.min() < tone.shares.max() < 1.1
+
+
+def test_maxima_are_linked_to_their_nearest():
+    """Oracle: by hand: two that go on, one that is nobody's nearest, and one that is lost for a column."""
+    columns = np.array([0, 0, 1, 1, 1, 2, 3, 3])
+    level = np.array([0.0, 1.0, 0.01, 0.5, 0.98, 1.0, 0.02, 1.01])
+    bounds = np.array([0, 2, 5, 6, 8])
+    following, scratch = np.empty((2, 8), dtype=np.int64)
+    link(columns, level, bounds, np.full(8, 0.05), 0.05, 0.25, 1.0, following, np.empty(8, dtype=np.bool_), scratch)
+    assert following.tolist() == [2, 4, 6, -1, 5, 7, -1, -1]
 
 
 def noise(times, low, high, seed):
