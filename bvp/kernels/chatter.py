@@ -19,6 +19,7 @@ from bvp.kernels.ledger import add, advance_clock
 from bvp.kernels.phase import (
     BOUNCES,
     BOUNCING,
+    HELD_TIME,
     INITIAL,
     REFERENCE,
     REFERENCE_LOW,
@@ -147,6 +148,8 @@ def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values)
                     for i in range(parts):
                         add(sums, i, table[order, 1 + width + i] - values[1 + width + i])
                     advance_clock(phases, clock, turns, ahead)
+                    if phases.held[f] != 0:
+                        clock[HELD_TIME] += ahead
                     clock[SPAN] = ahead
                     return True
     if small:

@@ -17,6 +17,7 @@ from bvp.kernels.extrema import dot, look, refine, safe_step, separate
 from bvp.kernels.flight import flow_state
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_PHASE, REACHED, move
 from bvp.kernels.phase import (
+    CHATTER,
     CLOCK,
     COUNTS,
     EVENTS,
@@ -137,6 +138,7 @@ def follow_section(
                 return m, numbers[PENDING]
             events = numbers[EVENTS]
             started = 0.0
+            bouncing = False  # up to where bounces are summed to, in the phase that they end in, no contact is held by them yet
             for k in range(events + 1):
                 pairs, mean, delta, matrix = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
                 rows = functional[f]
@@ -155,7 +157,7 @@ def follow_section(
                     if count == wanted:
                         duration = passages[i]
                         break
-                if f != 0:
+                if f != 0 and not bouncing:
                     held += duration
                 if count == wanted:
                     break
@@ -176,6 +178,7 @@ def follow_section(
                 for r in range(size):
                     begin[r] = log.states[k, r] if k < events else z[r]
                 started = log.values[k, 0] if k < events else clock[TIME]
+                bouncing = k < events and log.numbers[k, 0] == CHATTER and f == 0
                 f = after
             if status == GAVE_UP or count == wanted:
                 break
