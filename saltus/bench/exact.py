@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from branches.family import Family
 from branches.stability import describe
-from branches.tracing import follow_family
+from branches.tracing import SETTINGS, follow_family
 from bvp.cycle import cycle_of
 from bvp.damped import Mover
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import Solution
 from bvp.saltation import saltation_multipliers
+from continuation.settings import Settings
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.breakdown import breakdown
 from saltus.bench.following import BareFamily, timed_runs
-from saltus.bench.methods import Method, Work
+from saltus.bench.methods import OWN, OWN_SHORT, SHORT_STEP, Method, Work
 from saltus.bench.tasks import LocateTask, OrbitTask, RunTask, Task
 
 __all__ = ["EXACT", "Saltus"]
@@ -41,17 +42,20 @@ class Saltus(Method):
         "none".
     layers : bool
         Whether the time of a point is taken apart.
+    settings : continuation.Settings
+        How a family is followed.
     """
 
     name: str
     route: str
     layers: bool = False
+    settings: Settings = SETTINGS
 
     setting = ""
 
     def does(self, task: Task) -> bool:
         """See `saltus.bench.methods.Method`."""
-        return isinstance(task, OrbitTask) or self.route == "half map"
+        return isinstance(task, OrbitTask) or self.name == OWN
 
     def ladder(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
         """See `saltus.bench.methods.Method`."""
@@ -82,7 +86,7 @@ class Saltus(Method):
     def _follow(self, task: OrbitTask) -> Answer:
         problem, y = task.problem, task.unknowns()
         family = BareFamily(problem) if self.route == "none" else Family(problem)
-        runs = timed_runs(family, y, POINTS, RUNS)
+        runs = timed_runs(family, y, POINTS, RUNS, self.settings)
         solutions: list[Solution] = [step.extra for step in runs[0].steps]
         seconds = min(run.clean_point for run in runs)
         chosen = sorted({(len(solutions) * part) // LOOKED_AT - 1 for part in range(1, LOOKED_AT + 1)} - {-1})
@@ -133,7 +137,8 @@ def _locate(task: LocateTask) -> Answer:
 
 
 EXACT = (
-    Saltus("saltus", "half map", layers=True),
+    Saltus(OWN, "half map", layers=True),
+    Saltus(OWN_SHORT, "half map", settings=replace(SETTINGS, initial_step=SHORT_STEP, maximum_step=SHORT_STEP)),
     Saltus("saltus, orbit only", "none"),
     Saltus("saltus, saddle-point matrix", "saddle point"),
     Saltus("saltus, saltation product", "saltation"),

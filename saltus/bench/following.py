@@ -18,6 +18,7 @@ from continuation.engine import Allowance, first_step, walk
 from continuation.location import Location
 from continuation.points import PlainPoints
 from continuation.problem import Event, EventDetails, Marched, Point, Problem, Step, Test
+from continuation.settings import Settings
 
 __all__ = ["BareFamily", "RecordedFamily", "Run", "Spread", "spread", "timed_run", "timed_runs"]
 
@@ -106,7 +107,7 @@ class Run:
     steps : list of Step
         The accepted points after the start, without those at events.
     seconds : (N,) float
-        Time from one accepted point to the next, refused steps and event location included.
+        Of the processor, from one accepted point to the next, refused steps and event location included.
     clean : (N,) bool
         No event was located on the way to the point.
     events : int
@@ -129,8 +130,8 @@ class Run:
         return float(np.mean(self.seconds))
 
 
-def timed_run(family: Problem, start: Step, points: int) -> Run:
-    """Follow a family to higher energy, and time each point.
+def timed_run(family: Problem, start: Step, points: int, settings: Settings = SETTINGS) -> Run:
+    """Follow a family to higher energy, and take the processor time of each point.
 
     Points come in blocks: the first of a block has the time of all of it, and of the step that ended it. Means are right; no more points
     are computed than are counted. Those of a block stay in its arrays while time is taken, with all that is known of them.
@@ -142,18 +143,19 @@ def timed_run(family: Problem, start: Step, points: int) -> Run:
         As `family.begin` gives it.
     points : int
         Accepted points after the start; fewer where the family ends before.
+    settings : continuation.Settings
 
     Raises
     ------
     RuntimeError
         Where there is no point without an event on its way to measure.
     """
-    clock = time.perf_counter
+    clock = time.process_time
     allowance = Allowance(points + 1, resume=True)
     first = first_step(family, start, 1)
     if isinstance(first, str):
         raise RuntimeError(first)
-    run = walk(family, first, SETTINGS, None, (), allowance)
+    run = walk(family, first, settings, None, (), allowance)
     next(run)
     found: list[Sequence[Point]] = []
     count = 0
@@ -185,8 +187,8 @@ def timed_run(family: Problem, start: Step, points: int) -> Run:
     return Run([point.step for piece in found for point in piece], np.array(seconds), np.array(clean), events)
 
 
-def timed_runs(family: Problem, y: np.ndarray, points: int, repeats: int) -> list[Run]:
+def timed_runs(family: Problem, y: np.ndarray, points: int, repeats: int, settings: Settings = SETTINGS) -> list[Run]:
     """Repeat a run after one that is not measured, from unknowns y."""
     start = family.begin(y)
-    timed_run(family, start, points)
-    return [timed_run(family, start, points) for _ in range(repeats)]
+    timed_run(family, start, points, settings)
+    return [timed_run(family, start, points, settings) for _ in range(repeats)]

@@ -11,7 +11,7 @@ from bvp.nonsmooth_time import NonsmoothTimeOrbit, solve_nonsmooth_time
 from saltus.bench import auto
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.collocation import solve_collocation
-from saltus.bench.methods import Method, Work
+from saltus.bench.methods import SHORT_STEP, Method, Work
 from saltus.bench.tasks import LocateTask, OrbitTask, Task
 
 __all__ = ["PEERS", "Auto07p", "Collocation", "NonsmoothTime"]
@@ -108,15 +108,10 @@ INTERVALS = (1.0, 2.0, 4.0)
 LONG, SHORT = 1800, 90
 """Points of the runs whose difference in time is divided by that of their points, for one flight; of k flights it is a k-th part."""
 
-STEP = 1e-4
-"""Of AUTO, in its own norm: so small that the longer run ends before the family does. It is in AUTO's favour: longer steps, as saltus takes
-them, need more corrections, on the orbit with 8 impacts half as many again."""
-
-
 def _auto(task: OrbitTask, intervals: int, timed: bool) -> Answer:
     """A few points of a family by AUTO, and, where timed, the seconds of one."""
     problem, y = task.problem, task.unknowns()
-    settings = auto.AutoSettings(intervals=intervals, step=STEP, points=4)
+    settings = auto.AutoSettings(intervals=intervals, step=SHORT_STEP, points=4)
     with auto.Auto() as there:
         run = there.follow(problem, y, settings)
         parts = len(task.word) + 1

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from branches.diagram.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, new_figure, picture_settings
-from saltus.bench.report import OWN, worst
+from saltus.bench.methods import OWN
+from saltus.bench.report import worst
 from saltus.bench.tasks import Task
 
 if TYPE_CHECKING:

@@ -1,6 +1,7 @@
 """`saltus bench`. Oracles: closed forms, a second method in many digits, the equations themselves; no time is asserted."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -23,7 +24,7 @@ from saltus.bench.exact import EXACT
 from saltus.bench.fixed_period import Integrator, PeriodShooting
 from saltus.bench.growth import chain, growth, physical_period
 from saltus.bench.integrators import INTEGRATORS
-from saltus.bench.methods import methods
+from saltus.bench.methods import SHORT_STEP, methods
 from saltus.bench.peers import PEERS
 from saltus.bench.report import best_rows, tables
 from saltus.bench.tasks import IN_PHASE, OUT_OF_PHASE, TASKS, OrbitTask
@@ -126,6 +127,15 @@ def test_orbits_of_saltus(task, method):
         assert errors.multipliers is None
     elif method.route != "saltation":
         assert errors.multipliers < (1e-11 if task.closed else 1e-6)
+
+
+def test_points_at_short_steps_are_all_right():
+    """Oracle: the closed form at each point's own quarter period; each point lies a short step from the last."""
+    answer = EXACT[1].prepare(IN_PHASE, None).measured()
+    errors = IN_PHASE.errors(answer)
+    assert max(errors.orbit, errors.energy, errors.multipliers) < 1e-12
+    logarithms = [math.log(orbit.energy) for orbit in answer.orbits]
+    assert 0.0 < logarithms[-1] - logarithms[0] < 32 * SHORT_STEP
 
 
 def test_points_of_saltus_along_a_family_are_all_right():
@@ -374,3 +384,13 @@ def test_each_method_stands_in_the_table_at_its_least_error():
     assert own[2] == "10" and a[1] == "rtol 1e-09" and a[table.columns.index("to saltus")] == "200000"
     assert b[2] == "not done in 3 s"
     assert len({len(cells) for cells in table.rows} | {len(table.columns)}) == 1
+
+
+def test_the_program_of_the_field_is_compared_at_both_step_lengths():
+    """Oracle: rows made by hand; a setting whose error is too large does not count."""
+    rows = [
+        row("saltus", None, 1e-14, 1e-5), row("saltus, short steps", None, 1e-14, 5e-6),
+        row("AUTO-07p", 1.0, 1e-9, 5e-5), row("AUTO-07p", 2.0, 1e-13, 1e-4),
+    ]  # fmt: skip
+    beside = tables(rows, [IN_PHASE], {})[-1]
+    assert [(cells[1], cells[-2], cells[-1]) for cells in beside.rows] == [("saltus", "2", "10"), ("saltus, short steps", "2", "20")]
