@@ -57,6 +57,15 @@ def test_a_held_motion_is_that_of_the_constrained_equations(n, seed, forced):
     assert motion.balance_error < 1e-12 and motion.held_time == 2.0
 
 
+def test_a_contact_stays_held_while_bounces_at_another_are_summed():
+    """Oracle: the first contact is pressed all the time, so that it is held as long as the motion lasts; the second chatters meanwhile."""
+    stops = Stop((1.0, 0.0), upper=1.0, restitution=0.0, name="a"), Stop((0.0, 1.0), upper=1.0, restitution=0.6, name="b")
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops)
+    motion = run(system, [1.0, 0.5], [0.0, 0.0], 20.0, forces=[Constant([1.0, 1.0])])
+    assert EventKind.CHATTER.value in motion.kinds
+    assert motion.held_time == pytest.approx(20.0, rel=1e-14)
+
+
 def test_a_release_is_where_the_force_vanishes_and_not_later():
     """Chain of three, pressed by a record that fades: the multiplier, from the constrained equations in numpy, changes sign there."""
     system = chain([0.5, 1.0, 2.0], [1.0, 0.7], ground=0.3, damping=0.05, stops=(Stop((1.0, 0.0, 0.0), lower=-0.1, restitution=0.0),))
