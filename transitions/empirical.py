@@ -88,10 +88,12 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
     times, signal, step = checked(times, signal)
     if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
         raise ValueError(f"most is a whole number of 1 or more; received {most!r}")
+    # EMD-signal stops at absolute ranges and sums, fit for signals of size 1.
+    size = float(np.ptp(signal)) or 1.0
     sifting = EMD()
-    sifting.emd(signal, times - times[0], max_imf=-1 if most is None else most)
-    functions, residue = sifting.get_imfs_and_residue()
-    functions = np.asarray(functions, dtype=float).reshape(-1, len(times))
+    sifting.emd(signal / size, times - times[0], max_imf=-1 if most is None else most)
+    functions, _ = sifting.get_imfs_and_residue()
+    functions = size * np.asarray(functions, dtype=float).reshape(-1, len(times))
     residue = signal - functions.sum(axis=0)
     analytic = hilbert(functions, axis=1) if len(functions) else np.zeros((0, len(times)), dtype=complex)
     phase = np.unwrap(np.angle(analytic), axis=1)

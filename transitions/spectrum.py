@@ -211,6 +211,9 @@ def checked(times: Any, signal: Any) -> tuple[np.ndarray, np.ndarray, float]:
     ValueError
         In one line, for what is none.
     """
+    complex_one = next((part for part in (np.asarray(times), np.asarray(signal)) if np.iscomplexobj(part)), None)
+    if complex_one is not None:
+        raise ValueError(f"the times and values of a signal are real numbers; received {complex_one.dtype}")
     times, signal = np.asarray(times, dtype=float), np.asarray(signal, dtype=float)
     if times.ndim != 1 or len(times) < 8 or signal.shape != times.shape:
         raise ValueError(f"a signal has a row of 8 times or more and as many values; received shapes {times.shape} and {signal.shape}")

@@ -48,6 +48,17 @@ def test_the_parts_sum_to_the_signal():
             assert len(modes.functions) <= most + 1
 
 
+@pytest.mark.parametrize("factor", [2.0**-40, 1e-4, 1e6])
+def test_no_length_is_built_in(factor):
+    """Oracle: the decomposition is homogeneous: a signal in other units has the same modes in those, and the same frequencies."""
+    signal = np.cos(4.0 * TIMES) + 1.5 * np.cos(0.9 * TIMES + 0.4)
+    one, other = decompose(TIMES, signal), decompose(TIMES, factor * signal)
+    assert other.functions.shape == one.functions.shape
+    np.testing.assert_allclose(other.functions / factor, one.functions, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(other.mean_frequencies, one.mean_frequencies, rtol=1e-9)
+    assert other.orthogonality == pytest.approx(one.orthogonality, rel=1e-9)
+
+
 def test_the_index_of_orthogonality():
     """Oracle: by hand; tones of different frequencies over whole periods are orthogonal, a part and its copy are not: 2 c^2/(2 c)^2."""
     turn = 2.0 * math.pi * np.arange(1000) / 1000
@@ -70,6 +81,7 @@ def test_a_missing_package_is_told_in_one_line(monkeypatch):
     [
         (TIMES**2, TIMES, None, "equal steps"),
         (TIMES[:5], TIMES[:5], None, "8 times or more"),
+        (TIMES, np.exp(1j * TIMES), None, "real numbers; received complex128"),
         (TIMES, np.cos(TIMES), 0, "most is a whole number"),
     ],
 )

@@ -113,6 +113,12 @@ def test_lines_show_the_record(drawn):
     assert by_gid(figure, "families-stable") is not None and by_gid(figure, "spectrum-cone") is not None
 
 
+def test_the_sum_of_both_shows_beside_one_that_is_all_of_it(drawn):
+    """Oracle: the line of the sum lies below the others and is at least twice as wide, so that its edges show where they coincide."""
+    both, *parts = (by_gid(drawn[2], f"lost-{name}") for name in ("both", "sink", "oscillator"))
+    assert all(both.get_linewidth() >= 2.0 * part.get_linewidth() and both.get_zorder() <= part.get_zorder() for part in parts)
+
+
 def test_the_spectrum_over_the_energy_stands_where_the_motion_is(drawn):
     """Oracle: the energy axis spans the motion's energies, and the ridge of its last stage lies at its frequency and energy."""
     transition, _, figure = drawn

@@ -169,8 +169,9 @@ def _draw_lost(axes: Axes, transition: Transition) -> None:
     nes, lo = record.dissipated_nes, record.dissipated_lo
     start = float(record.energy[0])
     whole = start or float(record.energy[-1] + nes[-1] + lo[-1])  # of a motion from rest: what came in
-    for name, values, colour in (("both", nes + lo, BLACK), ("sink", nes, LINES[0]), ("oscillator", lo, LINES[1])):
-        (line,) = axes.plot(record.times[few], 100.0 * values[few] / whole, color=colour, linewidth=1.0, label=name)
+    # The sum lies below and is wider: one that is all of it does not hide it.
+    for name, values, colour, width in (("both", nes + lo, BLACK, 2.4), ("sink", nes, LINES[0], 1.0), ("oscillator", lo, LINES[1], 1.0)):
+        (line,) = axes.plot(record.times[few], 100.0 * values[few] / whole, color=colour, linewidth=width, label=name)
         line.set_gid(f"lost-{name}")
     top = max(100.0, 105.0 * float(np.max(nes + lo)) / whole if np.max(nes + lo) > whole * (1.0 + 1e-9) else 0.0)
     linear_axis(axes, "y", (0.0, top), 5, "dissipated, of the start" if start else "dissipated, of what came in", r"\%")
