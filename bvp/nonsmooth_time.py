@@ -28,10 +28,13 @@ if TYPE_CHECKING:
 
     from bvp.system import ImpactSystem
 
-__all__ = ["TOLERANCE", "NonsmoothTimeOrbit", "NotMatched", "why_not", "solve_nonsmooth_time"]
+__all__ = ["LEAST_TOLERANCE", "TOLERANCE", "NonsmoothTimeOrbit", "NotMatched", "why_not", "solve_nonsmooth_time"]
 
 TOLERANCE = 1e-6
 """The smaller of the two matching tolerances that the paper names."""
+
+LEAST_TOLERANCE = 1e-13
+"""The least that is asked for: displacements of size 1 round to some 1e-15 over a half period, and shooting would not end below that."""
 
 _CORRECTIONS = 25
 _FLIGHTS = 1000
@@ -178,7 +181,7 @@ def solve_nonsmooth_time(
     velocities : (n,) array_like
         A guess of u'(0).
     tolerance : float
-        The end is matched where every |y_i(1)| is below it, in units of displacement.
+        The end is matched where every |y_i(1)| is below it, in units of displacement; `LEAST_TOLERANCE` or more.
     integrator_tolerance : float, optional
         Relative and absolute tolerance of the integrator, by default a hundredth of the other one; the paper names none.
     integrator : str
@@ -217,6 +220,8 @@ def solve_nonsmooth_time(
         raise ValueError(f"the nonsmooth time transformation needs an undamped, elastic system with odd symmetry: {reason}")
     quarter_period = _positive(quarter_period, "quarter_period")
     tolerance = _positive(tolerance, "tolerance")
+    if tolerance < LEAST_TOLERANCE:
+        raise ValueError(f"tolerance is {LEAST_TOLERANCE:g} or more, as rounding leaves less to no orbit; received {tolerance:g}")
     fine = 0.01 * tolerance if integrator_tolerance is None else _positive(integrator_tolerance, "integrator_tolerance")
     fine = max(fine, 100.0 * float(np.finfo(float).eps))  # the integrator's own least
     n = system.degrees_of_freedom

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from itertools import chain, repeat
 from pathlib import Path
 from typing import IO, Any
@@ -59,8 +60,9 @@ class RowFile:
         self.rows.append(row)
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Close the file; a row that `add` could not write has been told, and is not tried again."""
+        with suppress(OSError):
+            self._file.close()
 
 
 def plain(value: Any) -> Any:

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="exact",
         help="exact (default), or nstt: shooting in nonsmooth time as in Lee et al. (2009), approximate, without multipliers",
     )
-    parser.add_argument("--tolerance", metavar="EPS", type=positive, help="of nstt: the half period is matched to this (default: 1e-6)")
+    parser.add_argument("--tolerance", metavar="EPS", type=positive, help="of nstt: matching at half a period, from 1e-13 (default: 1e-6)")
     outputs.add_arguments(parser)
     catalogue_arguments.add_file(parser, "take the family from this catalogue, as it was followed, in place of a search")
     scene_arguments.add_arguments(parser)
@@ -42,6 +42,11 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.from_arguments(arguments)
     if arguments.tolerance is not None and arguments.method == "exact":
         raise BadInput("--tolerance is of an approximate method, and --method is exact: expected --method nstt with it")
+    if arguments.tolerance is not None:
+        from bvp.nonsmooth_time import LEAST_TOLERANCE
+
+        if arguments.tolerance < LEAST_TOLERANCE:
+            raise BadInput(f"--tolerance: received {arguments.tolerance:g}, expected {LEAST_TOLERANCE:g} or more: less is below rounding")
 
     from branches.labels import parse_name
 

@@ -107,6 +107,7 @@ def test_three_masses():
         ({"velocities": [1.0]}, "2 finite numbers"),
         ({"velocities": [0.0, 0.0]}, "all zero"),
         ({"tolerance": 0.0}, "tolerance.*0"),
+        ({"tolerance": 9e-14}, "1e-13 or more.*9e-14"),
         ({"tolerance": float("nan")}, "NaN"),
         ({"integrator_tolerance": -1e-9}, "integrator_tolerance.*-1e-09"),
     ],

@@ -41,6 +41,17 @@ CASES: list[Case] = []
 """All cases whose files were imported, in the order of the files."""
 
 
+def largest(*errors):
+    """The largest error; NaN where one of them is, which `max` would pass over.
+
+    Examples
+    --------
+    >>> largest(1e-15, float("nan"))
+    nan
+    """
+    return math.nan if any(math.isnan(error) for error in errors) else max(errors)
+
+
 def hard(text, *, source, limit, what):
     """Decorate a test that returns its largest measured error.
 

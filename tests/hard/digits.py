@@ -8,6 +8,8 @@ period composed with u -> -u is one exact flight and one saltation; the multipli
 import mpmath as mp
 import numpy as np
 
+from tests.hard.cases import largest
+
 DIGITS = 50
 
 
@@ -24,8 +26,8 @@ class Closed:
             lower = mp.cholesky(mp.matrix(system.mass.tolist()))
             inverse = lower**-1
             squares, vectors = mp.eigsy(inverse * mp.matrix(system.stiffness.tolist()) * inverse.T)
-            largest = max(abs(x) for x in squares)
-            squares = [mp.mpf(0) if abs(x) < mp.mpf(10) ** (12 - DIGITS) * largest else x for x in squares]
+            stiffest = max(abs(x) for x in squares)
+            squares = [mp.mpf(0) if abs(x) < mp.mpf(10) ** (12 - DIGITS) * stiffest else x for x in squares]
             self.shapes = inverse.T * vectors
             self.frequencies = [mp.sqrt(x) for x in squares]
             row = mp.matrix([list(map(mp.mpf, map(float, system.stops[0].gap)))])
@@ -101,4 +103,4 @@ def relative(values, expected):
     """Largest difference of some numbers from the expected ones, over the largest of those."""
     values, expected = list(values), list(expected)
     size = max(abs(x) for x in expected)
-    return float(max(abs(mp.mpf(float(a)) - b) for a, b in zip(values, expected, strict=True)) / size)
+    return float(largest(*(abs(mp.mpf(float(a)) - b) for a, b in zip(values, expected, strict=True))) / size)

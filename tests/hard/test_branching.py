@@ -9,7 +9,7 @@ from branches.tracing import follow_family
 from saltus.bench.closed_form import Backbone
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment
-from tests.hard.cases import hard
+from tests.hard.cases import hard, largest
 from tests.hard.test_resonance import symmetric
 
 CLOSED_FORM = "closed form in 40 digits"
@@ -36,13 +36,13 @@ def test_both_multipliers_cross_at_once(impacts):
     for alpha, code, turns in ((math.pi / 2.0 / FREQUENCY, "BP", 1), (3.0 * math.pi / 4.0 / FREQUENCY, "PD", 2)):
         met = [e for e in branch.events if e.type == code and abs(e.alpha / alpha - 1.0) < 1e-6]
         assert len(met) == (2 if impacts and code == "PD" else 1), (code, [(e.type, e.alpha) for e in branch.events])
-        worst = max(worst, *(abs(e.alpha / alpha - 1.0) for e in met))
+        worst = largest(worst, *(abs(e.alpha / alpha - 1.0) for e in met))
         for event in met:
             born = branch.switch(event, energy=(0.2, 200.0))
             assert born
             for family in born:
                 inner = family.points["alpha"][np.abs(family.points["h"] / event.h - 1.0) > 1e-6]
-                worst = max(worst, np.max(np.abs(inner / (turns * alpha) - 1.0)))
+                worst = largest(worst, np.max(np.abs(inner / (turns * alpha) - 1.0)))
                 assert np.max(inner) > 0.0 and family.points["h"].max() > event.h * 1.0002
     return worst
 
@@ -64,7 +64,7 @@ def test_a_pitchfork_from_its_side():
         again = born.trace(len(born) // 2, energy=(0.05, 100.0))
         met = [e for e in again.events if e.type == "BP"]
         assert len(met) == 1 and not any(e.type == "SN" and abs(e.h / h - 1.0) < 1e-4 for e in again.events)
-        worst = max(worst, abs(met[0].h / h - 1.0), abs(met[0].alpha / alpha - 1.0))
+        worst = largest(worst, abs(met[0].h / h - 1.0), abs(met[0].alpha / alpha - 1.0))
         sides = again.points["arclength"] - met[0].arclength
         assert sides.min() < -0.1 and sides.max() > 0.1
         back = again.switch(met[0], energy=(0.05, 100.0))
@@ -87,11 +87,11 @@ def test_a_family_at_its_own_multiple_cover():
         tau = 2.0 * math.cos(2.0 * math.pi * p / q)
         half = math.copysign(math.sqrt(2.0 + tau), backbone.tau_half(event.alpha))
         alpha, h = backbone.where_tau_half_is(half, event.alpha * 0.9999, event.alpha * 1.0001)
-        worst = max(worst, abs(event.alpha / alpha - 1.0))
+        worst = largest(worst, abs(event.alpha / alpha - 1.0))
         for born in parent.switch(event, energy=(0.05, 10.0)):
             again = born.trace(min(len(born) - 2, 40), energy=(0.05, 10.0))
             (met,) = [e for e in again.events if e.type == "BP" and abs(e.h / h - 1.0) < 1e-5]
-            worst = max(worst, abs(met.h / h - 1.0), abs(met.alpha / (q * alpha) - 1.0))
+            worst = largest(worst, abs(met.h / h - 1.0), abs(met.alpha / (q * alpha) - 1.0))
             count += 1
     assert count >= 8
     return worst

@@ -21,7 +21,7 @@ from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.test_grazing import met
 from tests.bvp.high_precision import Exact, dot, flow
 from tests.bvp.orbits import backbone_segment
-from tests.hard.cases import hard
+from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed, relative, root
 
 SYSTEM = vibro_impact_nes()
@@ -55,7 +55,7 @@ def test_a_fold_just_below_a_grazing():
         assert motion.kinds[-1] == EventKind.IMPACT.value
         return motion.times[-1] - 2.0 * math.pi, -motion.speeds[-1] - v if motion.speeds[-1] < 0 else motion.speeds[-1] - v
 
-    worst = max(abs(after_a_period(v, *forced_orbit(v))[1]) for v in (0.5, 0.1, 0.01, 0.0041115))
+    worst = largest(*(abs(after_a_period(v, *forced_orbit(v))[1]) for v in (0.5, 0.1, 0.01, 0.0041115)))
     speeds = 0.0041115 + 5e-4 * np.arange(-2, 3)
     least = []
     for v in speeds:
@@ -67,7 +67,7 @@ def test_a_fold_just_below_a_grazing():
     assert abs(at - 0.0041115) < 1e-7
     touching = Mover(system, forces=Harmonic(1.0, cosine=[0.1])).run([0.0], [1.0], 100.0)
     assert touching.impacts == 0 and touching.touches == 16
-    return max(worst, abs(shape(at) - 0.099970753628))
+    return largest(worst, abs(shape(at) - 0.099970753628))
 
 
 def near_pair():
@@ -115,7 +115,7 @@ def test_a_fold_beside_a_grazing_of_a_family():
         function = partial(energy_slope if event is fold else last_speed, exact)
         at = mp.findroot(function, (base, base + mp.mpf(10) ** -9), solver="secant", tol=mp.mpf(10) ** -40)
         exact.move(at)
-        worst = max(worst, float(abs(exact.energy() / mp.mpf(event.h) - 1)))
+        worst = largest(worst, float(abs(exact.energy() / mp.mpf(event.h) - 1)))
     assert 4.1e-8 < graze.h - fold.h < 4.2e-8
     return worst
 
@@ -143,7 +143,7 @@ def test_collapse_into_grazing(sign):
     worst, slowest = 0.0, 1.0
     for solution, problem, exact in side(sign):
         velocities = (SYSTEM.modes.to_state @ problem.start(solution.y))[2:]
-        worst = max(worst, relative(velocities, exact.origin), float(abs(solution["speed"] - exact.speed)))
+        worst = largest(worst, relative(velocities, exact.origin), float(abs(solution["speed"] - exact.speed)))
         slowest = min(slowest, abs(float(exact.speed)))
     assert slowest < 2e-12
     return worst
@@ -168,7 +168,7 @@ def test_multipliers_beside_grazing(sign):
         error = float(abs(columns["tau"][0] / (exact.tau_half() ** 2 - 2) - 1))
         assert error < 1e-6 and columns["reliable"][0]
         assert columns["stable"][0] == 0
-        worst = max(worst, error) if speed > 5e-4 else worst
+        worst = largest(worst, error) if speed > 5e-4 else worst
     return worst
 
 
@@ -190,7 +190,7 @@ def test_collapse_from_the_family_with_more_impacts():
         solution = max((step for step in steps if step is not None), key=lambda step: step["speed"])
         exact = Exact(branch.problem, solution)
         differences = [abs(float(a - mp.mpf(float(b)))) for a, b in zip(exact.y, solution.y, strict=True)]
-        worst = max(worst, max(differences) / np.max(np.abs(solution.y)))
+        worst = largest(worst, largest(*differences) / np.max(np.abs(solution.y)))
         slowest = min(slowest, solution["speed"])
         if power <= 3:
             phi = exact.half_map()
@@ -241,7 +241,7 @@ def test_an_impact_at_the_end_of_a_flight(offset):
         times = np.concatenate([met.times, first.duration + later.times])
         assert len(times) == 10 and not met.touches.any() and not later.touches.any(), (k, len(met.times), len(later.times))
         assert len(met.times) == k + (offset > 1e-15) or abs(offset) < 1e-13
-        worst = max(worst, np.max(np.abs(times - exact)))
+        worst = largest(worst, np.max(np.abs(times - exact)))
     return worst
 
 
@@ -297,7 +297,7 @@ def test_impacts_that_merge(coupling):
         guess = problem.pack(start, [first, last], [alpha, 0.0, alpha])
         solution = problem.solve(guess * (1.0 + 1e-5 * np.cos(np.arange(len(guess)))), quarter_period=alpha)
         velocities = (modes.to_state @ problem.start(solution.y))[2:]
-        worst = max(worst, relative(velocities, exact), abs(problem.flight_times(solution.y)[1]))
+        worst = largest(worst, relative(velocities, exact), abs(problem.flight_times(solution.y)[1]))
         ended = follow_family(problem, solution.y, energy=(1e-3, 1e3)).ended
         assert all(end.text.startswith("GR at h") for end in ended)
     coupled = [[1.0, 0.3], [0.3, 1.0]]
@@ -319,7 +319,7 @@ def test_unphysical_continuation():
         solution = problem.solve(y, quarter_period=alpha)
         exact = Closed(SYSTEM, alpha)
         lowest = root(exact.rate, 0.7, 0.9)
-        worst = max(worst, float(abs(solution["clearance"] - (1 - abs(exact.gap(lowest))))))
+        worst = largest(worst, float(abs(solution["clearance"] - (1 - abs(exact.gap(lowest))))))
         assert solution["clearance"] < 0.0
         with pytest.raises(TraceError, match="no orbit: flight 1 of 1 passes beyond stop - by"):
             follow_family(problem, solution.y)
@@ -327,7 +327,7 @@ def test_unphysical_continuation():
     for alpha in (edge + 1e-3, edge + 1e-6):
         problem, y = backbone_segment(SYSTEM, alpha)
         solution = problem.solve(y, quarter_period=alpha)
-        worst = max(worst, float(abs(solution["speed"] - Closed(SYSTEM, alpha).speed)))
+        worst = largest(worst, float(abs(solution["speed"] - Closed(SYSTEM, alpha).speed)))
         assert solution["speed"] < 0.0
         with pytest.raises(TraceError, match="is no orbit"):
             follow_family(problem, solution.y)

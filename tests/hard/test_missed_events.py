@@ -12,7 +12,7 @@ from bvp.motion import EventKind
 from bvp.run import run
 from bvp.system import ImpactSystem, Stop
 from tests.hard import sweeping
-from tests.hard.cases import hard
+from tests.hard.cases import hard, largest
 from tests.hard.sweeping import Exponentials, Verdicts, random_cases
 
 SOURCE = "each decided by a bound in doubles, or in integers of 500 bits (tests/hard/sweeping.py)"
@@ -90,5 +90,5 @@ def test_chattering():
         motion = run(ball, [0.5], [0.0], 3000.0, forces=Constant([-gravity]))
         assert motion.kinds[-1] == EventKind.STICK.value
         exact = (1 + 2 * mp.mpf(rho) / (1 - mp.mpf(rho))) / mp.sqrt(mp.mpf(gravity))
-        worst = max(worst, float(abs(motion.times[-1] / exact - 1)), abs(motion.dissipated["stop a"] / (0.5 * gravity) - 1.0))
+        worst = largest(worst, float(abs(motion.times[-1] / exact - 1)), abs(motion.dissipated["stop a"] / (0.5 * gravity) - 1.0))
     return worst

@@ -15,7 +15,7 @@ from saltus.bench.closed_form import Backbone
 from saltus.commands.orbit import describe as orbit_lines
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
-from tests.hard.cases import hard
+from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed
 
 CLOSED_FORM = "closed form in 50 digits"
@@ -40,9 +40,9 @@ def test_cuts_change_nothing(pieces):
         cycle = cycle_of(orbit.problem, orbit.solution.y)
         whole, cut = saddle_point_multipliers(cycle), saddle_point_multipliers(cycle, pieces=pieces)
         assert cut.values.shape == whole.values.shape and cut.quality.reliable, orbit.name
-        worst = max(worst, abs(cut.trace - whole.trace) / np.max(np.abs(whole.values)), cut.quality.pairing)
+        worst = largest(worst, abs(cut.trace - whole.trace) / np.max(np.abs(whole.values)), cut.quality.pairing)
         if separation(whole.values) > 1e-2:
-            worst = max(worst, np.max(np.abs(cut.values / whole.values - 1.0)))
+            worst = largest(worst, np.max(np.abs(cut.values / whole.values - 1.0)))
             compared += 1
     assert compared > 30
     return worst
@@ -81,7 +81,7 @@ def test_large_and_small_together():
     assert np.max(np.abs(saltation_multipliers(cycle)[-1] / exact[-1] - 1.0)) > 1e-3
     matched = [min(abs(value / other - 1.0) for other in exact) for value in found.values]
     paired = [min(abs(other / value - 1.0) for value in found.values) for other in exact]
-    return max(matched + paired)
+    return largest(*matched, *paired)
 
 
 @hard(
@@ -110,7 +110,7 @@ def test_the_trivial_multiplier_is_lost():
         half = Closed(system, alpha).tau_half()
         root = (half + mp.sign(half) * mp.sqrt(half * half - 4)) / 2
         exact = [root ** (2 * impacts), root ** (-2 * impacts)]
-        return float(max(abs(mp.mpf(float(a.real)) / b - 1) for a, b in zip(found.values, exact, strict=True)))
+        return float(largest(*(abs(mp.mpf(float(a.real)) / b - 1) for a, b in zip(found.values, exact, strict=True))))
 
 
 @hard(
@@ -137,5 +137,5 @@ def test_stability_is_decided_next_to_its_limit():
                 exact = backbone_digits.tau_half(solution["quarter_period"])
                 said = int(columns["stable"][0])
                 assert said == int(abs(exact) < 2) or (said == -1 and margin < 1e-11), (name, kind, margin, offset)
-                worst = max(worst, float(abs(mp.mpf(float(columns["tau_half"][0])) - exact)))
+                worst = largest(worst, float(abs(mp.mpf(float(columns["tau_half"][0])) - exact)))
     return worst

@@ -1,6 +1,7 @@
 """The page of the hard cases lists every case, with an error within what its test allows."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import benchmarks.hard_cases as script
 from benchmarks.hard_cases import main, old_errors, page
 from tests.docs.pages import page as read
-from tests.hard.cases import HEADINGS, RECORD, all_cases
+from tests.hard.cases import HEADINGS, RECORD, all_cases, hard, largest
 
 TEXT = read("hard_cases.md")
 
@@ -51,3 +52,13 @@ def test_the_script_writes_what_was_measured(monkeypatch, tmp_path, code, capsys
     expected = old_errors(TEXT) | ({} if code else {(case.heading, case.text): 3e-12})
     assert old_errors(text) == expected and (text == TEXT) == (code == 1)
     assert ("stays as it is" in capsys.readouterr().err) == (code == 1)
+
+
+@pytest.mark.parametrize("errors", [(math.nan, 0.0), (0.0, math.nan), (0.0, 2e-9), (math.inf,)])
+def test_a_case_fails_on_an_error_that_is_too_large_or_no_number(monkeypatch, errors):
+    """Oracle: `max(0.0, nan)` is 0.0, so that a NaN behind a number would pass."""
+    monkeypatch.setattr("tests.hard.cases.CASES", [])
+    monkeypatch.delenv(RECORD, raising=False)
+    measured = hard("a case", source="none", limit=1e-9, what="nothing")(lambda: largest(*errors))
+    with pytest.raises(AssertionError, match="a case"):
+        measured()

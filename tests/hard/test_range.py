@@ -14,7 +14,7 @@ from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus.bench.closed_form import Backbone
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment
-from tests.hard.cases import hard
+from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed, relative, root
 
 SYSTEM = vibro_impact_nes()
@@ -39,8 +39,8 @@ def test_energies_next_to_a_threshold():
         h = threshold * (1.0 + sign * 1e-6)
         orbits = traced(name).orbits_at(energy=h)
         assert len(orbits) == count, (name, h)
-        worst = max(worst, *(float(abs(orbit.h / Closed(SYSTEM, orbit.alpha).energy - 1)) for orbit in orbits))
-        worst = max(worst, *(abs(orbit.h / h - 1.0) for orbit in orbits))
+        worst = largest(worst, *(float(abs(orbit.h / Closed(SYSTEM, orbit.alpha).energy - 1)) for orbit in orbits))
+        worst = largest(worst, *(abs(orbit.h / h - 1.0) for orbit in orbits))
     assert not traced("S11O00-").orbits_at(energy=least * (1.0 - 1e-6))
     return worst
 
@@ -58,7 +58,7 @@ def test_an_energy_of_1e12():
     exact = Closed(SYSTEM, orbit.alpha)
     sign = math.copysign(1.0, orbit.velocities[0] * float(exact.origin[0]))
     assert orbit.stable is True
-    return max(
+    return largest(
         relative(sign * orbit.velocities, exact.origin),
         float(abs(orbit.h / exact.energy - 1)),
         float(abs(orbit.tau - (exact.tau_half() ** 2 - 2))),
@@ -92,7 +92,7 @@ def test_a_thousand_impacts_in_a_primitive_orbit():
     worst = float(abs(v[0] / rate - 1))
     nodes = modes.to_state @ problem.nodes(solution.y).T
     size = v[1] / w2 / (3.0 / w2)
-    return max(worst, float(np.max(np.abs(nodes[1] - size * 3.0 / w2 * np.sin(w2 * times))) / (size * 3.0 / w2)))
+    return largest(worst, float(np.max(np.abs(nodes[1] - size * 3.0 / w2 * np.sin(w2 * times))) / (size * 3.0 / w2)))
 
 
 @hard(
@@ -113,7 +113,7 @@ def test_a_thousand_turns():
     with mp.workdps(50):
         angle = mp.acos(exact.tau_half() / 2) * 2 * count
     value = complex(mp.cos(angle), mp.sin(angle))
-    return max(relative(velocities, exact.origin), min(abs(value - x) for x in found.values) / count)
+    return largest(relative(velocities, exact.origin), min(abs(value - x) for x in found.values) / count)
 
 
 @hard(
@@ -137,7 +137,7 @@ def test_quarter_periods_of_a_thousand():
             values = exact.multipliers()
             assert (solution["clearance"] > 0.0) == (lowest < 1.0)
             count += lowest < 1.0
-            worst = max(
+            worst = largest(
                 worst,
                 relative(velocities, exact.origin),
                 float(abs(solution["energy"] / exact.energy - 1)),

@@ -12,7 +12,7 @@ from bvp.multipliers import saddle_point_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus.bench import backbone
 from tests.bvp.orbits import backbone_segment
-from tests.hard.cases import hard
+from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed, relative
 
 CLOSED_FORM = "closed form in 50 digits, modes and all"
@@ -30,7 +30,7 @@ def orbit_error(system, alpha, shake=1e-6):
     multipliers = saddle_point_multipliers(cycle_of(problem, solution.y))
     assert multipliers.quality.reliable
     values = exact.multipliers()
-    return max(
+    return largest(
         relative(velocities, exact.origin),
         float(abs(mp.mpf(solution["energy"]) / exact.energy - 1)),
         abs(multipliers.trace - np.sum(values)) / np.max(np.abs(values)),
@@ -60,7 +60,7 @@ def test_period_at_a_multiple_of_a_linear_one():
                     continue
                 count += 1
                 for beside in (0.0, 1e-12, -1e-12, 1e-9, 1e-6, -1e-6):
-                    worst = max(worst, orbit_error(system, alpha * (1.0 + beside)))
+                    worst = largest(worst, orbit_error(system, alpha * (1.0 + beside)))
     assert count >= 4
     return worst
 
@@ -86,7 +86,7 @@ def test_beside_the_resonance_of_a_mode_without_impact():
         for side in (-1.0, 1.0):
             alpha = math.pi / 2.0 / math.sqrt((0.8 + 0.3) / 0.5) * (1.0 + side * distance)
             assert backbone.is_physical(symmetric(), alpha)
-            worst = max(worst, distance * orbit_error(symmetric(), alpha))
+            worst = largest(worst, distance * orbit_error(symmetric(), alpha))
     return worst
 
 
@@ -104,7 +104,7 @@ def test_nearly_equal_modes(distance):
     stiffness = turn @ np.diag([1.0, (1.0 + distance) ** 2]) @ turn.T
     stiffness[0, 1] = stiffness[1, 0]
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), stiffness, (Stop((1.0, 0.4), -1.0, 1.0),))
-    return max(orbit_error(system, alpha) for alpha in (0.3, 0.9, 1.4))
+    return largest(*(orbit_error(system, alpha) for alpha in (0.3, 0.9, 1.4)))
 
 
 @hard(
@@ -117,12 +117,12 @@ def test_zero_modes():
     from tests.bvp.orbits import chain
 
     rng = np.random.default_rng(5)
-    worst, count = max(orbit_error(vibro_impact_nes(0.1, 0.0), alpha) for alpha in (0.01, 0.3, 1.2)), 0
+    worst, count = largest(*(orbit_error(vibro_impact_nes(0.1, 0.0), alpha) for alpha in (0.01, 0.3, 1.2))), 0
     while count < 12:
         system = chain(rng, int(rng.integers(2, 6)))
         alpha = rng.uniform(0.05, 1.5)
         if backbone.half_period_sum(system, alpha) > 0.05 and backbone.is_physical(system, alpha, 1000):
-            worst = max(worst, orbit_error(system, alpha))
+            worst = largest(worst, orbit_error(system, alpha))
             count += 1
     return worst
 
@@ -141,7 +141,7 @@ def test_extreme_mass_ratios(mu):
         system = vibro_impact_nes(mu, sigma)
         for alpha in (1.2, 0.3, 3e-4):
             if backbone.half_period_sum(system, alpha) > 0.0 and backbone.is_physical(system, alpha):
-                worst = max(worst, orbit_error(system, alpha))
+                worst = largest(worst, orbit_error(system, alpha))
                 count += 1
     assert count >= 6
     return worst
@@ -160,7 +160,7 @@ def test_tiny_stiffness():
         ImpactSystem(np.diag([0.1, 1.0]), np.zeros((2, 2)), [[0.1, -0.1], [-0.1, 0.1 + 1e-12]], stop),
         ImpactSystem(np.diag([0.1, 1.0]), np.zeros((2, 2)), [[1e-12, -1e-12], [-1e-12, 2e-12]], stop),
     ]
-    return max(orbit_error(system, alpha) for system in systems for alpha in (0.01, 0.4, 1.2))
+    return largest(*(orbit_error(system, alpha) for system in systems for alpha in (0.01, 0.4, 1.2)))
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e-15, 1e-8, 1e-4, -1e-15, -1e-8, -1e-4])
@@ -192,5 +192,5 @@ def test_critical_damping(offset):
 
             around = [mp.mpf(found.time) * (1 + sign * mp.mpf(10) ** -6) for sign in (-1, 1)]
             exact = mp.findroot(gap, around, solver="anderson")
-            worst = max(worst, float(abs(found.time / exact - 1)))
+            worst = largest(worst, float(abs(found.time / exact - 1)))
     return worst

@@ -27,8 +27,10 @@ from saltus.bench.integrators import INTEGRATORS
 from saltus.bench.methods import SHORT_STEP, methods
 from saltus.bench.peers import PEERS
 from saltus.bench.report import best_rows, tables
+from saltus.bench.rows import RowFile
 from saltus.bench.tasks import IN_PHASE, OUT_OF_PHASE, TASKS, OrbitTask
 from saltus.commands.bench import DATA, FILES, GROWTH, PRECISION, ROWS, bench
+from saltus.files import WriteFailure
 from tests.branches.many_digits import ManyDigits
 from tests.saltus.bench_methods import Absent, Astray, Endless, Failing, Interrupted, Plain
 from tests.saltus.running import run
@@ -360,6 +362,18 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path, caps
         (folder / name).mkdir(parents=True)
         code, out, err = run(capsys, "bench", "--out", folder)
         assert code == 2 and not out and err == f"saltus: cannot write {folder / name}: it is a directory, expected a file\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_a_full_disk_is_told():
+    """Oracle: the device that has no room: one error that says so, also where the file is closed after it."""
+    rows = RowFile("/dev/full")
+    with pytest.raises(WriteFailure, match="/dev/full: no space"):
+        try:
+            rows.add({"task": "one"})
+        finally:
+            rows.close()
+    assert not rows.rows
 
 
 # -- the report ---------------------------------------------------------------------------------------------------------------------

@@ -55,6 +55,8 @@ def test_the_form_is_that_of_the_exact_method(capsys):
         (("--tolerance", "1e-5"), "--method nstt with it"),
         (("--method", "nsst"), "nearest: nstt"),
         (("--method", "nstt", "--tolerance", "-1"), "'-1'"),
+        (("--method", "nstt", "--tolerance", "0"), "'0'"),
+        (("--method", "nstt", "--tolerance", "9e-14"), "received 9e-14, expected 1e-13 or more"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(words, message, capsys):
