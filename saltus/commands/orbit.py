@@ -94,6 +94,7 @@ def describe(orbit: Orbit) -> list[str]:
     -------
     list of str
     """
+    from branches.tracing import HIGHEST
     from bvp.multipliers import TRIVIAL_LOST
 
     values = {"tau": orbit.tau, "tau_half": orbit.tau_half}
@@ -108,6 +109,8 @@ def describe(orbit: Orbit) -> list[str]:
     lines.append(_quality_line(orbit))
     if orbit.quality["trivial"] >= TRIVIAL_LOST:
         lines.append("doubt    a product of saltation matrices loses the trivial multiplier; those above are of the saddle-point matrix")
+    if orbit.h > HIGHEST:
+        lines.append(f"doubt    above h = {HIGHEST:g} the forces of the springs are lost in rounding beside the speeds of the impacts")
     lines.append(f"impacts  {len(orbit.impacts)} in a period")
     lines.append(f"{'time':>20}  stop  {'speed':>20}")
     lines += [f"{impact.time:20.14g}  {impact.stop:<4}  {impact.speed:20.14g}" for impact in orbit.impacts]

@@ -172,6 +172,13 @@ def test_an_orbit(capsys, tmp_path):
     assert (tmp_path / "orbit.csv").read_text().splitlines()[0].startswith("label,")
 
 
+@pytest.mark.parametrize(("energy", "told"), [("1e11", False), ("1e13", True)])
+def test_an_orbit_beyond_the_highest_energy_of_a_family_is_doubted(capsys, energy, told):
+    """Oracle: the bound that docs/limits.md states, 1e12."""
+    code, out, _ = run(capsys, "orbit", "S11O00-", "--energy", energy)
+    assert code == 0 and ("doubt    above h = 1e+12" in out) is told
+
+
 def test_several_orbits_at_an_energy_are_listed(capsys):
     """Oracle: closed form: S11O00- has a fold at h = 0.0691164, so two orbits at h = 0.08; each suffix selects its orbit."""
     code, out, err = run(capsys, "orbit", "S11O00-", "--energy", "0.08")
