@@ -290,6 +290,18 @@ def test_orbits_that_stick_to_a_stop_go_on(sigma, rho):
     np.testing.assert_array_equal(np.isnan(found.exponents), found.held_times > 0.0)
 
 
+@pytest.mark.parametrize("rho", [0.3, 1.0])
+def test_the_colour_bar_tells_of_orbits_without_an_exponent(rho):
+    """Oracle: the exponents: orbits that stick have none, elastic ones never stick."""
+    from transitions.diagram.section_picture import section_figure
+    from transitions.section_view import SectionView
+
+    found = section(vibro_impact_nes(rho=rho), 5.0, orbits=12, crossings=12)
+    label = section_figure([SectionView(found)], colour="lyapunov").axes[-1].get_ylabel()
+    none = bool(np.isnan(found.exponents).any())
+    assert "Lyapunov" in label and ("grey: none" in label) == none == (rho < 1.0)
+
+
 def test_an_orbit_that_does_not_come_back_is_left():
     """Oracle: nothing holds the primary coordinate, so that it moves on."""
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 0.0]), (Stop((1.0, 0.0), -1.0, 1.0),), primary=1)

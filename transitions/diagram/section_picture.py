@@ -104,7 +104,9 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
                 if k < len(views) - _COLUMNS:
                     axes.set_xlabel("")
         if norm is not None:
-            _colour_bar(figure, list(grid[: len(views)]), norm, colour)
+            values = [view.values(colour) for view in views]
+            grey = any(not np.isfinite(known).all() for known in values if known is not None)
+            _colour_bar(figure, list(grid[: len(views)]), norm, colour, grey)
         entries = _legend(views)
         below: dict[str, Any] = {"title": caption, "title_fontsize": SMALL} if caption else {}
         figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False, **below)
@@ -177,16 +179,14 @@ def _velocity(plane: SectionPlane) -> str:
     return rf"p_{{{symbol_of(name)}}}/m" if plane.momentum else velocity_symbol(name)
 
 
-def _colour_bar(figure: Figure, axes: list[Axes], norm: Normalize, colour: str) -> None:
+def _colour_bar(figure: Figure, axes: list[Axes], norm: Normalize, colour: str, grey: bool) -> None:
     from matplotlib.cm import ScalarMappable
 
     bar = figure.colorbar(ScalarMappable(norm, _MAP), ax=axes, fraction=0.04, pad=0.015, aspect=45)
     ticks = linear_ticks(float(norm.vmin or 0.0), float(norm.vmax or 1.0), 6)
     mark_axis(bar.ax.yaxis, ticks)
-    if colour == "lyapunov":
-        bar.set_label(ticks.axis_text("largest Lyapunov exponent", r"\lambda"))
-    else:
-        bar.set_label(ticks.axis_text("rotation number (grey: none)", "r"))
+    what, symbol = ("largest Lyapunov exponent", r"\Lambda") if colour == "lyapunov" else ("rotation number", "r")
+    bar.set_label(ticks.axis_text(what + " (grey: none)" * grey, symbol))
 
 
 def _legend(views: Sequence[SectionView]) -> list[Any]:
