@@ -15,6 +15,23 @@ hypothesis.settings.register_profile("saltus", deadline=None, print_blob=True)
 hypothesis.settings.load_profile("saltus")
 
 
+def pytest_sessionstart(session):
+    """Of two processes that test beside each other one compiles the kernels of families first, the other those of motions: each finds the
+    other's on disk when it needs them."""
+    worker = getattr(session.config, "workerinput", {}).get("workerid")
+    if worker == "gw0":
+        from branches.kernels.warm import warm
+
+        warm()
+    elif worker == "gw1":
+        from bvp.run import run
+        from bvp.system import vibro_impact_nes
+        from transitions.section import section
+
+        run(vibro_impact_nes(rho=0.7, lam=0.01), [0.0, 0.0], [0.0, 1.0], 1.0)
+        section(vibro_impact_nes(), 0.06, orbits=1, crossings=2)
+
+
 @pytest.fixture(scope="session")
 def small_scene(tmp_path_factory):
     """The reference scene up to quarter period 3 and 6 impacts in half a period, built once: its path and the report of the build."""

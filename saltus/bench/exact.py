@@ -18,7 +18,7 @@ from bvp.saltation import saltation_multipliers
 from continuation.settings import Settings
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.breakdown import breakdown
-from saltus.bench.following import BareFamily, timed_runs
+from saltus.bench.following import BareFamily, least_run
 from saltus.bench.methods import OWN, OWN_SHORT, SHORT_STEP, Method, Work
 from saltus.bench.tasks import LocateTask, OrbitTask, RunTask, Task
 
@@ -26,8 +26,10 @@ __all__ = ["EXACT", "Saltus"]
 
 POINTS = 32
 RUNS = 25
+SECONDS = 0.3
 LOOKED_AT = 4
-"""Points of a run, runs, and points whose error is measured: the last of so many parts of the run."""
+"""Points of a run; runs for the layers, and seconds of runs for the time of a point; points whose error is measured: the last of so many
+parts of the run."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +88,9 @@ class Saltus(Method):
     def _follow(self, task: OrbitTask) -> Answer:
         problem, y = task.problem, task.unknowns()
         family = BareFamily(problem) if self.route == "none" else Family(problem)
-        runs = timed_runs(family, y, POINTS, RUNS, self.settings)
-        solutions: list[Solution] = [step.extra for step in runs[0].steps]
-        seconds = min(run.clean_point for run in runs)
+        run = least_run(family, y, POINTS, self.settings, SECONDS)
+        solutions: list[Solution] = [step.extra for step in run.steps]
+        seconds = run.clean_point
         chosen = sorted({(len(solutions) * part) // LOOKED_AT - 1 for part in range(1, LOOKED_AT + 1)} - {-1})
         began = time.process_time()
         multipliers = self._multipliers(task, solutions)

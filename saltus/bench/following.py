@@ -20,7 +20,7 @@ from continuation.points import PlainPoints
 from continuation.problem import Event, EventDetails, Marched, Point, Problem, Step, Test
 from continuation.settings import Settings
 
-__all__ = ["BareFamily", "RecordedFamily", "Run", "Spread", "spread", "timed_run", "timed_runs"]
+__all__ = ["BareFamily", "RecordedFamily", "Run", "Spread", "least_run", "spread", "timed_run", "timed_runs"]
 
 
 class Spread(NamedTuple):
@@ -192,3 +192,16 @@ def timed_runs(family: Problem, y: np.ndarray, points: int, repeats: int, settin
     start = family.begin(y)
     timed_run(family, start, points, settings)
     return [timed_run(family, start, points, settings) for _ in range(repeats)]
+
+
+def least_run(family: Problem, y: np.ndarray, points: int, settings: Settings, seconds: float) -> Run:
+    """The run of least time a point among those of some seconds: a machine that others use, too, is slow for a while at a time."""
+    start = family.begin(y)
+    timed_run(family, start, points, settings)
+    least = timed_run(family, start, points, settings)
+    began = time.process_time()
+    while time.process_time() - began < seconds:
+        run = timed_run(family, start, points, settings)
+        if run.clean_point < least.clean_point:
+            least = run
+    return least
