@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import mpmath as mp
 import numpy as np
 
-__all__ = ["Answer", "Errors", "OrbitAnswer", "farthest", "multiplier_error", "relative"]
+__all__ = ["Answer", "Errors", "OrbitAnswer", "farthest", "largest", "multiplier_error", "relative"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,19 @@ class Errors(NamedTuple):
     energy: float | None = None
     multipliers: float | None = None
     located: float | None = None
+
+
+def largest(errors: Sequence[float]) -> float:
+    """The largest of some errors.
+
+    Raises
+    ------
+    ArithmeticError
+        Where one is not a number: `max` might pass over it.
+    """
+    if any(math.isnan(error) for error in errors):
+        raise ArithmeticError("the answer holds what is not a number")
+    return max(errors)
 
 
 def relative(value: Any, exact: Any) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, vibro_impact_nes
-from saltus.bench.answers import Answer, Errors, farthest, multiplier_error, relative
+from saltus.bench.answers import Answer, Errors, farthest, largest, multiplier_error, relative
 from saltus.bench.cases import MU, SIGMA, system
 from saltus.bench.closed_form import DIGITS as CLOSED_DIGITS
 from saltus.bench.closed_form import Backbone
@@ -117,7 +117,7 @@ class OrbitTask:
                     in_orbit = farthest(orbit.velocities, exact.velocities)
                     if orbit.times is not None:
                         late = [abs(mp.mpf(float(a)) - b) for a, b in zip(orbit.times, exact.times, strict=True)]
-                        in_orbit = max([in_orbit, *(float(x / (4 * exact.alpha)) for x in late)])
+                        in_orbit = largest([in_orbit, *(float(x / (4 * exact.alpha)) for x in late)])
                 found.append(
                     Errors(
                         in_orbit,
@@ -125,7 +125,7 @@ class OrbitTask:
                         None if orbit.multipliers is None else multiplier_error(orbit.multipliers, exact.multipliers),
                     )
                 )
-        return Errors(*(None if None in column else max(column) for column in zip(*found, strict=True)))
+        return Errors(*(None if None in column else largest(column) for column in zip(*found, strict=True)))
 
 
 @cache
@@ -182,7 +182,7 @@ class RunTask:
         time, state, energy = answer.ran
         exact = self.exact()
         with mp.workdps(DIGITS):
-            return Errors(max(relative(time, exact.time), farthest(state, exact.state)), relative(energy, exact.energy))
+            return Errors(largest([relative(time, exact.time), farthest(state, exact.state)]), relative(energy, exact.energy))
 
 
 @cache
@@ -227,7 +227,7 @@ class LocateTask:
         exact = self.exact()
         with mp.workdps(CLOSED_DIGITS):
             found = [relative(a, b) for name, pair in answer.located.items() for a, b in zip(pair, exact[name], strict=True)]
-        return Errors(located=max(found, default=None))
+        return Errors(located=largest(found) if found else None)
 
 
 @cache

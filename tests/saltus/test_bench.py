@@ -233,6 +233,18 @@ def test_errors_see_what_is_wrong():
     assert located.errors(Answer(located={"SN": (alpha, h), "SB": (1.001 * float(located.exact()["SB"][0]), 1.0)})).located > 1e-3
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_an_error_that_is_no_number_is_a_failure(place):
+    """Oracle: an answer with one orbit that is right and one whose energy or velocity is not a number."""
+    exact = IN_PHASE.exact()
+    velocities = np.array([float(v) for v in exact.velocities])
+    for wrong in (OrbitAnswer(1.65, math.nan, velocities), OrbitAnswer(1.65, float(exact.h), velocities * math.nan)):
+        orbits = [OrbitAnswer(1.65, float(exact.h), velocities)]
+        orbits.insert(place, wrong)
+        with pytest.raises(ArithmeticError, match="not a number"):
+            IN_PHASE.errors(Answer(orbits=tuple(orbits)))
+
+
 def test_efforts_name_what_there_is():
     """Oracle: the tasks and methods."""
     for effort in (QUICK, FULL):
