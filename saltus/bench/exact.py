@@ -18,7 +18,7 @@ from bvp.saltation import saltation_multipliers
 from continuation.settings import Settings
 from saltus.bench.answers import Answer, OrbitAnswer
 from saltus.bench.breakdown import breakdown
-from saltus.bench.following import BareFamily, least_run
+from saltus.bench.following import BareFamily, least_time
 from saltus.bench.methods import OWN, OWN_SHORT, SHORT_STEP, Method, Work
 from saltus.bench.tasks import LocateTask, OrbitTask, RunTask, Task
 
@@ -88,9 +88,8 @@ class Saltus(Method):
     def _follow(self, task: OrbitTask) -> Answer:
         problem, y = task.problem, task.unknowns()
         family = BareFamily(problem) if self.route == "none" else Family(problem)
-        run = least_run(family, y, POINTS, self.settings, SECONDS)
+        run, seconds = least_time(family, y, POINTS, self.settings, SECONDS)
         solutions: list[Solution] = [step.extra for step in run.steps]
-        seconds = run.clean_point
         chosen = sorted({(len(solutions) * part) // LOOKED_AT - 1 for part in range(1, LOOKED_AT + 1)} - {-1})
         began = time.process_time()
         multipliers = self._multipliers(task, solutions)
