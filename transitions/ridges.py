@@ -136,7 +136,7 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
     at = spectrum.times[columns]
     heights = np.exp(here - 0.25 * (below - above) * shift) / spectrum.inside(at, frequencies)
     motion = amplitude_of_motion(times, signal, at, frequencies)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         shares = np.where(motion > 0.0, heights / motion, 0.0)
     kept = (shares >= _FAINT) & (heights > _ROUNDING * np.ptp(signal))
     columns, level, heights, shares = columns[kept], level[kept], heights[kept], shares[kept]

@@ -3,12 +3,13 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from bvp.motion import EventKind
+from bvp.motion import EventKind, MotionStatus
 from bvp.run import run as run_damped
 from bvp.system import vibro_impact_nes
 from tests.saltus.running import refused, run
@@ -329,6 +330,20 @@ def test_an_outcome_that_is_not_defined_is_a_failure_with_what_was_computed(caps
     assert code == 1 and "two stops are hit at the same instant" in out
     record = json.loads((tmp_path / "out.json").read_text())
     assert record["ended"]["reason"] == "SIMULTANEOUS" and record["duration"] == pytest.approx(math.asin(0.5), rel=1e-14)
+
+
+def test_a_motion_that_ends_beyond_a_stop_is_not_told_as_its_start(capsys, monkeypatch):
+    """Oracle: by hand: of a motion that rounding carries beyond a stop later on, the record so far is told, and why it ended."""
+    import bvp.run
+
+    def carried_beyond(*arguments, **options):
+        return replace(run_damped(*arguments, **options), status=MotionStatus.OUTSIDE)
+
+    monkeypatch.setattr(bvp.run, "run", carried_beyond)
+    code, out, err = run(capsys, "run", "--impulse", "1", *DAMPED, "--duration", "5", "--json", "-")
+    record = json.loads(out)
+    assert code == 1 and not err.startswith("saltus:")
+    assert record["ended"]["reason"] == "OUTSIDE" and record["duration"] == 5.0
 
 
 WRONG = [

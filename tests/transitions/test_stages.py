@@ -101,6 +101,15 @@ def test_a_tone_that_dies_away_is_one_stage():
     assert tone.frequencies == pytest.approx(2.0, rel=0.02) and 0.8 < tone.shares.min() < tone.shares.max() < 1.1
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_tone_that_dies_away_to_nothing_has_no_stage_there():
+    """Oracle: the signal, exp(-5t) cos 2t, below any number from t = 150 on: it does not hold for three periods, and nothing overflows."""
+    times = STEP * np.arange(8000)
+    decay = np.exp(-5.0 * times)
+    record = synthetic(times, decay * np.cos(2.0 * times), -decay * (5.0 * np.cos(2.0 * times) + 2.0 * np.sin(2.0 * times)))
+    assert stages_of(record, GAP) == []
+
+
 def test_maxima_are_linked_to_their_nearest():
     """Oracle: by hand: two that go on, one that is nobody's nearest, and one that is lost for a column."""
     columns = np.array([0, 0, 1, 1, 1, 2, 3, 3])
