@@ -108,6 +108,9 @@ INTERVALS = (1.0, 2.0, 4.0)
 LONG, SHORT = 1800, 90
 """Points of the runs whose difference in time is divided by that of their points, for one flight; of k flights it is a k-th part."""
 
+REPEATS = 8
+"""Runs of either length, of which the fastest counts: starting AUTO takes longer than the points do, and not always equally long."""
+
 def _auto(task: OrbitTask, intervals: int, timed: bool) -> Answer:
     """A few points of a family by AUTO, and, where timed, the seconds of one."""
     problem, y = task.problem, task.unknowns()
@@ -117,7 +120,7 @@ def _auto(task: OrbitTask, intervals: int, timed: bool) -> Answer:
         parts = len(task.word) + 1
         seconds = None
         if timed:
-            cost = there.time_a_point(problem, y, settings, short=SHORT // parts, long=LONG // parts, repeats=2)
+            cost = there.time_a_point(problem, y, settings, short=SHORT // parts, long=LONG // parts, repeats=REPEATS)
             seconds = cost.seconds if math.isnan(cost.processor) else cost.processor
     orbits = tuple(_orbit(task, point.unknowns(problem), point.h) for point in run.points)
     return Answer(len(orbits), seconds, orbits)
