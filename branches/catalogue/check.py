@@ -124,8 +124,23 @@ def _file(catalogue: Catalogue) -> Iterator[Failure]:
             if stray:
                 yield Failure("points", f"{stray} points belong to no family")
         _ = catalogue.scene, catalogue.provenance
+        yield from _counts(catalogue)
     except CatalogueDamaged as damage:
         yield Failure("file", str(damage))
+
+
+def _counts(catalogue: Catalogue) -> Iterator[Failure]:
+    """Tables that have more or fewer rows than they were given."""
+    with translated(catalogue.path):
+        catalogue._connection.execute("SAVEPOINT counts")  # of one moment, also where another process writes
+        try:
+            given = catalogue._rows()
+            there = {table: catalogue._connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0] for table in given}
+        finally:
+            catalogue._connection.execute("RELEASE counts")
+    for table, count in there.items():
+        if count != given[table]:
+            yield Failure(table, f"the table {table} has {count} rows, {given[table]} were kept")
 
 
 # -- points -------------------------------------------------------------------------------------------------------------------

@@ -24,7 +24,10 @@ from branches.files import WriteFailure
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CatalogueFile"]
+__all__ = ["COUNTED", "CatalogueFile"]
+
+COUNTED = ("families", "nodes", "edges")
+"""Tables whose rows are counted in the transaction that changes them, for nothing else in the file would tell of a row that is gone."""
 
 
 class CatalogueFile:
@@ -84,7 +87,9 @@ class CatalogueFile:
     @cached_property
     def scene(self) -> SceneRecord:
         """The scene that it belongs to."""
-        return SceneRecord(**self._whole("scene", [field.name for field in fields(SceneRecord)]))
+        names = [field.name for field in fields(SceneRecord)]
+        kept = self._whole("scene", names)
+        return SceneRecord(**{name: kept[name] for name in names})
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
@@ -147,7 +152,7 @@ class CatalogueFile:
         made = {"created": created, "schema": schema.SCHEMA, "versions": versions(), **provenance}
         with self.transaction():
             schema.create(self._connection)
-            for table, content in (("scene", vars(scene)), ("provenance", made)):
+            for table, content in (("scene", vars(scene) | {"rows": dict.fromkeys(COUNTED, 0)}), ("provenance", made)):
                 for key, value in content.items():
                     row = (key, json.dumps(value, allow_nan=False))
                     self._insert(table, ("key", "value"), row, crc_of(row))
@@ -192,6 +197,12 @@ class CatalogueFile:
             raise CatalogueDamaged(f"{self.path} is damaged: {missing[0]} is missing in the table {table}")
         return kept
 
+    def _rows(self) -> dict[str, int]:
+        """How many rows each of the tables `COUNTED` was given; nothing of a catalogue from before they were counted."""
+        with translated(self.path):
+            row = self._connection.execute("SELECT key, value, crc FROM scene WHERE key = 'rows'").fetchone()
+        return {} if row is None else dict(json.loads(self._checked(row, "rows in the table scene")[1]))
+
     def _checked(self, values: Iterable[Any], what: str) -> tuple[Any, ...]:
         """A row's values without the checksum at their end.
 
@@ -208,7 +219,18 @@ class CatalogueFile:
     def _insert(self, table: str, columns: tuple[str, ...], values: tuple[Any, ...], crc: int, ignore: bool = False) -> None:
         marks = ", ".join("?" * (len(columns) + 1))
         verb = "INSERT OR IGNORE" if ignore else "INSERT"
+        self._change(table, f"{verb} INTO {table} ({', '.join(columns)}, crc) VALUES ({marks})", (*values, crc), 1)
+
+    def _delete(self, table: str, where: str, values: tuple[Any, ...]) -> None:
+        self._change(table, f"DELETE FROM {table} WHERE {where}", values, -1)
+
+    def _change(self, table: str, statement: str, values: tuple[Any, ...], sign: int) -> None:
+        """Add or take away rows of a table, in the transaction that is open, and count them."""
         try:
-            self._connection.execute(f"{verb} INTO {table} ({', '.join(columns)}, crc) VALUES ({marks})", (*values, crc))
+            changed = self._connection.execute(statement, values).rowcount
         except sqlite3.IntegrityError as error:
             raise CatalogueError(f"{self.path}: {error}") from error
+        if table in COUNTED and changed and (rows := self._rows()):
+            rows[table] += sign * changed
+            row = ("rows", json.dumps(rows))
+            self._connection.execute("UPDATE scene SET value = ?, crc = ? WHERE key = ?", (row[1], crc_of(row), row[0]))

@@ -313,13 +313,13 @@ class Catalogue(WorkQueue):
             )
             for table in ("blobs", "events"):
                 self._connection.execute(f"DELETE FROM {table} WHERE family = ?", (row.number,))
-            self._connection.execute("DELETE FROM edges WHERE source = ? OR target = ?", (id, id))
-            self._connection.execute("DELETE FROM families WHERE number = ?", (row.number,))
+            self._delete("edges", "source = ? OR target = ?", (id, id))
+            self._delete("families", "number = ?", (row.number,))
 
     def remove_node(self, id: str) -> None:
         """Take a node out that is no family; the edges at it stay."""
         with self.transaction():
-            self._connection.execute("DELETE FROM nodes WHERE id = ?", (id,))
+            self._delete("nodes", "id = ?", (id,))
 
     def connect(self, edge: Edge) -> Edge:
         """Keep an edge; one between the same events is kept already, and stays as it is. An edge without a target is given a dead

@@ -1,12 +1,13 @@
 """`check` finds what is wrong with points and edges whose checksums are right: catalogues that are filled with wrong things."""
 
 import dataclasses
+import sqlite3
 
 import numpy as np
 import pytest
 
 import saltus
-from branches.catalogue import Edge, EventOrbit
+from branches.catalogue import Edge, EventOrbit, Node
 from branches.catalogue.check import check
 from branches.catalogue.closures import distance, event_orbit, seen_from, switch_edge
 from branches.tracing import follow_family
@@ -42,6 +43,61 @@ def test_a_good_catalogue_passes(tmp_path):
     assert counts == {
         "families": 4, "points": sum(map(len, real())), "events": sum(len(branch.events) for branch in real()), "edges": 1
     }  # fmt: skip
+
+
+def altered(path, *statements):
+    """Change rows past the catalogue."""
+    connection = sqlite3.connect(path)
+    for statement in statements:
+        connection.execute(statement)
+    connection.commit()
+    connection.close()
+
+
+FAMILY = "(SELECT number FROM families WHERE label = 'S11O00-')"
+GONE = {
+    "edges": (["DELETE FROM edges WHERE number = 1"], 1, 2),
+    "nodes": (["DELETE FROM nodes WHERE kind = 'linear mode'"], 1, 2),
+    "families": (
+        [f"DELETE FROM {rows} WHERE family = {FAMILY}" for rows in ("points", "blobs", "events")]
+        + ["DELETE FROM families WHERE label = 'S11O00-'"], 3, 4,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("table", GONE)
+def test_a_row_that_is_gone_is_missed(tmp_path, table):
+    """Oracle: the rows that were added, some of them twice, and taken out; the one that was deleted past the catalogue, which nothing else
+    refers to, is the only failure."""
+    path, dead_end = tmp_path / "counted.sqlite", Edge(real()[0].id, "GR2", "GR", "dead end", None, 1.0, 1.0)
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        for branch in (*real(), real()[0]):
+            catalogue.add(branch)
+        for _ in range(2):
+            catalogue.connect(breaking())
+            catalogue.add_node(Node("L11+", "linear mode", "L11+", (0.0, 0.1), 1.8))
+        for _ in range(2):
+            catalogue.connect(dead_end)
+        catalogue.remove_node("not there")
+        catalogue.remove(real()[2].id)
+        catalogue.add(real()[2])
+        known = check(catalogue)[1]
+    altered(path, *GONE[table][0])
+    with saltus.Catalogue(path) as catalogue:
+        (told,) = [failure for failure in check(catalogue)[1] if failure not in known]
+    assert told.where == table and told.text == "the table {} has {} rows, {} were kept".format(table, *GONE[table][1:])
+
+
+def test_a_catalogue_from_before_rows_were_counted_passes(tmp_path):
+    """Oracle: the same families and edges, before and after one more is added to it."""
+    path = tmp_path / "counted.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        catalogue.add(real()[0])
+    altered(path, "DELETE FROM scene WHERE key = 'rows'")
+    with saltus.Catalogue(path, "a") as catalogue:
+        assert check(catalogue)[1] == []
+        catalogue.add(real()[1])
+        assert check(catalogue)[1] == [] and catalogue.scene.system == scene().system.describe()
 
 
 @pytest.mark.parametrize(
