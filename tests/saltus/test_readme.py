@@ -117,9 +117,25 @@ def test_links_lead_somewhere(page):
         assert target.startswith("https://") or (page.parent / target).exists(), target
 
 
-def test_every_block_has_a_language_that_is_tested():
-    """Oracle: the languages that the tests above run."""
+def test_every_block_is_one_that_the_tests_run():
+    """Oracle: the languages that the tests above run; the commands are those of `programs` and `SETUP`, which name each file."""
+    ran = [line for _, lines in programs() for line in lines] + SETUP
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         assert text.count("```") == 2 * len(blocks(page))
         assert {language for language, _ in blocks(page)} <= {"sh", "python", "toml"}
+        assert set(commands(page)) <= set(ran)
+        named = re.findall(r"^```toml\n# (.*)$", text, re.MULTILINE)
+        assert all(any(name in shlex.split(line) for line in commands(page)) for name in named)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_the_commands_in_the_text_of_a_page_exist(page, capsys):
+    """Oracle: the help of each command that stands in a line of text, which has its options."""
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    for line in re.findall(r"`saltus ([a-z][^`]*)`", text):
+        with pytest.raises(SystemExit) as ended:
+            main([shlex.split(line)[0], "--help"])
+        said = capsys.readouterr().out
+        assert ended.value.code == 0
+        assert set(re.findall(r"--[a-z-]+", line)) <= set(re.findall(r"--[a-z-]+", said)), line
