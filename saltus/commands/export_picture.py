@@ -51,6 +51,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out == STANDARD_OUTPUT or suffix not in known:
         raise BadInput(f"unknown format of {arguments.out!r}: expected a file ending in {', '.join(known)}{nearest(suffix, known)}")
     check_writable(arguments.out)
+    for option in ("names", "inset"):
+        if suffix in DATA_FORMATS and getattr(arguments, option):
+            kinds = ", ".join(PICTURE_FORMATS)
+            raise BadInput(f"--{option} is of a picture, and {arguments.out} holds data; expected a file ending in {kinds}")
     insets = [parse_inset(text) for text in arguments.inset]
     if sum((bool(arguments.branches), arguments.data is not None, arguments.catalogue is not None)) > 1:
         raise BadInput("families come from one place: give one of --catalogue, --branches and --data")

@@ -62,6 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     files = outputs.from_arguments(arguments)
+    if arguments.names is not None and (arguments.plot is None or arguments.catalogue is None):
+        raise BadInput("--names counts the orbits named in the picture; expected --plot FILE and --catalogue FILE with it")
     scene = scene_arguments.from_arguments(arguments)
     energies = _asked(arguments, scene)
 

@@ -105,6 +105,8 @@ def test_regimes_are_told_by_all_families(catalogue, tmp_path):
         ("export fep --out a.png --branches {folder}/0.json --labl U8", ["nearest: --label"]),
         ("export fep --out a.png --branches {folder}/0.json --clearance 0", ["above 0"]),
         ("export fep --out a.png --branches {folder}/0.json --energy 1e7:1e8", ["nothing to draw"]),
+        ("export fep --out a.csv --branches {folder}/0.json --names 3", ["--names", "a.csv holds data", "png, pdf, svg"]),
+        ("export fep --out a.npz --branches {folder}/0.json --inset 1:3", ["--inset", "a.npz holds data"]),
         ("export fep --out no/such/a.png --branches {folder}/0.json", ["no/such", "does not exist"]),
     ],
 )

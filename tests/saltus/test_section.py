@@ -169,6 +169,7 @@ PLATE = TWO + '[coordinates]\nLO = "u2"\n[sections]\nenergies = [2.0, 1.0]\n'
         ("section --energy 2,1 --plate", ["'2,1'", "rising"]),
         ("section --energy 1 --colour rotatoin", ["'rotatoin'", "nearest: rotation"]),
         ("section --energy 1 --colour rotation --rho 0.7", ["restitution 0.7", "--colour lyapunov"]),
+        ("section --energy 1 --names 3", ["--names", "expected --plot FILE and --catalogue FILE"]),
         ("section --energy 1 --about 0,0", ["--about", "--colour rotation"]),
         ("section --energy 0.06 --start 0", ["'0'", "X,Y"]),
         ("section --energy 0.06 --start 0,inf", ["'0,inf'", "finite"]),
