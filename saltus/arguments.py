@@ -25,6 +25,7 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise what argparse found wrong."""
         message = message.replace("the following arguments are required: ", "missing: ").removeprefix("argument ")
+        message = re.sub(r"ignored explicit argument (.*)", r"received \1, expected no value", message)
         raise BadInput(f"{message} (see {self.prog} --help)")
 
     def options(self) -> list[str]:

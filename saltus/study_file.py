@@ -108,7 +108,7 @@ def _read(file: Table, folder: Path) -> StudyFile:
 
 
 def _choice(table: Table, key: str, known: tuple[str, ...], default: str | None = None) -> str:
-    value = table.text(key) if default is None else table.text(key, default)
+    value = table.text(key, expected=" or ".join(known)) if default is None else table.text(key, default)
     if value not in known:
         raise table.wrong(key, value, " or ".join(known) + nearest(value, known))
     return value

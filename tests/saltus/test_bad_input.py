@@ -129,6 +129,7 @@ CASES = [
     ("continue S13O00+ --direction upp", ["--direction", "'upp'", "nearest: up"]),
     ("continue S13O00+ --frequency indexx", ["--frequency", "nearest: index"]),
     ("continue S13O00+ --stop-at sn", ["--stop-at", "'sn'", "nearest: SN"]),
+    ("continue S13O00+ --model=3", ["--model", "received '3'", "expected no value"]),
     ("--versoin", ["--versoin", "nearest: --version"]),
 ]
 

@@ -126,7 +126,7 @@ WRONG = [
     (changed(MATRICES, 'LO = "y"', 'LO = "z"'), ["z", "x, y"]),
     (changed(MATRICES, "energy = [0.1, 10]", "energy = [10, 0.1]"), ["energy = [10.0, 0.1]", "lowest < highest"]),
     (changed(MATRICES, "energy = [0.1, 10]", "energy = [1]"), ["a list of 2 numbers"]),
-    (changed(MATRICES, "energy = [0.1, 10]", ""), ["energy is missing"]),
+    (changed(MATRICES, "energy = [0.1, 10]", ""), ["energy is missing, expected a list of 2 numbers"]),
     (changed(MATRICES, "impacts = 6", "impacts = 6.5"), ["impacts = 6.5", "a whole number"]),
     (changed(MATRICES, "impacts = 6", "impacts = true"), ["impacts = True", "a whole number"]),
     (changed(MATRICES, "quarter_period = 8", 'quarter_period = "8"'), ["quarter_period = '8'", "a number"]),
@@ -141,7 +141,7 @@ WRONG = [
     (MODEL + "[[stops]]\nc = [1, -1]\n", ["stops", "brings its own"]),
     (changed(MODEL, "mu = 0.2", "mu = = 0.2"), ["is no TOML", "line 4", "column"]),
     ("h,alpha\n0.1,2\n", ["is no TOML", "line 1"]),
-    ("", ["system is missing"]),
+    ("", ["system is missing, expected a table [system]"]),
 ]
 
 

@@ -254,6 +254,7 @@ def test_a_family_with_several_orbits_asks_which(tmp_path, capsys):
         ('scale = "log"', 'scale = "logarithmic"', ["'logarithmic'", "linear or log"]),
         ('"hypercube"', '"lattice"', ["'lattice'", "grid or hypercube"]),
         ("runs = 60\n", "", ["runs is missing"]),
+        ('design = "hypercube"\n', "", ["design is missing", "grid or hypercube"]),
         ("runs = 60", "runs = 0", ["runs = 0", "from 2"]),
         ("runs = 60", "runs = 1.5", ["runs = 1.5", "whole number"]),
         ("to = 1.0\n", "to = 1.5\n", ["to = 1.5", "0 to 1"]),
