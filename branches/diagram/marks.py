@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -196,37 +196,38 @@ def _drawn(axes: Axes, curve: tuple[np.ndarray, np.ndarray, np.ndarray], to_poin
     return np.split(path, np.flatnonzero(breaks) + 1)
 
 
-def seen(panels: Iterable[tuple[Axes, Mapping[int, np.ndarray]]]) -> dict[int, np.ndarray]:
-    """The runs from `curve_runs` of panels, with their limits, that a legend has to tell of: those that come into sight in any of them. An
-    undecided one has to be long enough to be told apart, for a shorter piece lies beneath the marker of its event."""
-    out: dict[int, np.ndarray] = {}
+def seen(panels: Iterable[tuple[Axes, Mapping[int, np.ndarray]]]) -> set[int]:
+    """Codes of the runs from `curve_runs` of panels, with their limits, that a legend has to tell of: those that come into sight in any
+    of them. An undecided one has to be long enough to be told apart, for a shorter piece lies beneath the marker of its event."""
+    codes = set()
     for axes, runs in panels:
-        low, high = np.sort(axes.transAxes.transform([(0.0, 0.0), (1.0, 1.0)]), axis=0)
-        for code, run in runs.items():
-            for piece in _pieces(run):
-                finite = piece[np.isfinite(piece).all(axis=1)]
-                points = axes.transData.transform(finite)
-                # Of one point, the dot that is drawn for it; else the pieces of the line that lie in the panel, at least in part.
-                begin, end = (points, points) if len(points) == 1 else (points[:-1], points[1:])
-                inside = ((np.maximum(begin, end) >= low) & (np.minimum(begin, end) <= high)).all(axis=1)
-                if not inside.any():
-                    continue
-                shown = np.clip(np.concatenate([begin[inside], end[inside]]), low, high)
-                if code >= 0 or len(points) == 1 or np.max(np.ptp(shown, axis=0)) * 72 / axes.figure.dpi > _SEEN:
-                    out.setdefault(code, run)
-                    break
-    return out
+        corners = np.sort(axes.transAxes.transform([(0.0, 0.0), (1.0, 1.0)]), axis=0)
+        codes |= {code for code, run in runs.items() if any(_in_sight(axes, corners, piece, code < 0) for piece in _pieces(run))}
+    return codes
 
 
-def legend_entries(runs: Mapping[int, np.ndarray], kinds: Sequence[str]) -> list[Line2D]:
-    """Legend handles for the stabilities that occur and for the types of special points, in the table's order."""
+def _in_sight(axes: Axes, corners: np.ndarray, piece: np.ndarray, long: bool) -> bool:
+    """Whether a piece of a run lies in a panel between two corners (2, 2) in pixels, at least in part; `long`: so that it can be told."""
+    points = axes.transData.transform(piece[np.isfinite(piece).all(axis=1)])
+    low, high = corners
+    # Of one point, the dot that is drawn for it; else the lines from one to the next.
+    begin, end = (points, points) if len(points) == 1 else (points[:-1], points[1:])
+    inside = ((np.maximum(begin, end) >= low) & (np.minimum(begin, end) <= high)).all(axis=1)
+    if not inside.any():
+        return False
+    shown = np.clip(np.concatenate([begin[inside], end[inside]]), low, high)
+    return not long or len(points) == 1 or bool(np.max(np.ptp(shown, axis=0)) * 72 / axes.figure.dpi > _SEEN)
+
+
+def legend_entries(codes: Collection[int], kinds: Sequence[str]) -> list[Line2D]:
+    """Legend handles for the stabilities with these codes and for the types of special points, in the table's order."""
     from matplotlib.lines import Line2D
 
     from branches.diagram.style import EVENT_STYLES
 
     entries = []
     for code, name in STABILITY.items():
-        if code in runs:
+        if code in codes:
             cross = {"marker": "x", **_CROSS} if code == 0 else {}
             entries.append(Line2D([], [], label=name, **{**_LINE[code], **cross}))
     order = [k for k in EVENT_STYLES if k in kinds] + [k for k in dict.fromkeys(kinds) if k not in EVENT_STYLES]
