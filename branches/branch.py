@@ -158,6 +158,23 @@ class Branch:
         saved = self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0)
         return Orbit(self.problem, self.problem.solve(y, energy=float(self.points["h"][i])) if saved is None else saved)
 
+    def orbit_between(self, i: int, part: float, **asked: float) -> Orbit | None:
+        """The orbit between points i and i + 1 at an energy or a quarter period; None where the corrector fails.
+
+        Parameters
+        ----------
+        i : int
+        part : float
+            Where it is sought from: 0 at point i, 1 at the next.
+        **asked
+            ``energy`` or ``quarter_period``.
+        """
+        guess = (1.0 - part) * self.unknowns(i) + part * self.unknowns(i + 1)
+        try:
+            return Orbit(self.problem, self.problem.solve(guess, **asked))
+        except NotConverged:
+            return None
+
     def orbits_at(self, *, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
         """All orbits of the branch at an energy or at a quarter period, in order of arclength.
 
@@ -181,13 +198,8 @@ class Branch:
             if difference[i] * difference[i + 1] > 0.0 or (difference[i + 1] == 0.0 and i + 2 < len(self)):
                 continue
             fraction = difference[i] / (difference[i] - difference[i + 1]) if difference[i] != difference[i + 1] else 0.0
-            guess = (1.0 - fraction) * self.unknowns(i) + fraction * self.unknowns(i + 1)
-            try:
-                solution = self.problem.solve(guess, **({"energy": value} if name == "h" else {"quarter_period": value}))
-            except NotConverged:
-                continue
-            orbit = Orbit(self.problem, solution)
-            if not any(np.allclose(orbit.solution.y, other.solution.y, rtol=1e-9, atol=1e-12) for other in out):
+            orbit = self.orbit_between(i, fraction, **({"energy": value} if name == "h" else {"quarter_period": value}))
+            if orbit is not None and not any(np.allclose(orbit.solution.y, other.solution.y, rtol=1e-9, atol=1e-12) for other in out):
                 out.append(orbit)
         nearest = int(np.argmin(np.abs(difference)))
         if not out and abs(difference[nearest]) <= 1e-10 * abs(value):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.diagram.cut import cut
 from branches.diagram.pinned import pinned_names
 from branches.labels import spelled
 
@@ -204,8 +205,6 @@ def atlas_of(
 
 def _pieces(branch: Branch, energy: tuple[float, float] | None) -> list[dict[str, np.ndarray]]:
     """The columns of a family, or of its pieces within a range of energies."""
-    from branches.diagram.cut import cut
-
     names = (*COLUMNS, "label", "velocities")
     if energy is None:
         return [{name: np.asarray(branch.points[name]) for name in names}] if len(branch) else []

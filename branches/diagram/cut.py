@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.orbit import Orbit
-from bvp.multipoint import NotConverged
-
 if TYPE_CHECKING:
     from branches.branch import Branch
+    from branches.orbit import Orbit
 
 __all__ = ["cut"]
 
@@ -64,10 +62,8 @@ def _between(branch: Branch, i: int, energy: float) -> Orbit | None:
     """The orbit of an energy between points i and i + 1; None where the corrector fails, or ends on another orbit."""
     h, alpha = branch.points["h"], branch.points["alpha"]
     part = (energy - h[i]) / (h[i + 1] - h[i])
-    guess = (1.0 - part) * branch.unknowns(i) + part * branch.unknowns(i + 1)
-    try:
-        orbit = Orbit(branch.problem, branch.problem.solve(guess, energy=energy))
-    except NotConverged:
+    orbit = branch.orbit_between(i, part, energy=energy)
+    if orbit is None:
         return None
     off = abs(orbit.alpha - (1.0 - part) * alpha[i] - part * alpha[i + 1])
     return orbit if off <= abs(alpha[i + 1] - alpha[i]) + 1e-3 * alpha[i] else None
