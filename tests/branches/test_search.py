@@ -5,6 +5,7 @@ Oracles: closed forms, published orbits, a uniform scan, Newton's method from ra
 
 import json
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import mpmath as mp
 import numpy as np
@@ -326,3 +327,17 @@ def test_what_cannot_be_searched(given, message):
     options = {"system": SYSTEM, "energy": 1.0, "quarter_period": 2.0, "impacts": 2} | given
     with pytest.raises(ValueError, match=message):
         discover(options.pop("system"), options.pop("energy"), **options)
+
+
+def test_problems_kept_from_other_searches_change_nothing():
+    """Oracle: the same search in a thread of its own, where nothing is kept: every orbit bit for bit, in the same order."""
+
+    def bits(system, energy):
+        found = discover(system, energy, quarter_period=3.0, impacts=4)
+        return [(orbit.ends, orbit.word, orbit.solution.y.tobytes()) for orbit in found.orbits]
+
+    searches = [(system, energy) for system in (SYSTEM, saltus.vibro_impact_nes(0.2)) for energy in (0.3, 0.5, 0.31)] * 2
+    together = [bits(*search) for search in searches]
+    for search, orbits in zip(searches, together, strict=True):
+        with ThreadPoolExecutor(1) as thread:
+            assert thread.submit(bits, *search).result() == orbits != []
