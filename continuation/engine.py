@@ -205,9 +205,8 @@ def walk(
                         index += 1
                         allowance.points -= 1
                         yield point
-                        answer = stop_when(point)
-                        if answer:
-                            words = answer if isinstance(answer, str) else ""
+                        words = _stopped(stop_when, point)
+                        if words is not None:
                             yield End(EndReason.STOP_WHEN, words, Tally(accepted, not_converged, slow, turned, jumped))
                             return
                 point = plain[-1]
@@ -297,11 +296,10 @@ def walk(
             if special.code in stop_at:
                 yield End(EndReason.STOP_AT, f"{special.code} at arclength {special.arclength:.9g}", tally)
                 return
-            if stop_when is not None:
-                answer = stop_when(at_event)
-                if answer:
-                    yield End(EndReason.STOP_WHEN, answer if isinstance(answer, str) else "", tally)
-                    return
+            words = _stopped(stop_when, at_event)
+            if words is not None:
+                yield End(EndReason.STOP_WHEN, words, tally)
+                return
         while allowance.points <= 0:
             yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
             if not allowance.resume:
@@ -311,12 +309,10 @@ def walk(
         arclength += length
         point = Point(index, arclength, new, ds)
         yield point
-        if stop_when is not None:
-            answer = stop_when(point)
-            if answer:
-                words = answer if isinstance(answer, str) else ""
-                yield End(EndReason.STOP_WHEN, words, Tally(accepted, not_converged, slow, turned, jumped))
-                return
+        words = _stopped(stop_when, point)
+        if words is not None:
+            yield End(EndReason.STOP_WHEN, words, Tally(accepted, not_converged, slow, turned, jumped))
+            return
         if closed:
             yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(accepted, not_converged, slow, turned, jumped))
             return
@@ -326,6 +322,12 @@ def walk(
         position = new.position
         older, values, length_old = values, tests, length
         ds = next_step(ds, new.turn, new.contraction, control)
+
+
+def _stopped(stop_when: StopWhen | None, point: Point) -> str | None:
+    """The words with which a condition ends the family at a point, "" where it has none; None where the family goes on."""
+    answer = stop_when(point) if stop_when is not None else False
+    return (answer if isinstance(answer, str) else "") if answer else None
 
 
 def _floats(values: Any) -> list[float]:
