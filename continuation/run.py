@@ -200,7 +200,6 @@ class _Half:
         """Points and events with indices and arclengths that start later."""
         events = {event.index: _moved_event(event, event.index + index, arclength, event.point) for event in self.events}
 
-
         def placed(piece: Piece) -> Piece:
             if isinstance(piece, PlainPoints):
                 return piece.moved(index, arclength)

@@ -178,8 +178,9 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
     elif start.branch is not None:
         families = families_of([start.branch], gap)
     span = told.motion.duration
-    samples = min(MOST_SAMPLES, samples_of(told.motion, span))
-    finest = FINEST * samples_of(told.motion, span) / span  # a unit of time
+    wanted = samples_of(told.motion, span)
+    samples = min(MOST_SAMPLES, wanted)
+    finest = FINEST * wanted / span  # a unit of time
     while True:
         try:
             shown = Transition(scene.system, sampled(told.motion, told.sharing, samples, span), gap)

@@ -29,7 +29,6 @@ SAME_STATE = 1e-8
 MOVED = 1e-6
 """How far Newton's method may move the start of a passage, relative to its size, before it counts as another orbit's."""
 
-
 MOST_PROBLEMS = 1000
 """Problems kept from one search to the next: some twenty kilobytes each."""
 

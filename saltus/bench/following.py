@@ -23,7 +23,6 @@ from continuation.settings import Settings
 
 __all__ = ["BareFamily", "RecordedFamily", "Run", "Spread", "least_time", "spread", "timed_run", "timed_runs"]
 
-
 TOGETHER = 8
 """Runs whose mean is one measurement."""
 

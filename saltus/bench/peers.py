@@ -111,6 +111,7 @@ LONG, SHORT = 1800, 90
 REPEATS = 8
 """Runs of either length, of which the fastest counts: starting AUTO takes longer than the points do, and not always equally long."""
 
+
 def _auto(task: OrbitTask, intervals: int, timed: bool) -> Answer:
     """A few points of a family by AUTO, and, where timed, the seconds of one."""
     problem, y = task.problem, task.unknowns()
