@@ -10,7 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["WriteFailure", "one_line", "reason", "replacing", "write_text"]
+__all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "one_line", "reason", "replacing", "write_text"]
+
+DATABASE = "it is an SQLite file, as catalogues are; expected another file"
+"""Why a result does not take its place."""
+
+SQLITE = b"SQLite format 3\0"
+"""How such a file begins."""
 
 _WORDS = {
     errno.ENOSPC: "no space is left on the device",
@@ -70,9 +76,26 @@ def one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+def is_database(path: str | os.PathLike[str]) -> bool:
+    """Whether a file begins as an SQLite file does; False for one that cannot be read.
+
+    Examples
+    --------
+    >>> is_database(__file__)
+    False
+    """
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(SQLITE)) == SQLITE
+    except OSError:
+        return False
+
+
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary file beside `path`, which takes its place when the block ends without an error.
+
+    A catalogue is not replaced: it may be hours of work, and its name is typed beside those of results.
 
     The temporary file has the suffix of `path`, the mode of the file it replaces (else the user's default mode), and is on
     disk before it is moved. A link is followed. What is not a regular file (a pipe, ``/dev/null``) cannot be replaced: the
@@ -112,6 +135,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             return
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "is a directory")
+        if is_database(target):
+            raise WriteFailure(f"cannot write {path}: {DATABASE}")
         # The prefix has a fixed length, so that a long name which the file system allows stays allowed.
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=".saltus-", suffix=target.suffix)
         os.close(handle)

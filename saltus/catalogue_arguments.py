@@ -12,6 +12,7 @@ from branches.files import reason
 from saltus import scene_arguments
 from saltus.errors import BadInput
 from saltus.files import check_writable
+from saltus.outputs import apart
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -140,7 +141,8 @@ def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
             place.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise BadInput(f"cannot make the directory {place.parent}: {reason(error)}") from error
-    check_writable(str(place))
+    check_writable(str(place), database=True)
+    apart({f"--{name}": getattr(arguments, name, None) for name in ("json", "csv", "plot")} | {"--catalogue": str(place)})
     if place.exists():
         from branches.catalogue import Catalogue
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from branches.diagram.files import PICTURE_FORMATS, picture_format
-from branches.files import WriteFailure, reason, replacing, write_text
+from branches.files import DATABASE, WriteFailure, is_database, reason, replacing, write_text
 from saltus.errors import BadInput, nearest
 
 __all__ = ["STANDARD_OUTPUT", "WriteFailure", "check_picture", "check_writable", "output_folder", "replacing", "write_data"]
@@ -17,13 +17,15 @@ __all__ = ["STANDARD_OUTPUT", "WriteFailure", "check_picture", "check_writable",
 STANDARD_OUTPUT = "-"
 
 
-def check_writable(path: str) -> None:
+def check_writable(path: str, *, database: bool = False) -> None:
     """Refuse a file that could not be written, before the work that would fill it.
 
     Parameters
     ----------
     path : str
         A file's path, or ``-`` for standard output.
+    database : bool
+        Whether it is for a catalogue. A result takes no catalogue's place.
 
     Raises
     ------
@@ -55,6 +57,8 @@ def check_writable(path: str) -> None:
             raise BadInput(f"cannot write {path}: {why}")
         if target.exists() and not os.access(target, os.W_OK):
             raise BadInput(f"cannot write {path}: permission is denied")
+        if not special and not database and is_database(target):
+            raise BadInput(f"cannot write {path}: {DATABASE}")
         if not special:
             # Some directories allow it and cannot: files are written beside, so one is tried.
             with tempfile.NamedTemporaryFile(dir=target.parent, prefix=".saltus-"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TextIO, cast
@@ -13,7 +13,7 @@ from typing import IO, TextIO, cast
 from saltus.errors import DONE, FAILED, BadInput, nearest, one_line, say, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
 
-__all__ = ["NotDrawn", "Outputs", "add_arguments", "from_arguments"]
+__all__ = ["NotDrawn", "Outputs", "add_arguments", "apart", "from_arguments"]
 
 ARRAYS = ("npz", "mat")
 """Kinds of files of arrays."""
@@ -50,6 +50,35 @@ class _Lasting:
         except BrokenPipeError:
             # What the stream still holds must not fail again.
             os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
+
+
+def apart(places: Mapping[str, str | None]) -> None:
+    """Refuse one place for two results.
+
+    Parameters
+    ----------
+    places : mapping
+        Of each option its path, ``-`` for standard output, None where it is not given.
+
+    Raises
+    ------
+    saltus.errors.BadInput
+
+    Examples
+    --------
+    >>> apart({"--json": "a.json", "--csv": "./a.json"})
+    Traceback (most recent call last):
+    saltus.errors.BadInput: --json and --csv both go to ./a.json: expected a place for each
+    """
+    taken: dict[str, str] = {}
+    for option, path in places.items():
+        if path is None:
+            continue
+        place = path if path == STANDARD_OUTPUT else os.path.realpath(path)
+        if place in taken and (place == STANDARD_OUTPUT or not Path(place).exists() or Path(place).is_file()):
+            where = "standard output" if path == STANDARD_OUTPUT else path
+            raise BadInput(f"{taken[place]} and {option} both go to {where}: expected a place for each")
+        taken[place] = option
 
 
 @dataclass(frozen=True)
@@ -99,16 +128,7 @@ class Outputs:
             check_writable(self.arrays)
         if self.plot is not None:
             check_picture(self.plot)
-        taken: dict[str, str] = {}
-        for name in ("json", "csv", "plot", *ARRAYS, "arrays"):
-            option, path = f"--{name}", getattr(self, name)
-            if path is None:
-                continue
-            place = path if path == STANDARD_OUTPUT else os.path.realpath(path)
-            if place in taken and (place == STANDARD_OUTPUT or not Path(place).exists() or Path(place).is_file()):
-                where = "standard output" if path == STANDARD_OUTPUT else path
-                raise BadInput(f"{taken[place]} and {option} both go to {where}: expected a place for each")
-            taken[place] = option
+        apart({f"--{name}": getattr(self, name) for name in ("json", "csv", "plot", *ARRAYS, "arrays")})
 
     @property
     def words(self) -> TextIO:

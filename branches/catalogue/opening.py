@@ -7,11 +7,10 @@ import sqlite3
 from pathlib import Path
 
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
-from branches.files import WriteFailure, reason
+from branches.files import SQLITE, WriteFailure, reason
 
 __all__ = ["open_settled", "open_to_read", "open_to_write", "settle"]
 
-_MAGIC = b"SQLite format 3\0"
 _BUSY = 5.0
 """Seconds to wait for a reader or writer of the same file."""
 _FREE = 0.1
@@ -130,7 +129,7 @@ def _look(path: Path) -> None:
         if logged:
             return
         raise CatalogueError(f"{path} is no catalogue: it is empty")
-    if not head.startswith(_MAGIC):
+    if not head.startswith(SQLITE):
         raise CatalogueError(f"{path} is no catalogue: it is no SQLite file")
     if len(head) < 100:
         raise CatalogueDamaged(f"{path} is damaged: it is cut short, {size} bytes are left of its head")

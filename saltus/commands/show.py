@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from saltus import catalogue_arguments
 from saltus.errors import DONE, BadInput
 from saltus.files import STANDARD_OUTPUT, check_picture, replacing
+from saltus.outputs import apart
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge, FamilyRow
@@ -31,6 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.orbit is not None:
         check_picture(arguments.orbit)
+    apart({"--json": arguments.json, "--orbit": arguments.orbit})
     words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
     with catalogue_arguments.opened(arguments) as catalogue:
         match = catalogue.find(arguments.name)

@@ -190,6 +190,7 @@ BAD = [
     (["list", "--json", "no/such/place.json"], "does not exist"),
     (["tree", "S13+", "--depth", "0"], "above 0"),
     (["show", "S13+", "--orbit", "orbit.pgn"], "nearest: png"),
+    (["show", "S13+", "--orbit", "orbit.png", "--json", "orbit.png"], "--json and --orbit both go to orbit.png"),
 ]
 
 
@@ -197,6 +198,28 @@ BAD = [
 def test_bad_input_is_one_line(catalogue, capsys, words, said):
     """Oracle: exit code 2, the words."""
     refused(run(capsys, *words, "--catalogue", catalogue), said)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "list --json {} --catalogue {}", "show S13+ --json {} --catalogue {}", "check {} --json {}", "build --json {} --catalogue {}",
+        "continue S13+ --csv {} --catalogue {}", "export points --out {} --format csv --catalogue {}",
+    ],
+)  # fmt: skip
+def test_a_result_does_not_take_the_place_of_its_catalogue(catalogue, capsys, words):
+    """Oracle: the bytes of the catalogue."""
+    before = catalogue.read_bytes()
+    refused(run(capsys, *words.format(catalogue, catalogue).split()), "as catalogues are; expected another file")
+    assert catalogue.read_bytes() == before
+
+
+@pytest.mark.parametrize("words", ["build --json {} --catalogue {}", "continue S13+ --save --json {} --catalogue {}"])
+def test_a_new_catalogue_and_a_result_have_a_place_each(tmp_path, capsys, words):
+    """Oracle: exit code 2, and no file."""
+    path = tmp_path / "new.sqlite"
+    refused(run(capsys, *words.format(path, path).split()), f"--json and --catalogue both go to {path}")
+    assert not list(tmp_path.iterdir())
 
 
 def test_another_scene_is_refused(catalogue, capsys, tmp_path):

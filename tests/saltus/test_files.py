@@ -2,6 +2,7 @@
 
 import errno
 import os
+import sqlite3
 import stat
 from pathlib import Path
 from types import SimpleNamespace
@@ -33,6 +34,23 @@ def test_a_replaced_file_keeps_its_mode_and_links(tmp_path):
     write_text(link, "new")
     assert link.is_symlink() and target.read_text() == "new"
     assert stat.S_IMODE(target.stat().st_mode) == 0o640
+
+
+def test_a_catalogue_is_no_place_for_a_result(tmp_path):
+    """Oracle: its bytes; also where it is only there when the result is, and through a link."""
+    target, link = tmp_path / "families.sqlite", tmp_path / "out.json"
+    connection = sqlite3.connect(target)
+    connection.execute("CREATE TABLE t (x)")
+    connection.close()
+    link.symlink_to(target)
+    before = target.read_bytes()
+    for path in (target, link):
+        with pytest.raises(BadInput, match="as catalogues are; expected another file"):
+            check_writable(str(path))
+        with pytest.raises(WriteFailure, match="as catalogues are; expected another file"):
+            write_text(path, "{}")
+    check_writable(str(target), database=True)
+    assert target.read_bytes() == before and link.is_symlink() and len(list(tmp_path.iterdir())) == 2
 
 
 @pytest.mark.parametrize("error", [RuntimeError("no"), KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
