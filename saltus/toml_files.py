@@ -24,7 +24,7 @@ def read_toml(path: Path, what: str, names: Iterable[str] = (), expected: str = 
     names : iterable of str
         What could have been meant besides the TOML files that lie where none is.
     expected : str
-        The end of the message where nothing near exists.
+        The end of the message where nothing near exists, or what is there is no file that can be read.
 
     Raises
     ------
@@ -39,7 +39,8 @@ def read_toml(path: Path, what: str, names: Iterable[str] = (), expected: str = 
         beside = [str(entry) for entry in path.parent.glob("*.toml")] if path.parent.is_dir() else []
         raise BadInput(f"{what} {path} does not exist{nearest(str(path), [*beside, *names]) or expected}") from error
     except (OSError, ValueError) as error:
-        raise BadInput(f"cannot read {what} {path}: {reason(error) if isinstance(error, OSError) else one_line(error)}") from error
+        said = reason(error) if isinstance(error, OSError) else one_line(error)
+        raise BadInput(f"cannot read {what} {path}: {said}{expected}") from error
 
 
 def parse_toml(text: str, where: str) -> Table:

@@ -96,6 +96,7 @@ CASES = [
     ("continue S13O00+ --scene {unknown}", ["unknown key 'stifness'", "nearest: stiffness"]),
     ("continue S13O00+ --scene=", ["scene ''", "TOML file", "lee2009"]),
     ("continue S13O00+ --scene {text}", ["is no TOML", "line 1", "column"]),
+    ("continue S13O00+ --scene {here}", ["it is a directory", "shipped: lee2009"]),
     ("continue S13O00+ --scene {here}/gone.toml", ["gone.toml", "does not exist"]),
     ("continue S13O00+ --scene {indefinite}", ["mass", "positive definite"]),
     ("continue S13O00+ --scene {asymmetric}", ["mass", "symmetric"]),
