@@ -67,8 +67,8 @@ GONE = {
 
 @pytest.mark.parametrize("table", GONE)
 def test_a_row_that_is_gone_is_missed(tmp_path, table):
-    """Oracle: the rows that were added, some of them twice, and taken out; the one that was deleted past the catalogue, which nothing else
-    refers to, is the only failure."""
+    """Oracle: the rows that were added, some twice or taken back, and taken out; the one that was deleted past the catalogue, which nothing
+    else refers to, is the only failure."""
     path, dead_end = tmp_path / "counted.sqlite", Edge(real()[0].id, "GR2", "GR", "dead end", None, 1.0, 1.0)
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
         for branch in (*real(), real()[0]):
@@ -78,6 +78,9 @@ def test_a_row_that_is_gone_is_missed(tmp_path, table):
             catalogue.add_node(Node("L11+", "linear mode", "L11+", (0.0, 0.1), 1.8))
         for _ in range(2):
             catalogue.connect(dead_end)
+        with pytest.raises(KeyError), catalogue.transaction():
+            catalogue.add_node(Node("L22+", "linear mode"))
+            raise KeyError("taken back")
         catalogue.remove_node("not there")
         catalogue.remove(real()[2].id)
         catalogue.add(real()[2])
