@@ -58,4 +58,4 @@ def tell_compiling(kernel: Any) -> None:
 
 def _tell() -> None:
     if sys.stderr is not None and sys.stderr.isatty():
-        print("saltus: compiling the kernels, which takes up to a minute at the first run only", file=sys.stderr, flush=True)
+        print("saltus: compiling the kernels, which takes a minute or two, at the first run only", file=sys.stderr, flush=True)
