@@ -370,18 +370,31 @@ def test_a_range_of_energies_leaves_points_out_and_ends_families_at_its_bounds()
         atlas_figure(atlas_of(real.SYSTEM, real.families(), energy=(1e7, 1e8)))
 
 
-def test_families_without_a_point_in_a_narrow_range_are_shown():
-    """Oracle: the closed form of S13O00+ between two of its points, one impact in half a period."""
-    branch = real.families()[0]
-    k = int(np.argmax(np.diff(np.log(branch.points["h"]))))
+@pytest.mark.parametrize(("number", "steepest"), [(0, np.argmax), (1, np.argmin)])
+def test_families_without_a_point_in_a_narrow_range_are_shown(number, steepest):
+    """Oracle: the closed form of the backbones between two of their points, where energy rises and where it falls along the arclength."""
+    branch = real.families()[number]
+    k = int(steepest(np.diff(np.log(branch.points["h"]))))
     part = np.array([0.4, 0.6])
-    low, high = branch.points["h"][k] ** (1 - part) * branch.points["h"][k + 1] ** part
-    (curve,) = atlas_of(real.SYSTEM, [branch], energy=(low, high)).curves
-    np.testing.assert_allclose(curve.h, [low, high], rtol=1e-13)
-    np.testing.assert_allclose(energy_of_one_impact(curve.alpha), [low, high], rtol=1e-11)
+    met = branch.points["h"][k] ** (1 - part) * branch.points["h"][k + 1] ** part
+    low, high = sorted(met)
+    curves = atlas_of(real.SYSTEM, [branch], energy=(low, high)).curves
+    curve = min(curves, key=lambda curve: abs(curve.alpha[0] - branch.points["alpha"][k]))  # above its fold a backbone has two
+    np.testing.assert_allclose(curve.h, met, rtol=1e-13)
+    np.testing.assert_allclose(energy_of_one_impact(curve.alpha), met, rtol=1e-11)
     figure = atlas_figure(atlas_of(real.SYSTEM, [branch], energy=(low, high)))
     left, right = figure.axes[0].get_xlim()
     assert left > 0.9 * low and right < 1.1 * high, "linear modes that graze at other energies widen the picture"
+
+
+def test_an_orbit_of_another_family_does_not_end_one_at_a_bound(monkeypatch):
+    """Oracle: the points of the family, where the corrector gives an orbit of the other backbone."""
+    branch, other = real.families()[:2]
+    (astray,) = [orbit for orbit in other.orbits_at(energy=2.0)]
+    assert abs(astray.alpha - branch.orbit_at(energy=2.0).alpha) > 0.3
+    monkeypatch.setattr(type(branch), "orbit_between", lambda *arguments, **asked: astray)
+    (curve,) = atlas_of(real.SYSTEM, [branch], energy=(0.0, 2.0)).curves
+    assert curve.h.tolist() == branch.points["h"][branch.points["h"] <= 2.0].tolist()
 
 
 def energy_of_one_impact(alpha):

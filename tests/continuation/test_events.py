@@ -172,6 +172,14 @@ def test_a_key_that_changes_at_the_end_of_a_family_is_no_event(before):
     assert [event.code for event in events] == ["END"]
 
 
+@given(end=st.floats(1.05, 1.095), before=st.floats(-9e-11, 9e-11))
+def test_a_key_that_changes_within_a_bracket_of_the_end_is_no_event(end, before):
+    """Oracle: the family ends at `end`, to the width of a bracket; on which side of it the key changes is rounding."""
+    key, guard = Marker("K", "change"), Marker("END", "guard", terminal=True)
+    _, events, _ = run(Line((key, lambda s: float(s > end - before)), (guard, lambda s: end - s)))
+    assert [event.code for event in events] == ["END"]
+
+
 def test_guard_may_rise_but_not_fall():
     _, events, _ = run(Line((Marker("G", "guard"), lambda s: math.sin(s - 1.0))))
     assert [event.arclength for event in events] == pytest.approx([1 + math.pi], abs=1e-10)
