@@ -23,24 +23,28 @@ _PATIENCE = 10.0
 
 
 @contextmanager
-def open_executor(workers: int, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
+def open_executor(workers: int | None = None, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
     """An executor and how many work on it.
 
     Parameters
     ----------
-    workers : int
-        Processes, where no cluster is named.
+    workers : int, optional
+        Processes, where no cluster is named; by default one a core.
     dask : str, optional
         Address of a Dask scheduler, such as ``tcp://10.0.0.1:8786``.
 
     Raises
     ------
     BadInput
-        Where Dask is not installed, no scheduler answers at the address, or it has no workers that can do the work.
+        Where processes are counted and a cluster is named, Dask is not installed, no scheduler answers at the address, or it has no
+        workers that can do the work.
     RuntimeError
         Where the cluster, or a process, is lost while it works.
     """
+    if workers is not None and dask is not None:
+        raise BadInput(f"--workers counts processes here, and --dask {dask} works in their place; expected one of them")
     if dask is None:
+        workers = workers or os.cpu_count() or 1
         one_thread()
         # A fresh process: one that was forked while kernels are compiled in another thread may wait for ever.
         pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_depend_on_the_parent)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -60,8 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         plan = Plan.within(bounds)
     check(scene.system, bounds.energy[0], bounds.quarter_period, bounds.impacts, ends_of(scene.system))
-    workers = arguments.workers or os.cpu_count() or 1
-    with open_executor(workers, arguments.dask) as (executor, count):
+    with open_executor(arguments.workers, arguments.dask) as (executor, count):
         return _build(arguments, scene, place, plan, executor, count)
 
 

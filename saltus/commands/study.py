@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.format == "parquet":
         _require_pyarrow()
     check_folder(folder, study.plan, arguments.format)
-    with open_executor(arguments.workers or os.cpu_count() or 1, arguments.dask) as (executor, count):
+    with open_executor(arguments.workers, arguments.dask) as (executor, count):
         try:
             return _study(study, folder, arguments.format, executor, count)
         except KeyboardInterrupt:
