@@ -162,6 +162,8 @@ def morlet_spectrum(
     if isinstance(per_octave, bool) or not isinstance(per_octave, int) or per_octave < 1:
         raise ValueError(f"per_octave is a whole number of 1 or more; received {per_octave!r}")
     span = (float(times[0]), float(times[-1]))
+    size = _power_of_two(signal)
+    signal = signal / size  # so that no square of it leaves the range of doubles
     centred = signal - signal.mean()
     lowest = 4.0 * math.pi * wavelet.reach / (span[1] - span[0])
     highest = math.pi / (step * (1.0 + _WIDTHS / wavelet.sharpness))
@@ -176,13 +178,19 @@ def morlet_spectrum(
             f"expected a step of at most {step * highest / high:.4g}"
         )
     if rate is not None:
-        _require_fine(signal, np.asarray(rate, dtype=float), step, window=2.0 * math.pi / low)
+        _require_fine(signal, np.asarray(rate, dtype=float) / size, step, window=2.0 * math.pi / low)
     count = max(2, round(per_octave * math.log2(high / low)) + 1)
     grid = np.geomspace(low, high, count)
     # Envelopes last C sqrt(B/2)/f at least: eight columns in the shortest one.
     stride = max(1, int(2.0 * math.pi * wavelet.centre * math.sqrt(0.5 * wavelet.bandwidth) / (8.0 * high * step)))
     stride = min(stride, max(1, math.ceil(count * len(times) / _CELLS)))
-    return Spectrum(times[::stride], grid, _amplitudes(centred, step, grid, stride, wavelet), span, wavelet)
+    return Spectrum(times[::stride], grid, size * _amplitudes(centred, step, grid, stride, wavelet), span, wavelet)
+
+
+def _power_of_two(signal: np.ndarray) -> float:
+    """The power of two next to the largest value, by which others are divided without rounding; 1 of nothing."""
+    largest = float(np.abs(signal).max())
+    return math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
 
 
 def _amplitudes(signal: np.ndarray, step: float, frequencies: np.ndarray, stride: int, wavelet: Wavelet) -> np.ndarray:
