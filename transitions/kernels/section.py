@@ -117,7 +117,6 @@ def follow_section(
             change[r] = changes[m, r]
         growth = 0.0 - math.log(math.hypot(dot(plane[0, 0], change), dot(plane[0, 1], change)))
         f = 0
-        slid = False
         held = 0.0
         growth = record(
             plane[0], quadratic[0], begin, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0
@@ -163,8 +162,7 @@ def follow_section(
                     break
                 hits += 1 if k < events and log.numbers[k, 0] == IMPACT else 0
                 after = log.numbers[k, 2] if k < events else numbers[PHASE]
-                if slid or f != 0 or after != 0:
-                    slid = True
+                if f != 0 or after != 0:
                     for r in range(size):
                         change[r] = math.nan
                 elif k < events and log.numbers[k, 0] == IMPACT:
