@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from transitions.families import NEAR, Meeting
-from transitions.ridges import HOLDS, SHARE
+from transitions.ridges import HOLDS, SHARE, runs
 
 __all__ = ["EQUAL_OCTAVES", "EQUAL_SHARE", "Match", "Stretch", "best_of", "lasting", "steady", "stretches"]
 
@@ -81,7 +81,7 @@ def stretches(matches: Sequence[Match], turns: np.ndarray) -> list[Stretch]:
     costs = np.stack([np.full(count, 2.0), *(match.cost for match in matches)], axis=1)  # state 0 follows none
     path = _cheapest(costs * np.gradient(turns)[:, None], 0.5 * HOLDS)
     out: list[Stretch] = []
-    for first, stop in _runs(path):
+    for first, stop in runs(path):
         lasts = turns[stop - 1] - turns[first]
         followed = matches[path[first] - 1] if path[first] and lasts >= HOLDS * (1.0 - 1e-9) else None
         if followed is None and out and out[-1].match is None:
@@ -110,7 +110,7 @@ def steady(shown: np.ndarray, turns: np.ndarray) -> list[tuple[int, int, tuple[i
     kept = np.array([_cheapest(np.stack([row, ~row], axis=1) * length, 0.5 * HOLDS) > 0 for row in shown])
     changed = np.concatenate([[0], np.cumsum((kept[:, 1:] != kept[:, :-1]).any(axis=0))])
     out: list[tuple[int, int, tuple[int, ...]]] = []
-    for first, stop in _runs(changed):
+    for first, stop in runs(changed):
         own = tuple(np.flatnonzero(kept[:, first]).tolist())
         if out and turns[out[-1][1]] - turns[out[-1][0]] < HOLDS:
             first = out.pop()[0]
@@ -118,12 +118,6 @@ def steady(shown: np.ndarray, turns: np.ndarray) -> list[tuple[int, int, tuple[i
             first, _, own = out.pop()
         out.append((first, stop - 1, own))
     return out
-
-
-def _runs(values: np.ndarray) -> list[tuple[int, int]]:
-    """Stretches of one value: the first index, and that after the last."""
-    bounds = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]]).tolist()
-    return list(zip(bounds[:-1], bounds[1:], strict=True))
 
 
 def _cheapest(costs: np.ndarray, switch: float) -> np.ndarray:

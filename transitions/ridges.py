@@ -10,7 +10,7 @@ import numpy as np
 from transitions.kernels.ridges import link
 from transitions.spectrum import Spectrum
 
-__all__ = ["HOLDS", "SHARE", "Held", "Ridge", "amplitude_of_motion", "held", "periods", "ridges"]
+__all__ = ["HOLDS", "SHARE", "Held", "Ridge", "amplitude_of_motion", "held", "periods", "ridges", "runs"]
 
 SHARE = 0.2
 """Least part of the motion's amplitude that a ridge carries: a fifth."""
@@ -20,8 +20,6 @@ HOLDS = 3.0
 
 _FAINT = 0.25 * SHARE  # maxima with a smaller part are not looked at
 _DRIFT = 0.25  # octaves in one period of its own that a ridge may move: what goes faster is a jump to another
-
-
 _ROUNDING = 64.0 * np.finfo(float).eps  # of the signal: the transform turns over the whole of it at once, and rounds with its largest part
 
 
@@ -193,22 +191,22 @@ def held(spectrum: Spectrum, found: list[Ridge]) -> list[Held]:
         return periods(found[number].frequencies[first - found[number].first : last + 1 - found[number].first], step)
 
     stack: list[tuple[int, int, int]] = []
-    for run in _runs(best):
-        number, _, last = run
+    for first, stop in runs(best):
+        number = int(best[first])
         if number < 0:
             continue
+        run = number, first, stop - 1
         k = len(stack) - 1
         while k >= 0 and stack[k][0] != number and lasts(*stack[k]) < HOLDS:
             k -= 1
         if k >= 0 and stack[k][0] == number and lasts(number, stack[k][2], run[1]) < HOLDS:
-            run = (number, stack[k][1], last)
+            run = number, stack[k][1], stop - 1
             del stack[k:]
         stack.append(run)
     return [Held(found[number], first, last) for number, first, last in stack if lasts(number, first, last) >= HOLDS]
 
 
-def _runs(numbers: np.ndarray) -> list[tuple[int, int, int]]:
-    """Stretches of one number: the number, first and last index."""
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(numbers)) + 1])
-    ends = np.concatenate([starts[1:], [len(numbers)]]) - 1
-    return [(int(numbers[a]), int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+def runs(values: np.ndarray) -> list[tuple[int, int]]:
+    """Stretches of one value: the first index, and that after the last."""
+    bounds = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]]).tolist()
+    return list(zip(bounds[:-1], bounds[1:], strict=True))

@@ -16,10 +16,12 @@ import numpy as np
 
 from bvp.damped import Mover
 from bvp.kernels import motion as motion_kernels
+from bvp.kernels.compiled import address_of
 from transitions.kernels import section as kernels
 from transitions.section_plane import SectionPlane
 
 if TYPE_CHECKING:
+    from bvp.kernels.phase import Log, Phases, Scratch
     from bvp.system import ImpactSystem
 
 __all__ = ["Section", "SectionEnd", "follow", "section"]
@@ -205,9 +207,12 @@ def follow(
     held_times = np.zeros(count)
     fastest, slowest = _periods(plane)
     first = 0
+    marks = np.zeros((0, len(mover.parts) + 3))
     while True:
         phases = mover.table.stacked
+        log, scratch = mover.log(kernels.EVENTS_AT_ONCE), mover.scratch(np.zeros(2 * system.degrees_of_freedom))
         first, held = kernels.follow_section(
+            _address_of_move(phases, marks, log, scratch),
             phases,
             *plane.rows(phases),
             np.concatenate([u, v], 1),
@@ -224,15 +229,22 @@ def follow(
             impacts,
             held_times,
             statuses,
-            mover.log(kernels.EVENTS_AT_ONCE),
-            mover.scratch(np.zeros(2 * system.degrees_of_freedom)),
-            np.zeros((0, len(mover.parts) + 3)),
+            log,
+            scratch,
+            marks,
         )
         if first == count:
             break
         mover.table.add(int(held))
     ends = tuple(_ENDS[code] for code in statuses.tolist())
     return Section(plane, times, points, energies, growths, tangents, counts, impacts, held_times, ends)
+
+
+def _address_of_move(phases: Phases, marks: np.ndarray, log: Log, scratch: Scratch) -> int:
+    """Where `bvp.kernels.motion.move` stands, compiled for arguments as `Mover.run` has them too."""
+    line, table, counts = np.zeros(0), np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
+    arguments = (phases, 0.0, kernels.MOST, line, line, counts, line, table, table, marks, line, log, scratch)
+    return address_of(motion_kernels.move, arguments)
 
 
 def _periods(plane: SectionPlane) -> tuple[float, float]:

@@ -37,6 +37,8 @@ class Mark:
     stable : int
         1 elliptic, 0 hyperbolic, -1 undecided.
     period : float
+    impacts : int
+        In a period.
     image : str
         One of `IMAGES`: the orbit itself, or its image under the mirror u to -u, the reversal of time, or both, where that is another one.
     points : (k, 2) ndarray
@@ -47,6 +49,7 @@ class Mark:
     label: str
     stable: int
     period: float
+    impacts: int
     image: str
     points: np.ndarray
 
@@ -105,7 +108,7 @@ def orbit_marks(plane: SectionPlane, orbit: Orbit, family: str) -> list[Mark]:
         points = images.get(image)
         if points is None or not len(points) or any(_same(points, other.points) for other in out):
             continue
-        out.append(Mark(family, orbit.label, stable, orbit.period, image, points))
+        out.append(Mark(family, orbit.label, stable, orbit.period, len(orbit.cycle.times), image, points))
     return out
 
 
@@ -127,7 +130,7 @@ def mode_marks(plane: SectionPlane) -> list[Mark]:
             continue
         velocity = np.sign(shape[plane.primary]) * math.sqrt(2.0 * plane.energy) * shape
         point = plane.coordinates(np.zeros((1, 2)), velocity[None])
-        out.append(Mark(mode.name, mode.name, 1, 4.0 * mode.alpha, "own", point))
+        out.append(Mark(mode.name, mode.name, 1, 4.0 * mode.alpha, 0, "own", point))
     return out
 
 

@@ -126,7 +126,7 @@ def morlet_spectrum(
     times : (m,) float
         Uniform.
     signal : (m,) float
-        Its mean is taken off, as the edges of the record would show it otherwise.
+        What it rests about at each end is taken off, as the edges of the record would show it otherwise.
     rate : (m,) float, optional
         Its derivative at the same times. A tone that the samples cannot show has another rate than the tone that they seem to show, so
         with it a record that is too coarse is told from one that is not, whatever its frequencies.
@@ -162,10 +162,11 @@ def morlet_spectrum(
     if isinstance(per_octave, bool) or not isinstance(per_octave, int) or per_octave < 1:
         raise ValueError(f"per_octave is a whole number of 1 or more; received {per_octave!r}")
     span = (float(times[0]), float(times[-1]))
-    centred = signal - signal.mean()
+    size = _power_of_two(signal)
+    signal = signal / size  # so that no square of it leaves the range of doubles
     lowest = 4.0 * math.pi * wavelet.reach / (span[1] - span[0])
     highest = math.pi / (step * (1.0 + _WIDTHS / wavelet.sharpness))
-    low, high = frequencies if frequencies is not None else _band(centred, step, lowest, highest)
+    low, high = frequencies if frequencies is not None else _band(signal - signal.mean(), step, lowest, highest)
     if not 0.0 < low < high < math.inf:
         raise ValueError(f"frequencies are a lowest and a higher one, above 0; received {low:g} to {high:g}")
     if low < lowest * (1.0 - 1e-9):
@@ -176,13 +177,19 @@ def morlet_spectrum(
             f"expected a step of at most {step * highest / high:.4g}"
         )
     if rate is not None:
-        _require_fine(signal, np.asarray(rate, dtype=float), step, window=2.0 * math.pi / low)
+        _require_fine(signal, np.asarray(rate, dtype=float) / size, step, window=2.0 * math.pi / low)
     count = max(2, round(per_octave * math.log2(high / low)) + 1)
     grid = np.geomspace(low, high, count)
     # Envelopes last C sqrt(B/2)/f at least: eight columns in the shortest one.
     stride = max(1, int(2.0 * math.pi * wavelet.centre * math.sqrt(0.5 * wavelet.bandwidth) / (8.0 * high * step)))
     stride = min(stride, max(1, math.ceil(count * len(times) / _CELLS)))
-    return Spectrum(times[::stride], grid, _amplitudes(centred, step, grid, stride, wavelet), span, wavelet)
+    return Spectrum(times[::stride], grid, size * _amplitudes(signal, step, grid, stride, wavelet), span, wavelet)
+
+
+def _power_of_two(signal: np.ndarray) -> float:
+    """The power of two next to the largest value, by which others are divided without rounding; 1 of nothing."""
+    largest = float(np.abs(signal).max())
+    return math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
 
 
 def _amplitudes(signal: np.ndarray, step: float, frequencies: np.ndarray, stride: int, wavelet: Wavelet) -> np.ndarray:
@@ -192,15 +199,34 @@ def _amplitudes(signal: np.ndarray, step: float, frequencies: np.ndarray, stride
     shape.upper_bound = math.sqrt(-math.log(_SUPPORT) * wavelet.bandwidth)
     shape.lower_bound = -shape.upper_bound
     scales = 2.0 * math.pi * wavelet.centre / (frequencies * step)
-    out = np.empty((len(scales), len(signal[::stride])))
-    rows = max(1, _BLOCK // len(signal))
+    whole, before = _at_rest(signal, step, frequencies[0], math.ceil(shape.upper_bound * scales[0]))
+    kept = slice(before, before + len(signal), stride)
+    out = np.empty((len(scales), len(whole[kept])))
+    rows = max(1, _BLOCK // len(whole))
     for first in range(0, len(scales), rows):
         part = slice(first, first + rows)
-        coefficients, _ = pywt.cwt(signal, scales[part], shape, method="fft", precision=_PRECISION)
-        out[part] = 2.0 * np.abs(coefficients[:, ::stride])
+        coefficients, _ = pywt.cwt(whole, scales[part], shape, method="fft", precision=_PRECISION)
+        out[part] = 2.0 * np.abs(coefficients[:, kept])
     # The transform convolves with differences of the integrated wavelet, which averages over one step: the sinc takes that back.
     out /= (np.sqrt(scales) * np.sinc(frequencies * step / (2.0 * math.pi)))[:, None]
     return out
+
+
+def _at_rest(signal: np.ndarray, step: float, lowest: float, reach: int) -> tuple[np.ndarray, int]:
+    """The signal without what it rests about at its faint end, with `reach` samples more beyond the loud one, on which it rests where it is
+    about there; and how many of them come before it.
+
+    One mean for all, taken off, would leave a step at the faint end that is larger than the motion there. The mean about an end is that
+    over three of the longest periods, with Hann's weights, which pass over tones: at the lowest frequency to 1 %, at higher ones by the
+    third power less."""
+    count = min(len(signal), max(8, math.ceil(6.0 * math.pi / (lowest * step))))
+    weights = np.hanning(count + 2)[1:-1]
+    weights /= weights.sum()
+    begin, end = signal[:count], signal[-count:]
+    first, last = float(weights @ begin), float(weights @ end)
+    if np.ptp(begin) < np.ptp(end):
+        return np.concatenate([signal - first, np.full(reach, last - first)]), 0
+    return np.concatenate([np.full(reach, first - last), signal - last]), reach
 
 
 def checked(times: Any, signal: Any) -> tuple[np.ndarray, np.ndarray, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -83,6 +83,10 @@ def stages_of(record: Record, gap: Sequence[float], families: Families | None = 
     return out
 
 
+_Cut = tuple[Sequence[Meeting], int, int, tuple[int, ...]]
+"""What a `_Part` has besides its interval."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Part:
     """Part of an interval, and the families that fit it, the best first, at the places `first` to `last` where they are compared, with the
@@ -136,12 +140,12 @@ def _parts(
         return Match(item, unlike(own, k, lines.ratios, parts(k)), rate(length) - length * item.family.impacts / k)
 
     matches = [match(item) for item in meetings if lasting(item, at)]
-    out: list[_Part] = []
+    cut: list[_Cut] = []
     for stretch in stretches(matches, at):
-        first, last = int(places[stretch.first]), int(places[stretch.last])
         if stretch.match is None:
-            out.append(_Part(Held(interval.ridge, first, last), (), stretch.first, stretch.last))
+            cut.append(((), stretch.first, stretch.last, ()))
             continue
+        first, last = int(places[stretch.first]), int(places[stretch.last])
         impacts = _impacts(record, times[first], times[last])
         best = best_of(stretch, matches, impacts, turns[last] - turns[first])
         part = slice(stretch.first, stretch.last + 1)
@@ -151,18 +155,18 @@ def _parts(
         shown[k - 1] = True  # the ridge itself
         for begin, end, harmonics in steady(shown, at[part]):
             begin, end = stretch.first + begin, stretch.first + end
-            out.append(_Part(Held(interval.ridge, 0, 0), best, begin, end, tuple(k + 1 for k in harmonics)))
-    return _joined(out, interval, places, turns)
+            cut.append((best, begin, end, tuple(k + 1 for k in harmonics)))
+    return _joined(cut, interval, places, turns)
 
 
-def _joined(parts: Sequence[_Part], interval: Held, places: np.ndarray, turns: np.ndarray) -> list[_Part]:
-    """The same parts, each up to where the next one begins; those of no family that last less than three periods are left out."""
+def _joined(cut: Sequence[_Cut], interval: Held, places: np.ndarray, turns: np.ndarray) -> list[_Part]:
+    """The parts, each up to where the next one begins; those of no family that last less than three periods are left out."""
     out = []
-    for i, part in enumerate(parts):
-        first = 0 if i == 0 else int(places[part.first])
-        last = len(turns) - 1 if i + 1 == len(parts) else int(places[parts[i + 1].first])
-        if part.meetings or turns[last] - turns[first] >= HOLDS:
-            out.append(replace(part, held=Held(interval.ridge, interval.first + first, interval.first + last)))
+    for i, (meetings, begin, end, harmonics) in enumerate(cut):
+        first = 0 if i == 0 else int(places[begin])
+        last = len(turns) - 1 if i + 1 == len(cut) else int(places[cut[i + 1][1]])
+        if meetings or turns[last] - turns[first] >= HOLDS:
+            out.append(_Part(Held(interval.ridge, interval.first + first, interval.first + last), meetings, begin, end, harmonics))
     return out
 
 

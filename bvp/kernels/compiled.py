@@ -1,5 +1,6 @@
 """How kernels are compiled: once, kept on disk, with division by zero giving inf or nan, as the arithmetic of arrays does."""
 
+import gc
 from functools import lru_cache
 from typing import Any
 
@@ -8,32 +9,59 @@ from llvmlite import ir
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["address_of", "allocating", "call_at", "kernel", "part", "sized"]
+__all__ = ["address_of", "allocating", "call_at", "kernel", "part", "sized", "whole_at"]
 
 _COUNTED: dict[str, Any] = {"_nrt": True}  # numba's own run time for arrays; said in full, for what a kernel calls inherits it
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
+
+
+_SELDOM = 20_000, 50, 1000
+
+
+def _made(function: Any, **options: Any) -> Any:
+    """The compiled function. Other kernels call it with written-out whole numbers as with any others: numba would compile one of its own
+    for each such number. While it is compiled, which makes millions of objects that stay, garbage is collected seldom: a tenth of the time
+    goes there else."""
+    dispatcher = nb.njit(cache=True, error_model="numpy", **options)(function)
+    resolve, compiled = dispatcher.get_call_template, dispatcher.compile
+
+    def of_any_number(arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
+        plain = {name: nb.types.unliteral(kind) for name, kind in keywords.items()}
+        return resolve(tuple(map(nb.types.unliteral, arguments)), plain)
+
+    def compile_in_peace(signature: Any) -> Any:
+        before = gc.get_threshold()
+        gc.set_threshold(*_SELDOM)
+        try:
+            return compiled(signature)
+        finally:
+            gc.set_threshold(*before)
+
+    dispatcher.get_call_template = of_any_number
+    dispatcher.compile = compile_in_peace
+    return dispatcher
 
 
 def kernel(function: Any) -> Any:
     """Compile a function of plain arrays and numbers, without Python objects, that makes and returns no arrays.
 
     Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
-    return nb.njit(cache=True, error_model="numpy", **_UNCOUNTED)(function)
+    return _made(function, **_UNCOUNTED)
 
 
 def allocating(function: Any) -> Any:
     """Compile a function that makes arrays of its own. Only such a one may call another that returns an array."""
-    return nb.njit(cache=True, error_model="numpy", **_COUNTED)(function)
+    return _made(function, **_COUNTED)
 
 
 def part(function: Any) -> Any:
     """Compile a function as part of the kernel that calls it. For what is called from one place, a function of its own costing about a
     second to compile, however short it is; and for a few lines inside a loop, where a call would cost more than they do."""
-    return nb.njit(cache=True, error_model="numpy", inline="always")(function)
+    return _made(function, inline="always")
 
 
 def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
-    """Where a kernel without a result, compiled for such arguments, stands in memory, for `call_at`."""
+    """Where a kernel, compiled for such arguments, stands in memory, for `call_at` and `whole_at`."""
     return _address(function, tuple(nb.typeof(argument) for argument in arguments))
 
 
@@ -44,23 +72,29 @@ def _address(function: Any, types: tuple[Any, ...]) -> int:
     return int(code.get_pointer_to_function(description.llvm_cfunc_wrapper_name))
 
 
-def _call_at(typing_context, address, arguments):
-    """Call, in a kernel, another one that stands at an address, with a tuple of arguments of exactly the types that it was compiled for.
+def _calling(result: Any) -> Any:
+    def call(typing_context, address, arguments):
+        """Call, in a kernel, another one that stands at an address, with a tuple of arguments of the very types that it was compiled for.
 
-    A kernel that calls another by name is compiled together with all of it once more; this keeps large kernels apart.
-    """
+        A kernel that calls another by name is compiled together with all of it once more; this keeps large kernels apart.
+        """
 
-    def code(context, builder, signature, values):
-        types = [context.get_value_type(argument) for argument in signature.args[1].types]
-        shape = ir.FunctionType(context.get_value_type(nb.types.none), types)
-        pointer = builder.inttoptr(values[0], ir.PointerType(shape))
-        builder.call(pointer, cgutils.unpack_tuple(builder, values[1]))
-        return context.get_dummy_value()
+        def code(context, builder, signature, values):
+            types = [context.get_value_type(argument) for argument in signature.args[1].types]
+            shape = ir.FunctionType(context.get_value_type(result), types)
+            pointer = builder.inttoptr(values[0], ir.PointerType(shape))
+            answer = builder.call(pointer, cgutils.unpack_tuple(builder, values[1]))
+            return context.get_dummy_value() if result is nb.types.none else answer
 
-    return nb.types.none(address, arguments), code
+        return result(address, arguments), code
+
+    return intrinsic(call)
 
 
-call_at: Any = intrinsic(_call_at)
+call_at: Any = _calling(nb.types.none)
+"""For a kernel without a result."""
+whole_at: Any = _calling(nb.types.int64)
+"""For one that returns a whole number."""
 
 
 def _sized(typing_context, array, size):

@@ -168,10 +168,14 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
         clock[LOSS] = 0.0
         counts[LEAVING] = -1
         holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
+        begin = clock[TIME]
+        if status == OUTSIDE and not holds:
+            return STARTED_OUTSIDE
+        if status == EXHAUSTED and flight == 0.0:
+            return GAVE_UP
+        if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
+            return GAVE_UP
         if status == NONE:
-            begin = clock[TIME]
-            if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
-                return GAVE_UP
             if end == duration:
                 if cannot_hit(phases, f, z):
                     counts[CLEAR] = 1
@@ -191,12 +195,6 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
                 reset_loads(phases, f, ahead, z)
             record(log, BREAK, -1, counts, clock, before, z, sums)
             continue
-        if status == OUTSIDE and not holds:
-            return STARTED_OUTSIDE
-        if status == EXHAUSTED and flight == 0.0:
-            return GAVE_UP
-        if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
-            return GAVE_UP
         if f != 0 or status != HIT:
             times_matrix(phases.leave[f], z, x)
             for r in range(width):

@@ -9,6 +9,8 @@ import pytest
 import saltus
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.traced import traced
+from transitions import section as section_module
+from transitions.kernels import section as kernels
 from transitions.section import SectionEnd, follow, section
 from transitions.section_plane import SectionPlane
 
@@ -256,6 +258,19 @@ def test_a_periodic_orbit_closes_and_parts_at_its_multiplier():
     assert rate == pytest.approx(math.log(abs(orbit.multipliers).max()) / orbit.period, rel=1e-6)
 
 
+@pytest.mark.parametrize(("energy", "close"), [(0.2, 1e-3), (0.3, 5e-3)])
+def test_the_exponent_leaves_out_how_the_perturbation_turns_at_the_start(energy, close):
+    """Oracle: the multiplier of the family's orbit, whose square is the part of the perturbation that is left of the other direction at a
+    crossing: with the first of eleven steps the mean would be off by four times as much and more."""
+    (orbit,) = traced("S13O00+", low=0.05, high=5.0).orbits_at(energy=energy)
+    plane = SectionPlane(vibro_impact_nes(), energy)
+    u, v = orbit.sample(np.zeros(1))
+    found = follow(plane, plane.coordinates(u, v), 12)
+    rate = math.log(abs(orbit.multipliers).max()) / orbit.period
+    assert found.exponents[0] == pytest.approx(rate, rel=close)
+    assert found.growths[0, -1] / found.times[0, -1] != pytest.approx(rate, rel=4.0 * close)
+
+
 def test_a_motion_that_loses_energy_leaves_its_surface():
     """Oracle: energies of a run of the same system: they fall, and are those at the crossings."""
     system = vibro_impact_nes(rho=0.7)
@@ -288,6 +303,23 @@ def test_orbits_that_stick_to_a_stop_go_on(sigma, rho):
         dense = motion.sample(np.linspace(1e-6, motion.duration, 40_000))[0][:, 1]
         assert np.count_nonzero((dense[:-1] < 0.0) & (dense[1:] >= 0.0)) == 11
     np.testing.assert_array_equal(np.isnan(found.exponents), found.held_times > 0.0)
+
+
+@pytest.mark.parametrize(("rho", "energy"), [(0.3, 5.0), (0.6, 5.0), (1.0, 20.0)])
+@pytest.mark.parametrize(("periods", "events"), [(0.02, 256), (8.0, 12)])
+def test_how_a_motion_is_cut_into_stretches_is_of_no_account(monkeypatch, rho, energy, periods, events):
+    """Oracle: the same motions in long stretches: short ones cut flights, and bounces that are summed; small records are full at once."""
+    system = vibro_impact_nes(rho=rho)
+    whole = section(system, energy, orbits=8, crossings=6)
+    monkeypatch.setattr(section_module, "_PERIODS", periods)
+    monkeypatch.setattr(kernels, "EVENTS_AT_ONCE", events)
+    cut = section(system, energy, orbits=8, crossings=6)
+    assert whole.ends == cut.ends == (SectionEnd.COMPLETE,) * 8 and np.array_equal(whole.impacts, cut.impacts)
+    far = np.exp(np.nan_to_num(whole.growths, nan=0.0)).max()
+    np.testing.assert_allclose(cut.times, whole.times, atol=1e-12 * far)
+    np.testing.assert_allclose(cut.points, whole.points, atol=1e-12 * far)
+    np.testing.assert_allclose(cut.held_times, whole.held_times, atol=1e-12 * far)
+    np.testing.assert_allclose(cut.growths, whole.growths, atol=1e-11 * far)
 
 
 @pytest.mark.parametrize("rho", [0.3, 1.0])

@@ -1,15 +1,19 @@
 """Periodic orbits on a section. Oracles: the section's own map, closed forms of linear motion, the families' multipliers."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from bvp.cycle import Cycle
+from bvp.kernels.flight import flow_state
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced
 from transitions.section import follow, section
-from transitions.section_fixed import fixed_points, return_map
-from transitions.section_marks import branch_marks, mode_marks
+from transitions.section_fixed import FixedPoint, fixed_points, return_map
+from transitions.section_marks import IMAGES, branch_marks, crossings_of, mode_marks, orbit_marks
 from transitions.section_plane import SectionPlane
 from transitions.section_rotation import about_point, rotations
 
@@ -108,3 +112,69 @@ def test_a_place_without_an_elliptic_point_is_refused():
         about_point(found, (9.0, 9.0))
     with pytest.raises(ValueError, match="restitution 0.7 of stop a loses energy"):
         rotations(section(vibro_impact_nes(rho=0.7), 0.06, orbits=1, crossings=2))
+
+
+def test_images_are_those_of_the_motion_itself():
+    """Oracle: the crossings of the flights that are mirrored, or run backwards, one by one; of flights that have no symmetry."""
+    system = vibro_impact_nes()
+    modes = system.modes
+    durations = np.array([2.3, 4.1, 3.2])
+    after = np.random.default_rng(7).normal(size=(3, 4))  # u2 keeps its sign from each flight to the next, so that none crosses between
+    before = np.empty_like(after)
+    for i, duration in enumerate(durations):
+        flow_state(*modes.blocks, after[i], duration, before[i])
+    contact = np.full(3, -1)
+    plane = SectionPlane(system, 0.3)
+    backwards = (modes.from_state @ np.diag([1.0, 1.0, -1.0, -1.0]) @ modes.to_state).T
+
+    def points(before, after, duration):
+        return crossings_of(plane, Cycle(system, before, after, duration, contact, 0.0))[0]
+
+    turned = after[::-1] @ backwards, before[::-1] @ backwards, durations[::-1].copy()
+    expected = {
+        "own": points(before, after, durations),
+        "mirrored": points(-before, -after, durations),
+        "reversed": points(*turned),
+        "mirrored and reversed": points(-turned[0], -turned[1], turned[2]),
+    }
+    orbit = SimpleNamespace(cycle=Cycle(system, before, after, durations, contact, 0.0), label="", stable=None, period=durations.sum())
+    marks = {mark.image: mark.points for mark in orbit_marks(plane, orbit, "")}
+    assert tuple(marks) == IMAGES
+    for image, told in marks.items():
+        apart = np.abs(told[:, None] - expected[image][None]).max(axis=-1)
+        assert len(told) == len(expected[image]) > 0 and apart.min(axis=1).max() < 1e-12
+
+
+def section_of(angles, radii):
+    """A section of one orbit whose points have these angles, from +y to +x, and radii about the middle, in its own units."""
+    found = section(vibro_impact_nes(), 0.06, orbits=1, crossings=2)
+    points = np.stack([radii * np.sin(angles), found.plane.height(0.0) * radii * np.cos(angles)], axis=1)
+    return replace(found, points=points[None], counts=np.array([len(points)]))
+
+
+def centre(x, y):
+    return FixedPoint(x, y, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("number", [0.0137 * math.sqrt(2.0), 1.0 - 0.0137 * math.sqrt(2.0), 0.61803398875])
+def test_a_curve_that_turns_back_on_its_way_round_has_its_rotation_number(number):
+    """Oracle: the rotation that the points are made by: the angle goes back on part of the way."""
+    turn = 2.0 * math.pi * number * np.arange(600)
+    found = rotations(section_of(turn + 0.9 * np.sin(2.0 * turn), 0.4 + 0.1 * np.cos(turn)), [centre(0.0, 0.0)])
+    assert found.numbers[0] == pytest.approx(number, abs=1e-6) and found.about[0] == 0
+
+
+def test_points_that_come_and_go_round_a_bend_do_not_go_round_its_middle():
+    """Oracle: the angles, which never get round, though they are in all quarters."""
+    turn = 2.0 * math.pi * 0.0317 * math.sqrt(2.0) * np.arange(600)
+    found = rotations(section_of(2.5 * np.sin(turn), 0.5 + 0.05 * np.cos(turn)), [centre(0.0, 0.0)])
+    assert np.isnan(found.numbers[0]) and found.about[0] == -1
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_of_several_points_an_orbit_is_told_about_the_one_that_it_goes_round_most_evenly(first):
+    """Oracle: a circle, evenly gone round, about its middle."""
+    turn = 2.0 * math.pi * 0.217 * math.sqrt(2.0) * np.arange(600)
+    both = [centre(0.0, 0.0), centre(0.2, 0.0)]
+    found = rotations(section_of(turn, np.full(600, 0.5)), both if first == 0 else both[::-1])
+    assert found.about[0] == first and found.numbers[0] == pytest.approx(0.217 * math.sqrt(2.0), abs=1e-9)

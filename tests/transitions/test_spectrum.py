@@ -169,3 +169,15 @@ def test_long_records_are_kept_within_bounds():
     assert spectrum.amplitudes.size <= 3_100_000 and len(spectrum.times) < len(times)
     clear = spectrum.inside(spectrum.times, np.full(len(spectrum.times), 0.9)) > 1.0 - 1e-6
     assert np.abs(ridge(spectrum)[1][clear] - 1.0).max() < 1e-3
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [2.0**-900, 2.0**900])
+def test_the_unit_of_a_signal_is_of_no_account(size):
+    """Oracle: the spectrum is linear: a power of two goes through it without rounding."""
+    times = np.linspace(0.0, 100.0, 2001)
+    signal, rate = np.cos(2.0 * times) + 0.2, -2.0 * np.sin(2.0 * times)
+    one, other = morlet_spectrum(times, signal, rate), morlet_spectrum(times, size * signal, size * rate)
+    assert np.array_equal(one.frequencies, other.frequencies) and np.array_equal(size * one.amplitudes, other.amplitudes)
+    with pytest.raises(TooCoarse):
+        morlet_spectrum(times[::40], size * np.cos(2.0 * times[::40]), -2.0 * size * np.sin(2.0 * times[::40]))

@@ -16,8 +16,8 @@ from transitions.families import NEAR, Family, Meeting, families_of, harmonics
 from transitions.following import Match, steady, stretches
 from transitions.kernels.ridges import link
 from transitions.lines import Around, partner, unlike
-from transitions.ridges import HOLDS, SHARE, amplitude_of_motion, ridges
-from transitions.spectrum import Wavelet
+from transitions.ridges import HOLDS, SHARE, amplitude_of_motion, held, ridges
+from transitions.spectrum import Wavelet, morlet_spectrum
 from transitions.stage import changes, stages_as_data
 from transitions.stages import spectrum_of, stages_of
 
@@ -34,6 +34,25 @@ def joined(*pieces):
         rate.append(amplitude * frequency * np.cos(frequency * t))
     signal, rate = np.concatenate(signal), np.concatenate(rate)
     return STEP * np.arange(len(signal)), signal, rate
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+@pytest.mark.parametrize("decades", [3, 7, 12])
+def test_a_faint_end_is_held_as_far_as_the_record_goes(decades, offset, reverse):
+    """Oracle: the signal: a tone that falls by so many decades until time 300, with a rest position that falls as it does, and a slower one
+    of that amplitude, to the end of the record; forwards and backwards."""
+    times = np.linspace(0.0, 600.0, 30_001)
+    falling = 10.0 ** (-decades * times / 300.0)
+    signal = falling * (np.cos(3.0 * times) + offset) + 10.0**-decades * np.cos(0.9 * times)
+    signal = signal[::-1] if reverse else signal
+    spectrum = morlet_spectrum(times, signal, frequencies=(0.45, 6.0))
+    found = held(spectrum, ridges(spectrum, times, signal))
+    one, other = found[::-1] if reverse else found
+    assert np.abs(np.log2(one.frequencies / 3.0)).max() < 0.06 and np.abs(np.log2(other.frequencies / 0.9)).max() < 0.02
+    ends = [(spectrum.times[part.first], spectrum.times[part.last]) for part in found]
+    assert ends[0][0] == 0.0 and ends[1][1] == spectrum.times[-1]
+    assert ends[0][1] == pytest.approx(300.0, abs=1.0) and ends[1][0] == pytest.approx(300.0, abs=1.0)
 
 
 def test_a_tone_of_twenty_periods_and_a_jump_are_two_stages():

@@ -12,6 +12,7 @@ from transitions.study.blocks import DamagedBlock, ForeignBlock, block_path, rea
 from transitions.study.plan import Plan
 from transitions.study.runs import block_columns
 from transitions.study.study import Study, write_plan
+from transitions.study.summary import bins_of
 
 SYSTEM = {"model": "vibro_impact_nes", "mu": 0.1, "sigma": 0.1, "lam": 0.01, "rho": 0.7}
 
@@ -118,3 +119,33 @@ def test_runs_at_the_place_of_the_best_one_are_about_it_and_itself_is_not(tmp_pa
     found = Study(tmp_path).best("nes_share")
     same = [run for run in np.flatnonzero(given["rho"] == given["rho"][best]).tolist() if run != best]
     assert found.run == best and len(same) == 3 and found.neighbours.tolist() == same
+
+
+def test_cells_of_a_map_end_where_the_parameter_does(tmp_path):
+    """Oracle: by hand: half-way between the values of a grid, on the axis's scale, and nothing beyond the first and the last."""
+    axes = [Axis("energy", low=0.1, high=10.0, scale="log", points=3), Axis("rho", low=0.0, high=1.0, points=3), Axis("mu", values=(0.2,))]
+    plan = plan_of(axes)
+    write_plan(tmp_path, plan, "npz", "0")
+    columns = {name: np.zeros(9) for name in block_columns(plan)}
+    columns |= {f"given.{name}": value for name, value in plan.values(0, 9).items()}
+    write_block(block_path(tmp_path, 0, "npz"), columns, plan.digest, 0)
+    energy, rho, mu = (bins_of(Study(tmp_path), axis, 5) for axis in axes)
+    assert energy.edges == pytest.approx([0.1, np.sqrt(0.1), np.sqrt(10.0), 10.0], rel=1e-15)
+    assert rho.edges.tolist() == [0.0, 0.25, 0.75, 1.0]
+    assert mu.edges == pytest.approx([0.19, 0.21], rel=1e-15)
+    assert energy.which.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2] and rho.which.tolist() == [0, 1, 2] * 3
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_bins_of_a_hypercube_end_where_the_parameter_does(tmp_path, scale):
+    """Oracle: the range itself."""
+    axis = Axis("energy", low=0.3, high=7.0, scale=scale)
+    plan = plan_of([axis], design="hypercube", runs=50, seed=1)
+    write_plan(tmp_path, plan, "npz", "0")
+    columns = {name: np.zeros(50) for name in block_columns(plan)} | {"given.energy": plan.values(0, 50)["energy"]}
+    write_block(block_path(tmp_path, 0, "npz"), columns, plan.digest, 0)
+    bins = bins_of(Study(tmp_path), axis, 5)
+    given = columns["given.energy"]
+    assert (bins.edges[0], bins.edges[-1]) == (0.3, 7.0)
+    assert np.all((bins.edges[bins.which] <= given) & (given <= bins.edges[bins.which + 1]))
+    assert np.bincount(bins.which).tolist() == [10] * 5

@@ -12,8 +12,10 @@ import numpy as np
 from branches.diagram.atlas_labels import Named, label_curves
 from branches.diagram.files import draw
 from branches.diagram.scales import linear_axis, linear_limits, linear_ticks, mark_axis
-from branches.diagram.style import BLACK, GREY, ORANGE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
+from branches.diagram.style import BLACK, BLUE, GREY, ORANGE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
 from branches.diagram.titles import symbol_of, system_text, velocity_symbol
+from transitions.diagram.mark_room import with_room
+from transitions.section_marks import Mark
 from transitions.section_plane import SectionPlane
 from transitions.section_view import COLOURS, SectionView
 
@@ -33,12 +35,11 @@ _DOT = 0.55
 _DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": _DOT, "markeredgewidth": 0, "rasterized": True}
 _MAP = "viridis"
 _MARKS: dict[int, dict[str, Any]] = {
-    1: {"marker": "o", "markersize": 4.2, "markerfacecolor": "white", "markeredgecolor": ORANGE, "markeredgewidth": 1.1},
+    1: {"marker": "o", "markersize": 4.2, "markerfacecolor": "none", "markeredgecolor": ORANGE, "markeredgewidth": 1.1},
     0: {"marker": "x", "markersize": 4.0, "markeredgecolor": VERMILION, "markeredgewidth": 1.0},
-    -1: {"marker": "D", "markersize": 3.2, "markerfacecolor": GREY, "markeredgecolor": BLACK, "markeredgewidth": 0.4},
+    -1: {"marker": "D", "markersize": 3.2, "markerfacecolor": "none", "markeredgecolor": BLUE, "markeredgewidth": 0.8},
 }
 _KINDS = {1: "elliptic orbit", 0: "hyperbolic orbit", -1: "orbit of undecided stability"}
-_MANY, _LEAST = 150, 0.4  # marks beyond so many are drawn smaller, down to this part of their size
 _CENTRE: dict[str, Any] = {"marker": "+", "markersize": 5.0, "markeredgecolor": VERMILION, "markeredgewidth": 1.0}
 _EDGE: dict[str, Any] = {"color": BLACK, "linewidth": 0.7}
 _WALL: dict[str, Any] = {"color": BLACK, "linewidth": 1.8, "solid_capstyle": "butt"}
@@ -111,8 +112,14 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
         below: dict[str, Any] = {"title": caption, "title_fontsize": SMALL} if caption else {}
         figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False, **below)
         settle_layout(figure)
-        if not plate and views[0].marks:
-            _name(grid[0], views[0], names)
+        for k, (axes, view) in enumerate(zip(grid, views, strict=False)):
+            drawn = with_room(axes, view.marks)
+            _mark(axes, drawn, f"section{k}")
+            told = f"{len(drawn)} of {len(view.marks)} orbits marked" if len(drawn) < len(view.marks) else ""
+            if plate:
+                axes.set_title(axes.get_title() + f"   ({told})" * bool(told), fontsize=SMALL + 1.0, pad=3)
+            elif view.marks:
+                _name(axes, view, drawn, names, told)
     return figure
 
 
@@ -157,13 +164,6 @@ def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, na
         top = plane.height(wall)
         if top > 0.0:
             axes.plot([wall, wall], [-top, top], zorder=3, **_WALL)[0].set_gid(f"{name}-wall")
-    small = min(1.0, max(_LEAST, math.sqrt(_MANY / max(1, sum(len(mark.points) for mark in view.marks)))))
-    for stable, look in _MARKS.items():
-        spots = [mark.points for mark in view.marks if mark.stable == stable]
-        if spots:
-            x, y = np.concatenate(spots).T
-            sized = look | {size: small * look[size] for size in ("markersize", "markeredgewidth")}
-            axes.plot(x, y, linestyle="none", zorder=4 + stable, **sized)[0].set_gid(f"{name}-{_KINDS[stable]}")
     if view.rotations is not None and colour == "rotation":
         for k in np.unique(view.rotations.about[np.isfinite(view.rotations.numbers)]):
             centre = view.rotations.centres[k]
@@ -172,6 +172,14 @@ def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, na
     other = plane.system.coordinates[plane.other]
     linear_axis(axes, "x", linear_limits(everything[:, 0], 0.05), 6, "", symbol_of(other))
     linear_axis(axes, "y", linear_limits(everything[:, 1], 0.05), 6, "", _velocity(plane))
+
+
+def _mark(axes: Axes, marks: Sequence[Mark], name: str) -> None:
+    for stable, look in _MARKS.items():
+        spots = [mark.points for mark in marks if mark.stable == stable]
+        if spots:
+            x, y = np.concatenate(spots).T
+            axes.plot(x, y, linestyle="none", zorder=4 + stable, **look)[0].set_gid(f"{name}-{_KINDS[stable]}")
 
 
 def _velocity(plane: SectionPlane) -> str:
@@ -205,19 +213,20 @@ def _legend(views: Sequence[SectionView]) -> list[Any]:
     return entries
 
 
-def _name(axes: Axes, view: SectionView, names: int) -> None:
-    """Name the periodic orbits with few crossings, each once."""
+def _name(axes: Axes, view: SectionView, marks: Sequence[Mark], names: int, told: str) -> None:
+    """Name the periodic orbits that are drawn, those first that found room first, each once; `told` stands with the number of names."""
     to_points = 72 / axes.figure.dpi
     chosen: dict[str, Named] = {}
     spots = []
-    for mark in view.marks:
+    for mark in marks:
         places = axes.transData.transform(mark.points) * to_points
         spots += [(x - 3.0, y - 3.0, x + 3.0, y + 3.0) for x, y in places]
         if mark.label and mark.label not in chosen:
             x, y = mark.points[0]
             chosen[mark.label] = Named.point(mark.label, float(x), float(y))
     written = label_curves(axes, list(chosen.values()), [view.section.plane.boundary()], spots, most=names)
-    if chosen:
-        axes.set_xlabel(f"{axes.get_xlabel()}   ({len(written)} of {len(chosen)} labels written)")
+    counts = [told] * bool(told) + [f"{len(written)} of {len(chosen)} labels written"] * bool(chosen)
+    if counts:
+        axes.set_xlabel(f"{axes.get_xlabel()}   ({', '.join(counts)})")
     for text in (text for text in axes.texts if text.get_text()):
         text.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.3})

@@ -12,10 +12,10 @@ import math
 import numpy as np
 from numba import int64
 
-from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.compiled import allocating, kernel, whole_at
 from bvp.kernels.extrema import dot, look, refine, safe_step, separate
 from bvp.kernels.flight import flow_state
-from bvp.kernels.motion import FULL, GAVE_UP, NEW_PHASE, REACHED, move
+from bvp.kernels.motion import FULL, GAVE_UP, NEW_PHASE, REACHED
 from bvp.kernels.phase import (
     CHATTER,
     CLOCK,
@@ -85,11 +85,12 @@ def rises(pairs, mean, delta, matrix, value, rate, second, z, duration, sign, ti
 
 @allocating
 def follow_section(
-    phases, functional, plane, quadratic, starts, changes, stretch_time, longest, first,
+    mover, phases, functional, plane, quadratic, starts, changes, stretch_time, longest, first,
     times, points, energies, growths, tangents, counts, impacts, held_times, statuses, log, scratch, marks,
 ):  # fmt: skip
     """Follow each row (u, v) of `starts` (M, 2 n), from the `first`-th on, which lies on the section, to its P-th crossing.
 
+    mover: where `bvp.kernels.motion.move` stands (`bvp.kernels.compiled.address_of`).
     For each of F phases: functional (F, 3, N): rows of f, f', f''. plane (F, 2, N): rows of the two coordinates on the section. quadratic
     (F, N, N): energy is z . quadratic z/2. changes (M, N): a perturbation along the section of each start. stretch_time: length of what is
     run at once.
@@ -116,7 +117,6 @@ def follow_section(
             change[r] = changes[m, r]
         growth = 0.0 - math.log(math.hypot(dot(plane[0, 0], change), dot(plane[0, 1], change)))
         f = 0
-        slid = False
         held = 0.0
         growth = record(
             plane[0], quadratic[0], begin, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0
@@ -131,9 +131,8 @@ def follow_section(
                 status = TIME_OVER
                 break
             numbers[EVENTS] = 0
-            code = move(
-                phases, min(stretch_time, longest - elapsed), MOST, z, x, numbers, clock, turns, sums, marks, no_peaks, log, scratch
-            )
+            span = min(stretch_time, longest - elapsed)
+            code = whole_at(mover, (phases, span, MOST, z, x, numbers, clock, turns, sums, marks, no_peaks, log, scratch))
             if code == NEW_PHASE:
                 return m, numbers[PENDING]
             events = numbers[EVENTS]
@@ -163,8 +162,7 @@ def follow_section(
                     break
                 hits += 1 if k < events and log.numbers[k, 0] == IMPACT else 0
                 after = log.numbers[k, 2] if k < events else numbers[PHASE]
-                if slid or f != 0 or after != 0:
-                    slid = True
+                if f != 0 or after != 0:
                     for r in range(size):
                         change[r] = math.nan
                 elif k < events and log.numbers[k, 0] == IMPACT:

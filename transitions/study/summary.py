@@ -16,6 +16,8 @@ FEWEST = 20
 
 MOST = 40
 
+_SINGLE = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class Bins:
@@ -24,7 +26,8 @@ class Bins:
     Attributes
     ----------
     edges : (k + 1,) ndarray
-        Of the bins, ascending; in a grid half-way between the values.
+        Of the bins, ascending; in a grid half-way between the values, and the first and the last value at the ends, so that nothing beyond
+        what was run is covered. A single value has a twentieth of itself on each side.
     centres : (k,) ndarray
         The values of a grid; else the middles.
     which : (N,) int64 ndarray
@@ -58,20 +61,18 @@ def bins_of(study: Study, axis: Axis, most: int) -> Bins:
     if study.plan.design == "grid" or axis.values:
         centres = np.unique(np.array(axis.grid(), dtype=float))
         which = np.searchsorted(centres, values)
-        flat = np.log(centres) if logarithmic else centres
-        if len(flat) == 1:
-            half = 0.5 * (abs(flat[0]) or 1.0)
-            edges = np.array([flat[0] - half, flat[0] + half])
-        else:
-            middles = 0.5 * (flat[1:] + flat[:-1])
-            edges = np.concatenate([[2.0 * flat[0] - middles[0]], middles, [2.0 * flat[-1] - middles[-1]]])
-        return Bins(np.exp(edges) if logarithmic else edges, centres, which)
+        if len(centres) == 1:
+            half = _SINGLE * abs(centres[0]) or 1.0
+            return Bins(np.array([centres[0] - half, centres[0] + half]), centres, which)
+        between = np.sqrt(centres[1:] * centres[:-1]) if logarithmic else 0.5 * (centres[1:] + centres[:-1])
+        return Bins(np.concatenate([centres[:1], between, centres[-1:]]), centres, which)
     low, high = (np.log([axis.low, axis.high]) if logarithmic else (axis.low, axis.high))
     places = np.log(values) if logarithmic else values
     edges = np.linspace(low, high, most + 1)
     which = np.clip(np.searchsorted(edges, places, side="right") - 1, 0, most - 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    return Bins(np.exp(edges) if logarithmic else edges, np.exp(middles) if logarithmic else middles, which)
+    ends = np.concatenate([[axis.low], np.exp(edges[1:-1]) if logarithmic else edges[1:-1], [axis.high]])  # the very ends, unrounded
+    return Bins(ends, np.exp(middles) if logarithmic else middles, which)
 
 
 def along(study: Study, axis: Axis, values: np.ndarray, some: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
