@@ -24,7 +24,7 @@ from bvp.kernels.result import RESULT
 from bvp.kernels.segment import ORIGIN, PERIODIC, Segment, pack
 from bvp.kernels.shoot import nodes_by_flight
 from bvp.kernels.stability import make_period, orbit_stability
-from bvp.kernels.step import end_states, orbit_step
+from bvp.kernels.step import end_states, orbit_step, planar_orbit_step
 from bvp.observed import observed_of
 from bvp.system import ImpactSystem
 
@@ -158,6 +158,7 @@ class MultipointProblem:
         self._watched = np.vstack(observed[:4] + observed[6:])
         self._bounds = np.array([observed.lower, observed.upper])
         self._planar = self.half == 2
+        self._take = planar_orbit_step if self._planar else orbit_step
 
     def __getstate__(self) -> dict[str, Any]:
         """What another process may have: the addresses of compiled functions are this one's alone."""
@@ -292,7 +293,7 @@ class MultipointProblem:
                     )
                     miss = self.quarter_period(y) / quarter_period - 1.0
                 before = y.copy()
-                good, _, _, worst = correct(
+                good, _, _, worst, _, _ = correct(
                     self.segment, y, row, float(row @ y - miss), self._factor, residual, 1 if previous > 1e-6 else 8, 2e-15
                 )
                 if not np.all(np.isfinite(y)):
@@ -322,7 +323,7 @@ class MultipointProblem:
         result = np.full(_ENTRIES, np.nan)
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
-        orbit_step(*packed, factor, y, tangent, ds, maximum, metric, out, out_tangent, result)
+        self._take(*packed, factor, y, tangent, ds, maximum, metric, out, out_tangent, result)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()
@@ -339,7 +340,7 @@ class MultipointProblem:
         metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
         packed = self._packed
         calls = (
-            (orbit_step, (*packed, self._factor, y, tangent, 0.0, 0, metric, y, tangent, result)),
+            (self._take, (*packed, self._factor, y, tangent, 0.0, 0, metric, y, tangent, result)),
             (orbit_observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
             (orbit_stability, (*packed, y, ends, self._period, result)),
         )

@@ -274,7 +274,7 @@ def solve_impulsive(problem: MultipointProblem, y: np.ndarray) -> Solution:
     row /= math.sqrt(2.0 * problem.energy(y))
     residual = np.empty(problem.unknowns - 1)
     for _ in range(4):
-        good, _, _, worst = correct(problem.segment, y, row, 0.0, problem._factor, residual, 20, 2e-15)
+        good, _, _, worst, _, _ = correct(problem.segment, y, row, 0.0, problem._factor, residual, 20, 2e-15)
         if not np.all(np.isfinite(y)):
             raise NotConverged("Newton's corrections diverged")
         if good:

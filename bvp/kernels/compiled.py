@@ -8,7 +8,7 @@ from llvmlite import ir
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["address_of", "allocating", "call_at", "kernel", "part", "sized"]
+__all__ = ["address_of", "allocating", "call_at", "inlined", "kernel", "part", "sized"]
 
 _COUNTED: dict[str, Any] = {"_nrt": True}  # numba's own run time for arrays; said in full, for what a kernel calls inherits it
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
@@ -19,6 +19,12 @@ def kernel(function: Any) -> Any:
 
     Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
     return nb.njit(cache=True, error_model="numpy", **_UNCOUNTED)(function)
+
+
+def inlined(function: Any) -> Any:
+    """A kernel whose machine code becomes part of each caller's: what the caller knows of its arguments, such as a `sized` length, holds
+    inside, and arrays need not be handed over. For short ones that are called from few places."""
+    return nb.njit(cache=True, error_model="numpy", forceinline=True, **_UNCOUNTED)(function)
 
 
 def allocating(function: Any) -> Any:
