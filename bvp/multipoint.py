@@ -6,6 +6,7 @@ solution at a given energy or quarter period, and the step along the family with
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +19,6 @@ from bvp.drift import free_translation, translation_text
 from bvp.ends import EndsError, contact_of, end_condition, parse_end, start_states
 from bvp.kernels.compiled import address_of
 from bvp.kernels.multipoint import evaluate, fill, make_factor
-from bvp.kernels.newton import correct
 from bvp.kernels.observe import orbit_observe
 from bvp.kernels.result import RESULT
 from bvp.kernels.segment import ORIGIN, PERIODIC, Segment, pack
@@ -278,7 +278,6 @@ class MultipointProblem:
         """
         self.refuse_drift()
         y = np.array(y, float)
-        residual = np.empty(self.unknowns - 1)
         if energy is not None or quarter_period is not None:
             row = np.zeros(self.unknowns)
             previous = np.inf
@@ -293,9 +292,7 @@ class MultipointProblem:
                     )
                     miss = self.quarter_period(y) / quarter_period - 1.0
                 before = y.copy()
-                good, _, _, worst, _, _ = correct(
-                    self.segment, y, row, float(row @ y - miss), self._factor, residual, 1 if previous > 1e-6 else 8, 2e-15
-                )
+                good, _ = self.correct(y, row, float(row @ y - miss), 1 if previous > 1e-6 else 8)
                 if not np.all(np.isfinite(y)):
                     raise NotConverged("Newton's corrections diverged")
                 change = float(np.max(np.abs(y - before) / self._factor.scale))
@@ -311,6 +308,18 @@ class MultipointProblem:
             raise NotConverged("Newton's corrections did not settle")
         return solution
 
+    def correct(self, y: np.ndarray, row: np.ndarray, target: float, maximum: int) -> tuple[bool, float]:
+        """Newton's corrections of y in place, held on row . y = target, `maximum` at most. Returns (whether they converged, scaled
+        residual); `_factor` is that at the last y."""
+        unknowns = self.unknowns
+        self._factor.work[5, :unknowns] = row
+        out, result, metric = np.empty(unknowns), np.full(_ENTRIES, np.nan), np.empty((4, self.size + 2))
+        self._take(
+            *self._packed, self._factor, y, self._zero, 0.0, target, maximum, metric, out, np.empty(2 * unknowns), result
+        )  # fmt: skip
+        y[:] = out
+        return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
+
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, *, maximum: int = 12, full: bool = True) -> Solution | None:
         """Step by ds along the family from y with its tangent (2 u,) (tangent, then curvature); None where Newton fails.
 
@@ -323,7 +332,7 @@ class MultipointProblem:
         result = np.full(_ENTRIES, np.nan)
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
-        self._take(*packed, factor, y, tangent, ds, maximum, metric, out, out_tangent, result)
+        self._take(*packed, factor, y, tangent, ds, math.nan, maximum, metric, out, out_tangent, result)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()
@@ -340,7 +349,7 @@ class MultipointProblem:
         metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
         packed = self._packed
         calls = (
-            (self._take, (*packed, self._factor, y, tangent, 0.0, 0, metric, y, tangent, result)),
+            (self._take, (*packed, self._factor, y, tangent, 0.0, 0.0, 0, metric, y, tangent, result)),
             (orbit_observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
             (orbit_stability, (*packed, y, ends, self._period, result)),
         )

@@ -3,6 +3,7 @@
 The duties are those of `continuation.problem.Marched`; the judgement is that of `continuation.control` and `branches.markers`, compiled.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ def march(
         new = block.y[count]
         ahead = block.tangent[count]
         call_at(
-            addresses[0], (pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, new, ahead, result)
+            addresses[0], (pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, math.nan, most, metric, new, ahead, result)
         )
         if result[CONVERGED] != 1.0:
             return count, 1, ds

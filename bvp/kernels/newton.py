@@ -159,7 +159,7 @@ def scaled_residual(segment, residual, displacement, velocity):
     return worst
 
 
-@inlined
+@part
 def correct(segment, y, row, target, factor, residual, maximum, rounding):
     """Newton's corrections of y, in place, held on row . y = target (row all zero: least-norm corrections), and the factorisation at the
     solution.

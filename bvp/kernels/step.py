@@ -54,10 +54,11 @@ def tangent_at(segment, y, factor, sign, smallest, old_direction, metric, tangen
 
 
 @part
-def _orbit_step(segment, factor, y, tangent, ds, most, metric, out, out_tangent, result):
+def _orbit_step(segment, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
     """Step from y by ds (ds = 0: correct y itself) and give the tangent where it lands.
 
-    tangent, out_tangent (2 u,): tangent and curvature. `most`: most iterations. metric (4, N + 2): position and direction there,
+    tangent, out_tangent (2 u,): tangent and curvature. `target`: nan; where it is a number, y is held on row . y = target instead of the
+    distance ds, the row being in factor.work[5]. `most`: most iterations. metric (4, N + 2): position and direction there,
     then at y. out (u,). result: the entries of RESULT up to `branching`."""
     unknowns = y.shape[0]
     old = Metric(metric[2], metric[3])
@@ -66,9 +67,9 @@ def _orbit_step(segment, factor, y, tangent, ds, most, metric, out, out_tangent,
     residual = factor.work[6, : unknowns - 1]
     along = tangent[:unknowns]
     curvature = tangent[unknowns:]
-    set_1(row, 0.0)
+    if target != target:
+        set_1(row, 0.0)
     set_1(old.direction, 0.0)
-    target = 0.0
     oriented = False
     for j in range(unknowns):
         out[j] = y[j] + ds * (along[j] + 0.5 * ds * curvature[j])
@@ -95,17 +96,17 @@ def _orbit_step(segment, factor, y, tangent, ds, most, metric, out, out_tangent,
 
 
 @kernel
-def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, out, out_tangent, result):
+def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
     """See `_orbit_step`."""
-    _orbit_step(unpack(pairs, rows, scalars, start_map, shape), factor, y, tangent, ds, most, metric, out, out_tangent, result)
+    _orbit_step(unpack(pairs, rows, scalars, start_map, shape), factor, y, tangent, ds, target, most, metric, out, out_tangent, result)
 
 
 @kernel
-def planar_orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, out, out_tangent, result):
+def planar_orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
     """See `_orbit_step`; N = 4."""
     _orbit_step(
-        sized_rows(unpack(pairs, rows, scalars, start_map, shape)), sized_factor(factor), y, tangent, ds, most, sized(metric, 6), out,
-        out_tangent, result,
+        sized_rows(unpack(pairs, rows, scalars, start_map, shape)), sized_factor(factor), y, tangent, ds, target, most, sized(metric, 6),
+        out, out_tangent, result,
     )  # fmt: skip
 
 
