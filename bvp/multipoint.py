@@ -19,7 +19,7 @@ from bvp.drift import free_translation, translation_text
 from bvp.ends import EndsError, contact_of, end_condition, parse_end, start_states
 from bvp.kernels.compiled import address_of
 from bvp.kernels.multipoint import evaluate, fill, make_factor
-from bvp.kernels.observe import orbit_observe
+from bvp.kernels.observe import orbit_observe, planar_orbit_observe
 from bvp.kernels.result import RESULT
 from bvp.kernels.segment import ORIGIN, PERIODIC, Segment, pack
 from bvp.kernels.shoot import nodes_by_flight
@@ -159,6 +159,7 @@ class MultipointProblem:
         self._bounds = np.array([observed.lower, observed.upper])
         self._planar = self.half == 2
         self._take = planar_orbit_step if self._planar else orbit_step
+        self._look = planar_orbit_observe if self._planar else orbit_observe
 
     def __getstate__(self) -> dict[str, Any]:
         """What another process may have: the addresses of compiled functions are this one's alone."""
@@ -337,7 +338,7 @@ class MultipointProblem:
             return None
         ends = factor.before.copy()
         if full:
-            orbit_observe(*packed, self._watched, self._bounds, out, ends, self._work, result)
+            self._look(*packed, self._watched, self._bounds, out, ends, self._work, result)
             if self._planar:
                 orbit_stability(*packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
@@ -350,7 +351,7 @@ class MultipointProblem:
         packed = self._packed
         calls = (
             (self._take, (*packed, self._factor, y, tangent, 0.0, 0.0, 0, metric, y, tangent, result)),
-            (orbit_observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
+            (self._look, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
             (orbit_stability, (*packed, y, ends, self._period, result)),
         )
         return np.array([address_of(function, arguments) for function, arguments in calls])
