@@ -203,8 +203,8 @@ class Family:
         )
         count, tried, ds = problem.compiled(
             march, control, self._kinds, self._bounds, self._aims, step.y, step.tangent, np.array(step.position), np.array(tests),
-            np.array(older), np.asarray(goal), self._unknown if direction is None else direction, before, ds, np.empty((5, size + 2)), np.empty(len(self._tests)), block,
-            full=self._full,
+            np.array(older), np.asarray(goal), self._unknown if direction is None else direction, before, ds, np.empty((5, size + 2)),
+            np.empty(len(self._tests)), block, full=self._full,
         )  # fmt: skip
         if 2 * (count + tried) < rows:  # let no short piece keep a whole block
             block = Block(*(array[: count + tried].copy() for array in block))

@@ -175,8 +175,8 @@ class Search:
         turn = fastest_turn(self.system, self.limits.quarter_period)
         if turn > LONGEST:
             text += (
-                f"; the fastest mode turns by {turn:.4g} rad within half of the longest period, and angles so far apart tell little of orbits "
-                f"in which it turns by more than {LONGEST:g}"
+                f"; the fastest mode turns by {turn:.4g} rad within half of the longest period, and angles so far apart tell little of "
+                f"orbits in which it turns by more than {LONGEST:g}"
             )
         if self.name.family is not None and self.others:
             known = [

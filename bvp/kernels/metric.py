@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import inlined, kernel, part
+from bvp.kernels.compiled import inlined, part
 from bvp.kernels.segment import start_state, total_time
 
 __all__ = ["Metric", "constraint_row", "locate", "metric_direction"]

@@ -214,6 +214,5 @@ def orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, e
 @kernel
 def planar_orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
     """See `orbit_observe`; N = 4."""
-    observe(
-        sized_rows(unpack(pairs, rows, scalars, start_map, shape)), unpack_observed(sized(observed, 4), bounds), y, sized(ends, 4), work, result
-    )
+    segment = sized_rows(unpack(pairs, rows, scalars, start_map, shape))
+    observe(segment, unpack_observed(sized(observed, 4), bounds), y, sized(ends, 4), work, result)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import inlined, kernel, part, sized
+from bvp.kernels.compiled import inlined, part, sized
 
 __all__ = ["ORIGIN", "PERIODIC", "REST", "STOP", "Segment", "pack", "sized_rows", "start_state", "total_time", "unpack"]
 
