@@ -158,12 +158,20 @@ class MultipointProblem:
         self._watched = np.vstack(observed[:4] + observed[6:])
         self._bounds = np.array([observed.lower, observed.upper])
         self._planar = self.half == 2
-        self._take = planar_orbit_step if self._planar else orbit_step
-        self._look = planar_orbit_observe if self._planar else orbit_observe
 
     def __getstate__(self) -> dict[str, Any]:
         """What another process may have: the addresses of compiled functions are this one's alone."""
         return {name: value for name, value in self.__dict__.items() if name != "addresses"}
+
+    @property
+    def _take(self) -> Callable[..., Any]:
+        """The step's kernel; no attribute, since compiled functions do not go to another process."""
+        return planar_orbit_step if self._planar else orbit_step
+
+    @property
+    def _look(self) -> Callable[..., Any]:
+        """The kernel of what is seen of an orbit."""
+        return planar_orbit_observe if self._planar else orbit_observe
 
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system which can move as a whole: an orbit between them is not determined.

@@ -48,8 +48,8 @@ def march(
 
     addresses (3,): of `orbit_step`, `orbit_observe`, `orbit_stability`; 0 for the last two: the fold is the only test. limits (3,):
     bounds of the energy's logarithm, and of the quarter period's. goal, direction (N + 2,): see `continuation.problem.Marched`; nan: the
-    direction is that of the first step. metric (5, N + 2), places (tests,): scratch. Returns (accepted steps, 1 where the row after them holds a
-    step that is not plain, length of the step to take next)."""
+    direction is that of the first step. metric (5, N + 2), places (tests,): scratch. Returns (accepted steps, 1 where the row after them
+    holds a step that is not plain, length of the step to take next)."""
     full = addresses[1] != 0
     y = first_y
     tangent = first_tangent
