@@ -184,7 +184,7 @@ class Location(NamedTuple):
     step : Step
         The corrected point there.
     residual : float
-        |test function| there; 0 for a change.
+        |test function| there; 0 for a change, and where the problem tells it from rounding no more (nan).
     low, high : Step
         The steps at the ends of the bracket.
     reason : str

@@ -161,7 +161,7 @@ class Event:
     bracket : tuple of float
         Arclengths between which it certainly is.
     residual : float
-        |test function| at `point`; for a change of key, 0.
+        |test function| at `point`; 0 for a change of key, and where it is nan for being rounding.
     point : Step
         The corrected point at the event.
     index : int
