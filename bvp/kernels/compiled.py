@@ -23,7 +23,8 @@ def kernel(function: Any) -> Any:
 
 def inlined(function: Any) -> Any:
     """A kernel whose machine code becomes part of each caller's: what the caller knows of its arguments, such as a `sized` length, holds
-    inside, and arrays need not be handed over. For short ones that are called from few places."""
+    inside, and arrays need not be handed over, which for a dozen of them takes longer than a short flight. For what is called from few
+    places; where it is one place, and short, `part` compiles faster."""
     return nb.njit(cache=True, error_model="numpy", forceinline=True, **_UNCOUNTED)(function)
 
 
