@@ -151,6 +151,7 @@ class Family:
         self._kinds = np.array(kinds_of(self._tests))
         self._bounds = np.array([self._low, self._high, self._longest])
         self._aims = np.array(self._targets)
+        self._unknown = np.full(problem.size + 2, math.nan)
 
     @property
     def tests(self) -> tuple[Test, ...]:
@@ -202,8 +203,8 @@ class Family:
         )
         count, tried, ds = problem.compiled(
             march, control, self._kinds, self._bounds, self._aims, step.y, step.tangent, np.array(step.position), np.array(tests),
-            np.array(older), goal, direction, before, ds, np.empty((4, size + 2)), np.empty(len(self._tests)), block,
-            full=self._full,
+            np.array(older), np.asarray(goal), self._unknown if direction is None else direction, before, ds, np.empty((5, size + 2)),
+            np.empty(len(self._tests)), block, full=self._full,
         )  # fmt: skip
         if 2 * (count + tried) < rows:  # let no short piece keep a whole block
             block = Block(*(array[: count + tried].copy() for array in block))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.discovery.found import Found, from_other_end
+from branches.discovery.search import LONGEST, fastest_turn
 from branches.discovery.uniform import Scanner
 from branches.identity import same_orbit
 from branches.labels import Label, Name, canonical, matches, nearest, nearest_labels
@@ -171,6 +172,12 @@ class Search:
             f"with {counts if isinstance(counts, str) else counts[0]} inner impacts in the solved segment "
             f"({self.searched[0]} energies, {self.searched[1]} angles)"
         )
+        turn = fastest_turn(self.system, self.limits.quarter_period)
+        if turn > LONGEST:
+            text += (
+                f"; the fastest mode turns by {turn:.4g} rad within half of the longest period, and angles so far apart tell little of "
+                f"orbits in which it turns by more than {LONGEST:g}"
+            )
         if self.name.family is not None and self.others:
             known = [
                 f"{name} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for name, branch in self.others.items()

@@ -6,6 +6,7 @@ solution at a given energy or quarter period, and the step along the family with
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,13 +19,12 @@ from bvp.drift import free_translation, translation_text
 from bvp.ends import EndsError, contact_of, end_condition, parse_end, start_states
 from bvp.kernels.compiled import address_of
 from bvp.kernels.multipoint import evaluate, fill, make_factor
-from bvp.kernels.newton import correct
-from bvp.kernels.observe import orbit_observe
+from bvp.kernels.observe import orbit_observe, planar_orbit_observe
 from bvp.kernels.result import RESULT
 from bvp.kernels.segment import ORIGIN, PERIODIC, Segment, pack
 from bvp.kernels.shoot import nodes_by_flight
 from bvp.kernels.stability import make_period, orbit_stability
-from bvp.kernels.step import end_states, orbit_step
+from bvp.kernels.step import end_states, orbit_step, planar_orbit_step
 from bvp.observed import observed_of
 from bvp.system import ImpactSystem
 
@@ -163,6 +163,16 @@ class MultipointProblem:
         """What another process may have: the addresses of compiled functions are this one's alone."""
         return {name: value for name, value in self.__dict__.items() if name != "addresses"}
 
+    @property
+    def _take(self) -> Callable[..., Any]:
+        """The step's kernel; no attribute, since compiled functions do not go to another process."""
+        return planar_orbit_step if self._planar else orbit_step
+
+    @property
+    def _look(self) -> Callable[..., Any]:
+        """The kernel of what is seen of an orbit."""
+        return planar_orbit_observe if self._planar else orbit_observe
+
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system which can move as a whole: an orbit between them is not determined.
 
@@ -277,7 +287,6 @@ class MultipointProblem:
         """
         self.refuse_drift()
         y = np.array(y, float)
-        residual = np.empty(self.unknowns - 1)
         if energy is not None or quarter_period is not None:
             row = np.zeros(self.unknowns)
             previous = np.inf
@@ -292,9 +301,7 @@ class MultipointProblem:
                     )
                     miss = self.quarter_period(y) / quarter_period - 1.0
                 before = y.copy()
-                good, _, _, worst = correct(
-                    self.segment, y, row, float(row @ y - miss), self._factor, residual, 1 if previous > 1e-6 else 8, 2e-15
-                )
+                good, _ = self.correct(y, row, float(row @ y - miss), 1 if previous > 1e-6 else 8)
                 if not np.all(np.isfinite(y)):
                     raise NotConverged("Newton's corrections diverged")
                 change = float(np.max(np.abs(y - before) / self._factor.scale))
@@ -310,6 +317,18 @@ class MultipointProblem:
             raise NotConverged("Newton's corrections did not settle")
         return solution
 
+    def correct(self, y: np.ndarray, row: np.ndarray, target: float, maximum: int) -> tuple[bool, float]:
+        """Newton's corrections of y in place, held on row . y = target, `maximum` at most. Returns (whether they converged, scaled
+        residual); `_factor` is that at the last y."""
+        unknowns = self.unknowns
+        self._factor.work[5, :unknowns] = row
+        out, result, metric = np.empty(unknowns), np.full(_ENTRIES, np.nan), np.empty((4, self.size + 2))
+        self._take(
+            *self._packed, self._factor, y, self._zero, 0.0, target, maximum, metric, out, np.empty(2 * unknowns), result
+        )  # fmt: skip
+        y[:] = out
+        return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
+
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, *, maximum: int = 12, full: bool = True) -> Solution | None:
         """Step by ds along the family from y with its tangent (2 u,) (tangent, then curvature); None where Newton fails.
 
@@ -322,12 +341,12 @@ class MultipointProblem:
         result = np.full(_ENTRIES, np.nan)
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
-        orbit_step(*packed, factor, y, tangent, ds, maximum, metric, out, out_tangent, result)
+        self._take(*packed, factor, y, tangent, ds, math.nan, maximum, metric, out, out_tangent, result)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()
         if full:
-            orbit_observe(*packed, self._watched, self._bounds, out, ends, self._work, result)
+            self._look(*packed, self._watched, self._bounds, out, ends, self._work, result)
             if self._planar:
                 orbit_stability(*packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
@@ -339,8 +358,8 @@ class MultipointProblem:
         metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
         packed = self._packed
         calls = (
-            (orbit_step, (*packed, self._factor, y, tangent, 0.0, 0, metric, y, tangent, result)),
-            (orbit_observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
+            (self._take, (*packed, self._factor, y, tangent, 0.0, 0.0, 0, metric, y, tangent, result)),
+            (self._look, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
             (orbit_stability, (*packed, y, ends, self._period, result)),
         )
         return np.array([address_of(function, arguments) for function, arguments in calls])

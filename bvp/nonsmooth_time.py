@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from bvp.system import ImpactSystem
 
-__all__ = ["LEAST_TOLERANCE", "TOLERANCE", "NonsmoothTimeOrbit", "NotMatched", "why_not", "solve_nonsmooth_time"]
+__all__ = ["LEAST_TOLERANCE", "TOLERANCE", "NonsmoothTimeOrbit", "NotMatched", "StandsStill", "why_not", "solve_nonsmooth_time"]
 
 TOLERANCE = 1e-6
 """The smaller of the two matching tolerances that the paper names."""
@@ -37,6 +37,8 @@ LEAST_TOLERANCE = 1e-13
 """The least that is asked for: displacements of size 1 round to some 1e-15 over a half period, and shooting would not end below that."""
 
 _CORRECTIONS = 25
+_NEAR = 1e-4  # below this mismatch Newton's method is at an orbit, in units of displacement ...
+_IDLE = 4  # ... and so many corrections in a row that bring it no lower are the last
 _FLIGHTS = 1000
 _BETWEEN = 1e-12  # impacts nearer to each other in tau are one that the integrator has met twice
 _OUTSIDE = 1e-6  # a gap passed by more than this, in units of displacement, at one of the integrator's steps
@@ -44,6 +46,10 @@ _OUTSIDE = 1e-6  # a gap passed by more than this, in units of displacement, at 
 
 class NotMatched(RuntimeError):
     """Shooting did not come to an orbit; the message says how far it came."""
+
+
+class StandsStill(NotMatched):
+    """Shooting came to an orbit, and further corrections match its end no better: the tolerance asks for more than the integrator has."""
 
 
 class TauImpact(NamedTuple):
@@ -230,8 +236,11 @@ def solve_nonsmooth_time(
         raise ValueError("velocities are all zero: expected a guess of an orbit that moves")
 
     shot = _shoot(system, quarter_period, slope, integrator, fine)
+    least, idle = math.inf, 0
     for corrections in range(_CORRECTIONS + 1):
         mismatch = float(np.max(np.abs(shot.end)))
+        idle = idle + 1 if mismatch >= least else 0
+        least = min(least, mismatch)
         if mismatch < tolerance:
             if not shot.impacts:
                 raise NotMatched("shooting ended on a motion without impacts: expected a nearer guess")
@@ -240,6 +249,11 @@ def solve_nonsmooth_time(
             )
         if corrections == _CORRECTIONS:
             break
+        if idle >= _IDLE and least < _NEAR:
+            raise StandsStill(
+                f"shooting stands still at a mismatch of {least:.1e}, not below {tolerance:.1e}: the last {_IDLE} corrections bring it no "
+                "lower; expected a larger tolerance"
+            )
         step = math.sqrt(fine) * float(np.linalg.norm(slope))
         gradient = np.empty((n, n))
         for j in range(n):

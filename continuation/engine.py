@@ -185,13 +185,16 @@ def walk(
             yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
             if not allowance.resume:
                 return
-        if trial is None and march is not None and older is not None and closure is not None:
+        if trial is None and march is not None:
             room = min(allowance.points, BLOCK)
-            marched = march(step, values, older, length_old, ds, closure.origin, closure.direction, room, control)
+            way = None if closure is None else closure.direction
+            marched = march(step, values, finder.undefined if older is None else older, length_old, ds, origin, way, room, control)
             ds, trial = marched.ds, marched.trial
             steps = marched.steps
             count = len(steps)
             if count:
+                if closure is None:
+                    closure = Closure(problem, settings, first, np.asarray(steps[0].position) - np.asarray(first.position))
                 arclengths = np.cumsum([arclength, *marched.lengths])[1:]
                 plain = PlainPoints(index + 1, arclengths, marched.strides, steps)
                 if stop_when is None:

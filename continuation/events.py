@@ -56,7 +56,8 @@ class EventFinder:
         self._tests: tuple[Test, ...] = tuple(problem.tests)
         self._kinds = kinds_of(self._tests)
         self._places = [math.nan] * len(self._tests)
-        self._undefined = [math.nan] * len(self._tests)
+        self.undefined = [math.nan] * len(self._tests)
+        """Test functions of the point before the first: not known."""
         self._refine: Callable[[int, Step], Step | None] | None = getattr(problem, "refined", None)
         self._absorbing = any(test.absorbs for test in self._tests)
 
@@ -67,7 +68,7 @@ class EventFinder:
 
         `older` is None where there are two points only.
         """
-        first = self._undefined if older is None else older
+        first = self.undefined if older is None else older
         places = self._places
         if not watch(self._kinds, first, old, new, length_old, length_new, self._settings.dip_ratio, places):
             return []

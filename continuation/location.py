@@ -184,7 +184,7 @@ class Location(NamedTuple):
     step : Step
         The corrected point there.
     residual : float
-        |test function| there; 0 for a change.
+        |test function| there; 0 for a change, and where the problem tells it from rounding no more (nan).
     low, high : Step
         The steps at the ends of the bracket.
     reason : str
@@ -281,6 +281,9 @@ class Locator:
             kind = "pole" if residual > scale else "jump"
         if guard and kind == "zero":
             self._ends.append((found.low, found.high))
+        if kind == "zero" and not guard:
+            found = self._polished(index, found)
+            residual = abs(found.value)
         status: Status = "located" if kind == "zero" else "bracketed"
         ends = self.step(found.low), self.step(found.high)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted)
@@ -318,6 +321,24 @@ class Locator:
                 return low, s
             low, a = s, value
         return low, high
+
+    def _polished(self, index: int, found: RootBracket) -> RootBracket:
+        """The root where the straight line through the ends of its bracket has its own: over so short a piece a test function bends by less
+        than its rounding, so that the bracket tells how far the root may be, and not how far it is. A problem may give nan for a value that
+        is rounding; between two values of different sign, so near to each other, that is a zero."""
+        a, b = self.value(index, found.low), self.value(index, found.high)
+        if a == b:
+            return found
+        s = found.low + a / (a - b) * (found.high - found.low)
+        if not found.low < s < found.high:
+            return found
+        try:
+            value = float(self.step(s).tests[index])
+        except StepRefused:
+            return found
+        if math.isnan(value):
+            value = 0.0
+        return found._replace(root=s, value=value) if abs(value) < abs(found.value) else found
 
     def _within(self, index: int, found: RootBracket) -> RootBracket:
         """The root of a guard moved to the nearest step tried where its value is not negative, inside the same bracket."""

@@ -108,11 +108,12 @@ class Marched(NamedTuple):
     """Plain steps that a problem took by itself, as the engine would have.
 
     ``march(step, tests, older, before, ds, goal, direction, room, control)`` starts at `step` with its `tests`, those of the point before
-    it (`older`) and the arclength between the two (`before`), with a first step of length `ds`. It corrects, judges and measures each step
-    with `refusal`, `arclength_of`, `watch` and `next_step` of `continuation.control`, given `control`. It stops after `room` steps, or
-    with the first step that is not plain: not converged, refused, with a test function that asks for a look, or one that passes the
-    position `goal` in the `direction` (its `height` was below zero and is not any more) to within `NEAR_GOAL` chords of it. The points
-    must be those that the engine finds step by step.
+    it (`older`, nan where `step` is the first of the run) and the arclength between the two (`before`), with a first step of length `ds`.
+    It corrects, judges and measures each step with `refusal`, `arclength_of`, `watch` and `next_step` of `continuation.control`, given
+    `control`. It stops after `room` steps, or with the first step that is not plain: not converged, refused, with a test function that
+    asks for a look, or one that passes the position `goal` in the `direction` (its `height` was below zero and is not any more) to within
+    `NEAR_GOAL` chords of it. A direction of None, at the first step of a run that may come back to its start, is that from there to the
+    next point. The points must be those that the engine finds step by step.
 
     Attributes
     ----------
@@ -160,7 +161,7 @@ class Event:
     bracket : tuple of float
         Arclengths between which it certainly is.
     residual : float
-        |test function| at `point`; for a change of key, 0.
+        |test function| at `point`; 0 for a change of key, and where it is nan for being rounding.
     point : Step
         The corrected point at the event.
     index : int

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from branches.orbit import Impact, Orbit
-from bvp.nonsmooth_time import NonsmoothTimeOrbit, NotMatched, solve_nonsmooth_time, why_not
+from bvp.nonsmooth_time import TOLERANCE, NonsmoothTimeOrbit, NotMatched, StandsStill, solve_nonsmooth_time, why_not
 from saltus.errors import BadInput
 
 __all__ = ["ApproximateOrbit", "approximate"]
@@ -127,8 +127,13 @@ def approximate(orbit: Orbit, tolerance: float) -> ApproximateOrbit:
     for digits in _DIGITS:
         guess = [float(f"{value:.{digits - 1}e}") for value in velocities]
         try:
-            found = solve_nonsmooth_time(orbit.system, orbit.alpha, guess, tolerance=tolerance)
+            found = solve_nonsmooth_time(orbit.system, orbit.alpha, guess, tolerance=max(tolerance, TOLERANCE))
             _compare(found, orbit)
+            if tolerance < TOLERANCE:  # where it is going is known now, and was cheap to find
+                found = solve_nonsmooth_time(orbit.system, orbit.alpha, found.velocities, tolerance=tolerance)
+                _compare(found, orbit)
+        except StandsStill as error:  # a nearer guess would end there, too
+            raise NotMatched(f"--method nstt does not match {orbit.label}: {error}") from None
         except NotMatched as error:
             failure = error
         else:

@@ -20,7 +20,6 @@ from branches.identity import turns
 from branches.impulsive.scan import FLOOR, Bracket, Scan, scan_energies
 from branches.impulsive.trails import Trails
 from branches.orbit import Orbit
-from bvp.kernels.newton import correct
 from bvp.kernels.trail import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
@@ -272,9 +271,8 @@ def solve_impulsive(problem: MultipointProblem, y: np.ndarray) -> Solution:
     row = np.zeros(problem.unknowns)
     row[: problem.parameters] = system.modes.to_state[n + system.absorber] @ problem.segment.start_map
     row /= math.sqrt(2.0 * problem.energy(y))
-    residual = np.empty(problem.unknowns - 1)
     for _ in range(4):
-        good, _, _, worst = correct(problem.segment, y, row, 0.0, problem._factor, residual, 20, 2e-15)
+        good, worst = problem.correct(y, row, 0.0, 20)
         if not np.all(np.isfinite(y)):
             raise NotConverged("Newton's corrections diverged")
         if good:

@@ -3,6 +3,7 @@
 The duties are those of `continuation.problem.Marched`; the judgement is that of `continuation.control` and `branches.markers`, compiled.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -46,23 +47,26 @@ def march(
     """Steps from (first_y, first_tangent) into `block`.
 
     addresses (3,): of `orbit_step`, `orbit_observe`, `orbit_stability`; 0 for the last two: the fold is the only test. limits (3,):
-    bounds of the energy's logarithm, and of the quarter period's. goal, direction (N + 2,): see `continuation.problem.Marched`.
-    metric (4, N + 2), places (tests,): scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length
-    of the step to take next)."""
+    bounds of the energy's logarithm, and of the quarter period's. goal, direction (N + 2,): see `continuation.problem.Marched`; nan: the
+    direction is that of the first step. metric (5, N + 2), places (tests,): scratch. Returns (accepted steps, 1 where the row after them
+    holds a step that is not plain, length of the step to take next)."""
     full = addresses[1] != 0
     y = first_y
     tangent = first_tangent
     position = first_position
     tests = first_tests
     older = first_older
-    height_old = _height(position, goal, direction)
+    way = metric[4]
+    for r in range(way.shape[0]):
+        way[r] = direction[r]
+    height_old = _height(position, goal, way)
     for count in range(block.y.shape[0] - 1):
         result = block.result[count]
         set_1(result, np.nan)
         new = block.y[count]
         ahead = block.tangent[count]
         call_at(
-            addresses[0], (pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, new, ahead, result)
+            addresses[0], (pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, math.nan, most, metric, new, ahead, result)
         )
         if result[CONVERGED] != 1.0:
             return count, 1, ds
@@ -89,7 +93,7 @@ def march(
         chord = _distance(position, place)
         if _refusal(turn, contraction, chord, ds, control) != ACCEPTED:
             return count, 1, ds
-        height_new = _height(place, goal, direction)
+        height_new = _height(place, goal, way)
         if height_old < 0.0 and height_new >= 0.0 and _distance(place, goal) <= NEAR_GOAL * chord:
             return count, 1, ds
         length = _arclength_of(chord, turn)
@@ -98,6 +102,10 @@ def march(
         block.lengths[count, 0] = ds
         block.lengths[count, 1] = length
         ds = _next_step(ds, turn, contraction, control)
+        if height_new != height_new and count == 0:
+            for r in range(way.shape[0]):
+                way[r] = place[r] - goal[r]
+            height_new = _height(place, goal, way)
         before = length
         height_old = height_new
         older = tests

@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-__all__ = ["address_of", "allocating", "call_at", "kernel", "part", "sized", "whole_at"]
+__all__ = ["address_of", "allocating", "call_at", "inlined", "kernel", "part", "sized", "whole_at"]
 
 _COUNTED: dict[str, Any] = {"_nrt": True}  # numba's own run time for arrays; said in full, for what a kernel calls inherits it
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
@@ -47,6 +47,13 @@ def kernel(function: Any) -> Any:
 
     Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
     return _made(function, **_UNCOUNTED)
+
+
+def inlined(function: Any) -> Any:
+    """A kernel whose machine code becomes part of each caller's: what the caller knows of its arguments, such as a `sized` length, holds
+    inside, and arrays need not be handed over, which for a dozen of them takes longer than a short flight. For what is called from few
+    places; where it is one place, and short, `part` compiles faster."""
+    return _made(function, forceinline=True, **_UNCOUNTED)
 
 
 def allocating(function: Any) -> Any:

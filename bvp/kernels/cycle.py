@@ -7,7 +7,7 @@ stands at minus its start, and the second half period is the negative of the fir
 
 from numba import int64
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel, part
 from bvp.kernels.segment import ORIGIN, STOP, start_state
 
 __all__ = ["count_impacts", "unfold"]
@@ -40,7 +40,7 @@ def _put(before, after, row, count, ahead, first, source_before, source_after, n
     return count + 1, first
 
 
-@kernel
+@inlined
 def unfold(segment, y, ends, before, after, duration, row, work):
     """Impacts of the whole period in order of time: states before and after each (P, N), the free time after it (P,), and the
     row of the node arrays that describes its contact (P,). `ends` (k + 1, N) holds the state at the end of each flight. Returns

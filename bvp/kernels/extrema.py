@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.bounds import block_growth, envelope
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel, part
 from bvp.kernels.flight import circular, flow_state
 
 __all__ = ["Observed", "amplitude_bound", "clearance", "look", "refine", "safe_step", "separate", "sign_changes"]
@@ -77,7 +77,7 @@ def amplitude_bound(pairs, mean, delta, matrix, row, z, horizon):
     return total
 
 
-@kernel
+@inlined
 def separate(pairs, mean, delta, matrix, value, second, z, horizon, parts):
     """(pure, bound of |f|, of |f''|, of |f'''|) for f = value . z(t), 0 <= t <= horizon, f'' = second . z(t).
 
@@ -150,7 +150,7 @@ def safe_step(f, slope, bend, curvature, jerk):
     return step
 
 
-@kernel
+@inlined
 def sign_changes(pairs, mean, delta, matrix, value, rate, second, z, duration, sign, work):
     """Sign changes of value . z(t) for 0 < t < duration after an earlier `sign` (0: none yet). Returns (changes, last sign),
     changes < 0 when the search gave up. Values within rounding of zero have no sign."""

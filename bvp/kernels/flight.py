@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from bvp.kernels.compiled import allocating, kernel, part
+from bvp.kernels.compiled import allocating, inlined, kernel, part
 
 __all__ = [
     "block_product", "circular", "flight_at", "flow_block", "flow_inside", "flow_matrix", "flow_pair", "flow_state", "sample_flights",
@@ -158,10 +158,10 @@ def flow_state(pairs, mean, delta, matrix, z, t, out):
     flow_inside(pairs, mean, delta, matrix, z, t, out)
 
 
-@kernel
+@inlined
 def flow_matrix(pairs, mean, delta, matrix, t, out):
     """out = exp(B t), dense (N, N)."""
-    size = out.shape[0]
+    size = out.shape[1]
     for r in range(size):
         for c in range(size):
             out[r, c] = 0.0
@@ -180,7 +180,7 @@ def flow_matrix(pairs, mean, delta, matrix, t, out):
             block_matrix(mean[k], matrix, i, -j, t, out)
 
 
-@kernel
+@inlined
 def block_product(pairs, matrix, z, out):
     """out = matrix z for a matrix that is zero outside the blocks: B itself, or exp(B t) of `flow_matrix` (out is another array than z)."""
     for k in range(pairs.shape[0]):

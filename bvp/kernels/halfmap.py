@@ -13,7 +13,7 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.bounds import dot
-from bvp.kernels.compiled import kernel, part, sized
+from bvp.kernels.compiled import inlined, kernel, part, sized
 from bvp.kernels.flight import block_product, flow_matrix
 from bvp.kernels.pencil import complement
 from bvp.kernels.restitution import strike
@@ -174,7 +174,7 @@ def half_map(segment, y, ends, work, square, small, phi):
     return _half_map(segment, y, ends, work, square, small, phi)
 
 
-@kernel
+@inlined
 def planar_half_map(segment, y, ends, work, square, small, phi):
     """See `_half_map`; N = 4."""
     return _half_map(sized_rows(segment), y, sized(ends, 4), sized(work, 4), sized(square, 4), sized(small, 2), sized(phi, 2))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, part
 from bvp.kernels.segment import start_state, total_time
 
 __all__ = ["Metric", "constraint_row", "locate", "metric_direction"]
@@ -19,10 +19,10 @@ class Metric(NamedTuple):
     direction: np.ndarray  # (N + 2,)
 
 
-@kernel
+@inlined
 def locate(segment, y, out):
     """(start state / sqrt(2 h), log h, log alpha) and (h, alpha)."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     start_state(segment.start_map, segment.start_offset, y, out[:size])
     energy = 0.0
     for r in range(size):
@@ -36,10 +36,10 @@ def locate(segment, y, out):
     return energy, alpha
 
 
-@kernel
+@inlined
 def metric_direction(segment, y, position, energy, alpha, tangent, out):
     """Change of `locate` along `tangent`; returns (d h, length)."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
     change = 0.0
@@ -62,7 +62,7 @@ def metric_direction(segment, y, position, energy, alpha, tangent, out):
 @part
 def constraint_row(segment, y, energy, alpha, position, direction, row):
     """Row r with r . dy = <direction, change of `locate` along dy>: the pseudo-arclength condition in the unknowns."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
     along = 0.0

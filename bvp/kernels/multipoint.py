@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.arrays import set_2
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, part, sized
 from bvp.kernels.flight import block_product, flow_matrix
 from bvp.kernels.restitution import strike, strike_columns
 from bvp.kernels.segment import start_state
@@ -39,7 +39,7 @@ class Factor(NamedTuple):
 
 def make_factor(segment):
     """Work space for `segment`."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     k = int(segment.shape[0])
     start = segment.start_map.shape[1] + 1
     closers = size + 1 if segment.shape[1] else segment.end_map.shape[0]
@@ -57,10 +57,19 @@ def make_factor(segment):
     )
 
 
-@kernel
+@part
+def sized_factor(factor):
+    """The same work space, known to be for states of four entries."""
+    return Factor(
+        factor.window, factor.closing, factor.diagonal, factor.factor, factor.scale, sized(factor.before, 4), sized(factor.flights, 4),
+        factor.work, sized(factor.square, 4),
+    )  # fmt: skip
+
+
+@inlined
 def evaluate(segment, y, before, flights, z, residual):
     """Residual of the problem at y, and for each flight the state at its end and exp(B t)."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     k = segment.shape[0]
     s = segment.start_map.shape[1]
     start_state(segment.start_map, segment.start_offset, y, z)
@@ -98,7 +107,7 @@ def evaluate(segment, y, before, flights, z, residual):
 @part
 def jacobian_blocks(segment, i, factor, landing, push_rate):
     """landing = R exp(B t_i) (dense), push_rate = R B z(t_i): what an impact makes of a node's and a flight time's change."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     for r in range(size):
         for c in range(size):
             landing[r, c] = factor.flights[i, r, c]
@@ -111,7 +120,7 @@ def jacobian_blocks(segment, i, factor, landing, push_rate):
 @part
 def fill(segment, y, factor):
     """Write the scaled transpose of the Jacobian at y into the factor arrays (before: `evaluate` at y)."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     rows = size + 1
     k = segment.shape[0]
     s = segment.start_map.shape[1]

@@ -2,7 +2,7 @@
 
 import math
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, part
 from bvp.kernels.elimination import apply_reflectors, eliminate, forward
 from bvp.kernels.multipoint import evaluate, fill
 from bvp.kernels.segment import start_state
@@ -10,10 +10,10 @@ from bvp.kernels.segment import start_state
 __all__ = ["correct", "factorise", "null_vector", "set_scale", "solve"]
 
 
-@kernel
+@inlined
 def set_scale(segment, y, factor):
     """Scale of the unknowns: largest displacement, largest velocity (both in modal units) and longest flight."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     half = size // 2
     k = segment.shape[0]
     s = segment.start_map.shape[1]
@@ -63,7 +63,7 @@ def set_scale(segment, y, factor):
     return displacement, velocity, longest
 
 
-@kernel
+@inlined
 def factorise(segment, y, factor, displacement, velocity):
     """Factorise the Jacobian at y. Returns the sign of the determinant of R Q-wise (parity of reflections) for the test of
     branch points, and the smallest diagonal entry of R relative to its column.
@@ -72,7 +72,7 @@ def factorise(segment, y, factor, displacement, velocity):
     of: where a mode goes by itself it is that mode's cosine alone, and a pivot relative to that would jump from -1 to 1 where the cosine
     is zero."""
     fill(segment, y, factor)
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     rows = size + 1
     k = segment.shape[0]
     start = segment.start_map.shape[1] + 1
@@ -105,10 +105,10 @@ def factorise(segment, y, factor, displacement, velocity):
     return sign, smallest
 
 
-@kernel
+@inlined
 def solve(segment, factor, right, out):
     """Least-norm solution (in scaled unknowns) of J out = right; `right` is overwritten."""
-    rows = segment.matrix.shape[0] + 1
+    rows = segment.matrix.shape[1] + 1
     k = segment.shape[0]
     unknowns = factor.scale.shape[0]
     forward(k, rows, factor.window, factor.closing, factor.diagonal, right)
@@ -120,11 +120,11 @@ def solve(segment, factor, right, out):
         out[j] *= factor.scale[j]
 
 
-@kernel
+@inlined
 def null_vector(segment, factor, out):
     """Null vector of the last factorised Jacobian, unit length in the scaled unknowns; returned: its entry before unscaling
     is +1 along the last reflected axis, so its orientation is the one that the determinant's sign refers to."""
-    rows = segment.matrix.shape[0] + 1
+    rows = segment.matrix.shape[1] + 1
     unknowns = factor.scale.shape[0]
     out[:unknowns] = 0.0
     out[unknowns - 1] = 1.0
@@ -138,7 +138,7 @@ def null_vector(segment, factor, out):
 @part
 def scaled_residual(segment, residual, displacement, velocity):
     """Largest residual, displacements and velocities each by their own scale."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     half = size // 2
     rows = size + 1
     k = segment.shape[0]
@@ -159,39 +159,80 @@ def scaled_residual(segment, residual, displacement, velocity):
     return worst
 
 
-@kernel
+@part
 def correct(segment, y, row, target, factor, residual, maximum, rounding):
-    """Newton's corrections of y, in place, held on row . y = target (row all zero: least-norm corrections).
+    """Newton's corrections of y, in place, held on row . y = target (row all zero: least-norm corrections), and the factorisation at the
+    solution.
 
     The factorisation is kept while a correction with it shrinks the update tenfold. Ends when the update stagnates at rounding level, or
     when the residual is there and the next update, by the ratio of the last two, would be far below it; with no iterations allowed, y
-    is only looked at. Returns (converged, iterations, worst ratio of successive updates, scaled residual)."""
+    is only looked at. Returns (converged, iterations, worst ratio of successive updates, scaled residual, sign and smallest pivot of
+    `factorise` at the solution); the `null_vector` there is in factor.work[4]."""
     unknowns = y.shape[0]
     z = factor.work[2]
     update = factor.work[3]
     null = factor.work[4]
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     held = False
     for j in range(unknowns):
         if row[j] != 0.0:
             held = True
+    iteration = 0
+    length = math.inf
     previous = math.inf
     contraction = 0.0
-    fresh = True
     worst = math.inf
-    evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
-    displacement, velocity, longest = set_scale(segment, y, factor)
-    if maximum == 0:
-        worst = scaled_residual(segment, residual, displacement, velocity)
-        return worst < 1e-12, 0, 0.0, worst
-    for iteration in range(maximum):
-        if fresh:
-            factorise(segment, y, factor, displacement, velocity)
-            if held:
-                null_vector(segment, factor, null)
+    sign = 0.0
+    smallest = 0.0
+    displacement = 1.0
+    velocity = 1.0
+    fresh = True
+    good = False
+    ended = False
+    while True:
+        # one loop, so that each of these functions is compiled in one place
+        evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
+        if iteration > 0:
+            worst = scaled_residual(segment, residual, displacement, velocity)
+            ratio = length / previous
+            fresh = False
+            if length <= rounding:
+                good = True
+                ended = True
+            elif iteration > 1:
+                if ratio > 0.5 and length < 1e-9:
+                    good = worst < 1e-12
+                    ended = True
+                else:
+                    if length > 1e-12:
+                        contraction = max(contraction, ratio)
+                    if worst <= 1e-15 and ratio <= 0.1 and ratio * length <= 0.1 * rounding:
+                        good = True
+                        ended = True
+                    elif ratio > 2.0 and length > 1e-3:
+                        ended = True
+                fresh = ratio > 0.1
+            previous = length
+            if iteration == maximum and not ended:
+                good = worst < 1e-12 and previous < 1e-9
+                ended = True
+            if ended and not good:
+                break
+        if fresh or ended:
+            displacement, velocity, _ = set_scale(segment, y, factor)
+        if maximum == 0:
+            worst = scaled_residual(segment, residual, displacement, velocity)
+            good = worst < 1e-12
+            ended = True
+        if fresh or ended:
+            sign, smallest = factorise(segment, y, factor, displacement, velocity)
+            null_vector(segment, factor, null)
+        if ended:
+            break
         for j in range(residual.shape[0]):
             residual[j] = -residual[j]
         solve(segment, factor, residual, update)
+        iteration += 1
         if held:
             along = -target
             slope = 0.0
@@ -199,31 +240,15 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                 along += row[j] * (y[j] + update[j])
                 slope += row[j] * null[j]
             if slope == 0.0:
-                return False, iteration, contraction, worst
+                return False, iteration - 1, contraction, worst, sign, smallest
             for j in range(unknowns):
                 update[j] -= along / slope * null[j]
         length = 0.0
+        finite = True
         for j in range(unknowns):
             y[j] += update[j]
             length = max(length, abs(update[j]) / factor.scale[j])
-            if not math.isfinite(y[j]):
-                return False, iteration, contraction, math.inf
-        evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
-        worst = scaled_residual(segment, residual, displacement, velocity)
-        ratio = length / previous
-        if length <= rounding:
-            return True, iteration + 1, contraction, worst
-        if iteration > 0:
-            if ratio > 0.5 and length < 1e-9:
-                return worst < 1e-12, iteration + 1, contraction, worst
-            if length > 1e-12:
-                contraction = max(contraction, ratio)
-            if worst <= 1e-15 and ratio <= 0.1 and ratio * length <= 0.1 * rounding:
-                return True, iteration + 1, contraction, worst
-            if ratio > 2.0 and length > 1e-3:
-                return False, iteration + 1, contraction, worst
-        fresh = iteration > 0 and ratio > 0.1
-        previous = length
-        if fresh:
-            displacement, velocity, longest = set_scale(segment, y, factor)
-    return worst < 1e-12 and previous < 1e-9, maximum, contraction, worst
+            finite = finite and math.isfinite(y[j])
+        if not finite:
+            return False, iteration - 1, contraction, math.inf, sign, smallest
+    return good, iteration, contraction, worst, sign, smallest

@@ -5,7 +5,7 @@ import math
 from numba import int64
 
 from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import kernel, part, sized
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.result import (
     ABSORBER_END,
@@ -26,9 +26,9 @@ from bvp.kernels.result import (
     WAVES_ABSORBER,
     WAVES_PRIMARY,
 )
-from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP, start_state, total_time, unpack
+from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP, sized_rows, start_state, total_time, unpack
 
-__all__ = ["orbit_observe"]
+__all__ = ["orbit_observe", "planar_orbit_observe"]
 
 
 @kernel
@@ -67,7 +67,7 @@ def turns_of(segment, observed, coordinate, z, duration, sign, scratch, result):
 @part
 def observe(segment, observed, y, ends, work, result):
     """Admissibility, impact speeds, flight times and half-waves of the orbit at y (`ends`: states at the end of each flight)."""
-    size = segment.matrix.shape[0]
+    size = segment.matrix.shape[1]
     k = segment.shape[0]
     s = segment.start_map.shape[1]
     start = work[0, :size]
@@ -138,10 +138,15 @@ def observe(segment, observed, y, ends, work, result):
                     result[CLEARANCE_SIDE] = side
                     result[CLEARANCE_TIME] = time
             if half_waves:
-                found, sign_absorber = turns_of(segment, observed, 0, z, duration, sign_absorber, scratch, result)
-                changes_absorber += found
-                found, sign_primary = turns_of(segment, observed, 1, z, duration, sign_primary, scratch, result)
-                changes_primary += found
+                for coordinate in range(2):
+                    sign = sign_absorber if coordinate == 0 else sign_primary
+                    found, sign = turns_of(segment, observed, coordinate, z, duration, sign, scratch, result)
+                    if coordinate == 0:
+                        changes_absorber += found
+                        sign_absorber = sign
+                    else:
+                        changes_primary += found
+                        sign_primary = sign
         at += size + 1
     result[CLEARANCE] = best
     result[SPEED] = slowest
@@ -178,17 +183,13 @@ def observe(segment, observed, y, ends, work, result):
                 result[IN_PHASE] = 0.0
 
 
-@kernel
-def orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
-    """Admissibility and half-waves of the orbit at y: the entries of RESULT from `clearance` to `gave_up`.
-
-    observed (4 S + 6, N): the rows of `Observed` one after the other (4 S of the gaps, then the velocities where there are any),
-    bounds (2, S)."""
-    segment = unpack(pairs, rows, scalars, start_map, shape)
+@part
+def unpack_observed(observed, bounds):
+    """The `Observed` whose rows stand one after the other in an array."""
     stops = bounds.shape[1]
     watched = (observed.shape[0] - 4 * stops) // 3
     at = 4 * stops
-    functionals = Observed(
+    return Observed(
         observed[:stops],
         observed[stops : 2 * stops],
         observed[2 * stops : 3 * stops],
@@ -199,4 +200,19 @@ def orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, e
         observed[at + watched : at + 2 * watched],
         observed[at + 2 * watched :],
     )
-    observe(segment, functionals, y, ends, work, result)
+
+
+@kernel
+def orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
+    """Admissibility and half-waves of the orbit at y: the entries of RESULT from `clearance` to `gave_up`.
+
+    observed (4 S + 6, N): the rows of `Observed` one after the other (4 S of the gaps, then the velocities where there are any),
+    bounds (2, S)."""
+    observe(unpack(pairs, rows, scalars, start_map, shape), unpack_observed(observed, bounds), y, ends, work, result)
+
+
+@kernel
+def planar_orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
+    """See `orbit_observe`; N = 4."""
+    segment = sized_rows(unpack(pairs, rows, scalars, start_map, shape))
+    observe(segment, unpack_observed(sized(observed, 4), bounds), y, sized(ends, 4), work, result)

@@ -19,7 +19,7 @@ rectangular there; `cuts` marks such nodes.
 
 import math
 
-from bvp.kernels.compiled import kernel, part, sized
+from bvp.kernels.compiled import inlined, kernel, part, sized
 from bvp.kernels.flight import block_product, flow_matrix
 from bvp.kernels.restitution import strike, strike_columns
 
@@ -72,7 +72,7 @@ def complement(vectors, count, out, factor):
     _complement(vectors, count, out, factor)
 
 
-@kernel
+@inlined
 def planar_complement(vectors, count, out, factor):
     """See `_complement`; N = 4."""
     _complement(sized(vectors, 4), count, sized(out, 4), factor)
@@ -128,7 +128,7 @@ def landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration,
     _landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along)
 
 
-@kernel
+@inlined
 def planar_landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
     """See `_landings`; N = 4."""
     _landings(
@@ -196,7 +196,7 @@ def pencil(weights, gap, conservative, after, row, scale, maps, along, left, rig
     _pencil(complement, weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor)
 
 
-@kernel
+@inlined
 def planar_pencil(weights, gap, after, row, scale, maps, along, left, right, scratch, factor):
     """See `_pencil`; N = 4 and an energy is conserved."""
     _pencil(

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import kernel, part, sized
+from bvp.kernels.compiled import inlined, part, sized
 
 __all__ = ["ORIGIN", "PERIODIC", "REST", "STOP", "Segment", "pack", "sized_rows", "start_state", "total_time", "unpack"]
 
@@ -34,7 +34,7 @@ class Segment(NamedTuple):
     shape: np.ndarray  # (5,) int64: inner impacts k; periodic 0/1; quarter periods solved 1, 2 or 4; kind of start; kind of end
 
 
-@kernel
+@inlined
 def start_state(start_map, start_offset, y, out):
     """out = Z s + c."""
     for r in range(out.shape[0]):
@@ -44,14 +44,14 @@ def start_state(start_map, start_offset, y, out):
         out[r] = total
 
 
-@kernel
+@inlined
 def total_time(matrix, start_map, shape, y):
     """Sum of the flight times in the unknowns y, or in a change of them."""
     total = 0.0
     at = start_map.shape[1]
     for _ in range(shape[0] + 1):
         total += y[at]
-        at += matrix.shape[0] + 1
+        at += matrix.shape[1] + 1
     return total
 
 

@@ -1,10 +1,11 @@
 """One step along a family of impacting orbits: predict, correct, tangent."""
 
 from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import kernel, part, sized
 from bvp.kernels.flight import flow_state
 from bvp.kernels.metric import Metric, constraint_row, locate, metric_direction
-from bvp.kernels.newton import correct, factorise, null_vector, set_scale
+from bvp.kernels.multipoint import sized_factor
+from bvp.kernels.newton import correct
 from bvp.kernels.result import (
     BRANCHING,
     CONTRACTION,
@@ -16,20 +17,19 @@ from bvp.kernels.result import (
     SLOPE,
     TURN,
 )
-from bvp.kernels.segment import start_state, unpack
+from bvp.kernels.segment import sized_rows, start_state, unpack
 
-__all__ = ["end_states", "orbit_step"]
+__all__ = ["end_states", "orbit_step", "planar_orbit_step"]
 
 
 @part
-def tangent_at(segment, y, factor, old_direction, metric, tangent, result):
-    """Tangent at a solution y, of unit length in the metric and turned like `old_direction` (all zero: as it comes)."""
+def tangent_at(segment, y, factor, sign, smallest, old_direction, metric, tangent, result):
+    """Tangent at a solution y, of unit length in the metric and turned like `old_direction` (all zero: as it comes). sign, smallest: of
+    the factorisation there, whose null vector is in factor.work[4]."""
     unknowns = y.shape[0]
-    displacement, velocity, _ = set_scale(segment, y, factor)
-    sign, smallest = factorise(segment, y, factor, displacement, velocity)
-    null_vector(segment, factor, tangent)
+    null = factor.work[4]
     energy, alpha = locate(segment, y, metric.position)
-    change, length = metric_direction(segment, y, metric.position, energy, alpha, tangent, metric.direction)
+    change, length = metric_direction(segment, y, metric.position, energy, alpha, null, metric.direction)
     turn = 0.0
     first = True
     for r in range(metric.direction.shape[0]):
@@ -45,7 +45,7 @@ def tangent_at(segment, y, factor, old_direction, metric, tangent, result):
         for r in range(metric.direction.shape[0]):
             metric.direction[r] = -metric.direction[r]
     for j in range(unknowns):
-        tangent[j] *= flip
+        tangent[j] = null[j] * flip
     result[ENERGY] = energy
     result[QUARTER_PERIOD] = alpha
     result[SLOPE] = change * flip
@@ -53,13 +53,13 @@ def tangent_at(segment, y, factor, old_direction, metric, tangent, result):
     result[BRANCHING] = sign * smallest
 
 
-@kernel
-def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, most, metric, out, out_tangent, result):
+@part
+def _orbit_step(segment, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
     """Step from y by ds (ds = 0: correct y itself) and give the tangent where it lands.
 
-    tangent, out_tangent (2 u,): tangent and curvature. `most`: most iterations. metric (4, N + 2): position and direction there,
+    tangent, out_tangent (2 u,): tangent and curvature. `target`: nan; where it is a number, y is held on row . y = target instead of the
+    distance ds, the row being in factor.work[5]. `most`: most iterations. metric (4, N + 2): position and direction there,
     then at y. out (u,). result: the entries of RESULT up to `branching`."""
-    segment = unpack(pairs, rows, scalars, start_map, shape)
     unknowns = y.shape[0]
     old = Metric(metric[2], metric[3])
     new = Metric(metric[0], metric[1])
@@ -67,9 +67,9 @@ def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, m
     residual = factor.work[6, : unknowns - 1]
     along = tangent[:unknowns]
     curvature = tangent[unknowns:]
-    set_1(row, 0.0)
+    if target != target:
+        set_1(row, 0.0)
     set_1(old.direction, 0.0)
-    target = 0.0
     oriented = False
     for j in range(unknowns):
         out[j] = y[j] + ds * (along[j] + 0.5 * ds * curvature[j])
@@ -83,16 +83,31 @@ def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, m
         target = ds
         for j in range(unknowns):
             target += row[j] * y[j]
-    good, iterations, contraction, worst = correct(segment, out, row, target, factor, residual, most, 2e-15)
+    good, iterations, contraction, worst, sign, smallest = correct(segment, out, row, target, factor, residual, most, 2e-15)
     result[CONVERGED] = 1.0 if good else 0.0
     result[ITERATIONS] = iterations
     result[CONTRACTION] = contraction
     result[RESIDUAL] = worst
     if not good:
         return
-    tangent_at(segment, out, factor, old.direction, new, out_tangent[:unknowns], result)
+    tangent_at(segment, out, factor, sign, smallest, old.direction, new, out_tangent[:unknowns], result)
     for j in range(unknowns):
         out_tangent[unknowns + j] = (out_tangent[j] - along[j]) / ds if ds != 0.0 else 0.0
+
+
+@kernel
+def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
+    """See `_orbit_step`."""
+    _orbit_step(unpack(pairs, rows, scalars, start_map, shape), factor, y, tangent, ds, target, most, metric, out, out_tangent, result)
+
+
+@kernel
+def planar_orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
+    """See `_orbit_step`; N = 4."""
+    _orbit_step(
+        sized_rows(unpack(pairs, rows, scalars, start_map, shape)), sized_factor(factor), y, tangent, ds, target, most, sized(metric, 6),
+        out, out_tangent, result,
+    )  # fmt: skip
 
 
 @kernel

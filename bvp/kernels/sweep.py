@@ -7,7 +7,7 @@ factor is kept triangular, so that small multipliers survive beside large ones.
 import math
 
 from bvp.kernels.arrays import set_2
-from bvp.kernels.compiled import kernel, part, sized
+from bvp.kernels.compiled import inlined, kernel, part, sized
 
 __all__ = ["planar_sweep", "sweep"]
 
@@ -130,7 +130,7 @@ def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
     return _sweep(left, right, height, width, False, turns, scratch, frame, product, exponent)
 
 
-@kernel
+@inlined
 def planar_sweep(left, right, integers, turns, scratch, frame, product, exponent):
     """See `_sweep`; N = 4, and all factors are 2 by 2. integers: any array of such, which is not looked at."""
     return _sweep(

@@ -2,7 +2,7 @@
 
 import math
 
-from bvp.kernels.compiled import kernel, part, sized
+from bvp.kernels.compiled import inlined, kernel, part, sized
 from bvp.kernels.flight import block_product
 
 __all__ = ["planar_trivial_directions", "trivial_directions"]
@@ -87,7 +87,7 @@ def trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, ma
     return _trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along, scratch)
 
 
-@kernel
+@inlined
 def planar_trivial_directions(pairs, matrix, weights, gap, after, row, turns, scale, maps, along, scratch):
     """See `_trivial_directions`; N = 4."""
     return _trivial_directions(

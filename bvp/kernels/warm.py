@@ -31,7 +31,7 @@ def warm() -> None:
     """Compile admissibility, half map and multipliers, by asking for them once."""
     import numpy as np
 
-    from bvp.kernels.observe import orbit_observe
+    from bvp.kernels.observe import planar_orbit_observe
     from bvp.kernels.result import RESULT
     from bvp.kernels.stability import orbit_stability
     from bvp.multipoint import MultipointProblem
@@ -42,4 +42,4 @@ def warm() -> None:
     ends = np.ones((1, 4))
     result = np.zeros(len(RESULT))
     orbit_stability(*problem._packed, y, ends, problem._period, result)
-    orbit_observe(*problem._packed, problem._watched, problem._bounds, y, ends, problem._work, result)
+    planar_orbit_observe(*problem._packed, problem._watched, problem._bounds, y, ends, problem._work, result)

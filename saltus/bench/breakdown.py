@@ -48,7 +48,7 @@ class Breakdown:
     family : float
         Python in `Family.march` around the compiled call: arrays of the block, and a `Step` where the last one is not plain.
     engine : float
-        Python in the engine: the block, its turn in the run; the first steps, which are taken one by one.
+        Python in the engine: the block, its turn in the run.
     total : Spread
         Measured as a whole; its least is the sum of the layers, which are differences of least times.
     """

@@ -98,6 +98,20 @@ def test_names_that_nothing_has(text, energy, words):
     assert "\n" not in str(caught.value)
 
 
+def test_a_mode_too_fast_for_the_scan_is_told_where_nothing_is_found():
+    """Oracle: its angle over half of the longest period, by hand; a name that is found is answered as ever: the closed form's energy."""
+    from saltus.bench.closed_form import Backbone
+
+    fast = vibro_impact_nes(mu=1e-8)
+    with pytest.raises(NameNotFound, match=r"fastest mode turns by 6\.325e\+04 rad within half of the longest period"):
+        found("S13O00+", (0.05, 20.0), system=fast)
+    orbit, _ = found("S11O00-", (0.05, 20.0), system=fast)
+    assert abs(Backbone.of(fast).energy(orbit.alpha) / orbit.h - 1) < 1e-10
+    with pytest.raises(NameNotFound) as caught:
+        found("S13O00-", (0.3, 1.0))
+    assert "fastest mode" not in str(caught.value)
+
+
 def test_the_nearest_names_exist():
     """Oracle: each name that the message suggests, with its suffix, is found."""
     with pytest.raises(NameNotFound) as caught:

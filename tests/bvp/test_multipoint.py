@@ -15,7 +15,7 @@ from bvp.cycle import cycle_of
 from bvp.ends import EndsError
 from bvp.kernels.multipoint import evaluate, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
-from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
@@ -349,3 +349,21 @@ def test_a_problem_that_has_been_followed_goes_to_another_process_without_its_ad
     assert "addresses" not in vars(copy) and "addresses" in vars(problem)
     steps = [each.step(solution.y, solution.tangent, 0.01) for each in (problem, copy)]
     np.testing.assert_array_equal(steps[0].result, steps[1].result)
+
+
+def test_what_is_compiled_for_four_entries_is_what_is_compiled_for_any_number():
+    """Oracle: the same functions, compiled without knowing how many entries a state has: the same numbers to the last bit."""
+    seen = set()
+    for orbit in collection():
+        kind = (orbit.problem.kinds, min(orbit.problem.inner, 2))
+        if kind in seen:
+            continue
+        seen.add(kind)
+        general = MultipointProblem(orbit.problem.system, orbit.problem.ends, orbit.problem.word)
+        general._planar = False
+        for ds in (0.0, 0.01):
+            planar, plain = (p.step(orbit.solution.y, orbit.solution.tangent, ds) for p in (orbit.problem, general))
+            for name in ("y", "tangent", "position", "ends"):
+                np.testing.assert_array_equal(getattr(planar, name), getattr(plain, name))
+            np.testing.assert_array_equal(planar.result[: RESULT_INDEX["a"]], plain.result[: RESULT_INDEX["a"]])
+    assert len(seen) >= 10

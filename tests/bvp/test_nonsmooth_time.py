@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bvp.cycle import cycle_of
-from bvp.nonsmooth_time import TOLERANCE, NotMatched, solve_nonsmooth_time
+from bvp.nonsmooth_time import TOLERANCE, NotMatched, StandsStill, solve_nonsmooth_time
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus.bench import backbone
 from tests.bvp.orbits import chain, collection
@@ -117,6 +117,23 @@ def test_what_it_cannot_do_is_refused(change, words):
     given = {"system": vibro_impact_nes(), "quarter_period": ALPHA, "velocities": [1.4, 1.0]} | change
     with pytest.raises(ValueError, match=words):
         solve_nonsmooth_time(**given)
+
+
+def test_shooting_that_stands_still_ends(monkeypatch):
+    """Oracle: an end with noise of 1e-9 is not matched to 1e-12; as many shots as corrections with it would take are not made."""
+    from bvp import nonsmooth_time
+
+    shoot, shots = nonsmooth_time._shoot, []
+
+    def noisy(*given, **options):
+        shot = shoot(*given, **options)
+        shots.append(shot)
+        return shot._replace(end=shot.end + 1e-9 * np.sin(1e3 * len(shots) + np.arange(2.0)))
+
+    monkeypatch.setattr(nonsmooth_time, "_shoot", noisy)
+    with pytest.raises(StandsStill, match=r"stands still at a mismatch of .*e-(09|10|11), not below 1\.0e-12"):
+        solve_nonsmooth_time(vibro_impact_nes(), ALPHA, [1.4, 1.0], tolerance=1e-12, integrator_tolerance=1e-10)
+    assert len(shots) < 3 * 20
 
 
 def test_shooting_that_does_not_arrive_is_told():

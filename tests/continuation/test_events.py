@@ -35,6 +35,21 @@ def test_crossing_is_located_inside_its_bracket_and_is_a_point(direction):
     assert event.point.extra == {"at": pytest.approx(root, abs=1e-10)}
 
 
+@pytest.mark.parametrize("noise", [0.0, 2e-13])
+def test_a_crossing_is_far_nearer_than_its_bracket_is_wide(noise):
+    """Oracle: zeros of known functions, to rounding; also of one that a problem gives as nan where it is noise."""
+    zeros = ((math.log(5), lambda s: math.exp(s) - 5.0), (1.23, lambda s: math.sin(3.0 * s) - math.sin(3.69)), (0.77, lambda s: s - 0.77))
+    for root, function in zeros:
+
+        def told(s, function=function):
+            return function(s) if abs(function(s)) > noise else math.nan
+
+        _, events, _ = run(Line((Marker("A", "crossing"), told if noise else function)))
+        event = min(events, key=lambda event: abs(event.arclength - root))
+        assert abs(event.arclength - root) < 3e-15 and event.residual < 1e-14
+        assert event.bracket[0] <= root <= event.bracket[1] and event.status == "located"
+
+
 def test_location_is_superlinear():
     """One event costs at most 9 further steps for 1e-10; bisection from 0.1 would need 30."""
     plain, marked = Line(), Line((Marker("A", "crossing"), lambda s: math.exp(s) - 5))

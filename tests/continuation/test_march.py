@@ -26,6 +26,8 @@ class Marching:
         kinds, places = kinds_of(self.problem.tests), [0.0] * len(tests)
         steps, strides, lengths, trial = [], [], [], None
         while len(steps) < room and trial is None:
+            if direction is None and steps:
+                direction = np.subtract(steps[0].position, goal)
             new = self.problem.step(step.y, step.tangent, ds)
             new = new._replace(tests=[float(value) for value in new.tests])
             chord = distance(step.position, new.position) if new.converged else math.inf
@@ -48,7 +50,7 @@ class Marching:
 
 
 def passes(old, new, goal, direction):
-    return height(old.position, goal, direction) < 0.0 <= height(new.position, goal, direction)
+    return direction is not None and height(old.position, goal, direction) < 0.0 <= height(new.position, goal, direction)
 
 
 EVENTS = (

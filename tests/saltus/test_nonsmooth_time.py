@@ -6,7 +6,7 @@ import json
 import pytest
 
 from branches.orbit import Orbit
-from bvp.nonsmooth_time import NotMatched
+from bvp.nonsmooth_time import TOLERANCE, NotMatched, StandsStill, solve_nonsmooth_time
 from saltus.errors import BadInput
 from saltus.nonsmooth_time import approximate
 from tests.bvp.orbits import backbone_segment, collection
@@ -70,6 +70,25 @@ def test_other_ends_are_refused():
     found = next(x for x in collection() if x.problem.ends[0] == "rest")
     with pytest.raises(BadInput, match="its ends are rest .*--method exact"):
         approximate(Orbit(found.problem, found.solution), 1e-6)
+
+
+def test_a_tolerance_that_is_not_reached_is_told_at_once(monkeypatch):
+    """Oracle: a solution that stands still below the usual tolerance: one attempt at each, and its own words in the message."""
+    from saltus import nonsmooth_time
+
+    asked = []
+
+    def still(*given, tolerance):
+        asked.append(tolerance)
+        if tolerance < TOLERANCE:
+            raise StandsStill("shooting stands still at a mismatch of 3e-13")
+        return solve_nonsmooth_time(*given, tolerance=tolerance)
+
+    monkeypatch.setattr(nonsmooth_time, "solve_nonsmooth_time", still)
+    problem, y = backbone_segment(collection()[0].problem.system, 1.7)
+    with pytest.raises(NotMatched, match=r"does not match S13O00\+: shooting stands still at a mismatch of 3e-13"):
+        approximate(Orbit(problem, problem.solve(y, quarter_period=1.7)), 1e-13)
+    assert asked == [TOLERANCE, 1e-13]
 
 
 def test_another_orbit_than_the_one_asked_for_is_refused(monkeypatch):
