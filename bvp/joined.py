@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.blocks import Blocks, traceless
+from bvp.numerics import exact_product
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -21,12 +22,14 @@ lose."""
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Blocks joined with loads: Z = states z + loads y, (r, r') = position Z; `masters`: where the state of each load begins in Z."""
+    """Blocks joined with loads: Z = states z + loads y, z = inside Z, (r, r') = position Z; `masters`: where the state of each load begins
+    in Z."""
 
     pairs: np.ndarray
     mean: np.ndarray
     delta: np.ndarray
     matrix: np.ndarray
+    inside: np.ndarray
     position: np.ndarray
     states: np.ndarray
     loads: np.ndarray
@@ -41,6 +44,7 @@ def join(
     gaps = np.array([stop.gap for stop in system.stops])
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
     inverse = blocks.from_state[:, m:] @ _mass_inverse(blocks) if m else np.zeros((0, 0))
+    drives = [exact_product(inverse, load) for load in loads]
     pieces: list[tuple[list[int], list[int], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
     for i, j in blocks.pairs:
@@ -48,7 +52,7 @@ def join(
         own = blocks.matrix[np.ix_(index, index)]
         joined = []
         for g in range(count):
-            drive = inverse[index] @ loads[g]
+            drive = drives[g][index]
             if not np.any(drive):
                 continue
             solution = _sylvester(own, _generator(frequency[g]), drive)
@@ -62,13 +66,13 @@ def join(
         whole[: len(index), : len(index)] = own
         for k, g in enumerate(joined):
             at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
-            whole[: len(index), at] = inverse[index] @ loads[g]
+            whole[: len(index), at] = drives[g][index]
             whole[at, at] = _generator(frequency[g])
         pieces.append((index, joined, whole))
     pieces += [([], [g], _generator(frequency[g])) for g in range(count)]
     plain = not count
     size = sum(len(piece[2]) for piece in pieces)
-    matrix, position = np.zeros((size, size)), np.zeros((2 * m, size))
+    matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
     states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
     pairs, masters, start = [], [], 0
     for index, joined, whole in pieces:
@@ -76,7 +80,7 @@ def join(
         place = np.array(index) if plain else np.arange(start, start + width)
         pairs.append((place[0], place[1] if width == 2 else -width))
         matrix[np.ix_(place, place)] = whole
-        position[:, place[: len(index)]] = blocks.to_state[:, index]
+        inside[index, place[: len(index)]] = 1.0
         states[place[: len(index)], index] = 1.0
         into[place[: len(index)]] = -particular[index]
         for k, g in enumerate(joined):
@@ -84,11 +88,11 @@ def join(
                 into[place[len(index) + 2 * k + entry], 2 * g + entry] = 1.0
         if not index:
             masters.append(start)
-            position[:, place] += blocks.to_state @ particular[:, 2 * joined[0] : 2 * joined[0] + 2]
+            inside[:, place] += particular[:, 2 * joined[0] : 2 * joined[0] + 2]
         start += width
     layout = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     mean, delta = traceless(matrix, layout)
-    return Joined(layout, mean, delta, matrix, position, states, into, masters)
+    return Joined(layout, mean, delta, matrix, inside, blocks.to_state @ inside, states, into, masters)
 
 
 def _mass_inverse(blocks: Blocks) -> np.ndarray:
