@@ -72,6 +72,7 @@ class Mover:
             table=np.zeros((LEVELS, width)),
             values=np.zeros(width),
             before=before,
+            kept=np.zeros(size),
             peak=np.zeros((PEAK_ROWS, 1, size)),
             edge=np.zeros((2, 1)),
             work=work_array(size, len(phases.restitution)),

@@ -146,11 +146,11 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
             gap[c], rate[c] = exact_product(row, to_modes[:n]), exact_product(row, to_modes[n:])
             acceleration[c] = rate[c] @ layout.matrix
     push = np.zeros_like(gap)
-    if not k:
-        for c in range(len(side)):
-            row = np.array(system.stops[modes.contact_stop[c]].gap)
-            participation = blocks.shapes.T @ row
-            push[c] = balanced(enter[:, n : 2 * n] @ (blocks.shapes @ participation / (participation @ participation)), rate[c])
+    for c in range(len(side)):
+        if c not in contacts and bound[c] != NEVER:
+            participation = exact_product(np.array(system.stops[modes.contact_stop[c]].gap), basis, blocks.shapes)
+            jump = exact_product(weights[n:, n:], basis, blocks.shapes, participation) / (participation @ participation)
+            push[c] = balanced(from_modes[:, n : 2 * n] @ jump, rate[c])
     second = meters.velocity @ leave[n:]
     first = np.where((meters.load < 0)[:, None], second, outer[meters.load] if len(outer) else second)
     flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)

@@ -46,7 +46,7 @@ from bvp.kernels.phase import (
     write_loads,
 )  # fmt: skip
 from bvp.kernels.restitution import restitute
-from bvp.kernels.simultaneous import at_their_bounds, clash
+from bvp.kernels.simultaneous import at_their_bounds, clash, sunk
 
 __all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "REACHED", "STARTED_OUTSIDE", "move"]
 
@@ -255,10 +255,17 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             continue
         after = f
         if f != 0:
+            for r in range(z.shape[0]):
+                scratch.kept[r] = z[r]
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
             times_matrix(phases.from_modes[0], x, z)
             counts[PHASE] = 0
         still, moving = at_their_bounds(phases, c, z)
+        if moving and sunk(phases, moving | (int64(1) << c), z):
+            times_matrix(phases.to_modes[0], z, x)
+            write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
+            lift(phases, moving | (int64(1) << c), x, z)
+            times_matrix(phases.from_modes[0], x, z)
         still |= held
         fast = abs(dot(phases.rate[0], c, z)) > rounding_level(phases.pairs[0], phases.matrix[0], phases.rate[0], c, z)
         left, settled = strike(phases, still, moving & ~held, c, counts, clock, sums, marks, z, scratch)
@@ -281,8 +288,20 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             counts[KIND] = STICK
             counts[BOUNCES] = 0
             continue
+        alone = left == held
         left &= held
-        if f != 0:
+        if f != 0 and alone:
+            # All that are held, and no others, take part: the same impact within their phase takes nothing through other coordinates.
+            for r in range(z.shape[0]):
+                z[r] = scratch.kept[r]
+            restitute(phases.rate[f], phases.push[f], phases.restitution, c, z, z)
+            times_matrix(phases.to_modes[f], z, x)
+            if phases.frequency.shape[0] and counts[IMPACTS] % REFRESH == 0:
+                write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
+                times_matrix(phases.from_modes[f], x, z)
+            counts[PHASE] = f
+        elif f != 0:
+            rebound = dot(phases.rate[0], c, z)
             lift(phases, held & ~left, x, work[0, : z.shape[0]])
             after = find_phase(phases, left)
             if after < 0:
@@ -292,6 +311,9 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
                 counts[BOUNCES] = 0
                 continue
             times_matrix(phases.from_modes[after], x, z)
+            rebound -= dot(phases.rate[after], c, z)
+            for r in range(z.shape[0]):
+                z[r] += rebound * phases.push[after, c, r]
             counts[PHASE] = after
         elif phases.frequency.shape[0] and counts[IMPACTS] % REFRESH == 0:
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)

@@ -46,7 +46,7 @@ class Phases(NamedTuple):
     gap: np.ndarray  # (F, m, N)
     rate: np.ndarray  # (F, m, N)
     acceleration: np.ndarray  # (F, m, N)
-    push: np.ndarray  # (F, m, N), of phase 0
+    push: np.ndarray  # (F, m, N)
     side: np.ndarray  # (F, m)
     bound: np.ndarray  # (F, m)
     first: np.ndarray  # (F, R, N)
@@ -78,6 +78,7 @@ class Scratch(NamedTuple):
     table: np.ndarray  # (LEVELS, 2 n + D + S + 2) orders of the series of chattering
     values: np.ndarray  # (2 n + D + S + 2,)
     before: np.ndarray  # (2 n,) state just before an event
+    kept: np.ndarray  # (N,) state of the phase in which an impact happens
     peak: np.ndarray  # (PEAK_ROWS, 1, N)
     edge: np.ndarray  # (2, 1)
     work: np.ndarray  # of `impact.work_array`
