@@ -45,7 +45,7 @@ def join(
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
     inverse = blocks.from_state[:, m:] @ _mass_inverse(blocks) if m else np.zeros((0, 0))
     drives = [exact_product(inverse, load) for load in loads]
-    pieces: list[tuple[list[int], list[int], np.ndarray]] = []
+    pieces: list[tuple[list[int], list[int], list[float], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
     for i, j in blocks.pairs:
         index = [i, j] if j >= 0 else list(range(i, i - j))
@@ -64,18 +64,23 @@ def join(
             joined.append(g)
         whole = np.zeros((len(index) + 2 * len(joined),) * 2)
         whole[: len(index), : len(index)] = own
+        units = []
         for k, g in enumerate(joined):
+            # A block's load is told in units, powers of two, in which it moves the block at its own rates: bounds of a flight go with the
+            # largest entry.
+            rate = max(np.abs(own).max(), np.abs(_generator(frequency[g])).max())
+            units.append(2.0 ** float(np.round(np.log2(np.abs(drives[g][index]).max() / rate))))
             at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
-            whole[: len(index), at] = drives[g][index]
+            whole[: len(index), at] = drives[g][index] / units[k]
             whole[at, at] = _generator(frequency[g])
-        pieces.append((index, joined, whole))
-    pieces += [([], [g], _generator(frequency[g])) for g in range(count)]
+        pieces.append((index, joined, units, whole))
+    pieces += [([], [g], [1.0], _generator(frequency[g])) for g in range(count)]
     plain = not count
-    size = sum(len(piece[2]) for piece in pieces)
+    size = sum(len(piece[3]) for piece in pieces)
     matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
     states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
     pairs, masters, start = [], [], 0
-    for index, joined, whole in pieces:
+    for index, joined, units, whole in pieces:
         width = len(whole)
         place = np.array(index) if plain else np.arange(start, start + width)
         pairs.append((place[0], place[1] if width == 2 else -width))
@@ -85,7 +90,7 @@ def join(
         into[place[: len(index)]] = -particular[index]
         for k, g in enumerate(joined):
             for entry in range(2):
-                into[place[len(index) + 2 * k + entry], 2 * g + entry] = 1.0
+                into[place[len(index) + 2 * k + entry], 2 * g + entry] = units[k]
         if not index:
             masters.append(start)
             inside[:, place] += particular[:, 2 * joined[0] : 2 * joined[0] + 2]

@@ -142,15 +142,18 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
         elif int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
             side[c], bound[c] = 1.0, NEVER
         else:
-            row = exact_product(np.array(system.stops[modes.contact_stop[c]].gap), modes.shapes)
-            gap[c], rate[c] = exact_product(row, to_modes[:n]), exact_product(row, to_modes[n:])
+            row = np.array(system.stops[modes.contact_stop[c]].gap)
+            modal = exact_product(row, modes.shapes)
+            gap[c] = np.where(exact_product(modal, to_modes[:n]) == 0.0, 0.0, row @ leave[:n])
+            rate[c] = np.where(exact_product(modal, to_modes[n:]) == 0.0, 0.0, row @ leave[n:])
             acceleration[c] = rate[c] @ layout.matrix
     push = np.zeros_like(gap)
     for c in range(len(side)):
         if c not in contacts and bound[c] != NEVER:
             participation = exact_product(np.array(system.stops[modes.contact_stop[c]].gap), basis, blocks.shapes)
-            jump = exact_product(weights[n:, n:], basis, blocks.shapes, participation) / (participation @ participation)
-            push[c] = balanced(from_modes[:, n : 2 * n] @ jump, rate[c])
+            jump = blocks.shapes @ (participation / (participation @ participation))
+            clear = exact_product(from_modes[:, n : 2 * n], weights[n:, n:], basis, jump) == 0.0
+            push[c] = balanced(np.where(clear, 0.0, enter[:, n : 2 * n] @ (basis @ jump)), rate[c])
     second = meters.velocity @ leave[n:]
     first = np.where((meters.load < 0)[:, None], second, outer[meters.load] if len(outer) else second)
     flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)

@@ -191,7 +191,7 @@ def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
     local = jerk * trial / 3.0 - bend
     if local < curvature:
         step = max(step, min(trial, free_step(distance, slope, max(local, 0.0))))
-    if d <= tolerance and curvature > 0.0:
+    if d <= tolerance:
         # This is passed over, for steps must not shrink to nothing: less than the tolerance, or a crossing would be missed.
         step = max(step, free_step(distance + 0.25 * tolerance, slope, curvature))
     if slope >= 0.0:
