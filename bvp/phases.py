@@ -25,6 +25,7 @@ from bvp.joined import join
 from bvp.meters import Meters
 from bvp.modes import balanced
 from bvp.numerics import EPSILON, exact_product, undamped_modes
+from bvp.same_stops import repeated_contacts
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -131,6 +132,7 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
     gap, rate = np.zeros((len(modes.contact_side), size)), np.zeros((len(modes.contact_side), size))
     acceleration = np.zeros_like(gap)
     side, bound = modes.contact_side.copy(), modes.contact_bound.copy()
+    repeated = repeated_contacts(system.stops)
     fixed = {int(modes.contact_stop[c]) for c in contacts}
     press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, to_modes, outer)) if k else gap[:0]
     for c in range(len(side)):
@@ -139,7 +141,7 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
             rate[c] = gap[c] @ layout.matrix
             acceleration[c] = rate[c] @ layout.matrix
             side[c], bound[c] = -1.0, 0.0
-        elif int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
+        elif c in repeated or int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
             side[c], bound[c] = 1.0, NEVER
         else:
             row = np.array(system.stops[modes.contact_stop[c]].gap)

@@ -48,17 +48,20 @@ from bvp.kernels.phase import (
 from bvp.kernels.restitution import restitute
 from bvp.kernels.simultaneous import at_their_bounds, clash, sunk
 
-__all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "REACHED", "STARTED_OUTSIDE", "move"]
+__all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "PIERCED", "REACHED", "STARTED_OUTSIDE", "move"]
 
-REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP = range(8)
+REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED = range(9)
 """How `move` returned: at the duration; the log is full (call again); the phase counts[PENDING] is wanted (add it and call again); two
-stops are hit at once and their impulses interact; beyond a stop; at the most impacts; phases follow each other without time passing; the
-search for the next impact, or for a peak, gave up without time passing. After REACHED, too, the motion can be carried on, to a longer
-duration."""
+stops are hit at once and their impulses interact; started beyond a stop; at the most impacts; phases follow each other without time passing;
+the search for the next impact, or for a peak, gave up without time passing; carried beyond a stop by rounding. After REACHED, too, the motion
+can be carried on, to a longer duration."""
 
 PATIENCE, INSTANT, SEARCH = 256, 16, 64
 """For each contact, and two more, so much may be spent within a radian of the fastest motion: 1 for each event, this for one to which no time
 passes, and for a search that gave up."""
+
+LIFTS = 8
+"""Rounds in which contacts are lifted off what they are beyond: one can push another down."""
 
 REFRESH = 256
 """Impacts, and breaks, after which the loads' states are written anew. In between they are carried by the flights like all others: passing
@@ -113,14 +116,19 @@ def lift(phases, freed, x, z):
     """Move x (2 n + 2 G,), modal, so that the contacts of the bits of `freed` are not beyond their bounds: those held until now by what has
     been rounded since, others by what counts as a touch. z (N,) is scratch."""
     n = phases.shape[0]
-    for c in range(phases.side.shape[1]):
-        if (freed >> c) & 1 == 0:
-            continue
-        times_matrix(phases.from_modes[0], x, z)
-        beyond = dot(phases.gap[0], c, z) - phases.bound[0, c]
-        if phases.side[0, c] * beyond > 0.0:
-            for i in range(n):
-                x[i] -= beyond * dot(phases.to_modes[0], n + i, phases.push[0, c])
+    for _ in range(LIFTS):
+        still = True
+        for c in range(phases.side.shape[1]):
+            if (freed >> c) & 1 == 0:
+                continue
+            times_matrix(phases.from_modes[0], x, z)
+            beyond = dot(phases.gap[0], c, z) - phases.bound[0, c]
+            if phases.side[0, c] * beyond > 0.0:
+                still = False
+                for i in range(n):
+                    x[i] -= beyond * dot(phases.to_modes[0], n + i, phases.push[0, c])
+        if still:
+            break
 
 
 @part
@@ -222,7 +230,7 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             record(log, BREAK, -1, counts, clock, before, z, sums)
             continue
         if status == OUTSIDE and not holds:
-            return STARTED_OUTSIDE
+            return STARTED_OUTSIDE if clock[TIME] == 0.0 and counts[IMPACTS] == 0 else PIERCED
         if status == EXHAUSTED and flight == 0.0:
             return GAVE_UP
         if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
@@ -302,7 +310,7 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             counts[PHASE] = f
         elif f != 0:
             rebound = dot(phases.rate[0], c, z)
-            lift(phases, held & ~left, x, work[0, : z.shape[0]])
+            lift(phases, (held & ~left) | (int64(1) << c), x, work[0, : z.shape[0]])
             after = find_phase(phases, left)
             if after < 0:
                 counts[PENDING] = left
