@@ -91,6 +91,7 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
     if k and np.linalg.cond(compliance) > 1e12:
         raise RuntimeError("stops are held whose gaps depend on each other")
     basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:] if k else np.eye(n)
+    basis = np.where(np.abs(basis) <= 8.0 * n * EPSILON, 0.0, basis)
     lift = np.linalg.solve(compliance, inverse_rows.T).T if k else np.zeros((n, 0))
     blocks, left = _blocks(system, basis, k)
     m = n - k
@@ -169,7 +170,8 @@ def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks,
     if not held:
         own = Blocks(modes.layout, modes.shapes, modes.pairs, modes.mean, modes.delta, modes.matrix, modes.to_state, modes.from_state)
         return own, np.eye(len(basis))
-    mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping, system.stiffness))
+    mass, damping = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping))
+    stiffness = exact_product(basis.T, system.stiffness, basis)
     m = len(mass)
     if not m:
         none = np.zeros((0, 0))

@@ -154,10 +154,11 @@ def resolve_turn(
     """What a certified turning point after time t is: (HIT or TOUCH, its time) or (NONE, step from t without either). `fresh`: as in
     `judge`."""
     turn = t
+    last = t - 2.0 * slope / bend  # the certificate's; rounding of what is nearly 0 would lead anywhere
     d = 0.0
     for count in range(30):
         change = -slope / bend
-        turn += change
+        turn = min(max(turn + change, t), last)
         if count > 0 and 0.5 * bend * change * change <= 1e-3 * tolerance:
             break
         flow_inside(pairs, mean, delta, matrix, z, turn, state)
