@@ -154,7 +154,7 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
     for c in range(len(side)):
         if c not in contacts and bound[c] != NEVER:
             participation = exact_product(np.array(system.stops[modes.contact_stop[c]].gap), basis, blocks.shapes)
-            jump = blocks.shapes @ (participation / (participation @ participation))
+            jump = blocks.shapes @ participation / (participation @ participation)
             clear = exact_product(from_modes[:, n : 2 * n], weights[n:, n:], basis, jump) == 0.0
             push[c] = balanced(np.where(clear, 0.0, enter[:, n : 2 * n] @ (basis @ jump)), rate[c])
     second = meters.velocity @ leave[n:]
@@ -195,7 +195,7 @@ def _free_acceleration(
     system: ImpactSystem, inverse_rows: np.ndarray, forcing: Forcing, to_modes: np.ndarray, outer: np.ndarray
 ) -> np.ndarray:
     """Rows of c_S . M^-1 (f - C v - K u), which the held stops have to take away."""
-    n, shapes = system.degrees_of_freedom, system.modes.shapes
+    shapes = system.modes.shapes
     stiffness, damping = exact_product(system.stiffness, shapes), exact_product(system.damping, shapes)
     stiffness = np.where(system.modes.squares == 0.0, 0.0, stiffness)
     pull = exact_product(inverse_rows.T, np.hstack([stiffness, damping]))

@@ -1,7 +1,7 @@
-"""Bounds that two stops have in common: the same gap, up to a factor, that ends at the same place. They are one obstacle, and it is hit once.
+"""Bounds that two stops have in common: the same gap, up to a factor, that ends at the same place. They are one obstacle, hit once.
 
-Newton's law says what such a hit does where both have one restitution. Where they differ it asks for two speeds at once, and there is no such
-system."""
+Newton's law says what such a hit does where both have one restitution. Where they differ it asks for two speeds at once, and there is no
+such system."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def check_same_stops(stops: Sequence[Stop]) -> None:
         a, b = stops[first], stops[second]
         if a.restitution != b.restitution:
             raise InvalidSystem(
-                f"stops {a.name} and {b.name} end the same gap at the same place, {a.lower if side < 0.0 else a.upper:g} of stop {a.name}, with "
-                f"restitutions {a.restitution:g} and {b.restitution:g}; give them one, or leave one of them out"
+                f"stops {a.name} and {b.name} end the same gap at the same place, {a.lower if side < 0.0 else a.upper:g} of stop {a.name}, "
+                f"with restitutions {a.restitution:g} and {b.restitution:g}; give them one, or leave one of them out"
             )
 
 

@@ -80,8 +80,8 @@ def fastest_rate(pairs, matrix):
 
 @allocating
 def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
-    """The bounds of `amplitudes` for the block of `size` indices from `start`, by Taylor's series with its remainder: of a translation under
-    constant forces, however far it has gone, it ends. `weight`: norm of the row's part."""
+    """The bounds of `amplitudes` for the block of `size` indices from `start`, by Taylor's series with its remainder: of a translation
+    under constant forces, however far it has gone, it ends. `weight`: norm of the row's part."""
     state = np.empty(size)
     other = np.empty(size)
     for r in range(size):

@@ -52,13 +52,13 @@ __all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "PI
 
 REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED = range(9)
 """How `move` returned: at the duration; the log is full (call again); the phase counts[PENDING] is wanted (add it and call again); two
-stops are hit at once and their impulses interact; started beyond a stop; at the most impacts; phases follow each other without time passing;
-the search for the next impact, or for a peak, gave up without time passing; carried beyond a stop by rounding. After REACHED, too, the motion
-can be carried on, to a longer duration."""
+stops are hit at once and their impulses interact; started beyond a stop; at the most impacts; phases follow each other without time
+passing; the search for the next impact, or for a peak, gave up without time passing; carried beyond a stop by rounding. After REACHED, too,
+the motion can be carried on, to a longer duration."""
 
 PATIENCE, INSTANT, SEARCH = 256, 16, 64
-"""For each contact, and two more, so much may be spent within a radian of the fastest motion: 1 for each event, this for one to which no time
-passes, and for a search that gave up."""
+"""For each contact, and two more, so much may be spent within a radian of the fastest motion: 1 for each event, this for one to which no
+time passes, and for a search that gave up."""
 
 LIFTS = 8
 """Rounds in which contacts are lifted off what they are beyond: one can push another down."""
@@ -160,8 +160,8 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
     (Q, 3 + D + S): fractions of the initial energy, ascending, then filled with the time at which that much is gone and the sums there;
     peaks (n,) largest displacements, or empty where they are not wanted. Returns the reason.
 
-    It returns, whatever happens: impacts faster than rounding are at most `most`, and between two of them, or two breaks, what takes no time
-    or makes no way is counted, and so is every event, within each radian of the fastest motion (`impatient`).
+    It returns, whatever happens: impacts faster than rounding are at most `most`, and between two of them, or two breaks, every event is
+    counted within each radian of the fastest motion, the more where it takes no time or makes no way (`impatient`).
     """
     before = scratch.before
     work = scratch.work

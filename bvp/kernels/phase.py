@@ -25,9 +25,9 @@ set anew; a flight that goes on; bounces that are summed up to the next event.""
 ) = range(16)  # fmt: skip
 """Entries of counts, and their number."""
 
-(TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, SPAN, PROGRESS, CLOCK) = range(
-    14
-)
+(
+    TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, SPAN, PROGRESS, CLOCK,
+) = range(14)  # fmt: skip
 """Entries of clock, and their number."""
 
 

@@ -106,8 +106,7 @@ def test_a_crossing_within_the_tolerance_of_another_impact_is_not_passed_over():
 
 
 def test_a_light_ball_between_a_wall_and_a_heavy_body_that_comes_is_stopped_with_it():
-    """Inelastic collapse at one instant: thousands of impacts without time passing. Both bodies end at rest relative to the wall, and all the
-    energy is lost at the stops."""
+    """Inelastic collapse at one instant: impact after impact without time passing. Both bodies end at rest at the wall."""
     stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.07), Stop((-1.0, 1.0), lower=0.0, restitution=0.17))
     system = ImpactSystem(np.diag([0.038, 8.8]), np.zeros((2, 2)), np.zeros((2, 2)), stops)
     motion = run(system, [0.0, 0.2], [0.0, -0.8], 20.0, forces=Constant([-0.1, -1.0]))
@@ -149,7 +148,8 @@ def test_a_stop_with_two_names_is_hit_once(restitution):
 
 
 def test_two_restitutions_at_one_place_are_refused():
-    with pytest.raises(InvalidSystem, match="stops a and b end the same gap at the same place, 0.1 of stop a, with restitutions 0.5 and 0.7"):
+    words = "stops a and b end the same gap at the same place, 0.1 of stop a, with restitutions 0.5 and 0.7"
+    with pytest.raises(InvalidSystem, match=words):
         two_names(0.5, 0.7)
     assert two_names(0.5, 0.7, factor=1.0).stops[1].lower == 0.1  # the other way: a different obstacle
 
