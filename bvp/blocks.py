@@ -100,10 +100,10 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
         Where the Schur form does not converge.
     """
     n = len(squares)
-    shapes = _turn_repeated(system, squares, shapes, _noise(system, shapes))
+    shapes = _turn_repeated(system, squares, shapes, _noise(system, squares, shapes))
     damping = shapes.T @ system.damping @ shapes
     # Anew, for shapes that were turned touch dampers that they did not: a free translation must not seem to be damped.
-    damping = np.where(np.abs(damping) <= _noise(system, shapes), 0.0, damping)
+    damping = np.where(np.abs(damping) <= _noise(system, squares, shapes), 0.0, damping)
     groups = coupled_groups(damping)
     single = [group[0] for group in groups if len(group) == 1]
     two = np.eye(2)
@@ -141,10 +141,15 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
     return Blocks("coupled", shapes, pairs, mean, delta, matrix, np.hstack(columns), np.vstack(rows))
 
 
-def _noise(system: Dynamics, shapes: np.ndarray) -> np.ndarray:
-    """Rounding of each entry of the damping between shapes, (n, n)."""
+def _noise(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """Rounding of each entry of the damping between shapes, (n, n). A free translation is known to rounding of its largest entries: it is
+    not to be damped by a damper that it does not touch."""
     size = np.abs(shapes)
-    return 8.0 * len(shapes) * EPSILON * (size.T @ np.abs(system.damping) @ size)
+    root = np.sqrt(np.diag(system.mass))[:, None]
+    off = np.where(squares == 0.0, np.minimum((root * size).max(axis=0) / root, size.max(axis=0)), 0.0)
+    damper = np.abs(system.damping)
+    between = off.T @ damper @ size + size.T @ damper @ off
+    return 8.0 * len(shapes) * EPSILON * (size.T @ damper @ size + between)
 
 
 def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:

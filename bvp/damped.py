@@ -72,6 +72,7 @@ class Mover:
             table=np.zeros((LEVELS, width)),
             values=np.zeros(width),
             before=before,
+            kept=np.zeros(size),
             peak=np.zeros((PEAK_ROWS, 1, size)),
             edge=np.zeros((2, 1)),
             work=work_array(size, len(phases.restitution)),
@@ -128,7 +129,13 @@ class Mover:
         numbers, columns, before_, sums_ = (
             np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
         )
-        final = phases.leave[counts[places.PHASE]] @ np.pad(z, (0, size - len(z)))
+        last = np.pad(z, (0, size - len(z)))
+        final = phases.leave[counts[places.PHASE]] @ last
+        energy, modes = system.energy(final[:n], final[n:]), system.modes
+        if np.any(modes.squares == 0.0):
+            # The square of a long translation would cancel in it.
+            modal = phases.to_modes[counts[places.PHASE]] @ last
+            energy = 0.5 * float(modal[n:] @ modal[n:] + (modes.squares * modal[:n]) @ modal[:n])
         return Motion(
             system=system,
             forcing=self.forcing,
@@ -150,7 +157,7 @@ class Mover:
             held_time=float(clock[places.HELD_TIME]),
             switch_error=float(clock[places.SWITCH_ERROR]),
             initial_energy=initial,
-            energy=system.energy(final[:n], final[n:]),
+            energy=energy,
             marks=tuple(
                 Mark(float(fraction), *_mark(marked[k], self.parts) if k < counts[places.MARK] else (None, {}))
                 for k, fraction in enumerate(fractions)

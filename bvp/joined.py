@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.blocks import Blocks, traceless
+from bvp.numerics import exact_product
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -21,12 +22,14 @@ lose."""
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Blocks joined with loads: Z = states z + loads y, (r, r') = position Z; `masters`: where the state of each load begins in Z."""
+    """Blocks joined with loads: Z = states z + loads y, z = inside Z, (r, r') = position Z; `masters`: where the state of each load begins
+    in Z."""
 
     pairs: np.ndarray
     mean: np.ndarray
     delta: np.ndarray
     matrix: np.ndarray
+    inside: np.ndarray
     position: np.ndarray
     states: np.ndarray
     loads: np.ndarray
@@ -41,14 +44,16 @@ def join(
     gaps = np.array([stop.gap for stop in system.stops])
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
     inverse = blocks.from_state[:, m:] @ _mass_inverse(blocks) if m else np.zeros((0, 0))
-    pieces: list[tuple[list[int], list[int], np.ndarray]] = []
+    drives = [exact_product(inverse, load) for load in loads]
+    pieces: list[tuple[list[int], np.ndarray, list[int], list[float], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
     for i, j in blocks.pairs:
         index = [i, j] if j >= 0 else list(range(i, i - j))
         own = blocks.matrix[np.ix_(index, index)]
+        ratios = np.ones(len(index))
         joined = []
         for g in range(count):
-            drive = inverse[index] @ loads[g]
+            drive = drives[g][index]
             if not np.any(drive):
                 continue
             solution = _sylvester(own, _generator(frequency[g]), drive)
@@ -58,42 +63,58 @@ def join(
                     particular[np.ix_(index, [2 * g, 2 * g + 1])] = solution
                     continue
             joined.append(g)
+        if joined:
+            ratios = _ratios(own)
+            own = own * ratios[:, None] / ratios
         whole = np.zeros((len(index) + 2 * len(joined),) * 2)
         whole[: len(index), : len(index)] = own
+        units = []
         for k, g in enumerate(joined):
+            # A block's load is told in units, powers of two, in which it moves the block at its own rates: bounds of a flight go with the
+            # largest entry.
+            rate = max(np.abs(own).max(), np.abs(_generator(frequency[g])).max())
+            drive = ratios[:, None] * drives[g][index]
+            units.append(2.0 ** float(np.round(np.log2(np.abs(drive).max() / rate))))
             at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
-            whole[: len(index), at] = inverse[index] @ loads[g]
+            whole[: len(index), at] = drive / units[k]
             whole[at, at] = _generator(frequency[g])
-        pieces.append((index, joined, whole))
-    pieces += [([], [g], _generator(frequency[g])) for g in range(count)]
+        pieces.append((index, ratios, joined, units, whole))
+    pieces += [([], np.ones(0), [g], [1.0], _generator(frequency[g])) for g in range(count)]
     plain = not count
-    size = sum(len(piece[2]) for piece in pieces)
-    matrix, position = np.zeros((size, size)), np.zeros((2 * m, size))
+    size = sum(len(piece[-1]) for piece in pieces)
+    matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
     states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
     pairs, masters, start = [], [], 0
-    for index, joined, whole in pieces:
+    for index, ratios, joined, units, whole in pieces:
         width = len(whole)
         place = np.array(index) if plain else np.arange(start, start + width)
         pairs.append((place[0], place[1] if width == 2 else -width))
         matrix[np.ix_(place, place)] = whole
-        position[:, place[: len(index)]] = blocks.to_state[:, index]
-        states[place[: len(index)], index] = 1.0
-        into[place[: len(index)]] = -particular[index]
+        inside[index, place[: len(index)]] = 1.0 / ratios
+        states[place[: len(index)], index] = ratios
+        into[place[: len(index)]] = -ratios[:, None] * particular[index]
         for k, g in enumerate(joined):
             for entry in range(2):
-                into[place[len(index) + 2 * k + entry], 2 * g + entry] = 1.0
+                into[place[len(index) + 2 * k + entry], 2 * g + entry] = units[k]
         if not index:
             masters.append(start)
-            position[:, place] += blocks.to_state @ particular[:, 2 * joined[0] : 2 * joined[0] + 2]
+            inside[:, place] += particular[:, 2 * joined[0] : 2 * joined[0] + 2]
         start += width
     layout = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     mean, delta = traceless(matrix, layout)
-    return Joined(layout, mean, delta, matrix, position, states, into, masters)
+    return Joined(layout, mean, delta, matrix, inside, blocks.to_state @ inside, states, into, masters)
 
 
 def _mass_inverse(blocks: Blocks) -> np.ndarray:
     """M^-1 of the reduced system, Phi Phi'."""
     return blocks.shapes @ blocks.shapes.T
+
+
+def _ratios(block: np.ndarray) -> np.ndarray:
+    """Units, powers of two, in which the two entries of a pair that turn each other into the other are alike."""
+    if len(block) != 2 or block[0, 1] == 0.0 or block[1, 0] == 0.0:
+        return np.ones(len(block))
+    return np.array([1.0, 2.0 ** float(np.round(0.5 * np.log2(abs(block[0, 1] / block[1, 0]))))])
 
 
 def _generator(frequency: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.blocks import Blocks, damped_blocks, undamped_blocks
-from bvp.numerics import undamped_modes
+from bvp.numerics import exact_product, undamped_modes
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -111,14 +111,14 @@ def modes_of(system: ImpactSystem) -> Modes:
     letters: list[str] = []
     for k, stop in enumerate(system.stops):
         row = np.array(stop.gap)
-        participation = blocks.shapes.T @ row
+        participation = exact_product(row, blocks.shapes)
         impulse = blocks.shapes @ participation / (participation @ participation)
         for sign, limit in ((-1.0, stop.lower), (1.0, stop.upper)):
             if np.isinf(limit):
                 continue
-            gap.append(row @ position)
-            rate.append(row @ velocity)
-            acceleration.append((row @ velocity) @ blocks.matrix)
+            gap.append(exact_product(row, position))
+            rate.append(exact_product(row, velocity))
+            acceleration.append(rate[-1] @ blocks.matrix)
             push.append(balanced(blocks.from_state[:, n:] @ impulse, rate[-1]))
             side.append(sign)
             bound.append(limit)

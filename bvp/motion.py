@@ -34,9 +34,10 @@ class MotionStatus(Enum):
     SIMULTANEOUS = (
         "two stops are hit at the same instant and their impulses interact; the outcome is not defined by restitution"
     )
-    OUTSIDE = (
-        "the start lies beyond a stop; start with every gap coordinate within its bounds. Later than at the start: rounding has carried "
-        "a gap beyond the contact tolerance"
+    OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
+    PIERCED = (
+        "rounding has carried a gap beyond its stop by more than the contact tolerance; what is told holds up to there, and a start from "
+        "that state moved into its bounds goes on"
     )
     UNDECIDED = "contacts are made and lost again without time passing; change the state at which the motion stopped a little"
     EXHAUSTED = "the search for the next impact gave up; ask for a shorter duration"
@@ -47,6 +48,7 @@ STATUS = {
     kernels.MOST: MotionStatus.IMPACTS_FULL,
     kernels.INTERACTING: MotionStatus.SIMULTANEOUS,
     kernels.STARTED_OUTSIDE: MotionStatus.OUTSIDE,
+    kernels.PIERCED: MotionStatus.PIERCED,
     kernels.CYCLING: MotionStatus.UNDECIDED,
     kernels.GAVE_UP: MotionStatus.EXHAUSTED,
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["EPSILON", "jacobi", "undamped_modes"]
+__all__ = ["EPSILON", "exact_product", "jacobi", "undamped_modes"]
 
 EPSILON = float(np.finfo(float).eps)
 _SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
@@ -53,6 +53,7 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
     rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), np.abs(stiffness), np.abs(shapes))
     squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
+    shapes = np.where(squares == 0.0, _without_leaks(mass, shapes), shapes)
     order = np.argsort(squares, kind="stable")
     squares, shapes = squares[order], shapes[:, order]
     weight = np.abs(shapes) * np.sqrt(np.diag(mass))[:, None]
@@ -61,6 +62,32 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
         if shapes[leading, k] < 0.0:
             shapes[:, k] = -shapes[:, k]
     return squares, shapes
+
+
+def _without_leaks(mass: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """Shapes whose entries are 0 where they are rounding of the others, both in kinetic energy and in displacement: as free translations,
+    which go any distance, they would carry bodies along that have no part in them."""
+    size = np.abs(shapes)
+    weight = size * np.sqrt(np.diag(mass))[:, None]
+    leak = (weight <= 8.0 * len(mass) * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))
+    return np.where(leak, 0.0, shapes)
+
+
+def exact_product(*factors: np.ndarray) -> np.ndarray:
+    """The product of matrices (and rows) with 0 for every entry that is rounding of the terms it is summed from.
+
+    What cancels exactly, as a gap between two bodies does in the translation of both, so takes nothing from a translation of any size.
+
+    Examples
+    --------
+    >>> exact_product(np.array([1.0, -1.0]), np.array([[0.1 + 0.2, 1.0], [0.3, 0.0]]))
+    array([0., 1.])
+    """
+    product, sizes = factors[0], np.abs(factors[0])
+    for factor in factors[1:]:
+        product, sizes = product @ factor, sizes @ np.abs(factor)
+    terms = sum(factor.shape[0] for factor in factors[1:])
+    return np.where(np.abs(product) <= 8.0 * terms * EPSILON * sizes, 0.0, product)
 
 
 def jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -51,6 +51,8 @@ class PhaseTable:
             "matrix": np.zeros((number, size, size)),
             "leave": np.zeros((number, 2 * n, size)),
             "enter": np.zeros((number, size, 2 * n + y)),
+            "to_modes": np.zeros((number, 2 * n, size)),
+            "from_modes": np.zeros((number, size, 2 * n + y)),
             **{key: np.zeros((number, contacts, size)) for key in ("gap", "rate", "acceleration", "push")},
             **{key: np.zeros((number, contacts)) for key in ("side", "bound")},
             **{key: np.zeros((number, meters, size)) for key in ("first", "second")},

@@ -24,7 +24,8 @@ from bvp.forcing import Forcing
 from bvp.joined import join
 from bvp.meters import Meters
 from bvp.modes import balanced
-from bvp.numerics import EPSILON, undamped_modes
+from bvp.numerics import EPSILON, exact_product, undamped_modes
+from bvp.same_stops import repeated_contacts
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -45,6 +46,10 @@ class Phase:
         (u, v) = leave Z.
     enter : (N, 2n + 2G) ndarray
         Z = enter (u, v, y); velocities across a held gap are dropped.
+    to_modes : (2n, N) ndarray
+    from_modes : (N, 2n + 2G) ndarray
+        The same for the modal coordinates (q, p) of the system without dampers and stops, u = Phi q and v = Phi p: in these a motion goes
+        from phase to phase, for a free translation of any size, which is one of them, then takes no digits from the others.
     first, second : (R, N) ndarray
         Rows of the meters: their integrand is (first . Z)(second . Z).
     """
@@ -56,6 +61,8 @@ class Phase:
     matrix: np.ndarray
     leave: np.ndarray
     enter: np.ndarray
+    to_modes: np.ndarray
+    from_modes: np.ndarray
     gap: np.ndarray
     rate: np.ndarray
     acceleration: np.ndarray
@@ -84,6 +91,7 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
     if k and np.linalg.cond(compliance) > 1e12:
         raise RuntimeError("stops are held whose gaps depend on each other")
     basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:] if k else np.eye(n)
+    basis = np.where(np.abs(basis) <= 8.0 * n * EPSILON, 0.0, basis)
     lift = np.linalg.solve(compliance, inverse_rows.T).T if k else np.zeros((n, 0))
     blocks, left = _blocks(system, basis, k)
     m = n - k
@@ -107,37 +115,52 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
     for j in range(k):
         generators[2 * j, :n] = rows[j]
     generators[2 * k :, 2 * n :] = np.eye(2 * len(forcing.loads))
-    enter = layout.states @ np.hstack([blocks.from_state @ down, np.zeros((2 * m, 2 * len(forcing.loads)))]) + layout.loads @ generators
+    loaded = 2 * len(forcing.loads)
+    enter = layout.states @ np.hstack([blocks.from_state @ down, np.zeros((2 * m, loaded))]) + layout.loads @ generators
+    shapes, weights = np.kron(np.eye(2), modes.shapes), np.kron(np.eye(2), modes.shapes.T @ system.mass)
+    to_modes = _snapped(exact_product(weights, reduced, blocks.to_state)) @ layout.inside
+    for j in range(k):
+        to_modes[:n, layout.masters[j]] += exact_product(weights[:n, :n], lift[:, j])
+    from_modes = layout.states @ np.hstack([_snapped(exact_product(blocks.from_state, down, shapes)), np.zeros((2 * m, loaded))])
+    held_rows = np.zeros((2 * k + loaded, 2 * n + loaded))
+    for j in range(k):
+        held_rows[2 * j, :n] = exact_product(rows[j], modes.shapes)
+    held_rows[2 * k :, 2 * n :] = np.eye(loaded)
+    from_modes += layout.loads @ held_rows
     outer = np.zeros((2 * len(forcing.loads), size))
     for g in range(len(forcing.loads)):
         outer[2 * g, layout.masters[k + g]] = outer[2 * g + 1, layout.masters[k + g] + 1] = 1.0
     gap, rate = np.zeros((len(modes.contact_side), size)), np.zeros((len(modes.contact_side), size))
     acceleration = np.zeros_like(gap)
     side, bound = modes.contact_side.copy(), modes.contact_bound.copy()
+    repeated = repeated_contacts(system.stops)
     fixed = {int(modes.contact_stop[c]) for c in contacts}
-    press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, leave, outer)) if k else gap[:0]
+    press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, to_modes, outer)) if k else gap[:0]
     for c in range(len(side)):
         if c in contacts:
             gap[c] = side[c] * press[contacts.index(c)]
             rate[c] = gap[c] @ layout.matrix
             acceleration[c] = rate[c] @ layout.matrix
             side[c], bound[c] = -1.0, 0.0
-        elif int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
+        elif c in repeated or int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
             side[c], bound[c] = 1.0, NEVER
         else:
             row = np.array(system.stops[modes.contact_stop[c]].gap)
-            gap[c], rate[c] = row @ leave[:n], row @ leave[n:]
+            modal = exact_product(row, modes.shapes)
+            gap[c] = np.where(exact_product(modal, to_modes[:n]) == 0.0, 0.0, row @ leave[:n])
+            rate[c] = np.where(exact_product(modal, to_modes[n:]) == 0.0, 0.0, row @ leave[n:])
             acceleration[c] = rate[c] @ layout.matrix
     push = np.zeros_like(gap)
-    if not k:
-        for c in range(len(side)):
-            row = np.array(system.stops[modes.contact_stop[c]].gap)
-            participation = blocks.shapes.T @ row
-            push[c] = balanced(enter[:, n : 2 * n] @ (blocks.shapes @ participation / (participation @ participation)), rate[c])
+    for c in range(len(side)):
+        if c not in contacts and bound[c] != NEVER:
+            participation = exact_product(np.array(system.stops[modes.contact_stop[c]].gap), basis, blocks.shapes)
+            jump = blocks.shapes @ participation / (participation @ participation)
+            clear = exact_product(from_modes[:, n : 2 * n], weights[n:, n:], basis, jump) == 0.0
+            push[c] = balanced(np.where(clear, 0.0, enter[:, n : 2 * n] @ (basis @ jump)), rate[c])
     second = meters.velocity @ leave[n:]
     first = np.where((meters.load < 0)[:, None], second, outer[meters.load] if len(outer) else second)
     flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)
-    arrays = (*flight, leave, enter, gap, rate, acceleration, side, bound, push, first, second)
+    arrays = (*flight, leave, enter, to_modes, from_modes, gap, rate, acceleration, side, bound, push, first, second)
     return Phase(held, *(np.ascontiguousarray(array + 0) for array in arrays))
 
 
@@ -147,7 +170,8 @@ def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks,
     if not held:
         own = Blocks(modes.layout, modes.shapes, modes.pairs, modes.mean, modes.delta, modes.matrix, modes.to_state, modes.from_state)
         return own, np.eye(len(basis))
-    mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping, system.stiffness))
+    mass, damping = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping))
+    stiffness = exact_product(basis.T, system.stiffness, basis)
     m = len(mass)
     if not m:
         none = np.zeros((0, 0))
@@ -168,14 +192,24 @@ def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks,
 
 
 def _free_acceleration(
-    system: ImpactSystem, inverse_rows: np.ndarray, forcing: Forcing, leave: np.ndarray, outer: np.ndarray
+    system: ImpactSystem, inverse_rows: np.ndarray, forcing: Forcing, to_modes: np.ndarray, outer: np.ndarray
 ) -> np.ndarray:
     """Rows of c_S . M^-1 (f - C v - K u), which the held stops have to take away."""
-    n = system.degrees_of_freedom
-    force = -(system.stiffness @ leave[:n]) - system.damping @ leave[n:]
+    shapes = system.modes.shapes
+    stiffness, damping = exact_product(system.stiffness, shapes), exact_product(system.damping, shapes)
+    stiffness = np.where(system.modes.squares == 0.0, 0.0, stiffness)
+    pull = exact_product(inverse_rows.T, np.hstack([stiffness, damping]))
+    force = -exact_product(pull, to_modes)
     if len(outer):
-        force = force + np.concatenate(list(forcing.loads), axis=1) @ outer
-    return inverse_rows.T @ force
+        force = force + exact_product(inverse_rows.T, np.concatenate(list(forcing.loads), axis=1)) @ outer
+    return force
+
+
+def _snapped(matrix: np.ndarray) -> np.ndarray:
+    """Entries that are 0 or 1 to rounding, exactly: a motion that goes through the modal coordinates and back in the phase without stops
+    held is the same one."""
+    whole = np.round(matrix)
+    return np.where((np.abs(matrix - whole) <= 16.0 * len(matrix) * EPSILON) & (np.abs(whole) <= 1.0), whole, matrix)
 
 
 def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:

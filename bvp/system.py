@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, refuse_unknown, square, symmetric
+from bvp.same_stops import check_same_stops
 
 if TYPE_CHECKING:
     from bvp.modes import Modes
@@ -414,4 +415,5 @@ def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
     for stop in named:
         if len(stop.gap) != n:
             raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
+    check_same_stops(named)
     return named

@@ -143,7 +143,7 @@ def _told(
     from transitions.extents import extents
 
     motion = run(system, u, v, duration, forces=list(forces), dampers=shared.dampers, max_impacts=max_impacts, leaving=leaving)
-    if motion.status is MotionStatus.OUTSIDE and motion.duration == 0.0:
+    if motion.status is MotionStatus.OUTSIDE:
         gaps = [(float(np.dot(stop.gap, u)), stop) for stop in system.stops]
         w, stop = max(gaps, key=lambda pair: max(pair[0] - pair[1].upper, pair[1].lower - pair[0]))
         raise BadInput(f"the start lies beyond stop {stop.name}: its gap is {w:g}, expected {stop.lower:g} to {stop.upper:g}")

@@ -41,6 +41,7 @@ class SectionEnd(Enum):
     TIME_OVER = "crosses the section too seldom: the longest time was reached"
     SIMULTANEOUS = "hits two stops at the same instant whose impulses interact: the outcome is not defined by restitution"
     OUTSIDE = "started beyond a stop"
+    PIERCED = "was carried beyond a stop by rounding"
     UNDECIDED = "meets its stops again and again without time passing"
     EXHAUSTED = "the search for its next impact or crossing gave up"
 
@@ -50,6 +51,7 @@ _ENDS = {
     kernels.TIME_OVER: SectionEnd.TIME_OVER,
     motion_kernels.INTERACTING: SectionEnd.SIMULTANEOUS,
     motion_kernels.STARTED_OUTSIDE: SectionEnd.OUTSIDE,
+    motion_kernels.PIERCED: SectionEnd.PIERCED,
     motion_kernels.CYCLING: SectionEnd.UNDECIDED,
     motion_kernels.GAVE_UP: SectionEnd.EXHAUSTED,
 }

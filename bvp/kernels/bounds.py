@@ -3,12 +3,17 @@ root."""
 
 import math
 
-from bvp.kernels.compiled import kernel, part
+import numpy as np
+
+from bvp.kernels.compiled import allocating, kernel, part
 
 __all__ = ["amplitudes", "block_growth", "dot", "envelope", "fastest_rate", "free_step", "growth_rate"]
 
 MARGIN = 1.0 + 1e-9
 """Bounds are widened by this, far more than their own rounding."""
+
+SERIES_TERMS = 8
+"""Terms of the series that bounds the motion of a larger block: its steps are at most its own time of growth."""
 
 INVERSE_E = 0.36787944117144233
 """Maximum of x exp(-x)."""
@@ -73,6 +78,46 @@ def fastest_rate(pairs, matrix):
     return fastest
 
 
+@allocating
+def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
+    """The bounds of `amplitudes` for the block of `size` indices from `start`, by Taylor's series with its remainder: of a translation
+    under constant forces, however far it has gone, it ends. `weight`: norm of the row's part."""
+    state = np.empty(size)
+    other = np.empty(size)
+    for r in range(size):
+        state[r] = z[start + r]
+    level = 0.0
+    second = 0.0
+    third = 0.0
+    rest = math.exp(growth * horizon) if growth > 0.0 else 1.0
+    term, term_second, term_third = 1.0, 0.0, 0.0
+    for k in range(SERIES_TERMS + 4):
+        value = 0.0
+        norm = 0.0
+        for r in range(size):
+            value += rows[c, start + r] * state[r]
+            norm += state[r] * state[r]
+        if k < SERIES_TERMS:
+            value = abs(value)
+        else:
+            value = weight * math.sqrt(norm) * rest
+        if k <= SERIES_TERMS:
+            level += value * term
+        if 2 <= k <= SERIES_TERMS + 2:
+            term_second = 1.0 if k == 2 else term_second * horizon / (k - 2)
+            second += value * term_second
+        if 3 <= k:
+            term_third = 1.0 if k == 3 else term_third * horizon / (k - 3)
+            third += value * term_third
+        term *= horizon / (k + 1)
+        for r in range(size):
+            other[r] = 0.0
+            for q in range(size):
+                other[r] += matrix[start + r, start + q] * state[q]
+        state, other = other, state
+    return level, second, third
+
+
 @kernel
 def amplitudes(pairs, mean, delta, matrix, rows, c, z, horizon):
     """Bounds of |f|, |f''| and |f'''| for f(t) = rows[c] . exp(B t) z over 0 <= t <= horizon."""
@@ -129,9 +174,13 @@ def amplitudes(pairs, mean, delta, matrix, rows, c, z, horizon):
                 for q in range(i, i - j):
                     stretch += matrix[r, q] * matrix[r, q]
             size *= math.sqrt(weight * norm)
-            level += size
-            second += stretch * size
-            third += stretch * math.sqrt(stretch) * size
+            near, near_second, near_third = size, stretch * size, stretch * math.sqrt(stretch) * size
+            if weight > 0.0 and horizon < math.inf:
+                series = block_amplitudes(matrix, i, -j, rows, c, z, math.sqrt(weight), growth, horizon)
+                near, near_second, near_third = min(near, series[0]), min(near_second, series[1]), min(near_third, series[2])
+            level += near
+            second += near_second
+            third += near_third
     return level * MARGIN, second * MARGIN, third * MARGIN
 
 

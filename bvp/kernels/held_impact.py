@@ -37,8 +37,9 @@ def touches_held(phases, held, c):
 @kernel
 def impulses_of(phases, active, rows, c, factor, z, table):
     """The impulses at the contacts of the bits of `active` that take away rows . z, and at c `factor` times that, into the last column of
-    table (m, m + 1); 0 at all others. False where gaps of `active` depend on each other."""
+    table (m, m + 1); 0 at all others, and at those whose gap depends on the others and stops with them. False where it would not."""
     contacts = table.shape[0]
+    largest = 0.0
     for i in range(contacts):
         for j in range(contacts):
             table[i, j] = 0.0
@@ -46,12 +47,20 @@ def impulses_of(phases, active, rows, c, factor, z, table):
                 table[i, j] = dot(phases.rate[0], i, phases.push[0, j])
         value = dot(rows, i, z) if (active >> i) & 1 != 0 else 0.0
         table[i, contacts] = factor * value if i == c else value
+        largest = max(largest, abs(table[i, contacts]))
         if (active >> i) & 1 == 0:
             table[i, i] = 1.0
     for k in range(contacts):
         # r_k . p_k is 1 before the others are eliminated.
         if not table[k, k] > INTERACTION_LEVEL:
-            return False
+            if k == c or not abs(table[k, contacts]) <= INTERACTION_LEVEL * largest:
+                return False
+            for j in range(contacts + 1):
+                table[k, j] = 0.0
+            for i in range(contacts):
+                table[i, k] = 0.0
+            table[k, k] = 1.0
+            continue
         for i in range(contacts):
             if i != k and table[i, k] != 0.0:
                 factor = table[i, k] / table[k, k]
@@ -65,7 +74,7 @@ def impulses_of(phases, active, rows, c, factor, z, table):
 @kernel
 def pivot(phases, active, held, rows, c, factor, z, table):
     """The contacts of `active` that take an impulse, as `impulses_of`, which are in the last column of table: those of `held` only where it
-    presses. -1 where rounding does not decide which these are, or gaps depend on each other."""
+    presses. -1 where rounding does not decide which these are."""
     contacts = table.shape[0]
     for _ in range(8 * (contacts + 1)):
         if not impulses_of(phases, active, rows, c, factor, z, table):
@@ -113,7 +122,7 @@ def strike_held(phases, held, c, z, table):
         return int64(-1), 0.0
     loss = 0.5 * phases.contact_mass[c] * table[c, table.shape[0]] * (1.0 - restitution) * dot(phases.rate[0], c, z)
     push_off(phases, z, table)
-    return active & ~struck, loss
+    return active & ~struck, max(loss, 0.0)
 
 
 @kernel
@@ -166,4 +175,4 @@ def settle(phases, stay, part, z, table):
             after -= table[j, table.shape[0]] * dot(phases.rate[0], k, phases.push[0, j])
         loss += 0.5 * phases.contact_mass[k] * table[k, table.shape[0]] * (before + after)
     push_off(phases, z, table)
-    return loss
+    return max(loss, 0.0)

@@ -18,6 +18,7 @@ Only the contact just left is treated apart, and only until its distance is well
 import math
 
 import numpy as np
+from numba import int64
 
 from bvp.kernels.bounds import amplitudes, dot, free_step, growth_rate
 from bvp.kernels.compiled import kernel, part
@@ -148,22 +149,24 @@ def polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
 @kernel
 def resolve_turn(
     pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, curvature, jerk,
-    z, t, slope, bend, tolerance, state,
+    z, t, slope, bend, tolerance, fresh, state,
 ):  # fmt: skip
-    """What a certified turning point after time t is: (HIT or TOUCH, its time) or (NONE, step from t without either)."""
+    """What a certified turning point after time t is: (HIT or TOUCH, its time) or (NONE, step from t without either). `fresh`: as in
+    `judge`."""
     turn = t
+    last = t - 2.0 * slope / bend  # the certificate's; rounding of what is nearly 0 would lead anywhere
     d = 0.0
     for count in range(30):
         change = -slope / bend
-        turn += change
+        turn = min(max(turn + change, t), last)
         if count > 0 and 0.5 * bend * change * change <= 1e-3 * tolerance:
             break
         flow_inside(pairs, mean, delta, matrix, z, turn, state)
         d, slope, bend, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, state)
     least = d - 0.5 * slope * slope / bend
-    if least > tolerance:
-        ahead = free_step(least, 0.0, curvature)
-        if jerk > 0.0:
+    if least > tolerance or (fresh and least >= -tolerance):
+        ahead = free_step(max(least, 0.0), 0.0, curvature)
+        if jerk > 0.0 or fresh:
             ahead = max(ahead, 3.0 * bend / jerk)
         return NONE, turn - t + ahead
     if least >= -tolerance:
@@ -189,8 +192,9 @@ def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
     local = jerk * trial / 3.0 - bend
     if local < curvature:
         step = max(step, min(trial, free_step(distance, slope, max(local, 0.0))))
-    if d <= tolerance and curvature > 0.0:
-        step = max(step, math.sqrt(0.5 * tolerance / curvature))
+    if d <= tolerance:
+        # This is passed over, for steps must not shrink to nothing: less than the tolerance, or a crossing would be missed.
+        step = max(step, free_step(distance + 0.25 * tolerance, slope, curvature))
     if slope >= 0.0:
         if d <= tolerance and not fresh:
             return TOUCH, 0.0
@@ -280,7 +284,7 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
         return status, leaving, 0.0
     steady, growth = growth_rate(pairs, mean, delta, matrix)
     near = leaving >= 0
-    fresh = leaving >= 0
+    fresh = int64(-1)  # bits of the contacts that have been within the tolerance since the start
     reach = -1.0
     parts = False
     near_jerk = 0.0
@@ -354,12 +358,13 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                             coefficients[2] = 0.0
                         flow_state(pairs, mean, delta, matrix, z, t, state)
                     near = reach * t <= SERIES_REACH
-            fresh = fresh and (c != leaving or d <= tolerance)
+            if d > tolerance:
+                fresh &= ~(int64(1) << c)
             if c == leaving and near:
                 returns, value = near_return(coefficients, near_jerk, t, window)
                 status = HIT if returns else NONE
             else:
-                new = count == 0 or (c == leaving and fresh)
+                new = (fresh >> c) & 1 != 0
                 status, value = judge(d, slope, bend, tolerance, curvature[c], jerk[c], window, new)
                 if status == HIT or (status == CROSSED and slope < 0.0):
                     status = HIT
@@ -370,7 +375,7 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                 elif status == TURN:
                     status, value = resolve_turn(
                         pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, curvature[c], jerk[c], z, t,
-                        slope, bend, tolerance, other
+                        slope, bend, tolerance, new, other
                     )  # fmt: skip
                 elif status == TOUCH:
                     value = t

@@ -169,7 +169,7 @@ def lose(phases, c, loss, counts, clock, sums, marks):
 @part
 def hold(phases, c, x, counts, clock, sums, marks, work):
     """Stop what is left of the velocity across contact c, as a loss at its stop."""
-    times_matrix(phases.enter[0], x, work[0])
+    times_matrix(phases.from_modes[0], x, work[0])
     speed = dot(phases.rate[0], c, work[0, : phases.matrix.shape[1]])
     loss = 0.5 * phases.contact_mass[c] * speed * speed
     lose(phases, c, loss, counts, clock, sums, marks)

@@ -28,9 +28,11 @@ from bvp.kernels.phase import (
     PENDING,
     PHASE,
     PIECE,
+    PROGRESS,
     RELEASE,
     SPAN,
     SPEED,
+    START,
     STICK,
     SWITCH_ERROR,
     TIME,
@@ -44,15 +46,22 @@ from bvp.kernels.phase import (
     write_loads,
 )  # fmt: skip
 from bvp.kernels.restitution import restitute
-from bvp.kernels.simultaneous import at_their_bounds, clash
+from bvp.kernels.simultaneous import at_their_bounds, clash, sunk
 
-__all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "REACHED", "STARTED_OUTSIDE", "move"]
+__all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "PIERCED", "REACHED", "STARTED_OUTSIDE", "move"]
 
-REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP = range(8)
+REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED = range(9)
 """How `move` returned: at the duration; the log is full (call again); the phase counts[PENDING] is wanted (add it and call again); two
-stops are hit at once and their impulses interact; beyond a stop; at the most impacts; phases follow each other without time passing; the
-search for the next impact, or for a peak, gave up without time passing. After REACHED, too, the motion can be carried on, to a longer
-duration."""
+stops are hit at once and their impulses interact; started beyond a stop; at the most impacts; phases follow each other without time
+passing; the search for the next impact, or for a peak, gave up without time passing; carried beyond a stop by rounding. After REACHED, too,
+the motion can be carried on, to a longer duration."""
+
+PATIENCE, INSTANT, SEARCH = 256, 16, 64
+"""For each contact, and two more, so much may be spent within a radian of the fastest motion: 1 for each event, this for one to which no
+time passes, and for a search that gave up."""
+
+LIFTS = 8
+"""Rounds in which contacts are lifted off what they are beyond: one can push another down."""
 
 REFRESH = 256
 """Impacts, and breaks, after which the loads' states are written anew. In between they are carried by the flights like all others: passing
@@ -75,7 +84,6 @@ def strike(phases, still, moving, c, counts, clock, sums, marks, z, scratch):
     """The impact at contact c in phase 0, with `still` and `moving` of `at_their_bounds`. Returns (the held contacts that stay, whether c
     is one of them); -1 where restitution does not define what follows."""
     speed = phases.side[0, c] * dot(phases.rate[0], c, z)
-    times_matrix(phases.leave[0], z, scratch.before)
     stay = int64(0)
     if moving:
         stay, part, span = comes_to_rest(phases, still, moving, c, z, scratch.impulses)
@@ -105,31 +113,59 @@ def strike(phases, still, moving, c, counts, clock, sums, marks, z, scratch):
 
 @kernel
 def lift(phases, freed, x, z):
-    """Move x (2 n + 2 G,) so that the contacts of the bits of `freed` are not beyond their bounds: those held until now by what has been
-    rounded since, others by what counts as a touch. z (N,) is scratch."""
+    """Move x (2 n + 2 G,), modal, so that the contacts of the bits of `freed` are not beyond their bounds: those held until now by what has
+    been rounded since, others by what counts as a touch. z (N,) is scratch."""
     n = phases.shape[0]
-    for c in range(phases.side.shape[1]):
-        if (freed >> c) & 1 == 0:
-            continue
-        times_matrix(phases.enter[0], x, z)
-        beyond = dot(phases.gap[0], c, z) - phases.bound[0, c]
-        if phases.side[0, c] * beyond > 0.0:
-            for i in range(n):
-                x[i] -= beyond * dot(phases.leave[0], n + i, phases.push[0, c])
+    for _ in range(LIFTS):
+        still = True
+        for c in range(phases.side.shape[1]):
+            if (freed >> c) & 1 == 0:
+                continue
+            times_matrix(phases.from_modes[0], x, z)
+            beyond = dot(phases.gap[0], c, z) - phases.bound[0, c]
+            if phases.side[0, c] * beyond > 0.0:
+                still = False
+                for i in range(n):
+                    x[i] -= beyond * dot(phases.to_modes[0], n + i, phases.push[0, c])
+        if still:
+            break
+
+
+@part
+def impatient(phases, f, exhausted, flight, counts, clock):
+    """Count the event after a flight in phase f; True where too many have come since the fastest motion has turned by a radian."""
+    if exhausted:
+        cost = SEARCH
+    elif flight == 0.0:
+        cost = INSTANT
+    else:
+        cost = 1
+    counts[IDLE] += cost
+    if counts[IDLE] <= PATIENCE * (2 + phases.side.shape[1]):
+        return False
+    now = clock[TIME] + flight
+    if (now - clock[PROGRESS]) * fastest_rate(phases.pairs[f], phases.matrix[f]) < 1.0:
+        return True
+    counts[IDLE] = cost
+    clock[PROGRESS] = now
+    return False
 
 
 @kernel
 def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch):
     """Carry a motion on until its duration, its most impacts, or a reason to return.
 
-    z (N,) state of the phase; x (2 n + 2 G,) (u, v) and the states of the loads, from which a pending phase begins; counts (COUNTS,), clock
-    (CLOCK,): see above; turns (G, 2) angles of the loads and sums (D + S + 1, 2), compensated; marks (Q, 3 + D + S): fractions of the
-    initial energy, ascending, then filled with the time at which that much is gone and the sums there; peaks (n,) largest displacements, or
-    empty where they are not wanted. Returns the reason.
+    z (N,) state of the phase; x (2 n + 2 G,) the modal coordinates (at the start (u, v)) and the states of the loads, from which a pending
+    phase begins; counts (COUNTS,), clock (CLOCK,): see above; turns (G, 2) angles of the loads and sums (D + S + 1, 2), compensated; marks
+    (Q, 3 + D + S): fractions of the initial energy, ascending, then filled with the time at which that much is gone and the sums there;
+    peaks (n,) largest displacements, or empty where they are not wanted. Returns the reason.
+
+    It returns, whatever happens: impacts faster than rounding are at most `most`, and between two of them, or two breaks, every event is
+    counted within each radian of the fastest motion, the more where it takes no time or makes no way (`impatient`).
     """
     before = scratch.before
     work = scratch.work
-    width = 2 * phases.shape[0]
+    logged = log.numbers.shape[0] > 0
     contacts = phases.side.shape[1]
     while True:
         if counts[PENDING] >= 0:
@@ -137,8 +173,11 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             if f < 0:
                 return NEW_PHASE
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
-            lift(phases, phases.held[counts[PHASE]] & ~phases.held[f], x, z)
-            times_matrix(phases.enter[f], x, z)
+            if counts[KIND] == START:
+                times_matrix(phases.enter[f], x, z)
+            else:
+                lift(phases, phases.held[counts[PHASE]] & ~phases.held[f], x, z)
+                times_matrix(phases.from_modes[f], x, z)
             counts[PHASE] = f
             counts[PENDING] = -1
             if clock[SPAN] > 0.0:
@@ -159,22 +198,21 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], phases.gap[f], phases.rate[f], phases.acceleration[f],
             phases.side[f], phases.bound[f], counts[LEAVING], z, horizon, work,
         )  # fmt: skip
-        # A search that gave up within a radian of the fastest motion has made no way either, though time has passed.
-        slow = status == EXHAUSTED and flight * fastest_rate(phases.pairs[f], phases.matrix[f]) < 1.0
-        counts[IDLE] = counts[IDLE] + 1 if flight == 0.0 or slow else 0
-        if counts[IDLE] > 8 + 4 * contacts:
-            return GAVE_UP if slow else CYCLING
+        if impatient(phases, f, status == EXHAUSTED, flight, counts, clock):
+            return GAVE_UP if status == EXHAUSTED else CYCLING
         clock[SPEED] = 0.0
         clock[LOSS] = 0.0
         counts[LEAVING] = -1
         holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
         begin = clock[TIME]
         if status == OUTSIDE and not holds:
-            return STARTED_OUTSIDE
+            return STARTED_OUTSIDE if clock[TIME] == 0.0 and counts[IMPACTS] == 0 else PIERCED
         if status == EXHAUSTED and flight == 0.0:
             return GAVE_UP
         if not fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
             return GAVE_UP
+        if logged:
+            times_matrix(phases.leave[f], z, before)
         if status == NONE:
             if end == duration:
                 if cannot_hit(phases, f, z):
@@ -185,20 +223,18 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             clock[TIME_LOW] = 0.0
             counts[BREAK_INDEX] = ahead
             counts[BOUNCES] = 0
-            times_matrix(phases.leave[f], z, x)
-            for r in range(width):
-                before[r] = x[r]
+            counts[IDLE] = 0
+            clock[PROGRESS] = end
             if ahead % REFRESH == 0:
+                times_matrix(phases.to_modes[f], z, x)
                 write_loads(phases, ahead, clock, turns, x)
-                times_matrix(phases.enter[f], x, z)
+                times_matrix(phases.from_modes[f], x, z)
             else:
                 reset_loads(phases, f, ahead, z)
             record(log, BREAK, -1, counts, clock, before, z, sums)
             continue
         if f != 0 or status != HIT:
-            times_matrix(phases.leave[f], z, x)
-            for r in range(width):
-                before[r] = x[r]
+            times_matrix(phases.to_modes[f], z, x)
         if status == EXHAUSTED:
             record(log, PIECE, -1, counts, clock, before, z, sums)
             continue
@@ -223,10 +259,17 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             continue
         after = f
         if f != 0:
+            for r in range(z.shape[0]):
+                scratch.kept[r] = z[r]
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
-            times_matrix(phases.enter[0], x, z)
+            times_matrix(phases.from_modes[0], x, z)
             counts[PHASE] = 0
         still, moving = at_their_bounds(phases, c, z)
+        if moving and sunk(phases, moving | (int64(1) << c), z):
+            times_matrix(phases.to_modes[0], z, x)
+            write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
+            lift(phases, moving | (int64(1) << c), x, z)
+            times_matrix(phases.from_modes[0], x, z)
         still |= held
         fast = abs(dot(phases.rate[0], c, z)) > rounding_level(phases.pairs[0], phases.matrix[0], phases.rate[0], c, z)
         left, settled = strike(phases, still, moving & ~held, c, counts, clock, sums, marks, z, scratch)
@@ -234,13 +277,14 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             return INTERACTING
         if fast:
             counts[IDLE] = 0
+            clock[PROGRESS] = clock[TIME]
         elastic = phases.restitution[c] == 1.0
         if f != 0 or settled or not elastic or phases.frequency.shape[0]:
-            times_matrix(phases.leave[0], z, x)
+            times_matrix(phases.to_modes[0], z, x)
         if settled:
             record(log, IMPACT, c, counts, clock, before, z, sums)
-            for r in range(width):
-                before[r] = x[r]
+            if logged:
+                times_matrix(phases.leave[0], z, before)
             clock[SPEED] = 0.0
             clock[LOSS] = 0.0
             lift(phases, moving & ~left, x, work[0, : z.shape[0]])
@@ -248,9 +292,21 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             counts[KIND] = STICK
             counts[BOUNCES] = 0
             continue
+        alone = left == held
         left &= held
-        if f != 0:
-            lift(phases, held & ~left, x, work[0, : z.shape[0]])
+        if f != 0 and alone:
+            # All that are held, and no others, take part: the same impact within their phase takes nothing through other coordinates.
+            for r in range(z.shape[0]):
+                z[r] = scratch.kept[r]
+            restitute(phases.rate[f], phases.push[f], phases.restitution, c, z, z)
+            times_matrix(phases.to_modes[f], z, x)
+            if phases.frequency.shape[0] and counts[IMPACTS] % REFRESH == 0:
+                write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
+                times_matrix(phases.from_modes[f], x, z)
+            counts[PHASE] = f
+        elif f != 0:
+            rebound = dot(phases.rate[0], c, z)
+            lift(phases, (held & ~left) | (int64(1) << c), x, work[0, : z.shape[0]])
             after = find_phase(phases, left)
             if after < 0:
                 counts[PENDING] = left
@@ -258,11 +314,14 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
                 counts[LEAVING] = c
                 counts[BOUNCES] = 0
                 continue
-            times_matrix(phases.enter[after], x, z)
+            times_matrix(phases.from_modes[after], x, z)
+            rebound -= dot(phases.rate[after], c, z)
+            for r in range(z.shape[0]):
+                z[r] += rebound * phases.push[after, c, r]
             counts[PHASE] = after
         elif phases.frequency.shape[0] and counts[IMPACTS] % REFRESH == 0:
             write_loads(phases, counts[BREAK_INDEX], clock, turns, x)
-            times_matrix(phases.enter[0], x, z)
+            times_matrix(phases.from_modes[0], x, z)
         record(log, IMPACT, c, counts, clock, before, z, sums)
         counts[LEAVING] = c
         if elastic:
@@ -270,8 +329,9 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             continue
         rest = (end - clock[TIME]) - clock[TIME_LOW]
         if chatter(phases, after, c, z, x, rest, counts, clock, turns, sums, scratch.table, scratch.values):
-            for r in range(width):
-                before[r] = x[r]
+            if logged:
+                times_matrix(phases.from_modes[0], x, work[0])
+                times_matrix(phases.leave[0], work[0], before)
             hold(phases, c, x, counts, clock, sums, marks, work)
             counts[PENDING] = left | (int64(1) << c)
             counts[KIND] = STICK

@@ -11,7 +11,7 @@ from bvp.kernels.compiled import kernel
 __all__ = [
     "BOUNCES", "BOUNCING", "BREAK", "BREAK_INDEX", "CHATTER", "CLEAR", "CLEAR_TIME", "CLOCK", "CONTACT", "COUNTS",
     "EVENTS", "HELD_TIME", "IDLE", "IMPACT", "IMPACTS", "INITIAL", "KIND", "LAST_IMPACT", "LEAVING", "LOSS", "Log",
-    "MARK", "PENDING", "PHASE", "PIECE", "Phases", "REFERENCE", "REFERENCE_LOW", "RELEASE", "ROWS", "SPAN", "SPEED",
+    "MARK", "PENDING", "PHASE", "PIECE", "PROGRESS", "Phases", "REFERENCE", "REFERENCE_LOW", "RELEASE", "ROWS", "SPAN", "SPEED",
     "Scratch", "START", "STICK", "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHED", "TOUCHES", "begin_anew", "cannot_hit", "find_phase",
     "reset_loads", "times_matrix", "write_loads",
 ]  # fmt: skip
@@ -25,7 +25,9 @@ set anew; a flight that goes on; bounces that are summed up to the next event.""
 ) = range(16)  # fmt: skip
 """Entries of counts, and their number."""
 
-(TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, SPAN, CLOCK) = range(13)
+(
+    TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, SPAN, PROGRESS, CLOCK,
+) = range(14)  # fmt: skip
 """Entries of clock, and their number."""
 
 
@@ -39,10 +41,12 @@ class Phases(NamedTuple):
     matrix: np.ndarray  # (F, N, N)
     leave: np.ndarray  # (F, 2 n, N)
     enter: np.ndarray  # (F, N, 2 n + 2 G)
+    to_modes: np.ndarray  # (F, 2 n, N)
+    from_modes: np.ndarray  # (F, N, 2 n + 2 G)
     gap: np.ndarray  # (F, m, N)
     rate: np.ndarray  # (F, m, N)
     acceleration: np.ndarray  # (F, m, N)
-    push: np.ndarray  # (F, m, N), of phase 0
+    push: np.ndarray  # (F, m, N)
     side: np.ndarray  # (F, m)
     bound: np.ndarray  # (F, m)
     first: np.ndarray  # (F, R, N)
@@ -74,6 +78,7 @@ class Scratch(NamedTuple):
     table: np.ndarray  # (LEVELS, 2 n + D + S + 2) orders of the series of chattering
     values: np.ndarray  # (2 n + D + S + 2,)
     before: np.ndarray  # (2 n,) state just before an event
+    kept: np.ndarray  # (N,) state of the phase in which an impact happens
     peak: np.ndarray  # (PEAK_ROWS, 1, N)
     edge: np.ndarray  # (2, 1)
     work: np.ndarray  # of `impact.work_array`

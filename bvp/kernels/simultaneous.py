@@ -10,7 +10,7 @@ from numba import int64
 from bvp.kernels.compiled import kernel
 from bvp.kernels.impact import NEAR, gauge, rounding_level
 
-__all__ = ["at_their_bounds", "clash", "interacts", "low"]
+__all__ = ["at_their_bounds", "clash", "interacts", "low", "sunk"]
 
 INTERACTION_LEVEL = 1e-13
 """c_i M^-1 c_j below this fraction of the sizes it is summed from is rounding."""
@@ -44,6 +44,17 @@ def at_their_bounds(phases, c, z):
             else:
                 moving |= int64(1) << k
     return still, moving
+
+
+@kernel
+def sunk(phases, bits, z):
+    """True where rounding has carried a contact of `bits` a good part of the tolerance beyond its bound, at the state z of phase 0."""
+    for k in range(phases.side.shape[1]):
+        if (bits >> k) & 1 != 0:
+            d, _, _, tolerance = gauge(phases.gap[0], phases.rate[0], phases.acceleration[0], phases.side[0], phases.bound[0], k, z)
+            if d < -0.25 * tolerance:
+                return True
+    return False
 
 
 @kernel

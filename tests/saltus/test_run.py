@@ -338,13 +338,13 @@ def test_a_motion_that_ends_beyond_a_stop_is_not_told_as_its_start(capsys, monke
     import bvp.run
 
     def carried_beyond(*arguments, **options):
-        return replace(run_damped(*arguments, **options), status=MotionStatus.OUTSIDE)
+        return replace(run_damped(*arguments, **options), status=MotionStatus.PIERCED)
 
     monkeypatch.setattr(bvp.run, "run", carried_beyond)
     code, out, err = run(capsys, "run", "--impulse", "1", *DAMPED, "--duration", "5", "--json", "-")
     record = json.loads(out)
     assert code == 1 and not err.startswith("saltus:")
-    assert record["ended"]["reason"] == "OUTSIDE" and record["duration"] == 5.0
+    assert record["ended"]["reason"] == "PIERCED" and record["duration"] == 5.0 and "the start lies" not in record["ended"]["text"]
 
 
 WRONG = [

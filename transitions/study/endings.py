@@ -21,6 +21,7 @@ class Ending(Enum):
     UNDECIDED = (6, MotionStatus.UNDECIDED.value)
     EXHAUSTED = (7, MotionStatus.EXHAUSTED.value)
     NO_ORBIT = (8, "the starting family has no orbit at this energy; choose energies at which it has")
+    PIERCED = (9, MotionStatus.PIERCED.value)
 
     def __init__(self, code: int, text: str) -> None:
         self.code = code

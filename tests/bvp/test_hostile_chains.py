@@ -1,0 +1,165 @@
+"""Chains that do what they can to keep a run from its end: translations without limit, stops that say the same, bodies that lie still.
+
+Oracles: closed forms, a copy of the system that stands where the other one drifts, the balance of energies, the bounds of the gaps."""
+
+import math
+
+import numpy as np
+import pytest
+
+from bvp.checks import InvalidSystem
+from bvp.damped import Mover
+from bvp.forcing import Constant, Harmonic
+from bvp.kernels import phase as places
+from bvp.motion import MotionStatus
+from bvp.run import run
+from bvp.same_stops import repeated_contacts
+from bvp.system import ImpactSystem, Stop
+from tests.bvp.twins import chain
+
+
+def turnover(motion):
+    return motion.initial_energy + abs(motion.work) + motion.totals[:-1].sum()
+
+
+def free_pair(masses=(0.3, 0.7), spring=2.0, restitution=0.4):
+    """Two bodies on one spring that nothing holds in place, closer than 1/5 never."""
+    stiffness = spring * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return ImpactSystem(np.diag(masses), np.zeros((2, 2)), stiffness, (Stop((-1.0, 1.0), lower=-0.2, restitution=restitution),))
+
+
+def relative(masses=(0.3, 0.7), spring=2.0, restitution=0.4):
+    """The distance of the two alone, with their reduced mass."""
+    reduced = 1.0 / (1.0 / masses[0] + 1.0 / masses[1])
+    return ImpactSystem([[reduced]], [[0.0]], [[spring]], (Stop((1.0,), lower=-0.2, restitution=restitution),))
+
+
+@pytest.mark.parametrize("push", [0.0, 1e2, 1e6])
+@pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
+def test_what_a_chain_does_inside_does_not_depend_on_how_far_it_has_gone(push, restitution):
+    """Displacements of 1e8 at the end: stick, release, chatter and impacts as of the distance alone, and the centre of mass as a body."""
+    masses = 0.3, 0.7
+    wave = 0.8
+    both = run(
+        free_pair(restitution=restitution), [0.0, 0.0], [0.5, -1.0], 20.0,
+        forces=[Constant([0.3 * push, 0.7 * push]), Harmonic(1.1, cosine=[-wave, wave])],
+    )  # fmt: skip
+    alone = run(relative(restitution=restitution), [0.0], [-1.5], 20.0, forces=Harmonic(1.1, cosine=[wave]))
+    assert both.status is alone.status is MotionStatus.DURATION_REACHED
+    assert alone.impacts > 5 and [s.held for s in both.stretches] == [s.held for s in alone.stretches]
+    hits, others = (m.stop_events.times[m.stop_events.speeds > 1e-3] for m in (both, alone))
+    np.testing.assert_allclose(hits, others, rtol=1e-9)  # slower ones can be summed earlier or later
+    centre = np.array(masses) @ both.final[:2]
+    assert centre == pytest.approx(0.5 * push * 400.0 + 20.0 * (0.3 * 0.5 - 0.7), rel=1e-12)
+    assert abs(both.balance) <= 1e-12 * turnover(both)
+
+
+def test_the_gaps_of_a_free_chain_have_nothing_of_its_translation():
+    """The rows of the gaps, of the forces of held contacts too, are 0 at the translation, exactly."""
+    stiffness = np.array([[2.9, -2.9, 0.0], [-2.9, 4.8, -1.9], [0.0, -1.9, 1.9]])
+    stops = (Stop((-1.0, 0.0, 1.0), lower=-0.05, restitution=0.38), Stop((-1.0, 1.0, 0.0), upper=0.1, restitution=0.0))
+    system = ImpactSystem(np.diag([0.24, 0.89, 0.045]), np.zeros((3, 3)), stiffness, stops)
+    mover = Mover(system, Constant([1.38, 2.13, 0.22]))
+    for held in (1, 2, 3):
+        mover.table.add(held)
+    for phase in mover.table.phases:
+        moved = phase.from_modes[:, :3] @ (system.modes.shapes.T @ system.mass @ np.ones(3))
+        rigid = np.abs(moved) > 1e-6
+        assert rigid.sum() == 1 and np.all(phase.gap[:, rigid] == 0.0) and np.all(phase.rate @ phase.matrix[:, rigid] == 0.0)
+
+
+def test_a_translation_is_not_damped_by_a_damper_that_turns_with_it():
+    """Two pairs of bodies, each held together: the damper stands between a pair and does nothing, so the rate of the translation is 0."""
+    system = chain([5.952, 0.155, 8.165, 0.071], [2.42, 2.70, 2.83], stops=(
+        Stop((0.0, 0.0, -1.0, 1.0), upper=0.2, restitution=0.95), Stop((-2.0, 2.0, 0.0, 0.0), lower=-0.2, restitution=0.5),
+    ))  # fmt: skip
+    damping = np.zeros((4, 4))
+    damping[:2, :2] = 0.51 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    system = ImpactSystem(system.mass, damping, system.stiffness, system.stops)
+    mover = Mover(system)
+    mover.table.add(3)
+    phase = mover.table.phases[-1]
+    assert np.abs(phase.gap).max() < 100.0 and np.all(phase.mean == 0.0)
+
+
+def test_a_body_that_lies_on_its_stop_unpressed_lets_the_rest_move():
+    """A body without load, put to rest on its stop by an impact without restitution, beside an oscillator: u = sin t for all the time."""
+    stops = (Stop((0.0, 1.0), upper=0.05, restitution=0.0), Stop((1.0, 0.0), upper=2.0))
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 0.0]), stops)
+    motion = run(system, [0.0, 0.0], [1.0, 0.3], 100.0)
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 1
+    np.testing.assert_allclose(motion.final, [math.sin(100.0), 0.05, math.cos(100.0), 0.0], atol=1e-12)
+
+
+def test_a_crossing_within_the_tolerance_of_another_impact_is_not_passed_over():
+    """Two balls, one of them known no better than 1e-12 for it oscillates about a distant place: none is ever below the ground by more than
+    its tolerance, though they bounce within 1e-8 of each other's time."""
+    stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.95), Stop((0.0, 1.0), lower=0.0, restitution=0.5))
+    system = ImpactSystem(np.array([[1.0, 0.4], [0.4, 1.0]]), np.zeros((2, 2)), np.diag([0.01, 0.02]), stops)
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        start = random.uniform(0.01, 0.1, 2)
+        motion = run(system, start, [0.0, 0.0], 6.0, forces=Constant([-3.0, -5.0]))
+        assert motion.status is MotionStatus.DURATION_REACHED
+        u, _ = motion.sample(np.linspace(0.0, 6.0, 4000))
+        assert u.min() > -1e-11 and abs(motion.balance) <= 1e-12 * turnover(motion)
+
+
+def test_a_light_ball_between_a_wall_and_a_heavy_body_that_comes_is_stopped_with_it():
+    """Inelastic collapse at one instant: impact after impact without time passing. Both bodies end at rest at the wall."""
+    stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.07), Stop((-1.0, 1.0), lower=0.0, restitution=0.17))
+    system = ImpactSystem(np.diag([0.038, 8.8]), np.zeros((2, 2)), np.zeros((2, 2)), stops)
+    motion = run(system, [0.0, 0.2], [0.0, -0.8], 20.0, forces=Constant([-0.1, -1.0]))
+    assert motion.status is MotionStatus.DURATION_REACHED
+    np.testing.assert_allclose(motion.final, 0.0, atol=1e-9)
+    assert abs(motion.balance) <= 1e-12 * turnover(motion)
+
+
+def test_an_end_that_makes_no_way_is_counted():
+    """By construction: events to which time passes, but less than a radian of the fastest motion in thousands of them, end the run."""
+    mover = Mover(free_pair(), Constant([1.0, -1.0]))
+    counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
+    from bvp.kernels.motion import PATIENCE, impatient
+
+    phases = mover.table.stacked
+    events = 0
+    while not impatient(phases, 0, False, 1e-9, counts, clock):
+        clock[places.TIME] += 1e-9
+        events += 1
+    assert events == PATIENCE * (2 + phases.side.shape[1])
+
+
+def two_names(first, second, *, factor=-2.0):
+    """One gap with two stops at its upper bound."""
+    stops = (Stop((1.0, 0.0), -0.3, 0.1, restitution=first), Stop((factor, 0.0), lower=factor * 0.1, restitution=second))
+    return ImpactSystem(np.eye(2), np.zeros((2, 2)), np.array([[2.0, -1.0], [-1.0, 1.0]]), stops)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.95, 1.0])
+def test_a_stop_with_two_names_is_hit_once(restitution):
+    """Oracle: the same system without the second name."""
+    twice = two_names(restitution, restitution)
+    once = ImpactSystem(twice.mass, twice.damping, twice.stiffness, twice.stops[:1])
+    assert repeated_contacts(twice.stops) == {2}
+    results = [run(system, [0.0, 0.0], [1.0, -0.5], 30.0, forces=Constant([0.4, 0.1])) for system in (twice, once)]
+    assert all(motion.status is MotionStatus.DURATION_REACHED for motion in results)
+    assert results[0].impacts == results[1].impacts > 0
+    np.testing.assert_array_equal(results[0].final, results[1].final)
+
+
+def test_two_restitutions_at_one_place_are_refused():
+    words = "stops a and b end the same gap at the same place, 0.1 of stop a, with restitutions 0.5 and 0.7"
+    with pytest.raises(InvalidSystem, match=words):
+        two_names(0.5, 0.7)
+    assert two_names(0.5, 0.7, factor=1.0).stops[1].lower == 0.1  # the other way: a different obstacle
+
+
+def test_resting_contacts_that_depend_on_each_other_take_a_blow():
+    """A body in a corner of three stops whose rows depend on each other, struck by another one: momentum along the free direction is kept,
+    and no speed is left towards a stop."""
+    rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0))
+    stops = (*(Stop(row, lower=0.0, restitution=0.0) for row in rows), Stop((-1.0, 0.0, 1.0), lower=0.0, restitution=0.5))
+    system = ImpactSystem(np.diag([1.0, 2.0, 0.5]), np.zeros((3, 3)), np.zeros((3, 3)), stops)
+    motion = run(system, [0.0, 0.0, 0.5], [0.0, 0.0, -1.0], 5.0, forces=Constant([-1.0, -1.0, 0.0]))
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 1
+    np.testing.assert_allclose(motion.final, [0.0, 0.0, 0.5 * 4.5, 0.0, 0.0, 0.5], atol=1e-13)
