@@ -63,7 +63,7 @@ def one_worker_is_this_process(monkeypatch):
     plain = executors.open_executor
 
     def opened(workers, dask=None):
-        return plain(workers, dask) if workers > 1 or dask is not None else contextlib.nullcontext((Serial(), 1))
+        return contextlib.nullcontext((Serial(), 1)) if workers == 1 and dask is None else plain(workers, dask)
 
     monkeypatch.setattr(executors, "open_executor", opened)
 
