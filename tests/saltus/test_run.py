@@ -260,6 +260,13 @@ def test_the_building(capsys):
         assert record["peaks"]["displacements"][name]["rms"] < locked["peaks"]["displacements"][name]["rms"]
 
 
+def test_modes_of_more_coordinates_are_in_the_picture(capsys, tmp_path):
+    """Oracle: the names of the modes of the shipped building that reach a stop and are within the panel's frequencies and energies."""
+    words = ("--scene", "three_storey_building", "--duration", "6", "--plot", tmp_path / "building.svg")
+    assert run(capsys, "run", *words)[0] == 0
+    assert 'id="families-L1"' in (tmp_path / "building.svg").read_text()
+
+
 def test_the_table_tells_what_the_record_has(capsys):
     """Oracle: the record of the same run."""
     words = ("--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
@@ -290,6 +297,16 @@ def test_captures_and_escapes_are_told(capsys):
     _, out, _ = run(capsys, "run", *words)
     for change in record["changes"]:
         assert f"{change['kind']:<8}  {change['time']:>9.5g}  harmonic {change['harmonic']} of {change['label']}" in out.splitlines()
+
+
+def test_without_a_catalogue_free_motion_is_on_a_linear_mode(capsys, tmp_path):
+    """Oracle: below h = 0.05 nothing impacts, so that only modes are left to follow. The picture has both, by their names."""
+    words = ("--impulsive", "--energy", "0.04", *DAMPED, "--duration", "300")
+    record = told(capsys, *words)
+    assert not record["impacts"] and {stage["follows"]["label"] for stage in record["stages"]} == {"L11-"}
+    assert run(capsys, "run", *words, "--plot", tmp_path / "modes.svg")[0] == 0
+    picture = (tmp_path / "modes.svg").read_text()
+    assert all(f'id="families-{name}"' in picture for name in ("L11+", "L11-"))
 
 
 def test_no_marks_no_shares(capsys, tmp_path):
