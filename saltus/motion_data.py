@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,6 +58,7 @@ def motion_record(told: Told, scene: Scene, start: Start, units: Units, locked: 
         "energy_balance_error": motion.balance_error,
         "energy_balance_of_turnover": abs(motion.balance) / motion.turnover if motion.turnover > 0.0 else 0.0,
         "stages": None if told.stages is None else [_in_units(stage, units) for stage in stages_as_data(told.stages)],
+        "changes": None if told.stages is None else _changes(told, units),
         "stages_note": told.why_no_stages or None,
         "locked": None if locked is None else {"peaks": _peaks(locked, units), "energy_balance_error": locked.motion.balance_error},
     }
@@ -167,6 +169,13 @@ def _force(force: Force) -> dict[str, Any]:
         cosine, sine = (np.asarray(part).tolist() for part in (force.cosine, force.sine))
         return {"kind": "harmonic", "frequency": force.frequency, "cosine": cosine, "sine": sine}
     return {"kind": "record", "load": force.load.tolist(), "times": force.times.tolist(), "values": force.values.tolist()}
+
+
+def _changes(told: Told, units: Units) -> list[dict[str, Any]]:
+    """The captures and escapes between the stages."""
+    from transitions.stage import changes
+
+    return [{**asdict(change), "time": change.time * units.time} for change in changes(told.stages or ())]
 
 
 def _in_units(stage: dict[str, Any], units: Units) -> dict[str, Any]:

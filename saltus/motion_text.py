@@ -113,3 +113,7 @@ def _stage_lines(told: Told, record: dict[str, Any]) -> Iterator[str]:
         shares = f"{data['dissipated_nes'] / scale:>8.3%}  {data['dissipated_lo'] / scale:>8.3%}"
         head = f"{k:<5}  {data['start']:>9.5g}  {data['end']:>9.5g}  {data['periods']:>7.1f}  {data['frequency']:>9.5g}"
         yield f"{head}  {span:>19}  {shares}  {stage.text}"
+    if record["changes"]:
+        yield f"{'change':<8}  {'at':>9}"
+    for change in record["changes"]:
+        yield f"{change['kind']:<8}  {change['time']:>9.5g}  harmonic {change['harmonic']} of {change['label'] or change['family']}"

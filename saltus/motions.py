@@ -164,19 +164,20 @@ def _told(
 def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | None) -> Told:
     """The same with its record and stages, where they can be told.
 
-    The families are those of the catalogue; else the one that the motion starts on, and the linear modes."""
-    from transitions.families import families_of, relative
+    The families are those of the catalogue; else the one that the motion starts on, where it starts on one; and the linear modes."""
+    from transitions.families import families_of, modes_of, relative
     from transitions.sampled import sampled, samples_of
     from transitions.spectrum import TooCoarse
     from transitions.stages import stages_of
     from transitions.transition import Transition
 
     gap = relative(scene.system)
-    families = None
     if catalogue is not None:
         families = families_of(catalogue, gap)
     elif start.branch is not None:
         families = families_of([start.branch], gap)
+    else:
+        families = modes_of(scene.underlying.system)
     span = told.motion.duration
     wanted = samples_of(told.motion, span)
     samples = min(MOST_SAMPLES, wanted)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
-__all__ = ["NEAR", "Families", "Family", "Meeting", "families_of", "harmonics"]
+__all__ = ["NEAR", "Families", "Family", "Meeting", "families_of", "harmonics", "modes_of"]
 
 NEAR = 0.05
 """Octaves within which a ridge is at a harmonic."""
@@ -217,6 +217,11 @@ def families_of(source: Catalogue | Iterable[Branch], gap: Sequence[float] | Non
     if len(gap) != system.degrees_of_freedom:
         raise ValueError(f"the gap coordinate has {len(gap)} entries; the families have {system.degrees_of_freedom} coordinates")
     return Families((*_modes(system), *members), tuple(float(x) for x in gap))
+
+
+def modes_of(system: ImpactSystem) -> Families:
+    """The linear modes of a conservative system alone, told by `relative` of it."""
+    return Families(_modes(system), relative(system))
 
 
 def relative(system: ImpactSystem) -> tuple[float, ...]:

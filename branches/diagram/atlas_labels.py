@@ -237,7 +237,15 @@ def _reach(item: _Candidate, place: Place) -> float:
 
 
 def written(label: str) -> str:
-    """The label as it is written in a picture: short, in mathematics."""
+    """The label as it is written in a picture: short, in mathematics; L1, L2, ... of the modes of any system upright.
+
+    Examples
+    --------
+    >>> print(written("S13O00+"), written("L3"))
+    $\\mathrm{S13}^{+}$ $\\mathrm{L3}$
+    """
     from branches.labels import latex, parse
 
+    if label.startswith("L") and label[1:].isdecimal() and label[1:] != "11":
+        return rf"$\mathrm{{{label}}}$"
     return latex(parse(label), short=True)

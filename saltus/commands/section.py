@@ -244,7 +244,7 @@ def _remarks(view: SectionView, why: str | None) -> list[str]:
     if view.marks:
         kinds = Counter(mark.kind for mark in view.marks)
         told = ", ".join(f"{kinds[kind]} {kind}" for kind in ("elliptic", "hyperbolic", "undecided") if kinds[kind])
-        lines.append(f"marked {len(view.marks)} periodic orbits ({told}), {sum(len(mark.points) for mark in view.marks)} points")
+        lines.append(f"found  {len(view.marks)} periodic orbits ({told}), {sum(len(mark.points) for mark in view.marks)} points")
     if view.rotations is not None:
         for k, centre in enumerate(view.rotations.centres):
             numbers = view.rotations.numbers[view.rotations.about == k]

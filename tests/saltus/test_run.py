@@ -260,6 +260,13 @@ def test_the_building(capsys):
         assert record["peaks"]["displacements"][name]["rms"] < locked["peaks"]["displacements"][name]["rms"]
 
 
+def test_modes_of_more_coordinates_are_in_the_picture(capsys, tmp_path):
+    """Oracle: the names of the modes of the shipped building that reach a stop and are within the panel's frequencies and energies."""
+    words = ("--scene", "three_storey_building", "--duration", "6", "--plot", tmp_path / "building.svg")
+    assert run(capsys, "run", *words)[0] == 0
+    assert 'id="families-L1"' in (tmp_path / "building.svg").read_text()
+
+
 def test_the_table_tells_what_the_record_has(capsys):
     """Oracle: the record of the same run."""
     words = ("--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
@@ -270,9 +277,36 @@ def test_the_table_tells_what_the_record_has(capsys):
     assert lines[0].startswith("model  damped -> ") and any("restitution below 1" in line for line in lines[:3])
     assert f"impacts  {len(record['impacts'])}, the last at {record['last_impact']:.10g}" in out
     assert f"NES {record['shares']['nes']:.4%}  LO {record['shares']['lo']:.4%}" in out
-    assert sum(line.endswith(("follows no family",)) or "harmonic" in line for line in lines) == len(record["stages"])
+    stages = [line for line in lines if line.endswith("follows no family") or ("harmonic" in line and line[0].isdigit())]
+    assert len(stages) == len(record["stages"])
     assert f"{record['at']['50']['time']:.10g}" in out
     assert "and " + str(len(record["impacts"]) - 12) + " more" in out
+
+
+def test_captures_and_escapes_are_told(capsys):
+    """Oracle: the stages: what follows a family begins with its capture and, where another stage comes, ends with its escape, in the units
+    of the stages; at the end of the run nothing is left. The table has a line for each."""
+    words = ("--on", "S13O00+", "--energy", "1", *DAMPED, "--duration", "250", "--natural-frequency", "2")
+    record = told(capsys, *words)
+    stages = [stage for stage in record["stages"] if stage["follows"] is not None]
+    assert {stage["follows"]["label"] for stage in stages} == {"S13O00+", "L11+"}
+    entries = [(stage["follows"]["label"], "capture", stage["start"]) for stage in stages]
+    entries += [(stage["follows"]["label"], "escape", stage["end"]) for stage in stages if stage != record["stages"][-1]]
+    assert sorted((c["label"], c["kind"], c["time"]) for c in record["changes"]) == sorted(entries)
+    assert [c["time"] for c in record["changes"]] == sorted(c["time"] for c in record["changes"])
+    _, out, _ = run(capsys, "run", *words)
+    for change in record["changes"]:
+        assert f"{change['kind']:<8}  {change['time']:>9.5g}  harmonic {change['harmonic']} of {change['label']}" in out.splitlines()
+
+
+def test_without_a_catalogue_free_motion_is_on_a_linear_mode(capsys, tmp_path):
+    """Oracle: below h = 0.05 nothing impacts, so that only modes are left to follow. The picture has both, by their names."""
+    words = ("--impulsive", "--energy", "0.04", *DAMPED, "--duration", "300")
+    record = told(capsys, *words)
+    assert not record["impacts"] and {stage["follows"]["label"] for stage in record["stages"]} == {"L11-"}
+    assert run(capsys, "run", *words, "--plot", tmp_path / "modes.svg")[0] == 0
+    picture = (tmp_path / "modes.svg").read_text()
+    assert all(f'id="families-{name}"' in picture for name in ("L11+", "L11-"))
 
 
 def test_no_marks_no_shares(capsys, tmp_path):
@@ -281,7 +315,8 @@ def test_no_marks_no_shares(capsys, tmp_path):
     path.write_text(SCENE.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""))
     code, out, err = run(capsys, "run", "--scene", path, "--state", "0,0,0,0,2,0", "--duration", "10", "--samples", "2", "--json", "-")
     record = json.loads(out)
-    assert code == 0 and record["stages"] is None and "no coordinate is marked as NES" in record["stages_note"]
+    assert code == 0 and record["stages"] is None and record["changes"] is None
+    assert "no coordinate is marked as NES" in record["stages_note"]
     assert record["samples"]["nes_energy"] == [None, None] and record["shares"]["nes"] > 0.0
     assert "stages   not told" in err
 

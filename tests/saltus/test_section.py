@@ -54,7 +54,7 @@ def test_the_table_and_all_files_say_the_same(tmp_path, families):
         assert set(arrays["label"][marked]) == {"S13O00+", "S11O00-"}
         assert dict(zip(arrays["label"][marked], arrays["stable"][marked], strict=True)) == {"S13O00+": 0, "S11O00-": 1}
         assert json.loads(str(arrays["about"]))["system"]["mu"] == 0.1
-    assert "marked 2 periodic orbits (1 elliptic, 1 hyperbolic), 2 points" in out
+    assert "found  2 periodic orbits (1 elliptic, 1 hyperbolic), 2 points" in out
     assert {mark["label"]: mark["kind"] for mark in section["marks"]} == {"S13O00+": "hyperbolic", "S11O00-": "elliptic"}
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 

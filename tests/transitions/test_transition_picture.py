@@ -66,9 +66,18 @@ def test_the_stages_are_told_and_marked(drawn):
     assert letters == [chr(65 + i) for i in range(len(words))]
 
 
-def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn):
-    """Oracle: the renderer's own boxes of all texts that are drawn."""
-    _, _, figure = drawn
+@pytest.mark.parametrize("long", [False, True])
+def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn, long):
+    """Oracle: the renderer's own boxes of all texts that are drawn, also where stages follow families with long ids."""
+    transition, atlas, figure = drawn
+    if long:
+        followed = next(stage.follows for stage in transition.stages if stage.follows is not None)
+        name = replace(followed, label="", family="stop+-stop+:-+-+-+-:9bba7e7f", harmonic=8, harmonics=(3, 7, 8), others=("another",))
+        stages = [replace(stage, follows=name) for stage in transition.stages]
+        panels = [figure.axes[k].get_position().height * figure.get_figheight() for k in range(5)]
+        figure = transition_figure(transition.with_stages(stages), atlas)
+        figure.draw_without_rendering()
+        assert [figure.axes[k].get_position().height * figure.get_figheight() for k in range(5)] == pytest.approx(panels, rel=0.05)
     figure.draw_without_rendering()
     renderer = figure.canvas.get_renderer()
     whole = figure.bbox

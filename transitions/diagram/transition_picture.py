@@ -296,7 +296,13 @@ def _below(figure: Figure, stages: Sequence[Stage], caption: str) -> None:
     if texts or caption:
         entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
         title: dict[str, Any] = {"title": textwrap.fill(caption, _CAPTION), "title_fontsize": SMALL} if caption else {}
-        figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, handlelength=0.0, handletextpad=0.0, **title)
+        look: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "handlelength": 0.0, "handletextpad": 0.0, **title}
+        two = figure.legend(handles=entries, ncols=2, **look).get_window_extent()
+        if two.width > figure.bbox.width:
+            # One column is longer: the panels keep their room.
+            figure.legends[0].remove()
+            longer = figure.legend(handles=entries, ncols=1, **look).get_window_extent().height - two.height
+            figure.set_figheight(figure.get_figheight() + longer / figure.dpi)
 
 
 def _stabilities(axes: Axes, atlas: Atlas | None) -> None:
