@@ -163,3 +163,13 @@ def test_resting_contacts_that_depend_on_each_other_take_a_blow():
     motion = run(system, [0.0, 0.0, 0.5], [0.0, 0.0, -1.0], 5.0, forces=Constant([-1.0, -1.0, 0.0]))
     assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 1
     np.testing.assert_allclose(motion.final, [0.0, 0.0, 0.5 * 4.5, 0.0, 0.0, 0.5], atol=1e-13)
+
+
+def test_many_long_drifts_have_the_energy_of_each_alone():
+    """Bodies 1e6 away, whose stiff springs turn the rounding of so long a way into energy where it is taken from (u, v)."""
+    system = chain([0.24, 0.89, 0.45], [2.9e4, 1.9e4], stops=(Stop((-1.0, 0.0, 1.0), lower=-0.2, restitution=0.4),))
+    mover = Mover(system, Constant([1.38e3, 2.13e3, 0.22e3]))
+    batch = mover.run_many([[0.0, 0.0, 0.0, 0.5, -1.0, 0.3]], 30.0)
+    alone = mover.run([0.0, 0.0, 0.0], [0.5, -1.0, 0.3], 30.0)
+    assert batch.final[0, 0] > 1e6 and abs(batch.energy[0] - alone.energy) <= 1e-15 * alone.energy
+    assert abs(batch.balance[0]) <= 1e-13 * turnover(alone)
