@@ -173,3 +173,15 @@ def test_many_long_drifts_have_the_energy_of_each_alone():
     alone = mover.run([0.0, 0.0, 0.0], [0.5, -1.0, 0.3], 30.0)
     assert batch.final[0, 0] > 1e6 and abs(batch.energy[0] - alone.energy) <= 1e-15 * alone.energy
     assert abs(batch.balance[0]) <= 1e-13 * turnover(alone)
+
+
+@pytest.mark.parametrize("damper", [1e4, 1e7])
+def test_a_flight_that_overflows_is_told(damper, duration=30.0):
+    """Rates as far apart as c^2/k in one block with a load: what is told is finite, and says that it is not the whole."""
+    stiffness = np.array([[0.06, -0.02], [-0.02, 0.02]])
+    system = ImpactSystem(np.eye(2), damper * np.eye(2), stiffness, (Stop((1.0, 0.0), upper=50.0),))
+    mover = Mover(system, Constant([0.2, -0.3]))
+    motion, batch = mover.run([0.0, 0.0], [0.5, -0.3], duration), mover.run_many([[0.0, 0.0, 0.5, -0.3]], duration)
+    assert motion.status is batch.status[0] is MotionStatus.EXHAUSTED and motion.duration < duration
+    assert np.all(np.isfinite(motion.final)) and np.all(np.isfinite(batch.final)) and abs(motion.balance) <= 1e-12 * turnover(motion)
+    assert mover.run([0.0, 0.0], [0.5, -0.3], 100.0 / damper).status is MotionStatus.DURATION_REACHED
