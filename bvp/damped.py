@@ -131,11 +131,6 @@ class Mover:
         )
         last = np.pad(z, (0, size - len(z)))
         final = phases.leave[counts[places.PHASE]] @ last
-        energy, modes = system.energy(final[:n], final[n:]), system.modes
-        if np.any(modes.squares == 0.0):
-            # The square of a long translation would cancel in it.
-            modal = phases.to_modes[counts[places.PHASE]] @ last
-            energy = 0.5 * float(modal[n:] @ modal[n:] + (modes.squares * modal[:n]) @ modal[:n])
         return Motion(
             system=system,
             forcing=self.forcing,
@@ -157,7 +152,7 @@ class Mover:
             held_time=float(clock[places.HELD_TIME]),
             switch_error=float(clock[places.SWITCH_ERROR]),
             initial_energy=initial,
-            energy=energy,
+            energy=float(self._energies(final[None], (phases.to_modes[counts[places.PHASE]] @ last)[None])[0]),
             marks=tuple(
                 Mark(float(fraction), *_mark(marked[k], self.parts) if k < counts[places.MARK] else (None, {}))
                 for k, fraction in enumerate(fractions)
@@ -169,6 +164,13 @@ class Mover:
             phases=phases,
         )
 
+    def _energies(self, final: np.ndarray, modal: np.ndarray) -> np.ndarray:
+        """Energies of states (b, 2n), (u, v) and as modal coordinates: from these where there is a free translation, whose square would
+        cancel in the energy of a long one."""
+        n, squares = self.system.degrees_of_freedom, self.system.modes.squares
+        if not np.any(squares == 0.0):
+            return np.atleast_1d(self.system.energy(final[:, :n], final[:, n:]))
+        return 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
 
     def _checked(self, duration: Any, max_impacts: Any, marks: Sequence[float]) -> np.ndarray:
         """The marks, ascending, where all three are as they should be; ValueError else."""
@@ -215,13 +217,14 @@ class Mover:
         summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
         counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
         turns, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
+        modal = np.zeros_like(starts)
         x, peaks, first = np.zeros(2 * n + 2 * len(self.forcing.loads)), np.zeros(n if with_peaks else 0), 0
         while True:
             phases = self.table.stacked
             size = phases.matrix.shape[1]
             reason, first = many(
                 phases, starts, float(duration), int(max_impacts), first, fractions, np.zeros(size), x, counts, clock, turns, sums,
-                np.zeros((len(fractions), parts + 3)), peaks, self.log(0), self.scratch(np.zeros(2 * n)), summary,
+                np.zeros((len(fractions), parts + 3)), peaks, self.log(0), self.scratch(np.zeros(2 * n)), summary, modal,
             )  # fmt: skip
             if reason != kernels.NEW_PHASE:
                 break
@@ -235,7 +238,7 @@ class Mover:
             clear_from=summary[:, 5],
             held_time=summary[:, 6],
             initial_energy=summary[:, 7],
-            energy=np.atleast_1d(system.energy(starts[:, :n], starts[:, n:])),
+            energy=self._energies(starts, modal),
             totals=summary[:, 9 : 10 + parts],
             marks=summary[:, 10 + parts : -n].reshape(len(starts), len(fractions), parts + 2),
             peaks=summary[:, -n:] if with_peaks else None,

@@ -164,9 +164,9 @@ def comes_to_rest(phases, still, moving, c, z, table):
 @kernel
 def settle(phases, stay, part, z, table):
     """Stop the speeds across the contacts of the bits of `stay`, and those towards the stop of the bits of `part`, at the state z of phase
-    0. Returns the energy lost; -1 where rounding does not decide which are stopped."""
+    0. Returns (True, the energy lost); (False, 0) where rounding does not decide which are stopped."""
     if pivot(phases, stay | part, part, phases.rate[0], -1, 1.0, z, table) < 0:
-        return -1.0
+        return False, 0.0
     loss = 0.0
     for k in range(table.shape[0]):
         before = dot(phases.rate[0], k, z)
@@ -175,4 +175,4 @@ def settle(phases, stay, part, z, table):
             after -= table[j, table.shape[0]] * dot(phases.rate[0], k, phases.push[0, j])
         loss += 0.5 * phases.contact_mass[k] * table[k, table.shape[0]] * (before + after)
     push_off(phases, z, table)
-    return max(loss, 0.0)
+    return True, max(loss, 0.0)

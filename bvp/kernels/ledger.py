@@ -1,5 +1,7 @@
 """Where the energy of a motion goes: compensated sums of the integrals over its flights and of the losses of its impacts."""
 
+import math
+
 from bvp.kernels.bounds import dot
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import flow_state
@@ -131,7 +133,8 @@ def mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, work, o
 
 @part
 def fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
-    """Carry z, the clock, the sums and the peaks over a flight; False where the search for the peaks gave up."""
+    """Carry z, the clock, the sums and the peaks over a flight; False where the search for the peaks gave up, and where a block of rates
+    so far apart overflows, all but the peaks as they were."""
     if flight == 0.0:
         return True
     work = scratch.work
@@ -141,13 +144,16 @@ def fly(phases, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch)
         blocks = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
         if not peak_flight(*blocks, phases.leave[f], z, flight, peaks, scratch.peak, scratch.edge, work):
             return False
+    flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], z, flight, work[0])
+    for r in range(z.shape[0]):
+        if not abs(work[0, r]) < math.inf:
+            return False
     total = damped(phases, f, z, flight, integral_work, out) if phases.part.shape[0] else 0.0
     if total > 0.0 and counts[MARK] < marks.shape[0] and passes_mark(phases, total, counts, clock, sums, marks):
         mark_flight(phases, f, z, flight, total, counts, clock, sums, marks, integral_work, out)
         damped(phases, f, z, flight, integral_work, out)
     for k in range(phases.part.shape[0]):
         add(sums, phases.part[k], out[k])
-    flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], z, flight, work[0])
     for r in range(z.shape[0]):
         z[r] = work[0, r]
     advance_clock(phases, clock, turns, flight)

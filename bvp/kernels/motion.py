@@ -88,8 +88,8 @@ def strike(phases, still, moving, c, counts, clock, sums, marks, z, scratch):
     if moving:
         stay, part, span = comes_to_rest(phases, still, moving, c, z, scratch.impulses)
         if stay:
-            loss = settle(phases, stay, part, z, scratch.impulses)
-            if loss < 0.0:
+            decided, loss = settle(phases, stay, part, z, scratch.impulses)
+            if not decided:
                 return int64(-1), False
             count_impact(phases, c, speed, loss, counts, clock, sums, marks)
             clock[SWITCH_ERROR] = max(clock[SWITCH_ERROR], span)

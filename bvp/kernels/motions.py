@@ -26,8 +26,9 @@ __all__ = ["many", "raise_peaks", "sample", "spent", "states_after"]
 
 
 @kernel
-def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, peaks, log, scratch, summary):
-    """Motions from starts (B, 2 n), the `first`-th and on, without a record of events; starts become final states.
+def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, peaks, log, scratch, summary, modal):
+    """Motions from starts (B, 2 n), the `first`-th and on, without a record of events; starts become final states, modal (B, 2 n) their
+    modal coordinates.
 
     Row of summary (B, 9 + (D + S + 1) + Q (D + S + 2) + n): reason, time reached, impacts, touches, last impact (NaN: none), clear
     from (NaN: not proven), time held, initial energy (given), 0, sums, each mark's time (NaN: not reached) and
@@ -64,6 +65,7 @@ def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, 
         times_matrix(phases.leave[counts[PHASE]], z, x)
         for k in range(width):
             starts[b, k] = x[k]
+        times_matrix(phases.to_modes[counts[PHASE]], z, modal[b])
         for k in range(parts):
             row[9 + k] = sums[k, 0] + sums[k, 1]
         at = 9 + parts

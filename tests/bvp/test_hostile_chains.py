@@ -163,3 +163,25 @@ def test_resting_contacts_that_depend_on_each_other_take_a_blow():
     motion = run(system, [0.0, 0.0, 0.5], [0.0, 0.0, -1.0], 5.0, forces=Constant([-1.0, -1.0, 0.0]))
     assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 1
     np.testing.assert_allclose(motion.final, [0.0, 0.0, 0.5 * 4.5, 0.0, 0.0, 0.5], atol=1e-13)
+
+
+def test_many_long_drifts_have_the_energy_of_each_alone():
+    """Bodies 1e6 away, whose stiff springs turn the rounding of so long a way into energy where it is taken from (u, v)."""
+    system = chain([0.24, 0.89, 0.45], [2.9e4, 1.9e4], stops=(Stop((-1.0, 0.0, 1.0), lower=-0.2, restitution=0.4),))
+    mover = Mover(system, Constant([1.38e3, 2.13e3, 0.22e3]))
+    batch = mover.run_many([[0.0, 0.0, 0.0, 0.5, -1.0, 0.3]], 30.0)
+    alone = mover.run([0.0, 0.0, 0.0], [0.5, -1.0, 0.3], 30.0)
+    assert batch.final[0, 0] > 1e6 and abs(batch.energy[0] - alone.energy) <= 1e-15 * alone.energy
+    assert abs(batch.balance[0]) <= 1e-13 * turnover(alone)
+
+
+@pytest.mark.parametrize("damper", [1e4, 1e7])
+def test_a_flight_that_overflows_is_told(damper, duration=30.0):
+    """Rates as far apart as c^2/k in one block with a load: what is told is finite, and says that it is not the whole."""
+    stiffness = np.array([[0.06, -0.02], [-0.02, 0.02]])
+    system = ImpactSystem(np.eye(2), damper * np.eye(2), stiffness, (Stop((1.0, 0.0), upper=50.0),))
+    mover = Mover(system, Constant([0.2, -0.3]))
+    motion, batch = mover.run([0.0, 0.0], [0.5, -0.3], duration), mover.run_many([[0.0, 0.0, 0.5, -0.3]], duration)
+    assert motion.status is batch.status[0] is MotionStatus.EXHAUSTED and motion.duration < duration
+    assert np.all(np.isfinite(motion.final)) and np.all(np.isfinite(batch.final)) and abs(motion.balance) <= 1e-12 * turnover(motion)
+    assert mover.run([0.0, 0.0], [0.5, -0.3], 100.0 / damper).status is MotionStatus.DURATION_REACHED
