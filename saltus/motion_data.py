@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus.motion_modes import modes_record
 from saltus.units import Units
 
 if TYPE_CHECKING:
@@ -16,13 +17,16 @@ if TYPE_CHECKING:
     from saltus.motion_start import Start
     from saltus.motions import Told
     from saltus.scene import Scene
+    from transitions.empirical import Modes
 
 __all__ = ["impact_table", "json_text", "motion_record", "sample_table"]
 
 SCHEMA = 1
 
 
-def motion_record(told: Told, scene: Scene, start: Start, units: Units, locked: Told | None = None) -> dict[str, Any]:
+def motion_record(
+    told: Told, scene: Scene, start: Start, units: Units, locked: Told | None = None, modes: Modes | None = None
+) -> dict[str, Any]:
     """The motion as JSON has it."""
     from transitions.stage import stages_as_data
 
@@ -60,6 +64,7 @@ def motion_record(told: Told, scene: Scene, start: Start, units: Units, locked: 
         "stages": None if told.stages is None else [_in_units(stage, units) for stage in stages_as_data(told.stages)],
         "changes": None if told.stages is None else _changes(told, units),
         "stages_note": told.why_no_stages or None,
+        "empirical": modes_record(modes, units),
         "locked": None if locked is None else {"peaks": _peaks(locked, units), "energy_balance_error": locked.motion.balance_error},
     }
 

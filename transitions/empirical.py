@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Modes", "NotInstalled", "decompose", "orthogonality_index"]
+__all__ = ["Modes", "NotInstalled", "decompose", "orthogonality_index", "sifting"]
 
 
 class NotInstalled(ImportError):
@@ -50,6 +50,22 @@ class Modes:
         return np.sum(self.frequencies * self.amplitudes**2, axis=1) / np.sum(self.amplitudes**2, axis=1)
 
 
+def sifting() -> Any:
+    """The sifting of EMD-signal.
+
+    Raises
+    ------
+    NotInstalled
+        Where it is missing.
+    """
+    try:
+        from PyEMD import EMD
+    except ImportError as error:
+        message = 'empirical mode decomposition needs the package EMD-signal, which is not installed; expected: pip install "saltus[emd]"'
+        raise NotInstalled(message) from error
+    return EMD()
+
+
 def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None) -> Modes:
     """Decompose a signal into intrinsic mode functions.
 
@@ -76,11 +92,6 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
     -----
     Huang, Shen, Long, Wu, Shih, Zheng, Yen, Tung, Liu, Proc. R. Soc. Lond. A 454 (1998) 903.
     """
-    try:
-        from PyEMD import EMD
-    except ImportError as error:
-        message = 'empirical mode decomposition needs the package EMD-signal, which is not installed; expected: pip install "saltus[emd]"'
-        raise NotInstalled(message) from error
     from scipy.signal import hilbert
 
     from transitions.spectrum import checked
@@ -90,9 +101,9 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
         raise ValueError(f"most is a whole number of 1 or more; received {most!r}")
     # EMD-signal stops at absolute ranges and sums, fit for signals of size 1.
     size = float(np.ptp(signal)) or 1.0
-    sifting = EMD()
-    sifting.emd(signal / size, times - times[0], max_imf=-1 if most is None else most)
-    functions, _ = sifting.get_imfs_and_residue()
+    sifter = sifting()
+    sifter.emd(signal / size, times - times[0], max_imf=-1 if most is None else most)
+    functions, _ = sifter.get_imfs_and_residue()
     functions = size * np.asarray(functions, dtype=float).reshape(-1, len(times))
     residue = signal - functions.sum(axis=0)
     analytic = hilbert(functions, axis=1) if len(functions) else np.zeros((0, len(times)), dtype=complex)

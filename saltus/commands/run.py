@@ -24,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, default=MOST_IMPACTS, help="end there (default: ten million)")
     parser.add_argument("--samples", metavar="N", type=whole_above_zero, help=f"times in the time series of the files (default: {SAMPLES})")
     parser.add_argument("--locked", action="store_true", help="run the system with its sink locked too, and compare peaks and mean squares")
+    parser.add_argument("--emd", action="store_true", help="tell the empirical modes of the relative displacement (EMD-signal)")
     catalogue_arguments.add_file(parser, "tell the families that stages follow from this catalogue; --on is taken from it, too")
     outputs.add_arguments(parser, arrays=True)
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text under the panels of the picture")
@@ -42,6 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from saltus.first_run import prepare_motion
     from saltus.motion_data import impact_table, json_text, motion_record, sample_table
+    from saltus.motion_modes import mode_lines, mode_table, modes_of_motion, require_sifting
     from saltus.motion_picture import draw
     from saltus.motion_text import comparison, describe
     from saltus.motions import default_duration, run_locked, run_scene, tell_stages
@@ -49,6 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     duration = arguments.duration if arguments.duration is not None else default_duration(scene)
     if duration is None:
         raise BadInput("how long? expected --duration T: the scene has no record that would tell")
+    if arguments.emd:
+        require_sifting()
     if arguments.model:
         from saltus.model import explain_motion
 
@@ -61,9 +65,13 @@ def run(arguments: argparse.Namespace) -> int:
         locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
         told = tell_stages(told, scene, start, catalogue)
     scale = units.from_arguments(arguments)
-    record = motion_record(told, scene, start, scale, locked)
+    modes = modes_of_motion(told) if arguments.emd else None
+    record = motion_record(told, scene, start, scale, locked, modes)
     for line in describe(told, start, record, scale):
         print(line, file=files.words)
+    if arguments.emd:
+        for line in mode_lines(record):
+            print(line, file=files.words)
     if locked is not None:
         for line in comparison(record):
             print(line, file=files.words)
@@ -79,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         return csv_text(sample_table(told, samples, scale))
 
     def arrays(kind: str, file: IO[bytes]) -> None:
-        table = {**sample_table(told, samples, scale), **impact_table(told, scale)}
+        table = {**sample_table(told, samples, scale), **impact_table(told, scale), **mode_table(modes, scale)}
         about = {key: value for key, value in record.items() if key not in ("impacts", "forces")}
         write_binary(table, kind, file, about=json.dumps(about, allow_nan=False))
 
