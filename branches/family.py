@@ -42,6 +42,8 @@ SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, ta
 _I = RESULT_INDEX
 _BRANCHING = 1
 _SINGULAR = 1e-4
+"""Smallest pivot, relative to its column, below which signs are rounding: the error of a tangent is rounding over its square."""
+
 _SHORT = 1e-3
 
 _GRAZING = (
@@ -52,9 +54,15 @@ _GRAZING = (
 """The three ways of grazing: the test function, the word that tells the way's notes, and what describes it."""
 
 
-def multiplication(p: int, q: int) -> float:
+def multiplication(p: int, q: int) -> tuple[float]:
     """Trace 2 cos(2 pi p/q) of the full-period map at a q-tupling."""
-    return 2.0 * math.cos(2.0 * math.pi * p / q)
+    return (2.0 * math.cos(2.0 * math.pi * p / q),)
+
+
+def half_multiplication(p: int, q: int) -> tuple[float, float]:
+    """Traces +-2 cos(pi p/q) of the half map composed with u -> -u at a q-tupling: the full period's trace is their square less 2."""
+    level = 2.0 * math.cos(math.pi * p / q)
+    return level, -level
 
 
 def label_at(problem: MultipointProblem, result: Any) -> Label | None:
@@ -109,7 +117,7 @@ class Family:
         self.energy = energy
         tests = [
             Test("SN", "crossing", False, "fold in the energy", True),
-            Test("BP", "crossing", False, "branch point", True, ("SN",)),
+            Test("BP", "crossing", False, "branch point", True, ("SN", "SB"), _SINGULAR),
             *(test for test, _, _ in _GRAZING),
             Test("EP", "guard", True, "lowest energy asked for"),
             Test("EP", "guard", True, "highest energy asked for"),
@@ -141,14 +149,18 @@ class Family:
             tests += [Test("PD", "crossing", False, "period doubling")]
         if not self._planar and not problem.periodic:
             tests += [Test("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
+        # Of a quarter the trace of the half map is followed: that of the full period passes a level twice where the former passes zero.
+        levels = half_multiplication if problem.quarters == 1 else multiplication
+        self._resonant = [(p, q, level) for p, q in RESONANCES for level in levels(p, q)]
         if self._planar:
-            tests += [Test("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q in RESONANCES]
+            tests += [Test("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q, _ in self._resonant]
         self._tests = tuple(tests)
         self._low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
         self._high = math.log(energy[1]) if energy[1] < math.inf else math.inf
         self._longest = math.log(quarter_period) if quarter_period < math.inf else math.inf
-        self._targets = [multiplication(p, q) for p, q in RESONANCES]
+        self._targets = [level for _, _, level in self._resonant]
         self._kinds = np.array(kinds_of(self._tests))
+        self._singular = np.array([test.singular for test in self._tests])
         self._bounds = np.array([self._low, self._high, self._longest])
         self._aims = np.array(self._targets)
         self._unknown = np.full(problem.size + 2, math.nan)
@@ -165,6 +177,12 @@ class Family:
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
         """See `continuation.Problem`; the tangent carries its curvature behind it, (2 u,)."""
         return self._step(self.problem.step(y, tangent, ds))
+
+    def step_near(self, y: np.ndarray, tangent: np.ndarray, ds: float, guess: np.ndarray) -> Step:
+        """See `continuation.Problem`."""
+        along = tangent[: y.size]
+        # the prediction is y + ds (tangent + ds/2 curvature)
+        return self.step(y, np.concatenate([along, 2.0 * (guess - y - ds * along) / (ds * ds)]), ds)
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:
@@ -186,8 +204,8 @@ class Family:
         return self._march if self._planar else None
 
     def _march(
-        self, step: Step, tests: list[float], older: list[float], before: float, ds: float, goal: Any, direction: Any, room: int,
-        control: Control,
+        self, step: Step, tests: list[float], older: list[float], oldest: list[float], before: float, first: float, ds: float, goal: Any,
+        direction: Any, room: int, control: Control,
     ) -> Marched:  # fmt: skip
         problem = self.problem
         rows = room + 1
@@ -202,9 +220,9 @@ class Family:
             np.empty((rows, 2)),
         )
         count, tried, ds = problem.compiled(
-            march, control, self._kinds, self._bounds, self._aims, step.y, step.tangent, np.array(step.position), np.array(tests),
-            np.array(older), np.asarray(goal), self._unknown if direction is None else direction, before, ds, np.empty((5, size + 2)),
-            np.empty(len(self._tests)), block, full=self._full,
+            march, control, self._kinds, self._singular, self._bounds, self._aims, step.y, step.tangent, np.array(step.position), np.array(tests),
+            np.array(older), np.array(oldest), np.asarray(goal), self._unknown if direction is None else direction, before, first, ds,
+            np.empty((5, size + 2)), block, full=self._full,
         )  # fmt: skip
         if 2 * (count + tried) < rows:  # let no short piece keep a whole block
             block = Block(*(array[: count + tried].copy() for array in block))
@@ -226,16 +244,17 @@ class Family:
         if not np.isfinite(phi).all():
             return [math.nan] * (5 if self._kind == "quarter" else 4)
         level = NOISE * float(np.max(np.abs(phi)))
+        speeds = float(solution["speeds"])  # see `branches.markers.planar_tests`
         out = []
         for block in (b, a, d):
             singular = np.linalg.svd(block, compute_uv=False)
-            out.append(float(np.linalg.det(block)) if singular[-1] > level else math.nan)
+            out.append(speeds * float(np.linalg.det(block)) if singular[-1] > level else math.nan)
         product = b.T @ c
         if self._kind == "quarter":
-            out.append(float(np.linalg.det(product + 0.5 * np.eye(m))))
+            out.append(speeds**2 * float(np.linalg.det(product + 0.5 * np.eye(m))))
         nu = np.linalg.eigvals(product)
         first, second = np.triu_indices(m, 1)
-        out.append(float(np.prod((nu[first] - nu[second]) ** 2).real))
+        out.append(speeds ** (4 * (m - 1)) * float(np.prod((nu[first] - nu[second]) ** 2).real))
         return out
 
     def residual(self, y: np.ndarray) -> np.ndarray:
@@ -270,16 +289,13 @@ class Family:
             return None
         data: dict[str, Any] = {"stop": None, "p_q": None, "breaks": None, "note": test.label}
         code = test.code
-        if code in ("SN", "SB") and (self._meets_branch_point(before, at, after) or self._is_flat(index, before, after, location)):
-            return None
         if code == "GR":
             describe = next(describe for way, _, describe in _GRAZING if way == test)
             data.update(describe(self.problem, solution))
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
         elif code == "RT":
-            p, q = RESONANCES[index - (len(self._tests) - len(RESONANCES))]
-            data["p_q"] = [p, q]
+            data["p_q"] = list(self._resonant[index - len(self._tests)][:2])
         elif code == "LB":
             data["sides"] = self._side(location.low.extra), self._side(location.high.extra)
             if data["sides"][0] == data["sides"][1]:
@@ -289,34 +305,6 @@ class Family:
         counted: Solution = self._just_before(before, location) if code in ("GR", "IO") else location.low.extra
         data["label"], data["half_waves"] = self._side(counted)
         return EventDetails(code, test.terminal, data)
-
-    def _meets_branch_point(self, before: Point, at: Step, after: Point) -> bool:
-        """Whether a fold or symmetry breaking is nothing but a branch point. Families that leave a multiple turn of an orbit
-        have their least energy or tau = 2 there; the equations are singular, so the zeros are found apart by the square root
-        of rounding."""
-        first, here, last = (float(step.tests[_BRANCHING]) for step in (before, at, after))
-        return first * last < 0.0 and abs(here) * after.step_size < _SINGULAR * abs(last - first)
-
-    def _is_flat(self, index: int, before: Point, after: Point, location: Location) -> bool:
-        """Whether a symmetry breaking is the zero of higher order that a test function has at a branch point in the same step.
-
-        A family that crosses q turns of an orbit there is a distance A from it, and its half map's entry grows with A^(q - 2) (Arnold's
-        normal form): for q = 5 rounding shifts its change of sign far from A = 0. Over the longer side it grows by 2^(q - 2) as the
-        distance doubles, and not by 2 as from a zero of its own."""
-        if self._tests[index].code != "SB":
-            return False
-        first, last = (float(point.step.tests[_BRANCHING]) for point in (before, after))
-        if not first * last < 0.0:
-            return False
-        size = after.step_size
-        place = size * first / (first - last)
-        ahead = size - place > place
-        far = size - place if ahead else -place
-        middle = self.step(before.y, before.tangent, place + 0.5 * far)
-        if abs(location.s - place) > 0.1 * abs(far) or not middle.converged:
-            return False
-        ends = after.step if ahead else before.step
-        return abs(float(ends.tests[index])) > 4.0 * abs(float(middle.tests[index]))
 
     def _just_before(self, before: Point, location: Location) -> Solution:
         """The orbit a little before an event. At grazing itself a turning point meets an impact, at an impulsive orbit a velocity

@@ -29,6 +29,7 @@ from bvp.kernels.result import (
     SECOND_QUARTER,
     SLOPE,
     SPEED,
+    SPEEDS,
     TRACE,
     WAVES_ABSORBER,
     WAVES_PRIMARY,
@@ -73,7 +74,11 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> No
 
 def planar_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
     """The entries of `out` after the common ones, n = 2: the entries of the half map (see `bvp.kernels.halfmap`), each bifurcation a plain
-    zero of one, then the distances of the full period's trace from the `targets`. `quarters`: quarter periods solved."""
+    zero of one, then the distances from the `targets` of a trace: of a quarter that of the half map (tau_half), else that of the full
+    period (tau). `quarters`: quarter periods solved.
+
+    The linearised impacts are rank-one terms over the impact's speed, so an entry times the product of all speeds is smooth at a grazing,
+    where the entry itself grows without bound. Traces contain each impact of a segment with a reversal twice."""
     a = result[HALF_A]
     b = result[HALF_B]
     c = result[HALF_C]
@@ -90,19 +95,21 @@ def planar_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
         b = math.nan
     if abs(d) < noise:
         d = math.nan
+    speeds = result[SPEEDS]
     if quarters == 4:
         tau = result[TRACE]
-        out[11] = tau + 2.0
+        weight = speeds
+        out[11] = weight * (tau + 2.0)
         at = 12
     else:
         tau = 2.0 + 4.0 * product
-        out[11] = b
-        out[12] = a
-        out[13] = d
+        weight = speeds * speeds
+        out[11] = speeds * b
+        out[12] = speeds * a
+        out[13] = speeds * d
         at = 14
         if quarters == 1:
-            out[14] = tau
-            tau = tau * tau - 2.0
+            out[14] = weight * tau
             at = 15
     for i in range(len(targets)):
-        out[at + i] = tau - targets[i]
+        out[at + i] = weight * (tau - targets[i])

@@ -1,7 +1,7 @@
 """Step control and the watch on the test functions, once: the engine calls these functions as they stand, and a problem that marches
 in compiled code compiles the very same ones.
 
-So each is a pure function of numbers and sequences (lists, tuples or arrays alike), uses nothing but `math`, and calls no other.
+Each is a pure function of numbers and sequences (lists, tuples or arrays alike). It uses nothing but `math` and its arguments.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ __all__ = [
     "distance",
     "height",
     "kinds_of",
+    "may_hide",
     "next_step",
     "refusal",
     "watch",
@@ -56,7 +57,6 @@ class Control(NamedTuple):
     easy: float
     shortest: float
     longest: float
-    dip_ratio: float
 
 
 def control_of(settings: Settings) -> Control:
@@ -70,7 +70,6 @@ def control_of(settings: Settings) -> Control:
         1.0 / settings.maximum_growth**2,
         float(settings.minimum_step),
         float(settings.maximum_step),
-        float(settings.dip_ratio),
     )
 
 
@@ -139,44 +138,51 @@ def next_step(ds: Any, turn: Any, contraction: Any, control: Any) -> Any:
     return min(max(ds, control.shortest), control.longest)
 
 
-def watch(kinds: Any, older: Any, old: Any, new: Any, before: Any, last: Any, dip_ratio: Any, places: Any) -> int:
-    """Look for events in the test functions at the last three points, `before` and `last` being the arclengths between these.
+def may_hide(a: Any, b: Any, length: Any, bend: Any, beside: Any) -> bool:
+    """Whether a function can pass zero twice inside an interval at whose ends it has the values a and b of one sign.
 
-    Each entry of `places` becomes nan: nothing; inf: an event for certain; else the place (0..1) in the last interval of the extremum of
-    the parabola through the three values, where that dips towards zero. `older` is nan where there are two points only. Returns how many
-    test functions ask for a look.
+    bend, beside: its second divided differences over the interval and one neighbouring point, and next to these. The function is
+    replaced by the parabola through both ends with the larger bend towards zero, increased by the difference of the two: the error of the
+    interpolant. That parabola c (x - p)(q - x) reaches zero where c length^2 = (sqrt(a) + sqrt(b))^2.
     """
-    count = 0
+    if a < 0.0:
+        a, b, bend, beside = -a, -b, -bend, -beside
+    bulge = (max(bend, beside) + abs(bend - beside)) * length * length
+    if bulge <= a + b:
+        return False
+    return bulge > a + b + 2.0 * math.sqrt(a * b)
+
+
+def watch(kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: Any, new: Any, first: Any, before: Any, last: Any) -> bool:
+    """Whether a step has to be searched for events, from the test functions at the last four points.
+
+    singular: `Test.singular` of each. hides: `may_hide`. first, before, last: the arclengths between the points. Where there are fewer
+    points, `oldest` or `older` is nan. Then the step is searched, because the bends of its test functions are not known.
+    """
     for i in range(len(kinds)):
         a = old[i]
         b = new[i]
-        place = math.nan
-        falling = False
-        if kinds[i] == _CROSSING:
-            if (a > 0.0) != (b > 0.0):
-                if a == a and b == b:
-                    place = math.inf
-            else:
-                falling = (a < older[i]) == (a > 0.0)  # in size
-        elif kinds[i] == _CHANGE:
-            if a != b and a == a and b == b:
-                place = math.inf
-        elif b <= 0.0:
-            if a > 0.0 or (a == a and kinds[i] == _TERMINAL_GUARD):
-                place = math.inf
-        else:
-            falling = 0.0 < a < older[i]
-        if falling and a != 0.0 and before > 0.0:
-            rise_before = (a - older[i]) / before
-            rise_last = (b - a) / last
-            curvature = (rise_last - rise_before) / (before + last)
-            slope_end = rise_last + last * curvature
-            slope = rise_before + before * curvature
-            if (slope_end > 0.0) == (a > 0.0) and slope * slope_end < 0.0 and curvature != 0.0:
-                extremum = a - slope * slope / (4.0 * curvature)
-                if extremum / a < dip_ratio * min(1.0, b / a):
-                    place = -slope / (2.0 * curvature) / last
-        places[i] = place
-        if place == place:
-            count += 1
-    return count
+        if a != a or b != b:
+            continue
+        if kinds[i] == _CHANGE:
+            if a != b:
+                return True
+            continue
+        if (a > 0.0) != (b > 0.0):
+            if kinds[i] == _CROSSING or a > 0.0:
+                return True
+            continue
+        if kinds[i] != _CROSSING and not a > 0.0:
+            if kinds[i] == _TERMINAL_GUARD:
+                return True
+            continue
+        if oldest[i] != oldest[i] or older[i] != older[i]:
+            return True
+        if abs(b) < singular[i] and abs(b) < 0.1 * abs(a):
+            return True
+        rise = (a - older[i]) / before
+        bend = ((b - a) / last - rise) / (before + last)
+        beside = (rise - (older[i] - oldest[i]) / first) / (first + before)
+        if hides(a, b, last, bend, beside):
+            return True
+    return False

@@ -105,7 +105,7 @@ def follow(
     orientation of a bordered determinant without passing its zero. The next step grows or shrinks so that the turn and the
     contraction come to their targets, for both go with the square of the step.
 
-    An event within `Settings.coincidence_tolerance` of the start is that of the start, and not reported here
+    An event within `Settings.location_tolerance` of the start is that of the start, and not reported here
     (`continuation.trace`, which sees both sides, reports it); a guard is reported there too.
 
     Examples
@@ -161,6 +161,7 @@ def walk(
     finder = EventFinder(problem, settings)
     scan = finder.scan
     tolerance = settings.coincidence_tolerance
+    exact = settings.location_tolerance
     control = control_of(settings)
     shortest = settings.minimum_step
     accepted = not_converged = slow = turned = jumped = 0
@@ -174,8 +175,8 @@ def walk(
     position: Any = first.position
     origin: Any = position if goal is None else goal[0].position
     values: list[float] = _floats(first.tests)
-    older: list[float] | None = None
-    length_old = 0.0
+    older = oldest = finder.undefined
+    length_old = length_older = 0.0
     ds = settings.initial_step
     closure = None if goal is None else Closure(problem, settings, *goal)
     trial: Step | None = None  # the step of length ds where it was tried already
@@ -188,7 +189,7 @@ def walk(
         if trial is None and march is not None:
             room = min(allowance.points, BLOCK)
             way = None if closure is None else closure.direction
-            marched = march(step, values, finder.undefined if older is None else older, length_old, ds, origin, way, room, control)
+            marched = march(step, values, older, oldest, length_old, length_older, ds, origin, way, room, control)
             ds, trial = marched.ds, marched.trial
             steps = marched.steps
             count = len(steps)
@@ -214,8 +215,10 @@ def walk(
                             return
                 point = plain[-1]
                 step = point.step
-                older, values = (steps[-2].tests if count > 1 else values), step.tests  # type: ignore[assignment]
-                arclength, length_old = point.arclength, float(marched.lengths[-1])
+                for k in range(max(0, count - 3), count):
+                    oldest, older, values = older, values, steps[k].tests  # type: ignore[assignment]
+                    length_older, length_old = length_old, float(marched.lengths[k])
+                arclength = point.arclength
                 position = step.position
                 continue
         cause = ""
@@ -253,17 +256,20 @@ def walk(
             tests = new.tests
             if type(tests) is not list:
                 tests = _floats(tests)
-            suspects = scan(older, values, tests, length_old, length)
-            if suspects:
+            if scan(oldest, older, values, tests, length_older, length_old, length):
+                history = [(-length_old - length_older, oldest), (-length_old, older)]
                 try:
-                    found = finder.find(suspects, point, Point(index + 1, arclength + length, new, ds), ds)
+                    found = finder.find(history, point, Point(index + 1, arclength + length, new, ds), ds)
                 except StepRefused as refused:
                     jumped += 1
                     cause = f"{refused} (inside a step of {ds:.3g})"
                 else:
                     if not closed and ds > 4 * max(tolerance, shortest):
-                        if any(ds - event.location.s <= tolerance and not event.details.terminal for event in found):
-                            ds *= 0.75  # an accepted point on an event would have test functions of undecided sign
+                        # an accepted point on an event, or beside a branch point, would have test functions of undecided sign
+                        if finder.is_near_branch_point(values, tests) or any(
+                            ds - event.location.s <= tolerance and not event.details.terminal for event in found
+                        ):
+                            ds *= 0.75
                             continue
         if cause:
             ds *= 0.5
@@ -280,7 +286,7 @@ def walk(
         for event in found:
             s = arclength_between(position, event.location.step)
             guard = problem.tests[event.index].kind == "guard"
-            if not guard and (arclength + s <= tolerance or (closed and length - s <= tolerance)):
+            if not guard and (arclength + s <= exact or (closed and length - s <= exact)):
                 continue  # at the start
             while allowance.points <= 0:
                 yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
@@ -323,7 +329,8 @@ def walk(
             closure = Closure(problem, settings, first, np.asarray(new.position) - np.asarray(first.position))
         step = new
         position = new.position
-        older, values, length_old = values, tests, length
+        oldest, older, values = older, values, tests
+        length_older, length_old = length_old, length
         ds = next_step(ds, new.turn, new.contraction, control)
 
 

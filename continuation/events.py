@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
-from continuation.control import arclength_of, distance, kinds_of, watch
-from continuation.location import JUMP_RATIO, Location, Locator, StepRefused
+from continuation.control import arclength_of, distance, kinds_of, may_hide, watch
+from continuation.location import Location, Locator, StepRefused
 from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
+from continuation.resolution import PART, History, Resolution
 from continuation.settings import Settings
 
-_PROBES = 4  # looks at a predicted extremum in search of two zeros
+_ROUNDING = 1e-12  # part of its largest value in a step up to which a test function is rounding
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
@@ -32,22 +34,12 @@ class Found:
     absorbed: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Suspect:
-    """A test that asks for a look; `dip`: place of a predicted extremum as a part of the step, None for a certain event."""
-
-    index: int
-    dip: float | None
-
-
 class EventFinder:
     """Finds the events of each step of a run.
 
-    Two zeros of one test function inside a step leave no change of sign. They are looked for where the parabola through the
-    values at the last three points has its extremum inside the last step and dips there below `Settings.dip_ratio` times the
-    smaller end value: a step is taken to the predicted extremum, a few times over. This finds pairs of a function that is well
-    described by a parabola over two steps; it does not find pairs in the first step, nor those of a function that varies
-    faster than the steps.
+    Each test function is sampled inside the step until no pair of its zeros can hide (see `continuation.resolution`). The points taken to
+    locate one event are samples of all test functions: their signs are compared again. What is found does not depend on how the
+    family is divided into steps.
     """
 
     def __init__(self, problem: Problem, settings: Settings) -> None:
@@ -55,27 +47,30 @@ class EventFinder:
         self._settings = settings
         self._tests: tuple[Test, ...] = tuple(problem.tests)
         self._kinds = kinds_of(self._tests)
-        self._places = [math.nan] * len(self._tests)
+        self._singular = [test.singular for test in self._tests]
         self.undefined = [math.nan] * len(self._tests)
         """Test functions of the point before the first: not known."""
         self._refine: Callable[[int, Step], Step | None] | None = getattr(problem, "refined", None)
         self._absorbing = any(test.absorbs for test in self._tests)
 
     def scan(
-        self, older: list[float] | None, old: list[float], new: list[float], length_old: float, length_new: float
-    ) -> list[Suspect]:
-        """The test functions that ask for a look, from their values at the last three points and the arclengths between these.
+        self, oldest: list[float], older: list[float], old: list[float], new: list[float], first: float, before: float, last: float
+    ) -> bool:
+        """Whether a step has to be searched, from the test functions at the last four points and the arclengths between these.
 
-        `older` is None where there are two points only.
+        `oldest` and `older` are `undefined` where there are fewer points.
         """
-        first = self.undefined if older is None else older
-        places = self._places
-        if not watch(self._kinds, first, old, new, length_old, length_new, self._settings.dip_ratio, places):
-            return []
-        return [Suspect(i, None if math.isinf(place) else place) for i, place in enumerate(places) if place == place]
+        return watch(self._kinds, self._singular, may_hide, oldest, older, old, new, first, before, last)
 
-    def find(self, suspects: list[Suspect], before: Point, after: Point, ds: float) -> list[Found]:
+    def find(self, history: History, before: Point, after: Point, ds: float) -> list[Found]:
         """The events of a step from `before` to `after` of length ds, in order, after the problem's word on each.
+
+        Parameters
+        ----------
+        history : sequence of (float, sequence of float)
+            Test functions at earlier points, see `continuation.resolution.History`.
+        before, after : Point
+        ds : float
 
         Raises
         ------
@@ -84,25 +79,105 @@ class EventFinder:
         """
         locator = Locator(self._problem, before, self._settings)
         locator.enter(ds, after.step)
-        located: list[tuple[int, Location]] = []
-        for suspect in sorted(suspects, key=lambda suspect: self._effort(suspect.index, before, after)):
-            if self._tests[suspect.index].kind == "guard" and locator.ends_with_another(suspect.index):
-                continue
-            found = self._locate(locator, suspect.index, suspect.dip, ds)
-            if not locator.has_end and any(location.kind == "jump" for location in found):
-                # Steps taken for another event may lie on another family, beside a point where the two cross.
-                alone = Locator(self._problem, before, self._settings)
-                alone.enter(ds, after.step)
-                again = self._locate(alone, suspect.index, suspect.dip, ds)
-                found = again if any(location.kind == "zero" for location in again) else found
-            located += [(suspect.index, self._refined(suspect.index, location, before, ds)) for location in found]
+        resolution = Resolution(self._tests, locator, history, self._settings)
+        order = sorted(range(len(self._tests)), key=lambda index: self._effort(index, before, after))
+        located, limit = self._guards([i for i in order if self._tests[i].kind == "guard"], locator, resolution, ds)
+        crossings = [i for i in order if self._tests[i].kind == "crossing"]
+        singular = [i for i in crossings if self._tests[i].singular]
+        located += self._zeros(singular, locator, resolution, limit, before, ds)
+        for index in singular:
+            resolution.exclude_start(index, self._tests[index])
+        located += self._zeros([i for i in crossings if i not in singular], locator, resolution, limit, before, ds)
+        for index in (i for i in order if self._tests[i].kind == "change"):
+            located += [(index, change) for change in self._changes(locator, index, limit)]
 
         def place(pair: tuple[int, Location]) -> tuple[float, float, int]:
             # Beside a branch point a shorter step can be corrected onto a point that is further along.
             index, location = pair
             return arclength_between(before.step.position, location.step), location.s, index
 
-        return self._classified(sorted(located, key=place), before, after)
+        classified = self._classified(sorted(located, key=place), before, after)
+        for zone in resolution.zones:
+            for i, event in enumerate(classified):
+                if zone.found and self._tests[event.index] is zone.test and zone.low <= event.location.s <= zone.high:
+                    classified[i] = replace(event, absorbed=(*event.absorbed, *zone.found))
+        return classified
+
+    def is_near_branch_point(self, old: Sequence[float], new: Sequence[float]) -> bool:
+        """Whether a point is so near to a branch point, seen from the one before it, that the signs of its test functions are rounding."""
+        return any(abs(b) < min(level, PART * abs(a)) for a, b, level in zip(old, new, self._singular, strict=True))
+
+    def _zeros(
+        self, tests: list[int], locator: Locator, resolution: Resolution, limit: float, before: Point, ds: float
+    ) -> list[tuple[int, Location]]:
+        """The zeros of some test functions.
+
+        The points taken to locate one can show two of another. Signs are compared until none is new."""
+        located: list[tuple[int, Location]] = []
+        done: dict[int, list[tuple[float, float]]] = {i: [] for i in tests}
+        searching = True
+        while searching:
+            searching = False
+            for index in tests:
+                test = self._tests[index]
+                for low, high in resolution.changes(index, limit):
+                    if any(first <= low and high <= last for first, last in done[index]) or resolution.absorbed(test, low, high):
+                        continue
+                    found = locator.crossing(index, low, high, size=test.singular)
+                    done[index].append(found.between)
+                    searching = True
+                    if locator.is_at_an_end(found):
+                        continue
+                    found = self._refined(index, found, before, ds)
+                    located.append((index, found))
+                    if test.singular:
+                        resolution.exclude(index, test, *done[index][-1])
+                        break
+        return [pair for pair in located if not self._touches(pair, located, locator, resolution, limit)]
+
+    def _touches(
+        self, pair: tuple[int, Location], located: list[tuple[int, Location]], locator: Locator, resolution: Resolution, limit: float
+    ) -> bool:
+        """Whether a test function only touches zero: between this zero and the next one, or around it, its values are rounding."""
+        index, location = pair
+        values = [(s, float(step.tests[index])) for s, step in locator.taken() if s <= limit and step.tests[index] == step.tests[index]]
+        noise = _ROUNDING * max(abs(value) for _, value in values)
+        zeros = sorted({other.s for i, other in located if i == index})
+        at = zeros.index(location.s)
+        around = [s for s in (*zeros[max(0, at - 1) : at], location.s, *zeros[at + 1 : at + 2])]
+        for low, high in pairwise(around) if len(around) > 1 else ((location.s, location.s),):
+            inside = [value for s, value in values if low <= s <= high]
+            if inside and max(map(abs, inside)) <= noise:
+                outside = [value > 0.0 for s, value in values if (s < low or s > high) and abs(value) > noise]
+                before = [value > 0.0 for s, value in values if s < low and abs(value) > noise]
+                after = outside[len(before) :]
+                if before and after and before[-1] is after[0]:
+                    return True
+        return False
+
+    def _guards(
+        self, guards: list[int], locator: Locator, resolution: Resolution, ds: float
+    ) -> tuple[list[tuple[int, Location]], float]:
+        """Where guards fall to zero, and the length of the step up to which the family is valid."""
+        located: list[tuple[int, Location]] = []
+        limit = ds
+        for index in guards:
+            test = self._tests[index]
+            if locator.ends_with_another(index):
+                continue
+            values = [float(step.tests[index]) for s, step in locator.taken() if s <= limit]
+            if test.terminal and values[0] <= 0.0 and values[-1] <= 0.0:
+                step = locator.step(0.0)
+                located.append((index, Location("outside", "located", 0.0, step, -values[0], step, step)))
+                limit = 0.0
+                continue
+            for low, high in resolution.changes(index, limit, guard=True):
+                found = locator.crossing(index, low, high, guard=True)
+                located.append((index, found))
+                if test.terminal:
+                    limit = found.s
+                    break
+        return located, limit
 
     def _effort(self, index: int, before: Point, after: Point) -> tuple[bool, bool, float]:
         """Order in which events of one step are located: the smooth ones first. Where several coincide (at a grazing an impact's speed has
@@ -111,30 +186,33 @@ class EventFinder:
         sizes = sorted((abs(float(before.tests[index])), abs(float(after.tests[index]))))
         return kind == "change", kind != "guard", -sizes[0] / sizes[1] if sizes[1] > 0.0 else 0.0
 
-    def at_start(self, before: Point, start: Point, after: Point, known: Collection[int]) -> list[Found]:
-        """The events on the very start of a run, where the sign of a test function is undecided.
+    def at_start(self, before: Point, start: Point, after: Point, known: Collection[Event]) -> list[Found]:
+        """The events on the very start of a run, which neither of its halves reports.
 
         Parameters
         ----------
         before, after : Point
             The accepted points on either side of `start`, all three oriented alike.
-        known : collection of int
-            Tests that have an event of their own between these: they are left alone.
+        known : collection of Event
+            The events reported between these.
         """
         step = start.step
         located: list[tuple[int, Location]] = []
         for index, test in enumerate(self._tests):
             a, b = float(before.tests[index]), float(after.tests[index])
-            if test.kind == "guard" or index in known or a != a or b != b:
+            count = sum(event.test == index for event in known)
+            absorbed = any(test.code in event.details.get("absorbed", ()) for event in known)
+            if test.kind == "guard" or a != a or b != b or absorbed:
                 continue
-            if test.kind == "change" and a != b:
+            if test.kind == "change" and a != b and not count:
                 located.append((index, Location("change", "located", 0.0, step, 0.0, step, step)))
-            elif test.kind == "crossing" and (a > 0) is not (b > 0):
+            elif test.kind == "crossing" and ((a > 0) is not (b > 0)) is not (count % 2 == 1):
                 residual = abs(float(step.tests[index]))
-                if residual <= JUMP_RATIO * max(abs(a), abs(b)):
+                residual = 0.0 if math.isnan(residual) else residual  # rounding
+                if residual <= max(abs(a), abs(b)):
                     located.append((index, Location("zero", "located", 0.0, step, residual, step, step)))
                 else:
-                    located.append((index, Location("jump", "bracketed", 0.0, step, residual, step, step)))
+                    located.append((index, Location("pole", "bracketed", 0.0, step, residual, step, step)))
         return self._classified(located, before, after)
 
     def _classified(self, located: list[tuple[int, Location]], before: Point, after: Point) -> list[Found]:
@@ -161,58 +239,20 @@ class EventFinder:
         margin = self._settings.location_tolerance
         return Location("zero", "located", s, step, abs(float(step.tests[index])), step, step, margin=margin)
 
-    def _locate(self, locator: Locator, index: int, dip: float | None, ds: float) -> list[Location]:
+    def _changes(self, locator: Locator, index: int, limit: float) -> list[Location]:
+        """The changes of a key inside a step."""
         test = self._tests[index]
-        if test.kind == "change":
-            changes = []
-            low = 0.0
-            while locator.value(index, low) != locator.value(index, ds) and not locator.changes_at_an_end(index, low, ds, key=True):
-                location, low = locator.change(index, low, ds, test.terminal)
+        changes = []
+        samples = [(s, key) for s, key in ((s, float(step.tests[index])) for s, step in locator.taken() if s <= limit) if key == key]
+        for (low, one), (high, other) in pairwise(samples):
+            while one != other:
+                location, low = locator.change(index, low, high, test.terminal)
+                one = locator.value(index, low)
                 if not locator.is_at_an_end(location):
                     changes.append(location)
                 if len(changes) > _CHANGES:
                     raise StepRefused(f"the key of {test.code} changes more than {_CHANGES} times")
-            return changes
-        places = [0.0, ds] if dip is None else self._probe(locator, index, dip, ds)
-        crossings = []
-        for low, high in zip(places, places[1:], strict=False):
-            positive_low, positive_high = locator.value(index, low) > 0, locator.value(index, high) > 0
-            if test.kind == "guard" and not positive_low and not positive_high:
-                step = locator.step(low)
-                crossings.append(Location("outside", "located", low, step, abs(locator.value(index, low)), step, step))
-            elif positive_low is not positive_high and (positive_low or test.kind == "crossing"):
-                if test.kind == "crossing" and locator.changes_at_an_end(index, low, high):
-                    continue
-                found = locator.crossing(index, low, high, guard=test.kind == "guard")
-                if test.kind == "guard" or not locator.is_at_an_end(found):
-                    crossings.append(found)
-        return crossings
-
-    def _probe(self, locator: Locator, index: int, dip: float, ds: float) -> list[float]:
-        """Places that part the step so that a sign differs between neighbours, or the ends alone if none was found."""
-        a, b = locator.value(index, 0.0), locator.value(index, ds)
-        places = [0.0, ds]
-        if ds <= self._settings.coincidence_tolerance:
-            return places
-        place = dip
-        for _ in range(_PROBES):
-            s = place * ds
-            value = locator.value(index, s)
-            if (value > 0) is not (a > 0):
-                return [0.0, s, ds]
-            rise_before, rise_last = (value - a) / s, (b - value) / (ds - s)
-            curvature = (rise_last - rise_before) / ds
-            if curvature == 0.0:
-                return places
-            lowest = s - 0.5 * (rise_before + s * curvature) / curvature  # of the parabola through the three
-            slope = rise_before + s * curvature
-            extremum = value - slope * slope / (4.0 * curvature)
-            if not 0.0 < lowest < ds or not extremum / a < self._settings.dip_ratio * min(1.0, b / a):
-                return places
-            if abs(lowest - s) < 1e-3 * ds:
-                return places
-            place = lowest / ds
-        return places
+        return changes
 
     def _absorb(self, found: list[Found]) -> list[Found]:
         dropped: set[int] = set()

@@ -81,7 +81,7 @@ class GenericProblem:
         self._iterations = maximum_iterations
         self.tests: tuple[Test, ...] = (
             Test("SN", "crossing", label="fold in the parameter", oriented=True),
-            Test("BP", "crossing", label="branch point", oriented=True, absorbs=("SN",)),
+            Test("BP", "crossing", label="branch point", oriented=True, absorbs=("SN",), singular=1e-5),
             *(test for test, _ in tests),
         )
         if second_derivative is not None:

@@ -7,18 +7,24 @@ is carried from trial to trial.
 from __future__ import annotations
 
 import math
-import operator
+from bisect import bisect
 from collections.abc import Callable, Iterator
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from continuation.problem import Point, Problem, Status, Step
 from continuation.settings import Settings
 
+if TYPE_CHECKING:
+    import numpy as np
+
 FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
 
-# A zero that is steeper than this is not told from a jump: what is left of the test function in a bracket of the location
-# tolerance, over its larger value at the ends of the step.
+# Part of its larger value at the ends that a test function may have at a zero, which is found to the location tolerance. A function that
+# has a larger part left there, and one larger than its bracket has, jumps.
 JUMP_RATIO = 0.01
+
+# So many times steeper than on average a test function may be in the last bracket.
+_STEEP = 4.0
 
 # Where in the bracket a function is tried that could be evaluated neither at the best place nor near it.
 _OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)
@@ -164,10 +170,6 @@ def _least(newest: float, other: float, tolerance: float) -> float:
     return max(0.5 * tolerance, 2 * math.ulp(max(abs(other), abs(newest)))) / abs(other - newest)
 
 
-def _signs_differ(a: float, b: float) -> bool:
-    return (a > 0.0) is not (b > 0.0)
-
-
 class Location(NamedTuple):
     """Where an event is, seen from the accepted point before it.
 
@@ -191,6 +193,8 @@ class Location(NamedTuple):
         Why it was interrupted, else empty.
     margin : float
         What the ends of the bracket lie further apart on either side: of a point that was found by other means than steps.
+    between : (float, float)
+        Lengths of the steps at the ends of the bracket.
     """
 
     kind: FoundKind
@@ -202,6 +206,7 @@ class Location(NamedTuple):
     high: Step
     reason: str = ""
     margin: float = 0.0
+    between: tuple[float, float] = (0.0, 0.0)
 
 
 class Locator:
@@ -225,6 +230,13 @@ class Locator:
         self._taken: dict[float, Step] = {0.0: before.step}
         self._ends: list[tuple[float, float]] = []
 
+    def __len__(self) -> int:
+        return len(self._taken)
+
+    def taken(self) -> list[tuple[float, Step]]:
+        """The steps known so far and their lengths, in order."""
+        return sorted(self._taken.items())
+
     def enter(self, s: float, step: Step) -> None:
         """Make a step known that was taken already."""
         self._taken[s] = step
@@ -240,13 +252,37 @@ class Locator:
         known = self._taken.get(s)
         if known is not None:
             return known
-        step = self._problem.step(self._before.y, self._before.tangent, s)
+        step = self._corrected(s)
         if not step.converged:
             raise StepRefused("a shorter step does not converge")
         if not step.turn >= self._least_turn:
             raise StepRefused(f"the tangent of a shorter step turns too far (cosine {step.turn:.3g})")
         self._taken[s] = step
         return step
+
+    def _corrected(self, s: float) -> Step:
+        """The step of length s, corrected from the cubic through the known steps on both sides of it if the problem allows it. Near a
+        branch point a prediction from afar can be nearer to the other family."""
+        before = self._before
+        near = getattr(self._problem, "step_near", None)
+        places = sorted(self._taken)
+        at = bisect(places, s)
+        if near is None or not 0 < at < len(places):
+            return self._problem.step(before.y, before.tangent, s)
+        low, high = places[at - 1], places[at]
+        width = high - low
+        part = (s - low) / width
+        (y, slope), (other, other_slope) = (self._cubic(place) for place in (low, high))
+        guess = y + part * part * (3.0 - 2.0 * part) * (other - y)
+        guess += width * part * (1.0 - part) * ((1.0 - part) * slope - part * other_slope)
+        step: Step = near(before.y, before.tangent, s, guess)
+        return step
+
+    def _cubic(self, s: float) -> tuple[np.ndarray, np.ndarray]:
+        """A known step and its derivative by the length of the step."""
+        step = self._taken[s]
+        slope = step.tangent[: step.y.size]
+        return step.y, slope / step.turn if s > 0.0 else slope
 
     def value(self, index: int, s: float) -> float:
         """Value of a test function at the step of length s; `StepRefused` where it is not defined."""
@@ -255,9 +291,10 @@ class Locator:
             raise StepRefused("the test function is not defined inside the step")
         return value
 
-    def crossing(self, index: int, low: float, high: float, *, guard: bool = False) -> Location:
+    def crossing(self, index: int, low: float, high: float, *, guard: bool = False, size: float = 0.0) -> Location:
         """The change of sign of a test function between steps of length low and high.
 
+        A value at the root above `size` that has not gone down with the bracket is a jump or a pole.
         Of a `guard` the point is the last with a value of 0 or more, to rounding: beyond it the family is not valid.
 
         Raises
@@ -265,10 +302,8 @@ class Locator:
         StepRefused
             The steps between fail, in a bracket wider than the coincidence tolerance: then the long step is not to be trusted.
         """
-        scale = max(abs(self.value(index, low)), abs(self.value(index, high)))
-        if not guard:  # what ends a family is located from its own values alone: beyond the end of another guard they mean nothing
-            low, high = self._narrowed(index, low, high, _signs_differ)
         value_low, value_high = self.value(index, low), self.value(index, high)
+        scale = max(abs(value_low), abs(value_high))
         tolerance, coincidence = self._settings.location_tolerance, self._settings.coincidence_tolerance
         found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance, coincidence)
         if found.interrupted and found.high - found.low > coincidence:
@@ -277,7 +312,7 @@ class Locator:
             found = self._within(index, found)
         residual = abs(found.value)
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
-        if residual > JUMP_RATIO * scale:
+        if residual > max(size, JUMP_RATIO * scale, _STEEP * (found.high - found.low) / (high - low) * scale):
             kind = "pole" if residual > scale else "jump"
         if guard and kind == "zero":
             self._ends.append((found.low, found.high))
@@ -286,41 +321,22 @@ class Locator:
             residual = abs(found.value)
         status: Status = "located" if kind == "zero" else "bracketed"
         ends = self.step(found.low), self.step(found.high)
-        return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted)
-
-    @property
-    def has_end(self) -> bool:
-        """Whether a guard was located: beyond it test functions may jump or grow without bound."""
-        return bool(self._ends)
+        between = found.low, found.high
+        if found.low == found.high:  # an exact zero: points on both sides of it tell the signs there
+            between = max(low, found.root - 0.5 * tolerance), min(high, found.root + 0.5 * tolerance)
+            for s in between:
+                self.step(s)
+        return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted, between=between)
 
     def ends_with_another(self, index: int) -> bool:
         """Whether a guard is violated first where another one has its zero: then that is the end, and this one tells no more of it."""
         return any(self.value(index, low) > 0.0 >= self.value(index, high) for low, high in self._ends)
-
-    def changes_at_an_end(self, index: int, low: float, high: float, *, key: bool = False) -> bool:
-        """Whether a test function changes sign, or a key its value, inside the last bracket of a guard that was located: as far as steps
-        can tell, by its pole or jump at the end."""
-        low, high = self._narrowed(index, low, high, operator.ne if key else _signs_differ)
-        return any(first <= low and high <= last for first, last in self._ends)
 
     def is_at_an_end(self, location: Location) -> bool:
         """Whether an event is as near to the zero of a guard that was located as brackets are wide: the steps on either side of it then lie
         in rounding, where a pole looks like a zero."""
         near = self._settings.location_tolerance
         return any(first - near <= location.s <= last + near for first, last in self._ends)
-
-    def _narrowed(self, index: int, low: float, high: float, differ: Callable[[float, float], bool]) -> tuple[float, float]:
-        """The first two neighbours, among the steps taken for other events, between which a test function that differs at low and high
-        does so."""
-        a = self.value(index, low)
-        for s in sorted(s for s in self._taken if low < s < high):
-            value = float(self._taken[s].tests[index])
-            if math.isnan(value):
-                continue
-            if differ(a, value):
-                return low, s
-            low, a = s, value
-        return low, high
 
     def _polished(self, index: int, found: RootBracket) -> RootBracket:
         """The root where the straight line through the ends of its bracket has its own: over so short a piece a test function bends by less
@@ -360,7 +376,6 @@ class Locator:
 
         The event's point is the first with the new key, or the last with the old key where the family ends.
         """
-        low, high = self._narrowed(index, low, high, operator.ne)
         key = self.value(index, low)
         while high - low > self._settings.location_tolerance:
             middle = 0.5 * (low + high)

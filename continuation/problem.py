@@ -42,6 +42,9 @@ class Test(NamedTuple):
     absorbs : tuple of str
         Codes of events that are this same event when they coincide with it, and are then not reported: a branch point on a
         curve that turns back there is a branch point, not a branch point and a fold.
+    singular : float
+        Of a test for branch points: the equations are so nearly singular where its value is smaller that the signs of other test functions
+        are rounding there. 0 for all others.
     """
 
     code: str
@@ -50,6 +53,7 @@ class Test(NamedTuple):
     label: str = ""
     oriented: bool = False
     absorbs: tuple[str, ...] = ()
+    singular: float = 0.0
 
 
 class Step(NamedTuple):
@@ -107,13 +111,13 @@ class Step(NamedTuple):
 class Marched(NamedTuple):
     """Plain steps that a problem took by itself, as the engine would have.
 
-    ``march(step, tests, older, before, ds, goal, direction, room, control)`` starts at `step` with its `tests`, those of the point before
-    it (`older`, nan where `step` is the first of the run) and the arclength between the two (`before`), with a first step of length `ds`.
-    It corrects, judges and measures each step with `refusal`, `arclength_of`, `watch` and `next_step` of `continuation.control`, given
-    `control`. It stops after `room` steps, or with the first step that is not plain: not converged, refused, with a test function that
-    asks for a look, or one that passes the position `goal` in the `direction` (its `height` was below zero and is not any more) to within
-    `NEAR_GOAL` chords of it. A direction of None, at the first step of a run that may come back to its start, is that from there to the
-    next point. The points must be those that the engine finds step by step.
+    ``march(step, tests, older, oldest, before, first, ds, goal, direction, room, control)`` starts at `step` with its `tests`, those of the
+    two points before it (`older`, `oldest`; nan where there are none) and the arclengths from `older` and from `oldest` to the next
+    (`before`, `first`), with a first step of length `ds`. It corrects, judges and measures each step with `refusal`, `arclength_of`,
+    `watch` and `next_step` of `continuation.control`, given `control`. It stops after `room` steps, or with the first step that is not
+    plain: not converged, refused, one that has to be searched for events, or one that passes the position `goal` in the `direction` (its
+    `height` was below zero and is not any more) to within `NEAR_GOAL` chords of it. A direction of None, at the first step of a run that
+    may come back to its start, is that from there to the next point. The points must be those that the engine finds step by step.
 
     Attributes
     ----------
@@ -270,6 +274,7 @@ class Problem(Protocol):
 
     Optional, found by name: ``march(step, tests, older, before, ds, goal, direction, room, control) -> Marched``, which takes many
     plain steps at once, for speed alone (see `Marched`); ``failure(y, tangent, ds) -> str``, words for where steps fail;
+    ``step_near(y, tangent, ds, guess) -> Step``, the step of duty 3 with its corrector started at the unknowns `guess`;
     ``refined(index, at) -> Step | None``, the event of test `index` to full accuracy, where steps bring it no nearer than the step
     `at` (whose tangent and turn it has), None where that is as near as it gets;
     ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.

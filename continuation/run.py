@@ -282,9 +282,9 @@ def _with_events_at(place: int, problem: Problem, settings: Settings, points: Po
     if before is None or after is None:
         return events
     if place == 0:
-        known = {event.test for event in events if event.index > before.index or event.index < after.index}
+        known = [event for event in events if event.index > before.index or event.index < after.index]
     else:
-        known = {event.test for event in events if before.index < event.index < after.index}
+        known = [event for event in events if before.index < event.index < after.index]
     at = points[place]
     for found in EventFinder(problem, settings).at_start(before, at, after, known):
         event = make_event(found, at.position, at.arclength, at.index)

@@ -30,7 +30,6 @@ class Settings:
     maximum_points         1000      points in total, event points and the start counted; reaching it is an end
     location_tolerance     1e-10     width in arclength of the interval in which an event is bracketed
     coincidence_tolerance  1e-6      events nearer than this may be one event; also how near the start is the start
-    dip_ratio              0.25      look for two zeros in one step where a test is predicted to dip below this part of its size
     ====================== ========= =====================================================================
 
     Raises
@@ -59,7 +58,6 @@ class Settings:
     maximum_points: int = 1000
     location_tolerance: float = 1e-10
     coincidence_tolerance: float = 1e-6
-    dip_ratio: float = 0.25
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -76,8 +74,6 @@ class Settings:
             raise SettingsError(f"maximum_contraction = {self.maximum_contraction!r}: expected a number below 1")
         if not self.maximum_growth > 1:
             raise SettingsError(f"maximum_growth = {self.maximum_growth!r}: expected a number above 1")
-        if not self.dip_ratio < 1:
-            raise SettingsError(f"dip_ratio = {self.dip_ratio!r}: expected a number below 1")
         for small, large in (
             ("minimum_step", "initial_step"),
             ("initial_step", "maximum_step"),

@@ -12,7 +12,7 @@ from branches.markers import common_tests, is_orbit, planar_tests
 from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import call_at, kernel, part
 from bvp.kernels.result import CONTRACTION, CONVERGED, SLOPE, TURN
-from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, next_step, refusal, watch
+from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
 __all__ = ["Block", "march"]
 
@@ -21,6 +21,7 @@ _height = part(height)
 _arclength_of = part(arclength_of)
 _refusal = part(refusal)
 _next_step = part(next_step)
+_may_hide = part(may_hide)
 _watch = part(watch)
 _is_orbit = part(is_orbit)
 _common_tests = part(common_tests)
@@ -41,14 +42,14 @@ class Block(NamedTuple):
 
 @kernel
 def march(
-    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, period, most, control, kinds, limits, targets,
-    first_y, first_tangent, first_position, first_tests, first_older, goal, direction, before, ds, metric, places, block,
+    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, period, most, control, kinds, singular, limits, targets,
+    first_y, first_tangent, first_position, first_tests, first_older, first_oldest, goal, direction, before, first, ds, metric, block,
 ):  # fmt: skip
     """Steps from (first_y, first_tangent) into `block`.
 
     addresses (3,): of `orbit_step`, `orbit_observe`, `orbit_stability`; 0 for the last two: the fold is the only test. limits (3,):
     bounds of the energy's logarithm, and of the quarter period's. goal, direction (N + 2,): see `continuation.problem.Marched`; nan: the
-    direction is that of the first step. metric (5, N + 2), places (tests,): scratch. Returns (accepted steps, 1 where the row after them
+    direction is that of the first step. metric (5, N + 2): scratch. Returns (accepted steps, 1 where the row after them
     holds a step that is not plain, length of the step to take next)."""
     full = addresses[1] != 0
     y = first_y
@@ -56,6 +57,7 @@ def march(
     position = first_position
     tests = first_tests
     older = first_older
+    oldest = first_oldest
     way = metric[4]
     for r in range(way.shape[0]):
         way[r] = direction[r]
@@ -97,7 +99,7 @@ def march(
         if height_old < 0.0 and height_new >= 0.0 and _distance(place, goal) <= NEAR_GOAL * chord:
             return count, 1, ds
         length = _arclength_of(chord, turn)
-        if _watch(kinds, older, tests, values, before, length, control.dip_ratio, places) > 0:
+        if _watch(kinds, singular, _may_hide, oldest, older, tests, values, first, before, length):
             return count, 1, ds
         block.lengths[count, 0] = ds
         block.lengths[count, 1] = length
@@ -106,8 +108,10 @@ def march(
             for r in range(way.shape[0]):
                 way[r] = place[r] - goal[r]
             height_new = _height(place, goal, way)
+        first = before
         before = length
         height_old = height_new
+        oldest = older
         older = tests
         tests = values
         position = place

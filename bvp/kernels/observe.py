@@ -23,6 +23,7 @@ from bvp.kernels.result import (
     SECOND_QUARTER,
     SPEED,
     SPEED_NODE,
+    SPEEDS,
     WAVES_ABSORBER,
     WAVES_PRIMARY,
 )
@@ -89,11 +90,17 @@ def observe(segment, observed, y, ends, work, result):
     elapsed = 0.0
     early = 0
     at = s
+    reach = 0.0
+    for r in range(size):
+        reach += segment.weights[r] * start[r] * start[r]
+    reach = math.sqrt(reach)
+    speeds = 1.0
     if segment.shape[3] == STOP:
         slowest = 0.0
         for r in range(size):
             slowest -= segment.side[k + 1] * segment.gap_rate[k + 1, r] * start[r]
         slowest_node = k + 1
+        speeds = slowest / reach
     half_waves = segment.shape[2] != 4 and observed.velocity.shape[0] == 2
     for i in range(k + 1):
         z = start if i == 0 else y[at - size : at]
@@ -108,6 +115,7 @@ def observe(segment, observed, y, ends, work, result):
             speed = 0.0
             for r in range(size):
                 speed += segment.side[i] * segment.gap_rate[i, r] * ends[i, r]
+            speeds *= speed / reach
             if speed < slowest:
                 slowest = speed
                 slowest_node = i
@@ -151,6 +159,7 @@ def observe(segment, observed, y, ends, work, result):
     result[CLEARANCE] = best
     result[SPEED] = slowest
     result[SPEED_NODE] = slowest_node
+    result[SPEEDS] = speeds
     result[FLIGHT] = shortest
     result[FLIGHT_INDEX] = shortest_index
     if segment.shape[2] == 1:

@@ -7,7 +7,7 @@ import pytest
 
 from continuation import Settings, follow, trace
 from continuation import Test as Marker
-from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, kinds_of, next_step, refusal, watch
+from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, kinds_of, may_hide, next_step, refusal, watch
 from continuation.problem import Marched
 from tests.continuation.curves import Eight, Line, Ring, circle, cubic, ellipse, hyperbola, parts, pitchfork
 
@@ -22,8 +22,8 @@ class Marching:
     def __getattr__(self, name):
         return getattr(self.problem, name)
 
-    def march(self, step, tests, older, before, ds, goal, direction, room, control):
-        kinds, places = kinds_of(self.problem.tests), [0.0] * len(tests)
+    def march(self, step, tests, older, oldest, before, first, ds, goal, direction, room, control):
+        kinds, singular = kinds_of(self.problem.tests), [test.singular for test in self.problem.tests]
         steps, strides, lengths, trial = [], [], [], None
         while len(steps) < room and trial is None:
             if direction is None and steps:
@@ -36,7 +36,7 @@ class Marching:
                 not new.converged
                 or refusal(new.turn, new.contraction, chord, ds, control) != ACCEPTED
                 or (passes(step, new, goal, direction) and distance(new.position, goal) <= NEAR_GOAL * chord)
-                or watch(kinds, older, tests, new.tests, before, length, control.dip_ratio, places)
+                or watch(kinds, singular, may_hide, oldest, older, tests, new.tests, first, before, length)
             ):
                 trial = new
             else:
@@ -44,7 +44,7 @@ class Marching:
                 strides.append(ds)
                 lengths.append(length)
                 ds = next_step(ds, new.turn, new.contraction, control)
-                step, older, tests, before = new, tests, new.tests, length
+                step, oldest, older, tests, first, before = new, older, tests, new.tests, before, length
         self.blocks.append(len(steps))
         return Marched(steps, np.array(strides), np.array(lengths), ds, trial)
 

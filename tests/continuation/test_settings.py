@@ -32,7 +32,6 @@ def test_refuses_values_that_are_no_positive_finite_numbers_and_names_the_field(
         ({"maximum_contraction": 1.0}, ("maximum_contraction",)),
         ({"maximum_growth": 1.0}, ("maximum_growth",)),
         ({"maximum_points": 10.5}, ("maximum_points",)),
-        ({"dip_ratio": 1.0}, ("dip_ratio",)),
     ],
 )
 def test_refuses_contradictions_and_names_all_fields_of_it(values, names):
