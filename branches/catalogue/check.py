@@ -10,6 +10,7 @@ import numpy as np
 from branches.catalogue.closures import distance, unknowns_of
 from branches.catalogue.errors import CatalogueDamaged, translated
 from branches.catalogue.rows import EDGE_COLUMNS, NODE_COLUMNS, Edge, Node
+from branches.missed import missed_events
 from branches.words import parse_word
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -162,6 +163,9 @@ def _family(branch: Branch) -> Iterator[str]:
             yield f"event {event.id} is at point {event.point}, which does not exist"
         elif event.h != branch.points["h"][event.point] or event.alpha != branch.points["alpha"][event.point]:
             yield f"event {event.id} is not at its point {event.point}"
+    if all(0 <= event.point < len(branch) for event in branch.events):
+        for found in missed_events(branch):
+            yield f"an event ({' or '.join(found.types)}) is missed {found.text}"
 
 
 def _point(branch: Branch, i: int, grazing: bool) -> Iterator[tuple[str, str]]:
