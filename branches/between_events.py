@@ -1,11 +1,13 @@
-"""Stability between events: it changes only at them, so one decided orbit between two neighbouring events decides all of the interval.
+"""Stability between events: it changes only at them, so a decided orbit between two neighbouring events decides those around it.
 
-Where rounding leaves every orbit of an interval undecided, one of them is solved in fifty digits (`bvp.many_digits`).
+Where rounding leaves many neighbouring orbits undecided, an entry of their half maps is nearly zero, and an event among them could not be
+located either. Some of these orbits are solved in fifty digits (`bvp.many_digits`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from itertools import pairwise
 from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,6 +17,10 @@ if TYPE_CHECKING:
     from bvp.multipoint import MultipointProblem
 
 __all__ = ["Barrier", "DigitWork", "decide_between", "stability_events"]
+
+
+SPACING = 4
+"""At most so many neighbouring points are decided by those around them: on a longer run of undecided points rounding can hide an event."""
 
 
 class Barrier(NamedTuple):
@@ -53,7 +59,6 @@ def decide_between(
     unknowns: Callable[[int], np.ndarray],
     points: Mapping[str, np.ndarray],
     barriers: Iterable[Barrier],
-    closed: bool = False,
 ) -> tuple[np.ndarray, DigitWork]:
     """Stability of all points of a branch between its events.
 
@@ -66,61 +71,82 @@ def decide_between(
         Columns: stable, arclength, multipliers (see `branches.branch.Branch`).
     barriers : iterable of Barrier
         The events of the branch; those that cannot change stability have no effect.
-    closed : bool
-        Whether the last point leads on to the first one.
 
     Returns
     -------
     stable : (N,) int8
-        1 stable, 0 unstable, -1 undecided: at an event, inside its bracket, where an impact grazes, in an interval whose decided orbits
-        contradict each other, and where fifty digits do not decide, as for a multiplier that is 1 along all of the family.
+        1 stable, 0 unstable, -1 undecided: at an event, inside its bracket, where an impact grazes, and in an interval in which no orbit is
+        decided in fifty digits either, as for a multiplier that is 1 along all of the family.
     work : DigitWork
 
     Notes
     -----
-    Decided orbits of one interval contradict each other where an event between them was missed: `branches.missed` reports it.
+    Between two neighbouring points of one interval that differ an event was missed: `branches.missed` reports it.
     """
     stable, arclength = points["stable"].copy(), points["arclength"]
     kinds = stability_events(problem)
     if not kinds or not np.any(stable < 0):
         return stable, DigitWork()
     events = [barrier for barrier in barriers if barrier.type in kinds]
-    # At grazing multipliers are unbounded. An interval does not go on beyond it.
     free = np.isfinite(points["multipliers"]).all(axis=1)
     for _, point, (low, high) in events:
         free[point] = False
         free &= (arclength < low) | (arclength > high)
     cuts = sorted({event.point for event in events})
+    limits = arclength[sorted({0, len(arclength) - 1, *cuts})]
     interval = np.searchsorted(cuts, np.arange(len(stable)))
-    if closed and cuts:
-        interval[interval == len(cuts)] = 0
     work = DigitWork()
+
+    def solve(i: int) -> int:
+        nonlocal work
+        began = perf_counter()
+        found = _in_digits(problem, unknowns(i), float(np.min(np.abs(arclength[i] - limits))))
+        work += DigitWork(1, perf_counter() - began)
+        return found
+
     for number in np.unique(interval[free & (stable < 0)]):
         members = np.flatnonzero(free & (interval == number))
-        known = np.unique(stable[members])
-        known = known[known >= 0]
-        if not known.size:
-            began = perf_counter()
-            decided = _decided_in_digits(problem, unknowns, arclength, members, cuts)
-            work += DigitWork(1, perf_counter() - began)
-            known = np.array([] if decided is None else [decided])
-        if known.size == 1:
-            stable[members] = known[0]
+        if np.all(stable[members] < 0):
+            apart = np.min(np.abs(arclength[members][:, None] - limits), axis=1)
+            farthest = members[np.argmax(apart)]
+            stable[farthest] = solve(int(farthest))
+        stable[members] = _filled(stable[members].tolist(), lambda k, members=members: solve(int(members[k])))  # type: ignore[misc]
     return stable, work
 
 
-def _decided_in_digits(
-    problem: MultipointProblem, unknowns: Callable[[int], np.ndarray], arclength: np.ndarray, members: np.ndarray, cuts: Sequence[int]
-) -> bool | None:
-    """Stability of that orbit of an interval that is farthest from the events and from the ends of the branch."""
+def _filled(stable: list[int], solve: Callable[[int], int]) -> list[int]:
+    """The stability of the points of an interval without an event, from that of some of them; `solve` gives it in fifty digits."""
+    out = list(stable)
+
+    def ask(first: int, last: int) -> None:
+        """Solve some of the points between two others, until those left follow from them."""
+        known = [out[k] for k in (first, last) if out[k] >= 0]
+        left = last - first - 1
+        if not left or not known or (left <= SPACING and len(set(known)) == 1):
+            return
+        middle = (first + last) // 2
+        out[middle] = solve(middle)
+        ask(first, middle)
+        ask(middle, last)
+
+    # An event that was missed next to an end of the interval is seen from there.
+    if any(value >= 0 for value in stable):
+        for end in (0, len(stable) - 1):
+            out[end] = solve(end) if stable[end] < 0 else stable[end]
+    known_or_end = [k for k, value in enumerate(out) if value >= 0 or k in (0, len(out) - 1)]
+    for first, last in pairwise(known_or_end):
+        ask(first, last)
+    known = np.array([k for k, value in enumerate(out) if value >= 0])
+    return [out[int(known[np.argmin(np.abs(known - k))])] for k in range(len(out))] if known.size else out
+
+
+def _in_digits(problem: MultipointProblem, y: np.ndarray, distance: float) -> int:
+    """Stability of an orbit in fifty digits: 1, 0, or -1 where it is not decided; `distance`: arclength to the next event."""
     from bvp.many_digits import orbit_in_digits
 
-    limits = arclength[sorted({0, len(arclength) - 1, *cuts})]
-    distance = np.min(np.abs(arclength[members][:, None] - limits), axis=1)
-    place = int(np.argmax(distance))
     try:
-        orbit = orbit_in_digits(problem, unknowns(int(members[place])))
+        orbit = orbit_in_digits(problem, y)
     except ArithmeticError:
-        return None
+        return -1
     # Beside a branch point the nearest orbit can lie beyond the event.
-    return orbit.stable if orbit.moved < distance[place] else None
+    return -1 if orbit.stable is None or not orbit.moved < distance else int(orbit.stable)

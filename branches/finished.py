@@ -133,7 +133,7 @@ def branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float])
         nonlocal work
         columns = labelled(columns)
         barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]
-        columns["stable"], work = decide_between(problem, lambda i: solutions[i].y, columns, barriers, run.closed)
+        columns["stable"], work = decide_between(problem, lambda i: solutions[i].y, columns, barriers)
         counts: dict[str, int] = {}
         out = []
         for event in run.events:

@@ -9,7 +9,7 @@ import mpmath as mp
 
 from bvp.system import ImpactSystem
 
-__all__ = ["DIGITS", "DigitModes", "digit_modes"]
+__all__ = ["DIGITS", "DigitModes", "digit_modes", "dot"]
 
 DIGITS = 50
 """Decimal digits of the arithmetic."""
@@ -31,6 +31,8 @@ class DigitModes:
         Mass-normalised, one a column.
     gaps : list of (list of n mpf)
         c . phi_k for each stop.
+    lengths : list of mpf
+        Squares of the lengths of these rows.
     """
 
     def __init__(self, system: ImpactSystem) -> None:
@@ -52,6 +54,7 @@ class DigitModes:
                 [mp.fsum(mp.mpf(float(c)) * self.shapes[i, k] for i, c in enumerate(stop.gap)) for k in range(self.size)]
                 for stop in system.stops
             ]
+            self.lengths = [dot(row, row) for row in self.gaps]
 
     def state(self, displacements: Any, velocities: Any) -> list[Any]:
         """Modal state with displacements and velocities (n,)."""
@@ -65,17 +68,21 @@ class DigitModes:
     def energy(self, z: list[Any]) -> Any:
         """h."""
         n = self.size
-        return mp.fsum(z[n + k] ** 2 + (w * z[k]) ** 2 for k, w in enumerate(self.frequencies)) / 2
+        return sum((z[n + k] ** 2 + (w * z[k]) ** 2 for k, w in enumerate(self.frequencies)), mp.mpf(0)) / 2
 
-    def flow(self, z: list[Any], time: Any) -> list[Any]:
+    def flight(self, time: Any) -> list[tuple[Any, Any, Any]]:
+        """cos(w t), sin(w t)/w and w sin(w t) of each mode, for `flow`."""
+        out = []
+        for w in self.frequencies:
+            c, s = mp.cos_sin(w * time)
+            out.append((c, s / w if w else time, w * s))
+        return out
+
+    def flow(self, z: list[Any], flight: list[tuple[Any, Any, Any]]) -> list[Any]:
         """The state after a free flight."""
         n = self.size
-        places, speeds = [], []
-        for k, w in enumerate(self.frequencies):
-            c, s = mp.cos_sin(w * time)
-            places.append(c * z[k] + (s / w if w else time) * z[n + k])
-            speeds.append(c * z[n + k] - w * s * z[k])
-        return places + speeds
+        places = [c * z[k] + over * z[n + k] for k, (c, over, _) in enumerate(flight)]
+        return places + [c * z[n + k] - times * z[k] for k, (c, _, times) in enumerate(flight)]
 
     def rate(self, z: list[Any]) -> list[Any]:
         """Velocities and accelerations of the modes."""
@@ -84,17 +91,22 @@ class DigitModes:
 
     def gap(self, stop: int, z: list[Any]) -> Any:
         """The gap coordinate."""
-        return mp.fsum(b * q for b, q in zip(self.gaps[stop], z, strict=False))
+        return dot(self.gaps[stop], z)
 
     def speed(self, stop: int, z: list[Any]) -> Any:
         """The rate of the gap coordinate."""
-        return mp.fsum(b * p for b, p in zip(self.gaps[stop], z[self.size :], strict=True))
+        return dot(self.gaps[stop], z[self.size :])
 
     def impact(self, stop: int, z: list[Any]) -> list[Any]:
         """The state after an elastic impact."""
         n, b = self.size, self.gaps[stop]
-        push = 2 * self.speed(stop, z) / mp.fsum(x * x for x in b)
+        push = 2 * self.speed(stop, z) / self.lengths[stop]
         return z[:n] + [p - push * x for p, x in zip(z[n:], b, strict=True)]
+
+
+def dot(a: list[Any], b: list[Any]) -> Any:
+    """Sum of products, as far as the shorter list goes."""
+    return sum((x * y for x, y in zip(a, b, strict=False)), mp.mpf(0))
 
 
 @lru_cache(maxsize=4)

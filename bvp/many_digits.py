@@ -15,7 +15,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
-from bvp.digit_modes import DIGITS, DigitModes, digit_modes
+from bvp.digit_modes import DIGITS, DigitModes, digit_modes, dot
 from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP
 from bvp.multipoint import MultipointProblem
 from bvp.stability import balance
@@ -26,10 +26,10 @@ _ROUNDS = 60
 _NEAR = mp.mpf(10) ** -8
 """Residual below which the Jacobian is as good as that of the orbit, in double precision, and is kept."""
 
-_GOOD = mp.mpf(10) ** (15 - DIGITS)
+_GOOD = mp.mpf(10) ** (10 - DIGITS)
 """Largest residual of an orbit, relative to its state."""
 
-_ENTRY = mp.mpf(10) ** (20 - DIGITS)
+_ENTRY = mp.mpf(10) ** (15 - DIGITS)
 """Error of an entry of the half map, relative to the largest: of a solution to `_GOOD` with a pivot of 1e-5 at least."""
 
 
@@ -65,6 +65,13 @@ class DigitOrbit:
     def energy(self) -> Any:
         """h."""
         return self.modes.energy(self.states[0])
+
+    @cached_property
+    def arrivals(self) -> list[list[Any]]:
+        """Modal states at the end of each flight, before the impact there."""
+        with mp.workdps(DIGITS):
+            flights = (self.modes.flight(time) for time in self.times)
+            return [self.modes.flow(z, flight) for z, flight in zip(self.states, flights, strict=True)]
 
     @cached_property
     def half_map(self) -> Any:
@@ -133,7 +140,7 @@ class DigitOrbit:
         problem, modes = self.problem, self.modes
         n, stops = modes.size, problem.modes.contact_stop
         start, end = problem.kinds
-        z, final = self.states[0], modes.flow(self.states[-1], self.times[-1])
+        z, final = self.states[0], self.arrivals[-1]
         zero = [mp.mpf(0)] * n
 
         def basis(kind: int, contact: int, at: list[Any]) -> list[list[Any]]:
@@ -150,26 +157,25 @@ class DigitOrbit:
             stop = int(stops[problem.contacts[-1]])
             speed = modes.speed(stop, z)
             for column, x in zip(columns, first, strict=False):
-                work = mp.fsum(w * w * q * y for w, q, y in zip(modes.frequencies, z, x, strict=False))
+                work = sum(w * w * q * y for w, q, y in zip(modes.frequencies, z, x, strict=False))
                 column[n:] = [-work / speed * b for b in modes.gaps[stop]]
         phi = mp.zeros(2 * (n - 1))
         for j, x in enumerate(self._carried(columns)):
             for i, row in enumerate(last):
-                displacement = mp.fsum(a * b for a, b in zip(row, x[:n], strict=True))
-                velocity = mp.fsum(a * b for a, b in zip(row, x[n:], strict=True))
+                displacement, velocity = dot(row, x), dot(row, x[n:])
                 phi[i, j], phi[n - 1 + i, j] = (velocity, -displacement) if end == ORIGIN else (displacement, velocity)
         return phi
 
     def _carried(self, columns: list[list[Any]]) -> list[list[Any]]:
         """Perturbations at the start, carried to the far end: through saltation matrices; at a stop there onto the stop along the flow."""
         problem, modes = self.problem, self.modes
-        for i, (z, time) in enumerate(zip(self.states, self.times, strict=True)):
-            columns = [modes.flow(x, time) for x in columns]
+        for i, (before, time) in enumerate(zip(self.arrivals, self.times, strict=True)):
+            flight = modes.flight(time)
+            columns = [modes.flow(x, flight) for x in columns]
             contact = problem.contacts[i]
             if contact < 0:
                 continue
             stop = int(problem.modes.contact_stop[contact])
-            before = modes.flow(z, time)
             speed, cut = modes.speed(stop, before), i == problem.inner and not problem.periodic
             flow = modes.rate(before)
             coming = flow if cut else modes.impact(stop, flow)
@@ -252,16 +258,16 @@ class _Equations:
         """The start's end holds, each flight ends on the next node, each node is on its stop, the far end holds."""
         modes, inner = self.modes, self.problem.inner
         states, times = self.parts()
-        out = [_dot(row, states[0]) - value for row, value in self.first]
+        out = [dot(row, states[0]) - value for row, value in self.first]
         for i in range(inner):
-            landed = modes.impact(self.stops[i], modes.flow(states[i], times[i]))
+            landed = modes.impact(self.stops[i], modes.flow(states[i], modes.flight(times[i])))
             out += [a - b for a, b in zip(landed, states[i + 1], strict=True)]
             out.append(modes.gap(self.stops[i], states[i + 1]) - self.bounds[i])
-        end = modes.flow(states[-1], times[-1])
+        end = modes.flow(states[-1], modes.flight(times[-1]))
         if self.problem.periodic:
             landed = modes.impact(self.stops[inner], end)
             out += [a - b for k, (a, b) in enumerate(zip(landed, states[0], strict=True)) if k != self.left_out]
-        out += [_dot(row, end) - value for row, value in self.last]
+        out += [dot(row, end) - value for row, value in self.last]
         if self.quarter_period is not None:
             out.append(mp.fsum(times) - self.problem.quarters * self.quarter_period)
         return out
@@ -325,8 +331,9 @@ class _Equations:
                 break
             if size > _NEAR * self.speed or not inverse.size:
                 jacobian = self.jacobian() * self.sizes
-                heights = np.linalg.norm(jacobian, axis=1)
-                inverse = self.sizes[:, None] * np.linalg.pinv(jacobian / heights[:, None]) / heights
+                # The least correction, in units of the sizes: J' = Q R, J^+ = Q R'^-1.
+                q, r = np.linalg.qr(jacobian.T)
+                inverse = self.sizes[:, None] * np.linalg.solve(r, q.T).T
             update = inverse @ np.array([float(r / size) for r in residual])
             self.x = [x - mp.mpf(float(d)) * size for x, d in zip(self.x, update, strict=True)]
         if not worst < _GOOD * max(1, self.speed):
@@ -336,10 +343,6 @@ class _Equations:
         period, change = mp.fsum(times), mp.fsum(times) - mp.fsum(given[2 * self.n :: 2 * self.n + 1])
         apart = [abs(a - b) / self.speed for a, b in zip(states[0], given, strict=False)]
         return DigitOrbit(self.problem, states, times, worst, float(max(*apart, abs(change / period))))
-
-
-def _dot(row: list[Any], z: list[Any]) -> Any:
-    return mp.fsum(a * b for a, b in zip(row, z, strict=True))
 
 
 def _floats(conditions: list[tuple[list[Any], Any]]) -> np.ndarray:
@@ -357,7 +360,7 @@ def _across(x: list[Any]) -> list[list[Any]]:
         vector = [mp.mpf(j == k) for j in range(len(x))]
         for _ in range(2):
             for other in found:
-                part = _dot(other, vector)
+                part = dot(other, vector)
                 vector = [a - part * b for a, b in zip(vector, other, strict=True)]
         size = mp.norm(vector)
         found.append([a / size for a in vector])
