@@ -160,11 +160,12 @@ def _turning_points(branch: Branch) -> Iterator[Missed]:
 def _turns(branch: Branch) -> Iterator[tuple[int, int]]:
     """Ranges (first, last) of points at the turning points of the energy: those that rounding does not tell from the extremum.
 
-    A turning point counts where the energy returns by more than its error. Beside a branch point that error grows with the inverse of the
-    smallest pivot."""
+    A turning point counts where the energy returns by more than its error, which beside a branch point grows with the inverse of the
+    smallest pivot. Where the extremum itself is not known so well, the energy returns between two points behind it."""
     h = branch.points["h"]
     least = float(roundings(branch.problem.inner, 1.0))
-    known: dict[int, float] = {}
+    # log h is one of the coordinates of the arclength.
+    known = {event.point: max(least, event.bracket[1] - event.bracket[0]) for event in branch.events if event.type in ("SN", "BP")}
 
     def error(i: int) -> float:
         if i not in known:
@@ -179,6 +180,10 @@ def _turns(branch: Branch) -> Iterator[tuple[int, int]]:
         difference = abs(h[i] / h[j] - 1.0)
         return bool(difference > 2.0 * least and difference > error(i) + error(j))
 
+    def at_extremum(i: int) -> bool:
+        difference = abs(h[i] / h[best] - 1.0)
+        return bool(difference <= 2.0 * least or difference <= 2.0 * (error(i) + error(best)))
+
     way, best = 0, 0
     for i in range(1, len(h)):
         ahead = h[i] - h[best]
@@ -187,11 +192,11 @@ def _turns(branch: Branch) -> Iterator[tuple[int, int]]:
                 way, best = (1 if ahead > 0.0 else -1), i
         elif ahead * way >= 0.0:
             best = i
-        elif apart(i, best):
+        elif any((h[i] - h[j]) * way < 0.0 and apart(i, j) for j in range(best, i)):
             first = last = best
-            while first > 0 and not apart(first - 1, best):
+            while first > 0 and at_extremum(first - 1):
                 first -= 1
-            while last < i and not apart(last + 1, best):
+            while last < i and at_extremum(last + 1):
                 last += 1
             yield first, last
             way, best = -way, i
