@@ -36,7 +36,8 @@ class Missed(NamedTuple):
     """Two points of a branch between which an event is missed.
 
     types: of the events that would explain it. points: indices of the two points, between which the other points leave the side open.
-    h, alpha: at these points. text: what was found, in words.
+    h, alpha: at these points. text: what was found, in words. hidden: whether rounding hides the event, as double precision decides the
+    stability of neither orbit: it was seen in fifty digits, and cannot be located.
     """
 
     types: tuple[str, ...]
@@ -44,17 +45,19 @@ class Missed(NamedTuple):
     h: tuple[float, float]
     alpha: tuple[float, float]
     text: str
+    hidden: bool = False
 
 
 class _Level(NamedTuple):
-    """A level of a column. name: in words. side: of each point, +1 above, -1 below, 0 open. events: those at which the column crosses the
-    level. touching: types of events at which it can also turn back. types: of the events at such crossings."""
+    """A level of the trace. name: in words. side: of each point, +1 above, -1 below, 0 open. events: those at which the trace crosses the
+    level. touching: types of events at which it can also turn back. types: of the events at such crossings. limit: of stability."""
 
     name: str
     side: np.ndarray
     events: list[BranchEvent]
     touching: tuple[str, ...]
     types: tuple[str, ...]
+    limit: bool = True
 
 
 def missed_events(branch: Branch) -> list[Missed]:
@@ -120,7 +123,7 @@ def _levels(branch: Branch) -> Iterator[_Level]:
     for value, some, text in values:
         with np.errstate(invalid="ignore"):
             side = np.where(np.abs(trace - value) > NEAR, np.sign(trace - value), 0.0)
-        yield _Level(f"{name} = {round(value, 6) + 0.0:g} ({text})", np.nan_to_num(side).astype(int), some, (), (text[:2],))
+        yield _Level(f"{name} = {round(value, 6) + 0.0:g} ({text})", np.nan_to_num(side).astype(int), some, (), (text[:2],), limit=False)
 
 
 def _crossings(branch: Branch, level: _Level) -> Iterator[Missed]:
@@ -134,7 +137,8 @@ def _crossings(branch: Branch, level: _Level) -> Iterator[Missed]:
             continue
         names = ", ".join(event.id for event in between) or "no event"
         how = f"crosses {level.name}" if crossed else f"does not cross {level.name}"
-        yield _missed(branch, level.types, i, j, f"{how}, with {names} there")
+        hidden = level.limit and all(branch.orbit(k).stable is None for k in (i, j))
+        yield _missed(branch, level.types, i, j, f"{how}, with {names} there")._replace(hidden=hidden)
 
 
 # -- turning points of the energy ---------------------------------------------------------------------------------------------

@@ -25,8 +25,8 @@ class DigitModes:
 
     Attributes
     ----------
-    frequencies : list of n mpf
-        Exactly 0 for a rigid-body mode.
+    squares : list of n mpf
+        Of the frequencies, ascending; exactly 0 for a rigid-body mode, negative where the stiffness is.
     shapes : (n, n) mp.matrix
         Mass-normalised, one a column.
     gaps : list of (list of n mpf)
@@ -44,11 +44,9 @@ class DigitModes:
             lower = mp.cholesky(self.mass)
             inverse = lower**-1
             squares, vectors = mp.eigsy(inverse * mp.matrix(system.stiffness.tolist()) * inverse.T)
-            rigid = mp.mpf(10) ** (10 - DIGITS) * max(abs(square) for square in squares)
-            if any(square < -rigid for square in squares):
-                raise ValueError("periodic orbits in many digits need a stiffness that is nowhere negative")
             self.size = len(squares)
-            self.frequencies = [mp.sqrt(square) if square > rigid else mp.mpf(0) for square in squares]
+            # Of a rigid-body mode the rounded matrices leave a trace of stiffness, which counts for nothing in double precision either.
+            self.squares = [mp.mpf(0) if double == 0.0 else square for square, double in zip(squares, system.modes.squares, strict=True)]
             self.shapes = inverse.T * vectors
             self.gaps = [
                 [mp.fsum(mp.mpf(float(c)) * self.shapes[i, k] for i, c in enumerate(stop.gap)) for k in range(self.size)]
@@ -68,14 +66,16 @@ class DigitModes:
     def energy(self, z: list[Any]) -> Any:
         """h."""
         n = self.size
-        return sum((z[n + k] ** 2 + (w * z[k]) ** 2 for k, w in enumerate(self.frequencies)), mp.mpf(0)) / 2
+        return sum((z[n + k] ** 2 + square * z[k] ** 2 for k, square in enumerate(self.squares)), mp.mpf(0)) / 2
 
     def flight(self, time: Any) -> list[tuple[Any, Any, Any]]:
         """cos(w t), sin(w t)/w and w sin(w t) of each mode, for `flow`."""
         out = []
-        for w in self.frequencies:
-            c, s = mp.cos_sin(w * time)
-            out.append((c, s / w if w else time, w * s))
+        for square in self.squares:
+            w = mp.sqrt(abs(square))
+            c, s = mp.cos_sin(w * time) if square >= 0 else (mp.cosh(w * time), mp.sinh(w * time))
+            over = s / w if w else time
+            out.append((c, over, square * over))
         return out
 
     def flow(self, z: list[Any], flight: list[tuple[Any, Any, Any]]) -> list[Any]:
@@ -87,7 +87,7 @@ class DigitModes:
     def rate(self, z: list[Any]) -> list[Any]:
         """Velocities and accelerations of the modes."""
         n = self.size
-        return z[n:] + [-w * w * z[k] for k, w in enumerate(self.frequencies)]
+        return z[n:] + [-square * z[k] for k, square in enumerate(self.squares)]
 
     def gap(self, stop: int, z: list[Any]) -> Any:
         """The gap coordinate."""

@@ -146,7 +146,7 @@ class DigitOrbit:
         def basis(kind: int, contact: int, at: list[Any]) -> list[list[Any]]:
             if kind == ORIGIN:
                 return _across(at[n:])
-            return _across([w * w * q for w, q in zip(modes.frequencies, at, strict=False)] if kind == REST else modes.gaps[stops[contact]])
+            return _across([-force for force in modes.rate(at)[n:]] if kind == REST else modes.gaps[stops[contact]])
 
         first, last = basis(start, problem.contacts[-1], z), basis(end, problem.contacts[-2], final)
         if start == ORIGIN:
@@ -157,8 +157,7 @@ class DigitOrbit:
             stop = int(stops[problem.contacts[-1]])
             speed = modes.speed(stop, z)
             for column, x in zip(columns, first, strict=False):
-                work = sum(w * w * q * y for w, q, y in zip(modes.frequencies, z, x, strict=False))
-                column[n:] = [-work / speed * b for b in modes.gaps[stop]]
+                column[n:] = [dot(modes.rate(z)[n:], x) / speed * b for b in modes.gaps[stop]]
         phi = mp.zeros(2 * (n - 1))
         for j, x in enumerate(self._carried(columns)):
             for i, row in enumerate(last):
@@ -229,7 +228,7 @@ class _Equations:
         self.last = self._conditions(problem.kinds[1], problem.inner)
         # Energy is kept: that part of the return which changes it most follows from the others.
         z = self.x[: 2 * self.n]
-        slopes = [w * w * q for w, q in zip(modes.frequencies, z, strict=False)] + [p * self.speed for p in z[self.n :]]
+        slopes = modes.rate(z)[self.n :] + [p * self.speed for p in z[self.n :]]
         self.left_out = max(range(2 * self.n), key=lambda k: abs(slopes[k]))
 
     def _conditions(self, kind: int, node: int) -> list[tuple[list[Any], Any]]:
@@ -275,7 +274,7 @@ class _Equations:
     def jacobian(self) -> np.ndarray:
         """Derivative of the residual in double precision."""
         n, modes, inner = self.n, self.modes, self.problem.inner
-        w = np.array([float(x) for x in modes.frequencies])
+        squares = np.array([float(x) for x in modes.squares])
         states, times = self.parts()
         row, size, periodic = 2 * n + 1, 2 * n, self.problem.periodic
         out: list[np.ndarray] = []
@@ -290,12 +289,10 @@ class _Equations:
 
         rows((0, _floats(self.first)))
         for i, time in enumerate(times):
-            t = float(time)
-            c, s = np.cos(w * t), np.sin(w * t)
-            divided = np.where(w > 0.0, s / np.where(w > 0.0, w, 1.0), t)
-            flow = np.block([[np.diag(c), np.diag(divided)], [np.diag(-w * s), np.diag(c)]])
+            c, over, times_w = np.array([[float(x) for x in mode] for mode in modes.flight(time)]).T
+            flow = np.block([[np.diag(c), np.diag(over)], [np.diag(-times_w), np.diag(c)]])
             arrival = flow @ np.array([float(x) for x in states[i]])
-            rate = np.concatenate([arrival[n:], -w * w * arrival[:n]])
+            rate = np.concatenate([arrival[n:], -squares * arrival[:n]])
             at, node = i * row, (i + 1) * row
             if i < inner or periodic:
                 b = np.array([float(x) for x in modes.gaps[self.stops[i]]])

@@ -193,7 +193,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
         if over and not some and not dead:
             ends.append(_end(branch, event, _BEYOND))
     halves, failed = _ends_cut(branch)
-    missed = tuple(f"{branch.id}: {found.text}" for found in missed_events(branch))
+    missed = tuple(f"{branch.id}: {found.text}" for found in missed_events(branch) if not found.hidden)
     return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, halves, tuple(lost), missed=missed)
 
 

@@ -19,7 +19,7 @@ from tests.branches.many_digits import ManyDigits
 from tests.branches.paper_names import family
 
 MIDDLE = {
-    # The start state (u, v) and the flight times of an orbit that double precision does not decide, nor its neighbours up to the next events.
+    # The start state (u, v) and the flight times of an orbit that double precision leaves undecided, with all up to the next events.
     "stop+-stop+:-+-+-+-+-": (
         [0.8471296340094546, -0.1528703659905455, -5.451540051620384, 0.5451540051620386],
         [0.3293610455294466, 0.3293256334976281, 0.3293928049044436, 0.3293001482195252, 0.3294089190259043, 0.3292944950921253]
@@ -102,6 +102,7 @@ def test_events_that_rounding_hides_are_seen():
     for i in (1, len(branch) // 2, len(branch) - 2):
         assert (ManyDigits(branch.orbit(i), 100).margin < 0) == (stable[i] == 1)
     missed = [found for found in missed_events(branch) if "SB" in found.types]
+    assert all(found.hidden for found in missed)
     assert len(missed) + sum(event.type == "SB" for event in branch.events) == 2
 
 
@@ -113,7 +114,7 @@ QUARTER = MultipointProblem(saltus.vibro_impact_nes(), ("origin", "stop+"), ())
 
 @pytest.fixture
 def decided(monkeypatch):
-    """(stability in double precision, the true one, events) -> the stability of points at arclengths 0, 1, 2, ..., and which were solved."""
+    """(stability in double precision, the true one, events) -> stability of points at arclengths 0, 1, 2, ..., and those solved."""
 
     def decide(stable, true, *barriers, problem=HALF, grazing=()):
         asked = []
@@ -181,7 +182,7 @@ def test_orbits_next_to_an_event_that_fifty_digits_do_not_decide_are_as_those_fu
 
 
 def test_which_events_change_stability(decided):
-    """Oracle: the period of an orbit between reversals a quarter period apart doubles at tau_half = 0; it is stable for -2 < tau_half < 2."""
+    """Oracle: with reversals a quarter period apart the period doubles at tau_half = 0, and orbits are stable for |tau_half| < 2."""
     assert decided([1, -1, -1, 1], [9] * 4, at("PD", 2), problem=QUARTER)[0] == [1, 1, 1, 1]
     assert "PD" in stability_events(HALF) and "PD" not in stability_events(QUARTER)
     for problem in (HALF, QUARTER):
