@@ -109,7 +109,7 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         lines.append(f"       of {counted(report['halves'], 'family')} one side of a branch point was followed; the other is its image")
     digits = report["digits"]
     if digits["orbits"]:
-        lines.append(f"       fifty digits decided the stability of {counted(digits['orbits'], 'interval')} in {digits['seconds']:.1f} s")
+        lines.append(f"       {counted(digits['orbits'], 'orbit')} solved in fifty digits to decide stability, in {digits['seconds']:.1f} s")
     if report["missed"]:
         lines.append(f"       {counted(len(report['missed']), 'event')} missed: `saltus check` lists them")
     if report["lost"]:
