@@ -22,6 +22,7 @@ from bvp.stability import roundings
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.events import BranchEvent
+    from branches.orbit import Orbit
 
 __all__ = ["Missed", "missed_events"]
 
@@ -37,7 +38,7 @@ class Missed(NamedTuple):
 
     types: of the events that would explain it. points: indices of the two points, between which the other points leave the side open.
     h, alpha: at these points. text: what was found, in words. hidden: whether rounding hides the event, as double precision decides the
-    stability of neither orbit: it was seen in fifty digits, and cannot be located.
+    stability of neither orbit. It was seen in fifty digits, and cannot be located.
     """
 
     types: tuple[str, ...]
@@ -137,8 +138,14 @@ def _crossings(branch: Branch, level: _Level) -> Iterator[Missed]:
             continue
         names = ", ".join(event.id for event in between) or "no event"
         how = f"crosses {level.name}" if crossed else f"does not cross {level.name}"
-        hidden = level.limit and all(branch.orbit(k).stable is None for k in (i, j))
-        yield _missed(branch, level.types, i, j, f"{how}, with {names} there")._replace(hidden=hidden)
+        found = _missed(branch, level.types, i, j, f"{how}, with {names} there")
+        yield found._replace(hidden=level.limit and not between and _is_hidden(branch.orbit(i), branch.orbit(j)))
+
+
+def _is_hidden(first: Orbit, second: Orbit) -> bool:
+    """Whether rounding hides a change of stability between two orbits: neither is decided, and no pivot says that a branch point is there."""
+    pivots = first.solution["branching"] * second.solution["branching"]
+    return first.stable is None and second.stable is None and pivots > 0.0
 
 
 # -- turning points of the energy ---------------------------------------------------------------------------------------------
