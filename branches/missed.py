@@ -143,7 +143,7 @@ def _crossings(branch: Branch, level: _Level) -> Iterator[Missed]:
 
 
 def _is_hidden(first: Orbit, second: Orbit) -> bool:
-    """Whether rounding hides a change of stability between two orbits: neither is decided, and no pivot says that a branch point is there."""
+    """Whether rounding hides a change of stability between two orbits: neither is decided, and no pivot changes its sign."""
     pivots = first.solution["branching"] * second.solution["branching"]
     return first.stable is None and second.stable is None and pivots > 0.0
 

@@ -109,7 +109,8 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         lines.append(f"       of {counted(report['halves'], 'family')} one side of a branch point was followed; the other is its image")
     digits = report["digits"]
     if digits["orbits"]:
-        lines.append(f"       {counted(digits['orbits'], 'orbit')} solved in fifty digits to decide stability, in {digits['seconds']:.1f} s")
+        solved = counted(digits["orbits"], "orbit")
+        lines.append(f"       {solved} solved in fifty digits to decide stability, in {digits['seconds']:.1f} s")
     if report["missed"]:
         lines.append(f"       {counted(len(report['missed']), 'event')} missed: `saltus check` lists them")
     if report["lost"]:
