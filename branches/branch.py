@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.between_events import DigitWork
 from branches.events import BranchEvent, Ended
 from branches.orbit import Orbit
 from branches.stability import describe
@@ -46,6 +47,8 @@ class Branch:
         The range of energies in which it was followed.
     turns : int
         After a switch at a crossing with several turns of an orbit: how many turns of this branch's orbits were met there; else 0.
+    digit_work : DigitWork
+        What it took to decide stability where double precision does not (see `branches.between_events`).
 
     Examples
     --------
@@ -62,6 +65,7 @@ class Branch:
     start: int = 0
     energy: tuple[float, float] = (0.0, math.inf)
     turns: int = 0
+    digit_work: DigitWork = DigitWork()
 
     def __len__(self) -> int:
         return len(self.points["h"])

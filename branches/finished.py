@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.between_events import Barrier, DigitWork, decide_between
 from branches.branch import Branch, BranchEvent, Ended
 from branches.marched import solutions_of
 from continuation.ends import EndReason
@@ -125,8 +127,13 @@ def branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float])
         columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
         return columns
 
+    work = DigitWork()
+
     def events(columns: dict[str, np.ndarray]) -> tuple[BranchEvent, ...]:
+        nonlocal work
         columns = labelled(columns)
+        barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]
+        columns["stable"], work = decide_between(problem, lambda i: solutions[i].y, columns, barriers)
         counts: dict[str, int] = {}
         out = []
         for event in run.events:
@@ -145,4 +152,5 @@ def branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float])
             ended.append(Ended(end.reason.name, f"{event.code} at {orbit}: {event.details.get('note')}"))
         else:
             ended.append(Ended(end.reason.name, end.text))
-    return Branch.from_solutions(problem, solutions, arclength, events, (ended[0], ended[1]), run.start, energy)
+    branch = Branch.from_solutions(problem, solutions, arclength, events, (ended[0], ended[1]), run.start, energy)
+    return replace(branch, digit_work=work)

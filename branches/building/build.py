@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.between_events import DigitWork
 from branches.building.bounds import Plan
 from branches.building.frontier import Frontier
 from branches.building.grazings import KnownGrazings
@@ -96,7 +97,9 @@ def build(
         last level found nothing new, and no range of energies is open), ``open`` (ranges (low, high) in which no search settled: see
         `branches.building.levels.open_ranges`), ``unsettled`` (energies at which a search did not settle), ``beyond`` (neighbours outside
         the limits), ``halves`` (families of which one side of a branch point was followed, the other being its image), ``lost``
-        (bifurcations at which no new family was found, in words), ``failed`` (what could not be done, in words).
+        (bifurcations at which no new family was found, in words), ``digits`` (``orbits`` solved in fifty digits to decide their stability,
+        and the ``seconds`` that it took), ``missed`` (events that a family needs and does not have, in words), ``failed`` (what could not
+        be done, in words).
 
     Raises
     ------
@@ -146,7 +149,10 @@ class _Build:
         self.last: list[tuple[str, Seed]] = []
         self.points = self.events = 0
         begun = {"level": -1, "families": 0}
-        self.told: dict[str, Any] = {"beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun}
+        self.told: dict[str, Any] = {
+            "beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun,
+            "digits": DigitWork()._asdict(), "missed": [],
+        }  # fmt: skip
         description = json.dumps(self.system.describe(), sort_keys=True)
         self.frontier: Frontier[tuple[str, Seed], Answer] = Frontier(
             executor, partial(_named, description), self._is_known, lambda item: item[0], AHEAD * workers, _kin
@@ -224,7 +230,7 @@ class _Build:
         """Go on with what an earlier run left; False where there was none."""
         if not refuse_other_plan(self.catalogue, self.plan):
             return False
-        self.told = self.catalogue.progress("told")
+        self.told |= self.catalogue.progress("told")
         for row in self.catalogue.families():
             self._remember(row.id, self.catalogue.branch(row.id))
         for mark, wide, further in self.catalogue.notes(_UNFOLDED):
@@ -336,6 +342,9 @@ class _Build:
             self.told["failed"] += answer.failed
             self.told["unsettled"] += answer.unsettled
             self._note()
+        if answer.branch is not None and answer.branch.digit_work.orbits:
+            self.told["digits"] = (DigitWork(**self.told["digits"]) + answer.branch.digit_work)._asdict()
+            self._note()
         if answer.branch is not None and answer.packed is not None:
             id = next((id for id in answer.branch.whole.ids if id in self.catalogue), None)
             if id is not None:
@@ -347,6 +356,9 @@ class _Build:
             else:
                 id = self.catalogue.add(answer.packed)
                 self._remember(id, answer.branch)
+                if answer.missed:
+                    self.told["missed"] += answer.missed
+                    self._note()
                 for link in answer.ends:
                     self._connect(link, link.target)
                 self._extend(answer.seeds)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from branches.between_events import DigitWork
 from branches.branch import Branch, BranchEvent
 from branches.building.bounds import Plan
 from branches.building.seeds import Answer, Grazing, Link, Seed
@@ -26,6 +27,7 @@ from branches.grazing.following import leaves_upward, meetings_at
 from branches.grazing.touching import touching
 from branches.identity import first_of, presentations, segment_images, with_canonical_word
 from branches.linear_modes import beginnings, linear_modes
+from branches.missed import missed_events
 from branches.name_search import Limits
 from branches.passing import Runs, is_half, one_family
 from branches.switching import TYPES, Birth, births
@@ -191,7 +193,8 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
         if over and not some and not dead:
             ends.append(_end(branch, event, _BEYOND))
     halves, failed = _ends_cut(branch)
-    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, lost=tuple(lost), halves=halves)
+    missed = tuple(f"{branch.id}: {found.text}" for found in missed_events(branch) if not found.hidden)
+    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, halves, tuple(lost), missed=missed)
 
 
 def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
@@ -203,12 +206,17 @@ def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
 
 
 def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, float], quarter_period: float) -> Branch:
-    """The family of an orbit, both ways; with finer steps where they leave it at a branch point."""
+    """The family of an orbit, both ways; with finer steps where they leave it at a branch point. Its `digit_work` is that of all runs."""
+    work = DigitWork()
 
     def follow(start: np.ndarray, settings: Settings) -> Branch:
-        return follow_family(problem, start, energy=energy, quarter_period=quarter_period, settings=settings)
+        nonlocal work
+        branch = follow_family(problem, start, energy=energy, quarter_period=quarter_period, settings=settings)
+        work += branch.digit_work
+        return branch
 
-    return one_family(problem, Runs(follow, _at, _near_ends, _is_stuck, _length), y, SETTINGS)
+    branch = one_family(problem, Runs(follow, _at, _near_ends, _is_stuck, _length), y, SETTINGS)
+    return replace(branch, digit_work=work)
 
 
 def _length(branch: Branch) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from branches.catalogue.closures import distance, unknowns_of
 from branches.catalogue.errors import CatalogueDamaged, translated
 from branches.catalogue.rows import EDGE_COLUMNS, NODE_COLUMNS, Edge, Node
+from branches.missed import missed_events
 from branches.words import parse_word
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -55,11 +56,11 @@ def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None
     Returns
     -------
     counts : dict
-        How many families, points, events and edges were looked at.
+        How many families, points, events and edges were looked at, and how many events are ``hidden`` by rounding (`branches.missed`).
     failures : list of Failure
         Empty where everything holds.
     """
-    counts = {"families": 0, "points": 0, "events": 0, "edges": 0}
+    counts = {"families": 0, "points": 0, "events": 0, "edges": 0, "hidden": 0}
     failures = list(_file(catalogue))
     kept: dict[str, _Kept] = {}
     try:
@@ -74,6 +75,10 @@ def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None
             continue
         kept[id] = _Kept(branch.ends, branch.word, branch.events)
         failures += (Failure(id, text) for text in _family(branch))
+        if all(0 <= event.point < len(branch) for event in branch.events):
+            missed = missed_events(branch)
+            failures += (Failure(id, f"an event ({' or '.join(m.types)}) is missed {m.text}") for m in missed if not m.hidden)
+            counts["hidden"] += sum(m.hidden for m in missed)
         followed = branch.whole.ids[0]
         if followed != id:
             failures.append(Failure(id, f"its points and ends give the id {followed}"))

@@ -107,6 +107,12 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         lines.append(f"       starts a rounding error apart part at h = {energies}: there the list may lack an orbit")
     if report["halves"]:
         lines.append(f"       of {counted(report['halves'], 'family')} one side of a branch point was followed; the other is its image")
+    digits = report["digits"]
+    if digits["orbits"]:
+        solved = counted(digits["orbits"], "orbit")
+        lines.append(f"       {solved} solved in fifty digits to decide stability, in {digits['seconds']:.1f} s")
+    if report["missed"]:
+        lines.append(f"       {counted(len(report['missed']), 'event')} missed: `saltus check` lists them")
     if report["lost"]:
         lost = counted(len(report["lost"]), "bifurcation")
         lines.append(f"       at {lost} no new family was found (dead ends of the graph, which say why)")

@@ -41,5 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     looked = ", ".join(counted(counts[name], thing) for name, thing in THINGS.items())
     lines = [f"FAILS  {failure.where}: {failure.text}" for failure in failures]
     lines.append(f"{looked} looked at: " + (f"{counted(len(failures), 'failure')}" if failures else "all hold"))
+    if counts["hidden"]:
+        lines.append(f"{counted(counts['hidden'], 'event')} hidden by rounding: stability changes there, seen in fifty digits")
     tell(arguments.json, lines, lambda: {"counts": counts, "failures": [failure._asdict() for failure in failures]})
     return FAILED if failures else DONE

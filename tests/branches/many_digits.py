@@ -9,7 +9,6 @@ import mpmath as mp
 import numpy as np
 
 DIGITS = 50
-SMALL = mp.mpf(10) ** (8 - DIGITS)
 
 
 class ManyDigits:
@@ -19,6 +18,8 @@ class ManyDigits:
     ----------
     orbit : branches.orbit.Orbit
         Of an undamped elastic system with two degrees of freedom, a diagonal mass matrix and one stop.
+    digits : int
+        Of the arithmetic. The equations of an orbit with |tau| - 2 = 10^-k are singular to k digits, and twice that are lost.
 
     Attributes
     ----------
@@ -35,8 +36,9 @@ class ManyDigits:
         At a branch point, where no single orbit is next.
     """
 
-    def __init__(self, orbit):
-        with mp.workdps(DIGITS):
+    def __init__(self, orbit, digits=DIGITS):
+        self.digits = digits
+        with mp.workdps(digits):
             self._set_up(orbit)
             given = list(self.state)
             self._solve()
@@ -100,7 +102,7 @@ class ManyDigits:
                 speed = self.gap[0] * before[2] + self.gap[1] * before[3]
                 change = (self.gap[0] * before[0] + self.gap[1] * before[1] - bound) / speed
                 t -= change
-                if abs(change) < SMALL:
+                if abs(change) < mp.mpf(10) ** (8 - self.digits):
                     break
             else:
                 raise ArithmeticError("the impact was not found")
@@ -128,6 +130,6 @@ class ManyDigits:
             step = jacobian.T * mp.lu_solve(jacobian * jacobian.T, miss)
             self.state = [a - b for a, b in zip(self.state, step[:4], strict=True)]
             self.period -= step[4]
-            if mp.norm(step) < mp.mpf(10) ** (-DIGITS // 2 - 5):
+            if mp.norm(step) < mp.mpf(10) ** (-self.digits // 2 - 5):
                 return
         raise ArithmeticError("Newton's method did not settle")

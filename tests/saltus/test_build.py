@@ -34,6 +34,22 @@ def test_a_small_build_is_browsed(tmp_path, capsys):
     assert code == 2 and not out and err.count("\n") == 1 and "up to 2 impacts" in err and "up to 3 impacts" in err
 
 
+def test_the_summary_says_what_fifty_digits_cost(tmp_path, capsys, monkeypatch):
+    """Oracle: the report of the build, changed."""
+    from branches.building import build as building
+
+    real = building.build
+
+    def build(*arguments):
+        return real(*arguments) | {"digits": {"orbits": 12, "seconds": 3.25}, "missed": ["x: between two points"]}
+
+    monkeypatch.setattr(building, "build", build)
+    bounds = "--energy 0.051:0.055 --max-quarter-period 2 --max-impacts 1"
+    code, out, err = said(f"build {bounds} --workers 1 --catalogue {tmp_path}/a.sqlite", capsys)
+    assert (code, err) == (0, "")
+    assert "12 orbits solved in fifty digits to decide stability, in 3.2 s" in out and "1 event missed" in out
+
+
 def test_another_system_builds_just_as_well(tmp_path, capsys):
     """Oracle: the catalogue's own check; the out-of-phase backbone is there from its fold on, which is at another energy."""
     path = tmp_path / "other.sqlite"

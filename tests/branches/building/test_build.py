@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import saltus
+from branches.between_events import DigitWork
 from branches.building.bounds import Bounds, Plan
 from branches.building.build import build
 from branches.catalogue import Catalogue
@@ -104,6 +105,31 @@ def test_branch_points_are_where_the_other_family_has_its_event(small_scene):
 def test_stability_is_decided_for_nine_tenths_of_the_points(small_scene):
     """Oracle: a count."""
     assert decided_stability(small_scene[0]) > 0.9
+
+
+def test_what_fifty_digits_cost_and_missed_events_are_reported(tmp_path, monkeypatch):
+    """Oracle: counts: half a second and one orbit for each family that is followed, and an event that each one lacks."""
+    from branches import finished
+    from branches.building import work
+    from branches.missed import Missed
+
+    calls = []
+
+    def decided(problem, unknowns, points, barriers):
+        calls.append(problem)
+        return points["stable"], DigitWork(1, 0.5)
+
+    def missed(branch):
+        found = Missed(("RT",), (0, 1), (0.1, 0.2), (1.0, 1.1), "between the points 0 and 1")
+        return [found, found._replace(hidden=True)]
+
+    monkeypatch.setattr(finished, "decide_between", decided)
+    monkeypatch.setattr(work, "missed_events", missed)
+    with Catalogue(tmp_path / "counted.sqlite", "a", scene=saltus.load_scene()) as catalogue:
+        report = build(catalogue, Plan.within(Bounds((0.06, 0.4), 1.9, 2)), Serial())
+        assert catalogue.progress("built")["digits"] == report["digits"]
+    assert 0 < report["families"] <= report["digits"]["orbits"] == 2 * report["digits"]["seconds"] <= len(calls)
+    assert len(report["missed"]) == report["families"]
 
 
 @pytest.fixture(scope="module")

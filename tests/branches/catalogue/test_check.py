@@ -41,8 +41,21 @@ def test_a_good_catalogue_passes(tmp_path):
     counts, failures = checked(tmp_path, *real(), edges=[breaking()])
     assert failures == []
     assert counts == {
-        "families": 4, "points": sum(map(len, real())), "events": sum(len(branch.events) for branch in real()), "edges": 1
+        "families": 4, "points": sum(map(len, real())), "events": sum(len(branch.events) for branch in real()), "edges": 1,
+        "hidden": 0,
     }  # fmt: skip
+
+
+def test_a_missed_event_is_reported(tmp_path):
+    """Oracle: the breaking of symmetry and a resonance of S13O00+, taken out."""
+    backbone = real()[0]
+    for id in ("SB1", next(event.id for event in backbone.events if event.type == "RT")):
+        place = next(event.point for event in backbone.events if event.id == id)
+        branch = dataclasses.replace(backbone, events=tuple(event for event in backbone.events if event.id != id))
+        (tmp_path / id).mkdir()
+        _, failures = checked(tmp_path / id, branch)
+        assert len(failures) == 1 and f"({id[:2]}) is missed" in failures[0].text
+        assert f"point {place - 1}, " in failures[0].text and f"point {place + 1}, " in failures[0].text
 
 
 def altered(path, *statements):

@@ -1,0 +1,123 @@
+"""Orbits in fifty digits from the multipoint equations.
+
+Oracles: determinant 1 and the symplectic relations; the half map and the stability in double precision, with the bound of their errors; the
+closed form of one impact a half period; single shooting over the whole period.
+"""
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from branches.orbit import Orbit
+from bvp.digit_modes import DIGITS, digit_modes
+from bvp.many_digits import orbit_in_digits
+from bvp.multipoint import MultipointProblem
+from bvp.stability import balance, half_map_of, roundings, stability, velocity_scale
+from bvp.system import vibro_impact_nes
+from saltus.bench.closed_form import Backbone
+from tests.branches.many_digits import ManyDigits
+from tests.branches.paper_names import family
+from tests.bvp.orbits import backbone_segment, chain, chains, collection
+
+FOLD = 1.13584395619551
+"""Quarter period at the fold of the out-of-phase backbone of the default system."""
+
+TINY = mp.mpf(10) ** -35
+
+
+def largest(matrix):
+    return max(abs(x) for x in matrix)
+
+
+@pytest.mark.parametrize("index", range(0, 40, 2))
+def test_half_map_between_all_kinds_of_ends(index):
+    """Oracle: determinant 1; the entries in double precision, to the bound of their errors."""
+    found = collection()[index]
+    problem, solution = found.problem, found.solution
+    exact = orbit_in_digits(problem, solution.y)
+    with mp.workdps(DIGITS):
+        size = largest(exact.half_map)
+        assert abs(mp.det(exact.half_map) - 1) < TINY * size**2
+        assert exact.residual < mp.mpf(10) ** -40 and exact.moved < 1e-12
+        phi, magnified = half_map_of(problem, solution)
+        units = np.reshape(balance(problem, velocity_scale(problem, solution)), (2, 2))
+        error = [float(abs(phi[i, j] - exact.half_map[i, j])) * units[i, j] for i in (0, 1) for j in (0, 1)]
+    bound = roundings(problem.inner, solution["branching"]) * magnified * np.max(np.abs(phi * units))
+    assert max(error) < bound
+    said = stability(problem, solution).stable
+    assert said is None or exact.stable is said
+
+
+def test_more_degrees_of_freedom():
+    """Oracle: a'c and b'd symmetric, a'd - c'b = 1; what double precision decides; chains with and without a rigid-body mode."""
+    decided = []
+    for found in chains()[::3]:
+        problem, solution = found.problem, found.solution
+        exact = orbit_in_digits(problem, solution.y)
+        m = problem.half - 1
+        with mp.workdps(DIGITS):
+            phi = exact.half_map
+            a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]
+            error = TINY * (1 + largest(phi)) ** 2
+            assert largest(a.T * d - c.T * b - mp.eye(m)) < error
+            assert largest(a.T * c - c.T * a) < error and largest(b.T * d - d.T * b) < error
+        said = stability(problem, solution).stable
+        if said is not None:
+            assert exact.stable is said
+            decided.append(said)
+    assert set(decided) == {False, True}
+
+
+def test_a_rigid_body_mode_moves_on_in_a_straight_line():
+    """Oracle: q(t) = q + p t."""
+    modes = digit_modes(chain(np.random.default_rng(1), 3))
+    assert modes.squares[0] == 0 and all(square > 0 for square in modes.squares[1:])
+    state = [mp.mpf(k + 1) for k in range(6)]
+    moved = modes.flow(state, modes.flight(mp.mpf(2)))
+    assert moved[0] == 1 + 2 * 4 and moved[3] == 4
+
+
+@pytest.mark.parametrize("apart", [1e-6, 1e-10, 1e-14])
+def test_beside_the_fold(apart):
+    """Oracle: tau_half of the closed form in forty digits: its value and its side of 2, nearer than double precision decides."""
+    system = vibro_impact_nes()
+    backbone = Backbone.of(system)
+    problem, y = backbone_segment(system, FOLD)
+    for side in (-1.0, 1.0):
+        alpha = FOLD * (1.0 + side * apart)
+        exact = orbit_in_digits(problem, y, alpha)
+        with mp.workdps(DIGITS):
+            assert abs(exact.trace - (backbone.tau_half(alpha) ** 2 - 2)) < TINY
+        assert exact.stable is backbone.stable(alpha)
+
+
+def test_a_periodic_closure():
+    """Oracle: single shooting over the whole period, which finds another orbit of the family, apart by rounding."""
+    source = family("U11+")
+    breaking = next(event for event in source.events if event.type == "SB" and event.breaks == "reversal")
+    branch = source.switch(breaking, energy=(0.05, 100.0))[0]
+    assert branch.problem.periodic
+    for i in range(3, len(branch), len(branch) // 6):
+        orbit = branch.orbit(i)
+        exact, other = orbit_in_digits(branch.problem, orbit.solution.y), ManyDigits(orbit)
+        assert abs(float(abs(exact.trace) - 2 - other.margin)) < 1e-9 * (1.0 + abs(float(exact.trace)))
+        assert exact.stable is bool(other.margin < 0)
+        with pytest.raises(ValueError, match="no half map"):
+            _ = exact.half_map
+
+
+def test_what_is_no_orbit_does_not_settle():
+    """Oracle: the corrections are refused that settle nowhere."""
+    problem, y = backbone_segment(vibro_impact_nes(), FOLD)
+    with pytest.raises(ArithmeticError, match="did not settle"):
+        orbit_in_digits(problem, 3.0 * y, 0.001)
+
+
+def test_the_orbit_is_the_nearest_one():
+    """Oracle: its start, to rounding, and its energy, of an orbit moved off by 1e-6."""
+    problem, y = backbone_segment(vibro_impact_nes(), 0.9)
+    rng = np.random.default_rng(2)
+    exact = orbit_in_digits(problem, y * (1.0 + 1e-6 * rng.uniform(-1.0, 1.0, len(y))))
+    assert 1e-8 < exact.moved < 1e-5
+    solved = MultipointProblem(problem.system, problem.ends, problem.word).solve(y, energy=float(exact.energy))
+    assert abs(Orbit(problem, solved).tau - float(exact.trace)) < 1e-9 * (1.0 + abs(float(exact.trace)))
