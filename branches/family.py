@@ -54,9 +54,9 @@ _GRAZING = (
 """The three ways of grazing: the test function, the word that tells the way's notes, and what describes it."""
 
 
-def multiplication(p: int, q: int) -> tuple[float]:
+def multiplication(p: int, q: int) -> float:
     """Trace 2 cos(2 pi p/q) of the full-period map at a q-tupling."""
-    return (2.0 * math.cos(2.0 * math.pi * p / q),)
+    return 2.0 * math.cos(2.0 * math.pi * p / q)
 
 
 def half_multiplication(p: int, q: int) -> tuple[float, float]:
@@ -150,8 +150,9 @@ class Family:
         if not self._planar and not problem.periodic:
             tests += [Test("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
         # Of a quarter the trace of the half map is followed: that of the full period passes a level twice where the former passes zero.
-        levels = half_multiplication if problem.quarters == 1 else multiplication
-        self._resonant = [(p, q, level) for p, q in RESONANCES for level in levels(p, q)]
+        quarter = problem.quarters == 1
+        levels = {(p, q): half_multiplication(p, q) if quarter else (multiplication(p, q),) for p, q in RESONANCES}
+        self._resonant = [(p, q, level) for (p, q), both in levels.items() for level in both]
         if self._planar:
             tests += [Test("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q, _ in self._resonant]
         self._tests = tuple(tests)
