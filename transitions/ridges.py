@@ -136,6 +136,7 @@ def ridges(spectrum: SpectrumRows, times: np.ndarray, signal: np.ndarray) -> lis
             some = []
     kept.append(_strong(spectrum, times, signal, some))
     columns, level, heights, shares = (np.concatenate(values) for values in zip(*kept, strict=True))
+    del some, kept  # of a long motion these are large
     order = np.argsort(columns, kind="stable")  # the rows rise, and so do the levels at each time
     columns, level, heights, shares = columns[order], level[order], heights[order], shares[order]
     following = _linked(columns, level, len(spectrum.times), spectrum.octaves, step)
