@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from saltus import catalogue_arguments, motion_start, outputs, scene_arguments, units
 from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE, FAILED, BadInput
+
+if TYPE_CHECKING:
+    from saltus.progress import ProgressBar
 
 __all__ = ["add_arguments", "run"]
 
@@ -24,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, default=MOST_IMPACTS, help="end there (default: ten million)")
     parser.add_argument("--samples", metavar="N", type=whole_above_zero, help=f"times in the time series of the files (default: {SAMPLES})")
     parser.add_argument("--locked", action="store_true", help="run the system with its sink locked too, and compare peaks and mean squares")
+    parser.add_argument(
+        "--stages", action="store_true", help="compute the stages of the motion, as --catalogue, --emd and --plot do, too"
+    )
     parser.add_argument("--emd", action="store_true", help="tell the empirical modes of the relative displacement (EMD-signal)")
     catalogue_arguments.add_file(parser, "tell the families that stages follow from this catalogue; --on is taken from it, too")
     outputs.add_arguments(parser, arrays=True)
@@ -46,7 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
     from saltus.motion_modes import mode_lines, mode_table, modes_of_motion, require_sifting
     from saltus.motion_picture import draw
     from saltus.motion_text import comparison, describe
-    from saltus.motions import default_duration, run_locked, run_scene, tell_stages
+    from saltus.motions import NOT_ASKED, default_duration, run_locked, run_scene, tell_stages
+    from saltus.progress import ProgressBar
 
     duration = arguments.duration if arguments.duration is not None else default_duration(scene)
     if duration is None:
@@ -61,9 +70,15 @@ def run(arguments: argparse.Namespace) -> int:
     with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
         start = motion_start.from_arguments(arguments, scene)
         prepare_motion()
-        told = run_scene(scene, start, duration, arguments.max_impacts)
-        locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
-        told = tell_stages(told, scene, start, catalogue)
+        with ProgressBar(100, "% of the motion") as bar:
+            percent = _percent(bar, duration)
+            told = run_scene(scene, start, duration, arguments.max_impacts, percent)
+            locked = run_locked(scene, start, duration, arguments.max_impacts, percent) if arguments.locked else None
+        if arguments.stages or arguments.emd or arguments.plot is not None or catalogue is not None:
+            with ProgressBar(100, "% of the stages") as bar:
+                told = tell_stages(told, scene, start, catalogue, _percent(bar, told.motion.duration))
+        else:
+            told = replace(told, why_no_stages=NOT_ASKED)
     scale = units.from_arguments(arguments)
     modes = modes_of_motion(told) if arguments.emd else None
     record = motion_record(told, scene, start, scale, locked, modes)
@@ -101,3 +116,8 @@ def run(arguments: argparse.Namespace) -> int:
     with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
         code = files.write(json=text, csv=series, draw=picture, arrays=arrays)
     return max(code, DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED)
+
+
+def _percent(bar: ProgressBar, duration: float) -> Callable[[float], None]:
+    """Shows the time that a run has come to as a part of its duration."""
+    return lambda time: bar.update(int(100.0 * time / duration))

@@ -95,11 +95,11 @@ def test_a_march_comes_back_where_it_passes_its_goal(side):
     problem, y = problem_and_start("S11O00-")
     family = Family(problem)
     points = trace(OneByOne(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 30}), both=False).points
-    older, start, goal = points[1], points[2], points[20]
-    before = start.arclength - older.arclength
+    oldest, older, start, goal = points[1], points[2], points[3], points[20]
+    first, before = older.arclength - oldest.arclength, start.arclength - older.arclength
     aim, direction = np.array(goal.position), side * (np.array(goal.position) - np.array(points[19].position))
     found = family.march(
-        start.step, start.tests, older.tests, before, points[3].step_size, aim, direction, 25, control_of(SETTINGS)
+        start.step, start.tests, older.tests, oldest.tests, before, first, points[4].step_size, aim, direction, 25, control_of(SETTINGS)
     )
     path = [start.position, *(step.position for step in found.steps)]
     if side < 0.0:

@@ -1,7 +1,7 @@
 """The test functions of a family of two degrees of freedom, from made-up result entries.
 
 Oracles: the return map of a reversible orbit as a product of matrices, R phi^-1 R phi with R = diag(1, -1), and its square where a quarter
-is solved; logarithms by hand.
+is solved; logarithms by hand. All functions are weighted with the impacts' speeds.
 """
 
 import math
@@ -9,11 +9,13 @@ import math
 import numpy as np
 import pytest
 
-from branches.family import RESONANCES, multiplication
+from branches.family import RESONANCES, half_multiplication, multiplication
 from branches.markers import COMMON, common_tests, planar_tests
-from bvp.kernels.result import ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, TRACE
+from bvp.kernels.result import ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
+HALF_TARGETS = [level for p, q in RESONANCES for level in half_multiplication(p, q)]
+SPEED = 0.3
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -23,14 +25,21 @@ def test_traces_are_those_of_the_return_map(seed):
     phi = np.array([[a, b], [c, (1.0 + b * c) / a]])
     result = np.zeros(len(RESULT))
     result[[HALF_A, HALF_B, HALF_C, HALF_D]] = phi.ravel()
+    result[SPEEDS] = SPEED
     reversal = np.diag([1.0, -1.0])
     closed = reversal @ np.linalg.inv(phi) @ reversal @ phi
-    half, quarter = np.zeros(14 + len(TARGETS)), np.zeros(15 + len(TARGETS))
+    half, quarter = np.zeros(14 + len(TARGETS)), np.zeros(15 + len(HALF_TARGETS))
     planar_tests(result, 2, TARGETS, half)
-    planar_tests(result, 1, TARGETS, quarter)
+    planar_tests(result, 1, HALF_TARGETS, quarter)
+    half[11:14] /= SPEED
+    half[14:] /= SPEED**2
+    quarter[11:14] /= SPEED
+    quarter[14:] /= SPEED**2
+    np.testing.assert_allclose(half[11:14], phi[[0, 0, 1], [1, 0, 1]], rtol=1e-12)
     np.testing.assert_allclose(half[14:], np.trace(closed) - TARGETS, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(quarter[14], np.trace(closed), rtol=1e-12)
-    np.testing.assert_allclose(quarter[15:], np.trace(closed @ closed) - TARGETS, rtol=1e-12, atol=1e-12)
+    pairs = np.reshape(quarter[15:], (-1, 2))  # tau - level = (tau_half - l)(tau_half + l), where l^2 = level + 2
+    np.testing.assert_allclose(pairs.prod(axis=1), np.trace(closed @ closed) - TARGETS, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("tau", [-2.5, -2.0, -1.5, 2.0])
@@ -38,10 +47,11 @@ def test_periodic_orbits_have_the_trace_itself(tau):
     """Doubling at tau = -2, q-tupling at tau = 2 cos(2 pi p/q)."""
     result = np.zeros(len(RESULT))
     result[TRACE] = tau
+    result[SPEEDS] = SPEED
     out = np.zeros(12 + len(TARGETS))
     planar_tests(result, 4, TARGETS, out)
     assert (out[11] > 0.0, out[11] == 0.0) == (tau > -2.0, tau == -2.0)
-    np.testing.assert_allclose(out[12:], [tau - 2.0 * math.cos(2.0 * math.pi * p / q) for p, q in RESONANCES], atol=1e-15)
+    np.testing.assert_allclose(out[12:] / SPEED, [tau - 2.0 * math.cos(2.0 * math.pi * p / q) for p, q in RESONANCES], atol=1e-15)
 
 
 def test_bounds_are_left_where_they_are_passed():
