@@ -221,9 +221,9 @@ class Family:
             np.empty((rows, 2)),
         )
         count, tried, ds = problem.compiled(
-            march, control, self._kinds, self._singular, self._bounds, self._aims, step.y, step.tangent, np.array(step.position), np.array(tests),
-            np.array(older), np.array(oldest), np.asarray(goal), self._unknown if direction is None else direction, before, first, ds,
-            np.empty((5, size + 2)), block, full=self._full,
+            march, control, self._kinds, self._singular, self._bounds, self._aims, step.y, step.tangent, np.array(step.position),
+            np.array(tests), np.array(older), np.array(oldest), np.asarray(goal), self._unknown if direction is None else direction,
+            before, first, ds, np.empty((5, size + 2)), block, full=self._full,
         )  # fmt: skip
         if 2 * (count + tried) < rows:  # let no short piece keep a whole block
             block = Block(*(array[: count + tried].copy() for array in block))

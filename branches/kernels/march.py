@@ -42,8 +42,9 @@ class Block(NamedTuple):
 
 @kernel
 def march(
-    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, period, most, control, kinds, singular, limits, targets,
-    first_y, first_tangent, first_position, first_tests, first_older, first_oldest, goal, direction, before, first, ds, metric, block,
+    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, period, most, control, kinds, singular, limits,
+    targets, first_y, first_tangent, first_position, first_tests, first_older, first_oldest, goal, direction, before, first, ds, metric,
+    block,
 ):  # fmt: skip
     """Steps from (first_y, first_tangent) into `block`.
 

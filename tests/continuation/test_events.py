@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from continuation import EndReason, EventDetails, Settings, follow
+from continuation import EndReason, EventDetails, Settings, follow, trace
 from continuation import Test as Marker
-from continuation.events import EventFinder
+from continuation.control import may_hide
 from tests.continuation.curves import Line, parts
 
 SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=60)
@@ -275,23 +275,46 @@ def test_a_guard_that_ends_nothing_reports_its_fall_and_not_its_rise():
     assert [event.arclength for event in events] == pytest.approx([2.03], abs=1e-10)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("lengths", [(0.1, 0.1), (0.05, 0.2), (0.2, 0.07)])
-def test_extremum_between_the_last_two_points_is_predicted_exactly_for_a_parabola(sign, lengths):
-    """Oracle: v = 3 (s - m)^2 + d through s = -lengths[0], 0, lengths[1]; asked for where d is small beside the ends only."""
-    finder = EventFinder(Line((Marker("A", "crossing"), lambda s: 1.0)), Settings())
-    before, last = lengths
-    for middle in (-0.02, 0.3 * last, 0.6 * last, 1.2 * last):
-        for depth in (-1e-3, 0.0, 1e-4, 1.0):
-            values = [sign * (3 * (s - middle) ** 2 + depth) for s in (-before, 0.0, last)]
-            if values[1] * values[2] <= 0:
-                continue
-            suspects = finder.scan([values[0]], [values[1]], [values[2]], before, last)
-            smaller = min(abs(values[1]), abs(values[2]))
-            if 0 < middle < last and depth < 0.25 * smaller:
-                assert [suspect.dip for suspect in suspects] == [pytest.approx(middle / last)]
-            else:
-                assert suspects == []
+@given(
+    middle=st.floats(-1.0, 2.0),
+    depth=st.floats(-0.5, 0.5),
+    size=st.floats(0.1, 10.0),
+    length=st.floats(0.1, 1.0),
+    sign=st.sampled_from([1, -1]),
+)
+def test_a_parabola_hides_two_zeros_where_it_dips_below_zero(middle, depth, size, length, sign):
+    """Oracle: v = size (s - m)^2 + d on (0, length), whose second divided differences are all `size`."""
+    a, b = (size * (s - middle) ** 2 + depth for s in (0.0, length))
+    assume(a > 1e-9 and b > 1e-9 and abs(depth) > 1e-9)
+    hides = may_hide(sign * a, sign * b, length, sign * size, sign * size)
+    assert hides is (depth < 0.0 and 0.0 < middle < length)
+    assert may_hide(sign * a, sign * b, length, sign * size, 0.0) or not hides  # bends that differ leave more room
+
+
+@given(
+    steps=st.floats(0.01, 0.16), start=st.floats(-3.0, 3.0), offset=st.floats(-0.999, 0.999), direction=st.sampled_from([1, -1]),
+    growth=st.floats(1.05, 2.0),
+)
+@hypothesis_settings(max_examples=80, deadline=None)
+def test_events_do_not_depend_on_where_a_run_starts_or_how_long_its_steps_are(steps, start, offset, direction, growth):
+    """Oracle: the zeros of cos(7 s) - offset between two guards, in pairs down to 0.013 apart, with steps of up to 0.16."""
+    problem = Line(
+        (Marker("A", "crossing"), lambda s: math.cos(7.0 * s) - offset), (Marker("END", "guard", terminal=True), lambda s: 3.3 - abs(s))
+    )
+    run = trace(
+        problem, np.array([start]), Settings(initial_step=0.2 * steps, maximum_step=steps, maximum_growth=growth, maximum_points=5000),
+        direction=direction,
+    )  # fmt: skip
+    first = math.acos(offset)
+    zeros = sorted(s for k in range(-6, 7) for s in ((first + 2 * math.pi * k) / 7.0, (-first + 2 * math.pi * k) / 7.0) if abs(s) < 3.3)
+    found = sorted(event.point.parameter for event in run.events if event.code == "A")
+    assert found == pytest.approx(zeros, abs=2e-10)
+
+
+def test_a_function_that_touches_zero_makes_no_event():
+    for place in (2.05, 2.0, 1.987654):
+        _, events, _ = run(Line((Marker("A", "crossing"), lambda s, place=place: (s - place) ** 2)))
+        assert events == []
 
 
 def test_a_dip_that_stays_above_zero_is_no_event_and_costs_few_steps():
@@ -339,7 +362,8 @@ def test_constant_test_functions_make_no_event(value):
     plain, constant = Line(), Line((Marker("A", "crossing"), lambda s: value), (Marker("K", "change"), lambda s: value))
     run(plain)
     _, events, _ = run(constant)
-    assert events == [] and constant.steps == plain.steps
+    # the first two steps are sampled, for nothing is known before them of how the function bends
+    assert events == [] and constant.steps <= plain.steps + 3
 
 
 def test_touching_zero_exactly_at_accepted_points_makes_at_most_one_event_each():
