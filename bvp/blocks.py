@@ -15,9 +15,13 @@ from typing import Protocol
 
 import numpy as np
 
+from bvp.conservation import decay_rates
 from bvp.numerics import EPSILON, jacobi
 
 __all__ = ["Blocks", "Dynamics", "Matrices", "coupled_groups", "cut", "damped_blocks", "traceless", "undamped_blocks"]
+
+LIGHT = 0.1
+"""Decay, of the frequency, of a mode that counts as lightly damped."""
 
 SEPARATION_LIMIT = 30.0
 """Largest entry of a Sylvester solution that still counts as a well-conditioned cut; rounding errors grow by about this
@@ -137,8 +141,25 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
         layout.append((start, start + 1 if len(piece) == 2 else -len(piece)))
         start = stop
     pairs = np.array(layout, dtype=np.int64)
+    to_state = np.hstack(columns)
+    _refine_decay(system, matrix, pairs, to_state)
     mean, delta = traceless(matrix, pairs)
-    return Blocks("coupled", shapes, pairs, mean, delta, matrix, np.hstack(columns), np.vstack(rows))
+    return Blocks("coupled", shapes, pairs, mean, delta, matrix, to_state, np.vstack(rows))
+
+
+def _refine_decay(system: Dynamics, matrix: np.ndarray, pairs: np.ndarray, to_state: np.ndarray) -> None:
+    """Write the decay of lightly damped modes, of which a Schur form leaves few digits, into the diagonals of their pairs."""
+    rounding = 16.0 * len(matrix) * EPSILON * np.abs(matrix).max()
+    for i, j in pairs:
+        if j < 0 or matrix[i, i] != matrix[j, j] or not matrix[i, j] * matrix[j, i] < 0.0:
+            continue
+        frequency = np.sqrt(-matrix[i, j] * matrix[j, i])
+        if abs(matrix[i, i]) > LIGHT * frequency:
+            continue
+        shape = to_state[:, i] * matrix[i, j] + to_state[:, j] * (1j * frequency)
+        (mean,) = decay_rates(system, shape[:, None])
+        if abs(mean - matrix[i, i]) <= rounding:
+            matrix[i, i] = matrix[j, j] = mean
 
 
 def _noise(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> np.ndarray:

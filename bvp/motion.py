@@ -267,6 +267,9 @@ class Motion:
         z = np.empty(self.phases.matrix.shape[1])
         for part in Pace().blocks(len(wanted)):
             sample(self.phases, self.times, self.numbers, self.states, wanted[part], z, out[part])
+        if np.count_nonzero(self.times == 0.0) == 1:
+            # Beside a load the state of a phase is a difference, which rounds: rest would have an energy.
+            out[wanted == 0.0] = self.start
         n = self.system.degrees_of_freedom
         return out[:, :n], out[:, n:]
 

@@ -53,7 +53,7 @@ class PhaseTable:
             "enter": np.zeros((number, size, 2 * n + y)),
             "to_modes": np.zeros((number, 2 * n, size)),
             "from_modes": np.zeros((number, size, 2 * n + y)),
-            **{key: np.zeros((number, contacts, size)) for key in ("gap", "rate", "acceleration", "push")},
+            **{key: np.zeros((number, contacts, size)) for key in ("gap", "rate", "acceleration", "push", "push_rest")},
             **{key: np.zeros((number, contacts)) for key in ("side", "bound")},
             **{key: np.zeros((number, meters, size)) for key in ("first", "second")},
         }

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.blocks import Blocks, Matrices, damped_blocks, undamped_blocks
+from bvp.conservation import modal_impulse, two_parts
 from bvp.forcing import Forcing
 from bvp.joined import join
 from bvp.meters import Meters
@@ -50,6 +51,8 @@ class Phase:
     from_modes : (N, 2n + 2G) ndarray
         The same for the modal coordinates (q, p) of the system without dampers and stops, u = Phi q and v = Phi p: in these a motion goes
         from phase to phase, for a free translation of any size, which is one of them, then takes no digits from the others.
+    push, push_rest : (m, N) ndarray
+        As the nearest doubles, and what these leave (see `bvp.conservation`); 0 while a contact is held.
     first, second : (R, N) ndarray
         Rows of the meters: their integrand is (first . Z)(second . Z).
     """
@@ -69,6 +72,7 @@ class Phase:
     side: np.ndarray
     bound: np.ndarray
     push: np.ndarray
+    push_rest: np.ndarray
     first: np.ndarray
     second: np.ndarray
 
@@ -150,17 +154,21 @@ def phase_of(system: ImpactSystem, held: int, forcing: Forcing, meters: Meters) 
             gap[c] = np.where(exact_product(modal, to_modes[:n]) == 0.0, 0.0, row @ leave[:n])
             rate[c] = np.where(exact_product(modal, to_modes[n:]) == 0.0, 0.0, row @ leave[n:])
             acceleration[c] = rate[c] @ layout.matrix
-    push = np.zeros_like(gap)
+    push, push_rest = np.zeros_like(gap), np.zeros_like(gap)
     for c in range(len(side)):
         if c not in contacts and bound[c] != NEVER:
             participation = exact_product(np.array(system.stops[modes.contact_stop[c]].gap), basis, blocks.shapes)
             jump = blocks.shapes @ participation / (participation @ participation)
             clear = exact_product(from_modes[:, n : 2 * n], weights[n:, n:], basis, jump) == 0.0
             push[c] = balanced(np.where(clear, 0.0, enter[:, n : 2 * n] @ (basis @ jump)), rate[c])
+            exact = None if k else modal_impulse(system, modes, rate[c] @ layout.states)
+            if exact is not None:
+                near, rest = two_parts(exact)
+                push[c], push_rest[c] = layout.states @ near, layout.states @ rest
     second = meters.velocity @ leave[n:]
     first = np.where((meters.load < 0)[:, None], second, outer[meters.load] if len(outer) else second)
     flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)
-    arrays = (*flight, leave, enter, to_modes, from_modes, gap, rate, acceleration, side, bound, push, first, second)
+    arrays = (*flight, leave, enter, to_modes, from_modes, gap, rate, acceleration, side, bound, push, push_rest, first, second)
     return Phase(held, *(np.ascontiguousarray(array + 0) for array in arrays))
 
 

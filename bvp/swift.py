@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bvp.checks import checked_damper
+from bvp.conservation import decay_rates, energy_form, impulse_direction, two_parts
 from bvp.forcing import forcing_of
 from bvp.kernels import swift as kernels
 from bvp.kernels import two_modes as places
@@ -117,9 +119,6 @@ def swift_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = None
     numbers = np.zeros(places.METERS + places.AT * MOST_METERS)
     into, out = np.zeros((4, 4)), np.zeros((4, 4))
     rates = values[at]
-    mean = np.zeros(2) if not np.any(system.damping) else rates.real
-    if np.any(mean > 0.0):
-        return None
     for k, index in enumerate(at):
         seen = gap @ vectors[:2, index]
         if abs(seen) <= SEEN * np.linalg.norm(gap) * np.linalg.norm(vectors[:2, index]):
@@ -127,8 +126,14 @@ def swift_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = None
         inward, outward = 2.0 * seen * left[index], vectors[:, index] / seen
         into[2 * k], into[2 * k + 1] = inward.real, -inward.imag
         out[:, 2 * k], out[:, 2 * k + 1] = outward.real, outward.imag
+    shapes = out[:, 0::2] + 1j * out[:, 1::2]
+    mean = decay_rates(system, shapes)
+    if not np.all(mean <= 0.0):
+        return None
+    frequency = rates.imag
+    rate = [Fraction(float(value)) for pair in zip(mean, frequency, strict=True) for value in pair]
+    push, push_rest = two_parts(impulse_direction(energy_form(system, mean + 1j * frequency, shapes), rate))
     compliance = gap @ inverse @ gap
-    push = into[:, 2:] @ (inverse @ gap / compliance)
     step = STEP / float(np.abs(rates).max())
     numbers[places.MEAN : places.MEAN + 2] = mean
     numbers[places.FREQUENCY : places.FREQUENCY + 2] = rates.imag
@@ -136,6 +141,7 @@ def swift_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = None
     numbers[places.LOWER], numbers[places.UPPER] = stop.lower, stop.upper
     numbers[places.RESTITUTION], numbers[places.MASS] = stop.restitution, 1.0 / compliance
     numbers[places.PUSH : places.PUSH + 4] = push
+    numbers[places.PUSH_REST : places.PUSH_REST + 4] = push_rest
     numbers[places.INTO : places.INTO + 16], numbers[places.OUT : places.OUT + 16] = into.ravel(), out.ravel()
     numbers[places.FORM : places.FORM + 8] = np.concatenate([system.mass.ravel(), system.stiffness.ravel()])
     for level in range(places.LEVELS):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 from saltus import __version__
@@ -51,6 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         written; 130 interrupted.
     """
     one_thread()
+    warnings.formatwarning = lambda message, *place: f"saltus: {message}\n"
     try:
         code = _command(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()

@@ -22,11 +22,12 @@ def prepare(**kernels: bool) -> None:
         What else is needed than to follow a family: as for `branches.kernels.warm.kept`.
     """
     from branches.kernels.warm import kept
+    from bvp.kernels.cache import keeps
 
     if kept(**kernels):
         return
     _tell()
-    if (os.cpu_count() or 1) < 2:
+    if (os.cpu_count() or 1) < 2 or not keeps():
         return
     try:
         subprocess.Popen(

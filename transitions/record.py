@@ -10,6 +10,7 @@ import numpy as np
 __all__ = ["Record"]
 
 _UNIFORM = 1e-6  # of a step: differences of times that rounding of long records makes are far below
+_REST = 1e-13  # of the largest displacement and velocity: smaller ones at the start are rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +97,12 @@ class Record:
     def duration(self) -> float:
         """From the first time to the last."""
         return float(self.times[-1] - self.times[0])
+
+    @property
+    def from_rest(self) -> bool:
+        """Whether the first state is 0, to rounding of the largest displacement and velocity, or has no energy."""
+        states = np.abs(self.displacements), np.abs(self.velocities)
+        return not self.energy[0] > 0.0 or all(values[0].max() <= _REST * values.max() for values in states)
 
     @property
     def degrees_of_freedom(self) -> int:

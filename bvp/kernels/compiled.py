@@ -9,6 +9,8 @@ from llvmlite import ir
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from bvp.kernels.cache import cache_of
+
 __all__ = ["address_of", "allocating", "call_at", "inlined", "kernel", "part", "sized", "whole_at"]
 
 _COUNTED: dict[str, Any] = {"_nrt": True}  # numba's own run time for arrays; said in full, for what a kernel calls inherits it
@@ -22,7 +24,8 @@ def _made(function: Any, **options: Any) -> Any:
     """The compiled function. Other kernels call it with written-out whole numbers as with any others: numba would compile one of its own
     for each such number. While it is compiled, which makes millions of objects that stay, garbage is collected seldom: a tenth of the time
     goes there else."""
-    dispatcher = nb.njit(cache=True, error_model="numpy", **options)(function)
+    dispatcher = nb.njit(error_model="numpy", **options)(function)
+    dispatcher._cache = cache_of(function)
     resolve, compiled = dispatcher.get_call_template, dispatcher.compile
 
     def of_any_number(arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:

@@ -54,7 +54,20 @@ def circular(delta, t):
 
 @part
 def flow_pair(mean, delta, b11, b12, b21, b22, t):
-    """The four entries of exp(B t) for one 2 x 2 block."""
+    """The four entries of exp(B t) for one 2 x 2 block.
+
+    Where the block oscillates, b21 is replaced by the number that goes with the rounded frequency. The determinant of the flow, and so the
+    energy, is then off by roundings to either side, and does not drift over many flights."""
+    if delta < 0.0:
+        w = math.sqrt(-delta)
+        c, s = circular(-1.0, w * t)
+        s /= w
+        if mean != 0.0:
+            e = math.exp(mean * t)
+            c *= e
+            s *= e
+        half = 0.5 * (b11 - b22)
+        return c + s * half, s * b12, -(w * (w * s) + half * (half * s)) / b12, c - s * half
     if mean != 0.0 and delta * t * t > APART_LIMIT:
         w = math.sqrt(delta) if mean > 0.0 else -math.sqrt(delta)
         fast = mean + w

@@ -46,7 +46,7 @@ from bvp.kernels.phase import (
     times_matrix,
     write_loads,
 )  # fmt: skip
-from bvp.kernels.restitution import restitute
+from bvp.kernels.restitution import bounce
 from bvp.kernels.simultaneous import at_their_bounds, clash, sunk
 
 __all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "PAUSED", "PIERCED", "REACHED", "STARTED_OUTSIDE", "move"]
@@ -105,9 +105,10 @@ def strike(phases, still, moving, c, counts, clock, sums, marks, z, scratch):
             return int64(-1), False
     else:
         stay = still
-        restitution = phases.restitution[c]
-        restitute(phases.rate[0], phases.push[0], phases.restitution, c, z, z)
-        loss = 0.5 * phases.contact_mass[c] * (1.0 - restitution) * (1.0 + restitution) * speed * speed
+        # The restitution of both is that of the rounded sum.
+        jump = 1.0 + phases.restitution[c]
+        bounce(phases.rate[0], phases.push[0], phases.push_rest[0], c, jump, z)
+        loss = 0.5 * phases.contact_mass[c] * (2.0 - jump) * jump * speed * speed
     count_impact(phases, c, speed, loss, counts, clock, sums, marks)
     return stay, False
 
@@ -303,7 +304,7 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             # All that are held, and no others, take part: the same impact within their phase takes nothing through other coordinates.
             for r in range(z.shape[0]):
                 z[r] = scratch.kept[r]
-            restitute(phases.rate[f], phases.push[f], phases.restitution, c, z, z)
+            bounce(phases.rate[f], phases.push[f], phases.push_rest[f], c, 1.0 + phases.restitution[c], z)
             times_matrix(phases.to_modes[f], z, x)
             if phases.frequency.shape[0] and counts[IMPACTS] % REFRESH == 0:
                 write_loads(phases, counts[BREAK_INDEX], clock, turns, x)

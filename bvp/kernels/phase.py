@@ -49,6 +49,7 @@ class Phases(NamedTuple):
     rate: np.ndarray  # (F, m, N)
     acceleration: np.ndarray  # (F, m, N)
     push: np.ndarray  # (F, m, N)
+    push_rest: np.ndarray  # (F, m, N) what the doubles of push leave
     side: np.ndarray  # (F, m)
     bound: np.ndarray  # (F, m)
     first: np.ndarray  # (F, R, N)

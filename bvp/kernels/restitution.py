@@ -3,7 +3,28 @@
 from bvp.kernels.bounds import dot
 from bvp.kernels.compiled import kernel, part
 
-__all__ = ["restitute", "strike", "strike_columns"]
+__all__ = ["bounce", "kick", "restitute", "strike", "strike_columns"]
+
+SPLIT = 134217729.0
+"""2^27 + 1, for the upper half of the digits of a double (Veltkamp)."""
+
+
+@part
+def kick(change, near, rest):
+    """change (near + rest), rounded to either side alike. `near` is the nearest double to a number, and `rest` what it leaves.
+
+    Were rest left out, or added to a rounded product, every product would be off to the same side."""
+    scaled = near * SPLIT
+    head = scaled - (scaled - near)
+    return change * head + change * ((near - head) + rest)
+
+
+@part
+def bounce(rate_rows, push, push_rest, c, jump, z):
+    """`strike`, in place, along a push that is known beyond double precision, so that the energy of many impacts does not drift."""
+    change = jump * dot(rate_rows, c, z)
+    for r in range(z.shape[0]):
+        z[r] -= kick(change, push[c, r], push_rest[c, r])
 
 
 @part

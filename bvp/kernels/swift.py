@@ -14,6 +14,7 @@ J h^2/8, |w'''| <= J. What needs a step below h/2^11 (grazing), chatters to its 
 import math
 
 from bvp.kernels.compiled import kernel, part
+from bvp.kernels.restitution import kick
 from bvp.kernels.two_mode_peaks import raised
 from bvp.kernels.two_modes import (
     FREQUENCY,
@@ -25,6 +26,7 @@ from bvp.kernels.two_modes import (
     OUT,
     PARTS,
     PUSH,
+    PUSH_REST,
     RESTITUTION,
     STEP,
     TURNS,
@@ -343,13 +345,15 @@ def swift_run(system, meters, start, initial, duration, unbounded, most, fractio
         v = m1 * p1 + w1 * q1 + m2 * p2 + w2 * q2
         if not float(side) * v * restitution > SLOW * scale:
             return DECLINED
-        loss = 0.5 * system[MASS] * (1.0 - restitution) * (1.0 + restitution) * v * v
+        # The restitution of both is that of the rounded sum.
+        jump = 1.0 + restitution
+        loss = 0.5 * system[MASS] * (2.0 - jump) * jump * v * v
         d2, e2 = summed(d2, e2, loss)
-        jump = (1.0 + restitution) * v
-        p1 -= jump * system[PUSH]
-        q1 -= jump * system[PUSH + 1]
-        p2 -= jump * system[PUSH + 2]
-        q2 -= jump * system[PUSH + 3]
+        change = jump * v
+        p1 -= kick(change, system[PUSH], system[PUSH_REST])
+        q1 -= kick(change, system[PUSH + 1], system[PUSH_REST + 1])
+        p2 -= kick(change, system[PUSH + 2], system[PUSH_REST + 2])
+        q2 -= kick(change, system[PUSH + 3], system[PUSH_REST + 3])
         impacts += 1
         last = time + time_low
         leaving = side

@@ -24,7 +24,9 @@ def kept(*, discovery: bool = False) -> bool:
 def stored(kernel: Any) -> bool:
     """Whether compiled code of a kernel is on disk."""
     folder, name = kernel.stats.cache_path, kernel.py_func.__name__
-    return os.path.isdir(folder) and any(f".{name}-" in entry or entry.startswith(f"{name}-") for entry in os.listdir(folder))
+    if folder is None or not os.path.isdir(folder):
+        return False
+    return any(f".{name}-" in entry or entry.startswith(f"{name}-") for entry in os.listdir(folder))
 
 
 def warm() -> None:

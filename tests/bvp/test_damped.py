@@ -16,6 +16,8 @@ from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_run import closed_form
 
+EPSILON = float(np.finfo(float).eps)
+
 
 def ball(restitution, k=0.0, c=0.0, lower=0.0):
     return ImpactSystem([[1.0]], [[c]], [[k]], (Stop((1.0,), lower, restitution=restitution),))
@@ -111,6 +113,7 @@ def test_zero_restitution_sticks_or_leaves_and_one_never_sticks():
     np.testing.assert_allclose(bounces.times[1:], 1.0 + 2.0 * np.arange(2500), rtol=1e-12)
 
 
+@pytest.mark.rounding
 def test_elastic_undamped_motion_keeps_its_energy_over_a_hundred_thousand_impacts():
     system = vibro_impact_nes(0.1, 0.1)
     motion = run(system, [0.0, 0.0], [0.0, 1.5], 1e9, max_impacts=100_000)
@@ -119,18 +122,22 @@ def test_elastic_undamped_motion_keeps_its_energy_over_a_hundred_thousand_impact
     assert motion.totals.sum() == 0.0
 
 
+@pytest.mark.rounding
 def test_the_balance_closes_over_ten_thousand_impacts():
-    """rho = 0.999, light damping; and harmonically forced with rho = 0.7: the balance to 1e-12 of the initial energy."""
+    """rho = 0.999, light damping: the balance to 1e-12 of the initial energy. Harmonically forced with rho = 0.7: to 16 eps of the energy
+    that passes through, over a thousand times the initial one. Its parts are sums over all flights, of numbers that a rounded row makes:
+    four roundings each, to the same side in all of them."""
     light = run(vibro_impact_nes(0.1, 0.1, 1e-5, 0.999), [0.0, 0.0], [0.0, 30.0], 1e6, max_impacts=10_000)
     assert light.impacts == 10_000 and light.balance_error < 1e-12
     forced = run(
         vibro_impact_nes(0.1, 0.1, 0.05, 0.7), [0.0, 0.0], [0.0, 5.0], 1e9,
         forces=Harmonic(1.0, cosine=[0.0, 1.0]), max_impacts=10_000,
     )  # fmt: skip
-    assert forced.impacts == 10_000
-    assert forced.balance_error < 1e-12
+    assert forced.impacts == 10_000 and forced.turnover > 1000.0 * forced.initial_energy
+    assert abs(forced.balance) < 16.0 * EPSILON * forced.turnover
 
 
+@pytest.mark.rounding
 @pytest.mark.parametrize(("lam", "frequency", "amplitude"), [(1e-4, 1.0, 0.01), (1e-3, 0.9, 0.1)])
 def test_the_balance_closes_over_ten_thousand_forced_impacts_that_are_nearly_elastic(lam, frequency, amplitude):
     """rho = 0.999, work of the load, to and fro, from hundredths of the initial energy to twice that: the balance to 1e-12 of it."""
@@ -140,6 +147,7 @@ def test_the_balance_closes_over_ten_thousand_forced_impacts_that_are_nearly_ela
     assert motion.balance_error < 1e-12
 
 
+@pytest.mark.rounding
 @pytest.mark.parametrize(("lam", "rho", "velocity"), [(0.01, 0.999, 5.0), (0.05, 0.7, 0.5)])
 def test_the_balance_of_motions_that_a_load_pumps_up_closes_to_the_energy_that_passes_through(lam, rho, velocity):
     """Work of hundreds and of a hundred thousand times the initial energy in 10,000 impacts: rounding goes with what is there."""

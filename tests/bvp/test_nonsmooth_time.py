@@ -1,6 +1,7 @@
 """The paper's own method: shooting in nonsmooth time, against the closed form and against the orbits of the multipoint problem."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -136,12 +137,15 @@ def test_shooting_that_stands_still_ends(monkeypatch):
     assert len(shots) < 3 * 20
 
 
+@pytest.mark.rounding
 def test_shooting_that_does_not_arrive_is_told():
-    """Oracle: the motion at rest satisfies both ends, and is no orbit that impacts; and the message has the mismatch that stays."""
+    """Oracle: the motion at rest satisfies both ends, and is no orbit that impacts; and the message has the mismatch that stays, whose
+    digits are those of an iteration that does not converge, on any one machine."""
     with pytest.raises(NotMatched, match="without impacts"):
         solve_nonsmooth_time(vibro_impact_nes(), 0.05, [1e-3, 1e-3])
-    with pytest.raises(NotMatched, match="mismatch of 2.0e-01, not below 1.0e-02"):
+    with pytest.raises(NotMatched, match="mismatch of .*, not below 1.0e-02") as refused:
         solve_nonsmooth_time(vibro_impact_nes(), ALPHA, [3.0, 1.0], tolerance=0.01, integrator_tolerance=0.01, integrator="DOP853")
+    assert float(re.search(r"mismatch of (\S+),", str(refused.value)).group(1)) > 0.01
 
 
 @pytest.mark.parametrize(

@@ -115,6 +115,7 @@ def test_the_time_of_a_fraction_of_a_decaying_mode():
     assert sum(after - before < 1e-9 for before, after in zip(*sides, strict=True)) >= 2
 
 
+@pytest.mark.rounding
 def test_elastic_and_undamped_motion_keeps_its_energy():
     """Oracle: the initial energy, over 1e5 impacts."""
     system = vibro_impact_nes()
@@ -123,6 +124,7 @@ def test_elastic_and_undamped_motion_keeps_its_energy():
     assert np.abs(found.energy / found.initial_energy - 1.0).max() < 1e-10 and not found.dissipated.any()
 
 
+@pytest.mark.rounding
 def test_the_energy_balance_over_ten_thousand_impacts():
     """Oracle: initial energy = dissipated + present, to 1e-12."""
     found = many(vibro_impact_nes(lam=1e-5, rho=0.9999), impulsive([50.0]), 1e9, max_impacts=10_000)

@@ -34,6 +34,22 @@ def test_columns_are_kept_and_cannot_be_changed():
         record.energy[0] = 1.0
 
 
+@pytest.mark.parametrize(("start", "rest"), [(0.0, True), (1e-16, True), (1e-9, False), (0.5, False)])
+@pytest.mark.parametrize("name", ["displacements", "velocities"])
+def test_rest_is_a_state_that_is_rounding_of_the_motion(name, start, rest):
+    """Oracle: by hand, beside a motion of size 1: 1e-16 is rounding, 1e-9 is not."""
+    moving = {key: np.full((4, 2), 1.0) for key in ("displacements", "velocities")}
+    for values in moving.values():
+        values[0] = 0.0
+    moving[name][0, 1] = start
+    assert Record(**columns(**moving, energy=[1e-33, 1.0, 1.0, 1.0])).from_rest is rest
+
+
+def test_a_translation_without_energy_is_rest():
+    """Oracle: by definition; there is no energy to refer to."""
+    assert Record(**columns(displacements=np.ones((4, 2)), velocities=[[0, 0], [1, 1], [1, 1], [1, 1]], energy=[0, 1, 1, 1])).from_rest
+
+
 @pytest.mark.parametrize(
     ("changed", "said"),
     [

@@ -93,6 +93,7 @@ def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn, long):
         assert min(a.x1, b.x1) - max(a.x0, b.x0) < 1.0 or min(a.y1, b.y1) - max(a.y0, b.y0) < 1.0, (one, other)
 
 
+@pytest.mark.rounding
 @pytest.mark.parametrize(("speed", "words"), [(0.0, "of what came in"), (0.1, "of the start")])
 def test_what_a_load_brings_in_is_dissipated_within_the_panel(speed, words):
     """Oracles: shares of what came in end at what `saltus run` tells; shares of a small start exceed 100 % and are all to be seen."""

@@ -105,7 +105,7 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
     spectrum = transition.spectrum
     with picture_settings():
         figure = new_figure(7.6)
-        begin = rf"energy $h = {record.energy[0]:.6g}$" if record.energy[0] > 0.0 else "rest"
+        begin = "rest" if record.from_rest else rf"energy $h = {record.energy[0]:.6g}$"
         figure.suptitle(f"Motion from {begin}   ({system_text(transition.system)})")
         axes = figure.subplot_mosaic(
             [["series", "series"], ["share", "lost"], ["spectrum", "families"]], height_ratios=[0.72, 0.8, 1.25], width_ratios=[1.0, 1.0]
@@ -167,14 +167,13 @@ def _draw_lost(axes: Axes, transition: Transition) -> None:
     record = transition.record
     few = _thinned(record.times)
     nes, lo = record.dissipated_nes, record.dissipated_lo
-    start = float(record.energy[0])
-    whole = start or float(record.energy[-1] + nes[-1] + lo[-1])  # of a motion from rest: what came in
+    whole = float(record.energy[-1] + nes[-1] + lo[-1]) if record.from_rest else float(record.energy[0])
     # The sum lies below and is wider: one that is all of it does not hide it.
     for name, values, colour, width in (("both", nes + lo, BLACK, 2.4), ("sink", nes, LINES[0], 1.0), ("oscillator", lo, LINES[1], 1.0)):
         (line,) = axes.plot(record.times[few], 100.0 * values[few] / whole, color=colour, linewidth=width, label=name)
         line.set_gid(f"lost-{name}")
     top = max(100.0, 105.0 * float(np.max(nes + lo)) / whole if np.max(nes + lo) > whole * (1.0 + 1e-9) else 0.0)
-    linear_axis(axes, "y", (0.0, top), 5, "dissipated, of the start" if start else "dissipated, of what came in", r"\%")
+    linear_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
     _time_axis(axes, transition, 5)
     axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
 

@@ -1,0 +1,181 @@
+"""Compiled kernels live in the user's cache folder, and are used exactly where they are valid."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from bvp.kernels import cache
+
+ROOT = Path(__file__).resolve().parents[2]
+KERNELS = sorted(file for package in ("bvp", "branches", "transitions") for file in (ROOT / package / "kernels").glob("*.py"))
+OUR_PACKAGES = {"bvp", "branches", "continuation", "transitions", "saltus"}
+
+
+def _imported(file):
+    """The project's modules that a file imports when it is loaded, by Python's own parser."""
+    for node in ast.parse(file.read_text()).body:
+        names = [node.module] if isinstance(node, ast.ImportFrom) else [alias.name for alias in getattr(node, "names", [])]
+        for name in names:
+            if str(name).split(".")[0] in OUR_PACKAGES:
+                yield ROOT / (str(name).replace(".", "/") + ".py")
+
+
+@pytest.mark.parametrize("file", KERNELS, ids=lambda file: "-".join(file.relative_to(ROOT).parts))
+def test_all_that_a_kernel_is_compiled_from_is_hashed(file):
+    """Oracle: the imports that Python's own parser finds. A constant from another file would be compiled in unseen."""
+    found, waiting = set(), [file]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting.extend(_imported(path))
+    assert set(cache.sources(file)) == found
+
+
+def test_functions_are_compiled_in_kernel_files_alone():
+    """Oracle: the imports by Python's own parser. Any other file may only take the address of a kernel."""
+    for package in OUR_PACKAGES:
+        for file in set((ROOT / package).rglob("*.py")) - set(KERNELS):
+            for node in ast.walk(ast.parse(file.read_text())):
+                if isinstance(node, ast.ImportFrom) and node.module == "bvp.kernels.compiled":
+                    assert [alias.name for alias in node.names] == ["address_of"], file
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A copy of the kernels with two more files, one of which calls the other; and a call that runs them in a new process."""
+    copy = tmp_path / "copy"
+    shutil.copytree(ROOT / "bvp", copy / "bvp", ignore=shutil.ignore_patterns("__pycache__"))
+    head = "from bvp.kernels.compiled import kernel\n"
+    inner = copy / "bvp/kernels/inner.py"
+    inner.write_text(head + "@kernel\ndef inner(x):\n    return 2.0 * x\n")
+    outer = "from bvp.kernels.inner import inner\n@kernel\ndef outer(x):\n    return inner(x) + 1.0\n"
+    (copy / "bvp/kernels/outer.py").write_text(head + outer)
+
+    def run(kept=tmp_path / "kept", **environment):
+        """The value at 3, whether it was loaded, and what was written to standard error."""
+        script = "from bvp.kernels.outer import outer; print(outer(3.0), sum(outer.stats.cache_hits.values()))"
+        place = {"NUMBA_CACHE_DIR": str(kept)} if kept else {}
+        clean = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA", "PYTHON"))}
+        done = subprocess.run(
+            [sys.executable, "-c", script], cwd=copy, env={**clean, **place, **environment}, capture_output=True, text=True, check=True
+        )
+        value, hits = done.stdout.split()
+        return float(value), hits == "1", done.stderr
+
+    return copy, inner, run
+
+
+def test_kernels_are_loaded_where_nothing_changed_and_only_there(project):
+    """Oracle: the values by hand. A second process loads; a changed callee in another file, and another processor, compile anew."""
+    copy, inner, run = project
+    assert run() == (7.0, False, "")
+    assert run() == (7.0, True, "")
+    assert run(NUMBA_CPU_NAME="generic") == (7.0, False, "")
+    text = inner.read_text()
+    inner.write_text(text.replace("2.0", "5.0"))
+    assert run() == (16.0, False, "")
+    inner.write_text(text)
+    assert run() == (7.0, True, "")
+    assert not [file for kind in ("*.nbi", "*.nbc") for file in copy.rglob(kind)]
+
+
+def test_kernels_are_kept_in_the_cache_folder_of_the_user(project, tmp_path):
+    """Oracle: the place that platformdirs gives."""
+    _, _, run = project
+    home = {"XDG_CACHE_HOME": str(tmp_path / "user"), "HOME": str(tmp_path / "user"), "LOCALAPPDATA": str(tmp_path / "user")}
+    run(kept=None, **home)
+    assert list((tmp_path / "user").rglob("outer.outer*.nbc"))
+    assert run(kept=None, **home) == (7.0, True, "")
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"\x80" * len(data)], ids=["cut", "other"])
+@pytest.mark.parametrize("kind", ["*.nbi", "*.nbc"], ids=["index", "code"])
+def test_a_damaged_file_is_written_anew(project, tmp_path, kind, damage):
+    """Oracle: the value by hand, and a file that is loaded again."""
+    _, _, run = project
+    run()
+    for file in (tmp_path / "kept").rglob(kind):
+        file.write_bytes(damage(file.read_bytes()))
+    assert run() == (7.0, False, "")
+    assert run() == (7.0, True, "")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of folders are those of POSIX")
+def test_a_folder_that_others_can_write_to_is_not_read(project, tmp_path):
+    """Oracle: nothing is loaded from it, nothing is written to it, and one line names it and the remedy, which helps."""
+    _, _, run = project
+    run()
+    folder = tmp_path / "kept/saltus-kernels"
+    folder.chmod(0o777)
+    before = sorted(folder.rglob("*"))
+    value, loaded, said = run()
+    assert (value, loaded) == (7.0, False)
+    assert said.count("not kept") == 1 and str(folder) in said and "remove it" in said
+    assert sorted(folder.rglob("*")) == before
+    shutil.rmtree(folder)
+    assert run() == (7.0, False, "")
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.skipif(os.name != "posix", reason="owners of folders are those of POSIX")
+def test_a_folder_of_another_user_is_not_read(monkeypatch, tmp_path):
+    """Oracle: the owner that the system gives."""
+    tmp_path.chmod(0o700)
+    assert cache._examined(tmp_path) == (True, "")
+    if os.geteuid() == 0:
+        os.chown(tmp_path, 1, -1)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
+    usable, reason = cache._examined(tmp_path)
+    assert not usable and "others can write" in reason
+
+
+def test_without_a_folder_everything_is_compiled(project, tmp_path):
+    """Oracle: the value by hand; one line gives the reason."""
+    _, _, run = project
+    (tmp_path / "file").write_text("no folder")
+    value, loaded, said = run(kept=tmp_path / "file")
+    assert (value, loaded) == (7.0, False)
+    assert said.count("not kept") == 1 and "cannot make the folder" in said
+
+
+def test_a_folder_that_cannot_be_written_is_read(project, tmp_path, monkeypatch):
+    """Oracle: what is there is loaded; what is not there is compiled; one line gives the reason."""
+    copy, inner, run = project
+    run()
+    (copy / "sitecustomize.py").write_text(
+        "import os\ntrue = os.access\nos.access = lambda path, mode: mode != os.W_OK and true(path, mode)\n"
+        "def refuse(*a, **o): raise PermissionError(13, 'read-only')\nos.replace = os.mkdir = refuse\n"
+    )
+    value, loaded, said = run(PYTHONPATH=str(copy))
+    assert (value, loaded) == (7.0, True)
+    assert said.count("not kept") == 1 and "cannot write to the folder" in said
+    inner.write_text(inner.read_text().replace("2.0", "5.0"))
+    assert run(PYTHONPATH=str(copy))[:2] == (16.0, False)
+
+
+def test_folders_that_were_not_used_are_removed(project, tmp_path):
+    """Oracle: folders by hand, one used 29 and one 31 days ago. Loading renews the date of a folder."""
+    _, inner, run = project
+    run()
+    root = tmp_path / "kept/saltus-kernels"
+    days = {"old": 31, "recent": 29, **{folder.name: 29 for folder in root.iterdir()}}
+    for name, age in days.items():
+        (root / name).mkdir(exist_ok=True)
+        (root / name / "file").touch()
+        os.utime(root / name, (time.time() - age * cache.DAY,) * 2)
+    run()
+    used = next(root.glob("bvp.kernels.outer-*"))
+    assert time.time() - used.stat().st_mtime < cache.DAY and (root / "old").is_dir()
+    inner.write_text(inner.read_text() + "\n")
+    run()
+    assert not (root / "old").exists() and (root / "recent").is_dir() and used.is_dir()
