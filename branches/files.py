@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "one_line", "reason", "replacing", "write_text"]
+__all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "reason", "replacing", "write_text"]
 
 DATABASE = "it is an SQLite file, as catalogues are; expected another file"
 """Why a result does not take its place."""
@@ -30,6 +30,8 @@ _WORDS = {
     errno.EISDIR: "it is a directory",
     errno.ENAMETOOLONG: "the name is too long",
     errno.EPIPE: "the reader has closed it",
+    errno.EMFILE: "too many files are open (ulimit -n)",
+    errno.ENFILE: "too many files are open on this machine",
 }
 
 
@@ -72,8 +74,25 @@ def one_line(error: BaseException) -> str:
     --------
     >>> one_line(ValueError("a stop\\n  has no gap"))
     'a stop has no gap'
+    >>> one_line(OSError(errno.EMFILE, "Too many open files", "branch.json"))
+    'too many files are open (ulimit -n): branch.json'
     """
-    return " ".join(str(error).split()) or type(error).__name__
+    text = str(error)
+    if isinstance(error, OSError) and error.errno is not None:
+        text = reason(error) + ("" if error.filename is None else f": {error.filename}")
+    return " ".join(text.split()) or type(error).__name__
+
+
+def is_special(path: str | os.PathLike[str]) -> bool:
+    """Whether a path leads to what is neither a file nor a directory: a pipe, a device.
+
+    Examples
+    --------
+    >>> is_special(__file__), is_special("."), is_special("no/such/place"), is_special(os.devnull)
+    (False, False, False, True)
+    """
+    path = Path(path)
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def is_database(path: str | os.PathLike[str]) -> bool:
@@ -128,11 +147,11 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"a path is text; received {path!r}, expected the name of a file")
-    target = Path(os.path.realpath(path))
     try:
-        if target.exists() and not target.is_file() and not target.is_dir():
-            yield target
+        if is_special(path):
+            yield Path(path)
             return
+        target = Path(os.path.realpath(path))
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "is a directory")
         if is_database(target):

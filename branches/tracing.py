@@ -13,6 +13,7 @@ from branches.branch import Branch, BranchEvent, Ended
 from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
+from branches.interrupts import held
 from branches.orbit import Orbit
 from bvp.multipoint import MultipointProblem
 from continuation.points import PlainPoints, Points
@@ -214,17 +215,25 @@ def follow_family(
             on_event=collector.event,
         )
     except (KeyboardInterrupt, RuntimeError) as error:
-        branch = collector.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")
-        if branch is not None:
-            error.branch = branch  # type: ignore[union-attr]
-        raise
+        with held():
+            raise _with_branch(error, collector.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
-    branch = branch_of(problem, run, energy)
-    if on_end is not None:
-        for ended in dict.fromkeys(branch.ended):
-            on_end(ended)
+    with held() as interrupt:
+        branch = branch_of(problem, run, energy)
+        if on_end is not None:
+            for ended in dict.fromkeys(branch.ended):
+                on_end(ended)
+    if interrupt.came:
+        raise _with_branch(KeyboardInterrupt(), branch)
     return branch
+
+
+def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
+    """The error with what was computed before it as its attribute `branch`."""
+    if branch is not None:
+        error.branch = branch  # type: ignore[attr-defined]
+    return error
 
 
 def check_energy(energy: tuple[float, float]) -> tuple[float, float]:

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
+from branches.interrupts import held
 from saltus import catalogue_arguments, motion_start, outputs, scene_arguments, units
 from saltus.arguments import positive, whole_above_zero
-from saltus.errors import DONE, FAILED, BadInput
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
+
+if TYPE_CHECKING:
+    from saltus.motion_start import Start
+    from saltus.motions import Told
+    from saltus.scene import Scene
+    from transitions.empirical import Modes
 
 __all__ = ["add_arguments", "run"]
 
@@ -42,10 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = scene_arguments.from_arguments(arguments)
 
     from saltus.first_run import prepare_motion
-    from saltus.motion_data import impact_table, json_text, motion_record, sample_table
-    from saltus.motion_modes import mode_lines, mode_table, modes_of_motion, require_sifting
-    from saltus.motion_picture import draw
-    from saltus.motion_text import comparison, describe
+    from saltus.motion_modes import modes_of_motion, require_sifting
     from saltus.motions import default_duration, run_locked, run_scene, tell_stages
 
     duration = arguments.duration if arguments.duration is not None else default_duration(scene)
@@ -58,14 +63,36 @@ def run(arguments: argparse.Namespace) -> int:
 
         for line in explain_motion(scene.system, scene.forces):
             print(f"model  {line}", file=files.words, flush=True)
-    with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
-        start = motion_start.from_arguments(arguments, scene)
-        prepare_motion()
-        told = run_scene(scene, start, duration, arguments.max_impacts)
-        locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
-        told = tell_stages(told, scene, start, catalogue)
+    with held() as interrupt, catalogue_arguments.given(arguments, scene.underlying) as catalogue:
+        with interrupt.released():
+            start = motion_start.from_arguments(arguments, scene)
+            prepare_motion()
+            told = run_scene(scene, start, duration, arguments.max_impacts)
+        locked = modes = None
+        code = DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED
+        try:
+            with interrupt.released():
+                locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
+                told = tell_stages(told, scene, start, catalogue)
+                modes = modes_of_motion(told) if arguments.emd else None
+        except KeyboardInterrupt:
+            told = replace(told, why_no_stages=told.why_no_stages or "interrupted")
+            code = INTERRUPTED
+            say("interrupted; the motion is written, without what was to be computed from it")
+        code = max(code, _write(arguments, files, scene, start, told, locked, modes))
+    return outputs.after(interrupt, code)
+
+
+def _write(
+    arguments: argparse.Namespace, files: outputs.Outputs, scene: Scene, start: Start, told: Told, locked: Told | None, modes: Modes | None
+) -> int:
+    """Print and write what was computed; return the exit code."""
+    from saltus.motion_data import impact_table, json_text, motion_record, sample_table
+    from saltus.motion_modes import mode_lines, mode_table
+    from saltus.motion_picture import draw
+    from saltus.motion_text import comparison, describe
+
     scale = units.from_arguments(arguments)
-    modes = modes_of_motion(told) if arguments.emd else None
     record = motion_record(told, scene, start, scale, locked, modes)
     for line in describe(told, start, record, scale):
         print(line, file=files.words)
@@ -99,5 +126,4 @@ def run(arguments: argparse.Namespace) -> int:
             print("note   the picture is in natural units", file=files.words)
 
     with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
-        code = files.write(json=text, csv=series, draw=picture, arrays=arrays)
-    return max(code, DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED)
+        return files.write(json=text, csv=series, draw=picture, arrays=arrays)
