@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "reason", "replacing", "write_text"]
+__all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "read_input", "reason", "replacing", "write_text"]
 
 DATABASE = "it is an SQLite file, as catalogues are; expected another file"
 """Why a result does not take its place."""
 
 SQLITE = b"SQLite format 3\0"
 """How such a file begins."""
+
+MOST_BYTES = 1 << 30
+"""Size of the largest file that is read: longer ones are no input, but a pipe or a file by mistake."""
+
+PATIENCE = 5.0
+"""Seconds until a pipe that nobody has opened to write is refused."""
 
 _WORDS = {
     errno.ENOSPC: "no space is left on the device",
@@ -108,6 +115,50 @@ def is_database(path: str | os.PathLike[str]) -> bool:
             return file.read(len(SQLITE)) == SQLITE
     except OSError:
         return False
+
+
+def read_input(path: str | os.PathLike[str]) -> bytes:
+    """The bytes of a file, or of a pipe that somebody writes into.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    OSError
+        Also for a device, for a pipe that nobody writes into, and for what has no end.
+    """
+
+    def at_once(name: str, flags: int) -> int:
+        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+    with open(path, "rb", opener=at_once) as file:
+        mode = os.fstat(file.fileno()).st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            raise OSError("it is a device, expected a file")
+        if stat.S_ISFIFO(mode):
+            _await_writer(file.fileno())
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise OSError(f"it is larger than {MOST_BYTES >> 20} MB")
+    return content
+
+
+def _await_writer(pipe: int) -> None:
+    """Wait for what is written into a pipe, at most for a while if nobody has opened it to write."""
+    poll = select.poll()
+    poll.register(pipe, select.POLLIN)
+    if not poll.poll(1000.0 * PATIENCE):
+        # One that is open to write, and empty, says so by an error.
+        with suppress(BlockingIOError):
+            if not os.read(pipe, 1):
+                raise OSError(f"it is a pipe, and nobody has written into it for {PATIENCE:g} seconds")
+    os.set_blocking(pipe, True)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from branches.discovery.scope import START_FROM_A_STATE, require_conservative, r
 from branches.discovery.starts import Path, curves
 from branches.labels import nearest
 from branches.orbit import Orbit
-from branches.words import impacts_per_period
+from branches.words import impacts_per_period, segments_per_period
 from bvp.kernels.follow import TURN_LIMIT
 from bvp.kernels.verdict import GRAZED
 
@@ -45,6 +45,10 @@ fewer are followed."""
 
 LONGEST = 0.5 * TURN_LIMIT
 """Angle by which the fastest mode may turn at most within the longest segment (rad): a flight is looked through in so many steps."""
+
+
+MOST_BOUND = 10_000
+"""Largest bound for the impacts of half a period: the scan keeps so many of a start in memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,9 +229,7 @@ def _limits(first: str, far: str, quarter_period: float, impacts: int | None) ->
     if impacts is None:
         return time, None
     ends = ("stop+" if first == "stop" else first, "stop+" if far == "stop" else far)
-    inner = -1
-    while impacts_per_period(("+",) * (inner + 1), ends) <= 2 * impacts:
-        inner += 1
+    inner = (2 * impacts - impacts_per_period((), ends)) // segments_per_period(ends)
     return (time, inner) if inner >= 0 else (-1.0, -1)
 
 
@@ -253,6 +255,8 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
         )
     if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or impacts < 0):
         raise ValueError(f"the most impacts of half a period is {impacts!r}, expected a whole number, 0 or more")
+    if impacts is not None and impacts > MOST_BOUND:
+        raise ValueError(f"the most impacts of half a period is {impacts}, expected {MOST_BOUND} or less, or no bound")
     if not ends:
         raise ValueError(f"no ends are given, expected some of {', '.join(CLASSES)}")
     for name in ends:
