@@ -15,6 +15,7 @@ from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.interrupts import held
 from branches.orbit import Orbit
+from bvp.checks import real, shown
 from bvp.multipoint import MultipointProblem
 from continuation.points import PlainPoints, Points
 from continuation.problem import Event, Point, Step
@@ -184,8 +185,8 @@ def follow_family(
     if points is not None:
         if isinstance(points, bool) or not isinstance(points, int | np.integer):
             raise TraceError(f"points = {points!r}: expected a whole number, at least 1")
-        if points < 1:
-            raise TraceError(f"points = {points}: expected at least 1")
+        if not 1 <= points < 1 << 63:
+            raise TraceError(f"points = {shown(points)}: expected at least 1")
         settings = Settings(**{**_fields(settings), "maximum_points": points})
     problem.refuse_drift()
     family = Family(problem, energy, quarter_period)
@@ -245,9 +246,9 @@ def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
         Otherwise.
     """
     try:
-        low, high = (float(value) for value in energy)
+        low, high = (real(value) for value in energy)
     except (TypeError, ValueError):
-        raise TraceError(f"energy range {energy!r}: expected two numbers (LO, HI)") from None
+        raise TraceError(f"energy range {shown(energy)}: expected two numbers (LO, HI)") from None
     if not (0.0 <= low < high):
         raise TraceError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 <= LO < HI")
     return low, high

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import checked_damper
+from bvp.checks import checked_damper, is_finite, reals, require_system, shown
 from bvp.forcing import forcing_of
 from bvp.impact import checked_state, contact_index
 from bvp.kernels import motion as kernels
@@ -45,6 +45,7 @@ class Mover:
     """
 
     def __init__(self, system: ImpactSystem, forces: Any = None, dampers: Mapping[str, Any] | None = None) -> None:
+        require_system(system)
         self.system = system
         self.forcing = forcing_of(forces, system.degrees_of_freedom)
         self.dampers = split_damping(system) if dampers is None else checked_damper(system.damping, dampers)
@@ -174,11 +175,11 @@ class Mover:
 
     def _checked(self, duration: Any, max_impacts: Any, marks: Sequence[float]) -> np.ndarray:
         """The marks, ascending, where all three are as they should be; ValueError else."""
-        if not (isinstance(duration, (int, float, np.number)) and 0.0 <= duration < np.inf):
-            raise ValueError(f"duration is a finite time of 0 or more; received {duration!r}")
-        if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or max_impacts < 0:
-            raise ValueError(f"max_impacts is a whole number of 0 or more; received {max_impacts!r}")
-        fractions = np.unique(np.asarray(marks, dtype=float))
+        if not (is_finite(duration) and duration >= 0.0):
+            raise ValueError(f"duration is a finite time of 0 or more; received {shown(duration)}")
+        if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or not 0 <= max_impacts < 1 << 63:
+            raise ValueError(f"max_impacts is a whole number of 0 or more; received {shown(max_impacts)}")
+        fractions = np.unique(reals(marks))
         if not np.all((fractions > 0.0) & (fractions < 1.0)):
             raise ValueError(f"marks are fractions of the initial energy between 0 and 1; received {list(marks)}")
         return fractions
@@ -209,7 +210,7 @@ class Mover:
         """
         system = self.system
         n, parts = system.degrees_of_freedom, len(self.parts)
-        starts = np.array(states, dtype=float, order="C")
+        starts = np.ascontiguousarray(reals(states))
         if starts.ndim != 2 or starts.shape[1] != 2 * n or not np.all(np.isfinite(starts)):
             raise ValueError(f"states is an array of finite numbers of shape (b, {2 * n}); received shape {starts.shape}")
         fractions = self._checked(duration, max_impacts, marks)

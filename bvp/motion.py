@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.checks import reals, shown
 from bvp.kernels import motion as kernels
 from bvp.kernels import phase as places
 from bvp.kernels.impact import work_array
@@ -271,7 +272,10 @@ class Motion:
         return out
 
     def _times(self, times: Any) -> np.ndarray:
-        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        try:
+            wanted = np.atleast_1d(reals(times))
+        except (TypeError, ValueError):
+            raise ValueError(f"times is a list of times; received {shown(times)}") from None
         if wanted.ndim != 1:
             raise ValueError(f"times is a list of times; received shape {wanted.shape}")
         wrong = ~((wanted >= 0.0) & (wanted <= self.duration))

@@ -19,9 +19,9 @@ from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from bvp.frozen import Frozen
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene_coordinates import described, marked
 from saltus.scene_loads import read_loads
@@ -83,6 +83,11 @@ class Scene:
     nes: tuple[int, ...] = ()
     lo: tuple[int, ...] = ()
     forces: tuple[Force, ...] = ()
+
+    def __post_init__(self) -> None:
+        pins = {name: Frozen(point) for name, point in self.pins.items()}
+        object.__setattr__(self, "pins", Frozen(pins))
+        object.__setattr__(self, "complete", Frozen(self.complete))
 
     @property
     def underlying(self) -> Scene:
@@ -173,9 +178,9 @@ def _build(scene: Table, overrides: Mapping[str, float], folder: Path | Traversa
     return Scene(
         system=system,
         **bounds,
-        pins=MappingProxyType({name: point for name, point in points.items() if point} if holds else {}),
+        pins={name: point for name, point in points.items() if point} if holds else {},
         names=tuple(points) if holds else (),
-        complete=MappingProxyType(_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds),
+        complete=_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds,
         sections=energies,
         cited_sections=cited if holds else (),
         title=scene.text("title", ""),
@@ -226,7 +231,7 @@ def _names(names: Table) -> dict[str, Mapping[str, float]]:
             parse_name(name)
         except ValueError as error:
             raise BadInput(f"{names.where}: {one_line(error)}") from error
-        points[name] = MappingProxyType({key: point.number(key) for key in point.keys()})
+        points[name] = {key: point.number(key) for key in point.keys()}
         for key, value in points[name].items():
             if not 0.0 < value < math.inf:
                 raise point.wrong(key, value, "a number above 0")

@@ -18,6 +18,7 @@ from branches.discovery.starts import Path, curves
 from branches.labels import nearest
 from branches.orbit import Orbit
 from branches.words import impacts_per_period, segments_per_period
+from bvp.checks import is_finite, require_system, shown
 from bvp.kernels.follow import TURN_LIMIT
 from bvp.kernels.verdict import GRAZED
 
@@ -240,13 +241,13 @@ def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
 
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str]) -> None:
     """Refuse what cannot be searched, in one line."""
+    require_system(system)
     require_conservative(system, "families of periodic orbits")
     require_two_degrees(system, "orbits are discovered for", START_FROM_A_STATE)
     require_one_stop(system, "orbits are discovered for")
-    if not 0.0 < energy < math.inf:
-        raise ValueError(f"the energy is {energy!r}, expected a finite number above 0")
-    if not 0.0 < quarter_period < math.inf:
-        raise ValueError(f"the longest quarter period is {quarter_period!r}, expected a finite number above 0")
+    for what, value in (("energy", energy), ("longest quarter period", quarter_period)):
+        if not (is_finite(value) and value > 0.0):
+            raise ValueError(f"the {what} is {shown(value)}, expected a finite number above 0")
     turn = fastest_turn(system, quarter_period)
     if turn > LONGEST:
         raise ValueError(
