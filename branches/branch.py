@@ -239,11 +239,11 @@ class Branch:
         ValueError
             For another ending.
         """
-        from branches.files import write_text
+        from branches.files import is_special, write_text
         from branches.record import to_csv, to_json
 
         writers = {".json": to_json, ".csv": to_csv}
-        suffix = os.path.splitext(path)[1].lower()
+        suffix = ".json" if is_special(path) else os.path.splitext(path)[1].lower()
         if suffix not in writers:
             raise ValueError(f"cannot save a branch as {os.fspath(path)!r}: expected a name that ends in .json or .csv")
         write_text(path, writers[suffix](self))

@@ -98,6 +98,8 @@ def is_special(path: str | os.PathLike[str]) -> bool:
     >>> is_special(__file__), is_special("."), is_special("no/such/place"), is_special(os.devnull)
     (False, False, False, True)
     """
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"a path is text; received {path!r}, expected the name of a file")
     path = Path(path)
     return path.exists() and not path.is_file() and not path.is_dir()
 
@@ -196,8 +198,6 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     ('1 2 3', 1)
     >>> directory.cleanup()
     """
-    if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"a path is text; received {path!r}, expected the name of a file")
     try:
         if is_special(path):
             yield Path(path)
