@@ -32,9 +32,11 @@ if TYPE_CHECKING:
     from bvp.forcing import Force
     from bvp.system import ImpactSystem
 
-__all__ = ["DEFAULT", "Scene", "load_scene"]
+__all__ = ["DEFAULT", "LOADS", "Scene", "load_scene"]
 
 DEFAULT = "lee2009"
+LOADS = {"ground": "[ground]", "forces": "[[forces]]"}
+"""Tables of a scene that drive its motion, as messages name them."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ class Scene:
         Indices of the coordinates marked as those of the nonlinear energy sink and of the linear oscillator.
     forces : tuple of bvp.forcing loads
         Motion of the ground and forces on coordinates.
+    loads : tuple of str
+        The tables, of `LOADS`, that they were read from.
     """
 
     system: ImpactSystem
@@ -83,6 +87,7 @@ class Scene:
     nes: tuple[int, ...] = ()
     lo: tuple[int, ...] = ()
     forces: tuple[Force, ...] = ()
+    loads: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         pins = {name: Frozen(point) for name, point in self.pins.items()}
@@ -92,7 +97,27 @@ class Scene:
     @property
     def underlying(self) -> Scene:
         """The scene of the undamped elastic system without loads, against whose families damped motion is read."""
-        return replace(self, system=self.system.underlying, forces=())
+        return replace(self, system=self.system.underlying, forces=(), loads=())
+
+    def require_used(self, what: str, uses: tuple[str, ...] = ()) -> None:
+        """Refuse tables of loads that a computation does not use: its result would be that of another system.
+
+        Parameters
+        ----------
+        what : str
+            The command or function.
+        uses : tuple of str
+            Those of `LOADS` that it uses.
+
+        Raises
+        ------
+        BadInput
+        """
+        for name in self.loads:
+            if name not in uses:
+                raise BadInput(
+                    f"{what} computes motion without loads, and the scene has {LOADS[name]}; expected a scene without it, or saltus run"
+                )
 
     @property
     def bounds(self) -> dict[str, Any]:
@@ -188,6 +213,7 @@ def _build(scene: Table, overrides: Mapping[str, float], folder: Path | Traversa
         nes=nes,
         lo=lo,
         forces=read_loads(scene, system, folder),
+        loads=tuple(name for name in LOADS if name in scene.keys()),
     )
 
 

@@ -67,6 +67,7 @@ def trace(
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
     if system is None:
+        scene.require_used("saltus.trace")
         system = scene.system
     require_system(system)
     for option in ("pins", "bounds"):

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"model  {line}", file=files.words, flush=True)
     place = catalogue_arguments.place_to_save(arguments, scene) if arguments.save else None
     with held() as interrupt:
-        with interrupt.released(), catalogue_arguments.lookup(arguments, scene) as catalogue:
+        with interrupt.released(), catalogue_arguments.lookup(arguments.name, arguments, scene) as catalogue:
             branch, code = _follow(arguments, scene, files, catalogue, interrupt)
         if branch.others:
             print(f"cut    {branch.whole.words()}", file=files.words, flush=True)

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     outputs.add_arguments(parser, arrays=True)
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text under the panels of the picture")
     units.add_arguments(parser)
-    scene_arguments.add_arguments(parser)
+    scene_arguments.add_arguments(parser, uses=("ground", "forces"))
 
 
 def run(arguments: argparse.Namespace) -> int:
