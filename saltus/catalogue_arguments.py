@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,8 +117,8 @@ def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager
 
 
 def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
-    """The catalogue where a name is looked up: that which is given, unless it is given to save in. An id is looked up in that one too, and
-    in the scene's own where none is given, if it is there."""
+    """The catalogue where a name is looked up: that which is given, unless it is given to save in. An id is looked up in that one too, then
+    in the scene's own."""
     saves = getattr(arguments, "save", False)
     if arguments.catalogue is not None and not saves:
         return open_file(arguments.catalogue, scene)
@@ -126,12 +126,15 @@ def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractCo
     if ":" in id:
         # Damping and restitution change no family: those of a damped run are of the system without.
         changed = {key: value for key, value in scene_arguments.parameters(arguments).items() if key not in ("lam", "rho")}
-        place = arguments.catalogue or default_path(arguments.scene, changed)
-        with suppress(ValueError):
-            catalogue = open_file(place, scene)
-            if id in catalogue:
-                return catalogue
-            catalogue.close()
+        for place in (arguments.catalogue, default_path(arguments.scene, changed)):
+            try:
+                catalogue = None if place is None else open_file(place, scene)
+            except ValueError:
+                continue
+            if catalogue is not None:
+                if id in catalogue:
+                    return catalogue
+                catalogue.close()
     return nullcontext()
 
 

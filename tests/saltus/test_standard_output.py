@@ -166,3 +166,12 @@ def test_an_interrupt_at_exit_ends_with_130():
     code += "m._command = lambda words: atexit.register(lambda: (os.kill(os.getpid(), signal.SIGINT), print('late'))) and 0\nm.program()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.parametrize("words", [QUICK, "run --impulse 0.5 --duration 3", "list --catalogue {catalogue}"])
+def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, words):
+    """Oracle: numba's own switch; what needs no kernel works."""
+    command = [*SALTUS.split(), *words.format(catalogue=catalogue).split()]
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"})
+    expected = "saltus: NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0\n"
+    assert (done.returncode, done.stderr) == ((0, "") if words.startswith("list") else (2, expected))
