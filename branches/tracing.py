@@ -13,9 +13,9 @@ from branches.branch import Branch, BranchEvent, Ended
 from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
-from branches.interrupts import held
 from branches.orbit import Orbit
 from bvp.checks import real, shown
+from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
 from continuation.points import PlainPoints, Points
 from continuation.problem import Event, Point, Step

@@ -10,6 +10,7 @@ import numpy as np
 from bvp.checks import checked_damper, is_finite, reals, require_system, shown
 from bvp.forcing import forcing_of
 from bvp.impact import checked_state, contact_index
+from bvp.interrupts import Held, held
 from bvp.kernels import motion as kernels
 from bvp.kernels import phase as places
 from bvp.kernels.chatter import LEVELS
@@ -18,7 +19,7 @@ from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import many
 from bvp.kernels.peaks import PEAK_ROWS
 from bvp.meters import meters_of
-from bvp.motion import STATUS, Batch, Mark, Motion
+from bvp.motion import STATUS, Batch, Mark, Motion, MotionStatus
 from bvp.phase_table import PhaseTable
 from bvp.shares import split_damping
 
@@ -92,6 +93,18 @@ class Mover:
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
     ) -> Motion:
         """The motion from (u, v); see `bvp.run.run`."""
+        with held() as interrupt:
+            motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks)
+        if interrupt.came:
+            error = KeyboardInterrupt()
+            error.motion = motion  # type: ignore[attr-defined]
+            raise error
+        return motion
+
+    def _run(
+        self, interrupt: Held, u: Any, v: Any, duration: float, max_impacts: int, leaving: str | None, marks: Sequence[float]
+    ) -> Motion:
+        """The same, up to where it is when an interrupt comes."""
         system = self.system
         start = checked_state(system, u, v)
         fractions = self._checked(duration, max_impacts, marks)
@@ -121,7 +134,7 @@ class Mover:
             pieces.append(places.Log(*(array[: counts[places.EVENTS]] for array in log)))
             if status == kernels.NEW_PHASE:
                 self.table.add(int(counts[places.PENDING]))
-            elif status != kernels.FULL:
+            elif status != kernels.FULL or interrupt.came:
                 break
             room = min(2 * room, 1 << 16)
         phases = self.table.stacked
@@ -135,7 +148,7 @@ class Mover:
         return Motion(
             system=system,
             forcing=self.forcing,
-            status=STATUS[status],
+            status=STATUS.get(status, MotionStatus.INTERRUPTED),
             duration=float(duration) if status == kernels.REACHED else float(clock[places.TIME]),
             kinds=numbers[:, 0],
             times=columns[:, 0],

@@ -35,6 +35,7 @@ class MotionStatus(Enum):
     SIMULTANEOUS = (
         "two stops are hit at the same instant and their impulses interact; the outcome is not defined by restitution"
     )
+    INTERRUPTED = "the run was interrupted; run on from the final state"
     OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
     PIERCED = (
         "rounding has carried a gap beyond its stop by more than the contact tolerance; what is told holds up to there, and a start from "

@@ -57,6 +57,8 @@ def run(
 
     Raises
     ------
+    KeyboardInterrupt
+        With the motion up to there as its attribute `motion`.
     ValueError
         For a start beyond a stop, a state or a load of the wrong length or not finite, a negative duration, a max_impacts below 0, an
         unknown contact, marks outside (0, 1), dampers that do not sum to the damping matrix.

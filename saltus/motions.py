@@ -137,11 +137,18 @@ def _told(
     leaving: str | None,
     nes: tuple[int, ...],
 ) -> Told:
+    from bvp.motion import MotionStatus
     from bvp.run import run
     from transitions.drifts import drift_rows
     from transitions.extents import extents
 
-    motion = run(system, u, v, duration, forces=list(forces), dampers=shared.dampers, max_impacts=max_impacts, leaving=leaving)
+    try:
+        motion = run(system, u, v, duration, forces=list(forces), dampers=shared.dampers, max_impacts=max_impacts, leaving=leaving)
+    except KeyboardInterrupt as error:
+        # What was computed before travels with the error.
+        if not hasattr(error, "motion"):
+            raise
+        motion = replace(error.motion, status=MotionStatus.INTERRUPTED)
     gap_rows = {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops}
     drifts = drift_rows(system, nes)
     rows = np.array([*np.eye(system.degrees_of_freedom), *gap_rows.values(), *drifts.values()])

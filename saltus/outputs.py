@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TextIO
 
-from branches.interrupts import Held, held
+from bvp.interrupts import Held, held
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
+from saltus.printing import words_stream
 
 __all__ = ["NotDrawn", "Outputs", "add_arguments", "after", "apart", "from_arguments"]
 
@@ -107,7 +107,7 @@ class Outputs:
     @property
     def words(self) -> TextIO:
         """The stream for what is printed: standard error where standard output carries data."""
-        return sys.stderr if STANDARD_OUTPUT in (self.json, self.csv) else sys.stdout
+        return words_stream(STANDARD_OUTPUT in (self.json, self.csv))
 
     def write(
         self,

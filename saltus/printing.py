@@ -14,7 +14,7 @@ from typing import Any, TextIO, cast
 
 from branches.files import WriteFailure, reason
 
-__all__ = ["StandardOutput", "outlast", "plain_stream", "printable", "standard_output"]
+__all__ = ["StandardOutput", "outlast", "plain_stream", "printable", "standard_output", "words_stream"]
 
 KEPT = "\n\t"
 """Control characters that text may hold."""
@@ -124,6 +124,15 @@ def standard_output() -> Iterator[StandardOutput]:
     stream = StandardOutput(before)
     with contextlib.redirect_stdout(cast(Any, stream)):
         yield stream
+
+
+def words_stream(data: bool) -> TextIO:
+    """The stream for what is printed: standard error where standard output carries data."""
+    if not data or sys.stderr is None:
+        return sys.stdout
+    stream = StandardOutput(sys.stderr)
+    stream.outlasts = True
+    return cast(TextIO, stream)
 
 
 def outlast() -> None:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from branches.interrupts import Held, held
+from bvp.interrupts import Held, held
 from saltus import catalogue_arguments, events_table, outputs, scene_arguments
 from saltus.arguments import energy_range, one_of, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, exit_code, one_line, say

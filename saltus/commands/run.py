@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from branches.interrupts import held
+from bvp.interrupts import held
 from saltus import catalogue_arguments, motion_start, outputs, scene_arguments, units
 from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
@@ -71,6 +71,8 @@ def run(arguments: argparse.Namespace) -> int:
         locked = modes = None
         code = DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED
         try:
+            if told.motion.status.name == "INTERRUPTED":
+                raise KeyboardInterrupt
             with interrupt.released():
                 locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
                 told = tell_stages(told, scene, start, catalogue)

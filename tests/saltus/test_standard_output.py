@@ -175,3 +175,31 @@ def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, words):
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"})
     expected = "saltus: NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0\n"
     assert (done.returncode, done.stderr) == ((0, "") if words.startswith("list") else (2, expected))
+
+
+@POSIX
+def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, monkeypatch):
+    """Oracle: the impacts of an undisturbed run, of which the first ones are there."""
+    from bvp.kernels import motion as kernels
+
+    words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80", "--json"]
+    assert main([*words, str(tmp_path / "whole.json")]) == 0
+    move, sent = kernels.move, []
+
+    def interrupted(*arguments):
+        status = move(*arguments)
+        if not sent:
+            sent.append(status)
+            signal.raise_signal(signal.SIGINT)
+        return status
+
+    monkeypatch.setattr("saltus.first_run.prepare_motion", lambda: None)
+    monkeypatch.setattr(kernels, "move", interrupted)
+    capsys.readouterr()
+    code, _, err = run(capsys, *words, tmp_path / "cut.json")
+    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "cut"))
+    assert code == 130 and err.startswith("saltus: interrupted; the motion is written") and err.count("\n") == 1
+    count = len(cut["impacts"])
+    assert 100 < count < len(whole["impacts"]) and cut["impacts"] == whole["impacts"][:count]
+    assert cut["ended"]["reason"] == "INTERRUPTED" and cut["energy_balance_error"] < 1e-12
+    assert cut["duration"] <= whole["impacts"][count]["time"]

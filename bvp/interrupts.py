@@ -23,11 +23,15 @@ class Held:
         self.came = False
         self._raises = False
         self._kept = False
+        self._inside: Held | None = None
 
     def __call__(self, number: int, frame: object) -> None:
-        if self._raises or self.came:
+        if self._inside is not None:
+            self._inside(number, frame)
+        elif self._raises or self.came:
             raise KeyboardInterrupt
-        self.came = True
+        else:
+            self.came = True
 
     @contextmanager
     def released(self) -> Iterator[None]:
@@ -43,18 +47,19 @@ class Held:
         self._raises, self._kept = False, True
 
     @contextmanager
-    def _inner(self) -> Iterator[Held]:
-        inner = Held()
-        if not self._raises:
-            yield inner
+    def inner(self) -> Iterator[Held]:
+        """A handler inside of this one, which keeps what would raise here."""
+        handler = Held()
+        if not self._raises or self._inside is not None:
+            yield handler
             return
-        self._raises = False
+        self._inside = handler
         try:
-            yield inner
+            yield handler
         finally:
-            self._raises = not self._kept
-            if self._raises:
-                inner.came, self.came = self.came, False
+            self._inside = None
+            if self._kept:
+                self.came, handler.came = handler.came, False
 
 
 @contextmanager
@@ -78,7 +83,7 @@ def held() -> Iterator[Held]:
     """
     before = signal.getsignal(signal.SIGINT)
     if isinstance(before, Held):
-        with before._inner() as handler:
+        with before.inner() as handler:
             yield handler
         return
     handler = Held()
