@@ -19,6 +19,7 @@ from branches.labels import Label, Name, matches, parse, parse_name
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound, several_turns
 from branches.name_pins import fits_otherwise, pin_of
 from branches.name_search import LEVELS, Limits, Search, passes, search_bounds
+from bvp.ends import EndsError, parse_end
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -60,8 +61,10 @@ def resolve(
         if not chosen:
             raise NameNotFound(_elsewhere(name, [(found_orbit, branch)]))
         return chosen[0][0], bool(branch.points["h"][0] <= branch.points["h"][-1])
-    if not system.has_odd_symmetry:
-        raise NameNotFound(f"{text} names an orbit that starts at the origin, which needs equal gaps on both sides; {_BY_ID}")
+    try:
+        parse_end(system, "origin")
+    except EndsError as error:
+        raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
     search = Search(system, name, limits, energy)
     if name.label is not None and system.has_odd_symmetry and (system.absorber is None or system.primary is None):
         raise NameNotFound(

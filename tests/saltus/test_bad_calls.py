@@ -1,6 +1,7 @@
 """Bad input from Python: one line that says what was received and what was expected; what objects hand out cannot be changed."""
 
 import copy
+import dataclasses
 import math
 import pickle
 
@@ -65,6 +66,7 @@ CALLS = [
     (lambda branch: saltus.run(None, [0], [0], 1.0), "the system is None, expected an ImpactSystem"),
     (lambda branch: saltus.discover("x", 1.0), "the system is 'x', expected an ImpactSystem"),
     (lambda branch: saltus.section("x", 1.0), "the system is 'x', expected an ImpactSystem"),
+    (lambda branch: saltus.trace("S13O00+", scene=dataclasses.replace(saltus.load_scene(), loads=("forces",))), "the scene has [[forces]]"),
     # states and files
     (lambda branch: saltus.run(system(), [2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
     (lambda branch: branch.save("x.mat"), "cannot save a branch as 'x.mat': expected a name that ends in .json or .csv"),
