@@ -14,7 +14,7 @@ from branches.discovery.search import LONGEST, fastest_turn
 from branches.discovery.uniform import Scanner
 from branches.identity import same_orbit
 from branches.labels import Label, Name, canonical, matches, nearest, nearest_labels
-from branches.name_errors import several_turns
+from branches.name_errors import PIN_TOLERANCE, several_turns
 from branches.words import canonical as canonical_word
 from branches.words import split_family_id
 
@@ -31,7 +31,7 @@ inner impact up to four (at least one). Each level is finer; the search ends at 
 
 @dataclass(frozen=True)
 class Limits:
-    """Where names are searched: energies, longest quarter period, most impacts in a half period."""
+    """Where names are searched by default: energies, longest quarter period, most impacts in a half period."""
 
     energy: tuple[float, float] = (0.05, 1e4)
     quarter_period: float = 10.0
@@ -58,13 +58,14 @@ class Search:
     """One search for a name over energies, coarse first."""
 
     def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float]):
+        from branches.tracing import HIGHEST
+
         self.name = name
         self.limits = limits
-        self.energy = (max(limits.energy[0], energy[0]), min(limits.energy[1], energy[1]))
-        if name.h is not None:
-            self.energy = (name.h, name.h)
-        elif not self.energy[0] < self.energy[1]:
-            self.energy = energy
+        # What is asked for is searched, also where it goes beyond the limits; above HIGHEST orbits are lost in rounding.
+        top = max(HIGHEST, limits.energy[1])
+        self.energy = (name.h, name.h) if name.h is not None else (energy[0], min(energy[1], top) if energy[0] < top else energy[1])
+        self.longest = max(limits.quarter_period, (1.0 + PIN_TOLERANCE) * name.alpha if name.alpha is not None else 0.0)
         self.range = energy
         self.system = system
         self.word: tuple[str, ...] | None = None
@@ -85,7 +86,7 @@ class Search:
             self.ends, self.word, _ = split_family_id(name.family)
             kinds = ["stop" if self.ends[1].startswith("stop") else self.ends[1]]
             self.impacts = [len(self.word)]
-        self.scanners = [Scanner(system, kind, limits.quarter_period) for kind in kinds]
+        self.scanners = [Scanner(system, kind, self.longest) for kind in kinds]
         self.seen: dict[str, tuple[float, float]] = {}
         self.others: dict[str, Branch] = {}
         self.searched = (0, 0)
@@ -163,11 +164,11 @@ class Search:
         where = f"at h = {low:g}" if low == high else f"for h in {low:g}:{high:g}"
         counts = self.impacts if len(self.impacts) == 1 else f"{self.impacts[0]} to {self.impacts[-1]}"
         text = (
-            f"no orbit {self.name.label or self.name.family} found {where}, quarter period up to {self.limits.quarter_period:g}, "
+            f"no orbit {self.name.label or self.name.family} found {where}, quarter period up to {self.longest:g}, "
             f"with {counts if isinstance(counts, str) else counts[0]} inner impacts in the solved segment "
             f"({self.searched[0]} energies, {self.searched[1]} angles)"
         )
-        turn = fastest_turn(self.system, self.limits.quarter_period)
+        turn = fastest_turn(self.system, self.longest)
         if turn > LONGEST:
             text += (
                 f"; the fastest mode turns by {turn:.4g} rad within half of the longest period, and angles so far apart tell little of "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from bvp.kernels.motions import many
 from bvp.kernels.peaks import PEAK_ROWS
 from bvp.meters import meters_of
 from bvp.motion import STATUS, Batch, Mark, Motion, MotionStatus
+from bvp.pace import Pace
 from bvp.phase_table import PhaseTable
 from bvp.shares import split_damping
 
@@ -91,10 +92,11 @@ class Mover:
         max_impacts: int = 10_000_000,
         leaving: str | None = None,
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
+        on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
         """The motion from (u, v); see `bvp.run.run`."""
         with held() as interrupt:
-            motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks)
+            motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
         if interrupt.came:
             error = KeyboardInterrupt()
             error.motion = motion  # type: ignore[attr-defined]
@@ -102,7 +104,15 @@ class Mover:
         return motion
 
     def _run(
-        self, interrupt: Held, u: Any, v: Any, duration: float, max_impacts: int, leaving: str | None, marks: Sequence[float]
+        self,
+        interrupt: Held,
+        u: Any,
+        v: Any,
+        duration: float,
+        max_impacts: int,
+        leaving: str | None,
+        marks: Sequence[float],
+        on_progress: Callable[[float], object] | None,
     ) -> Motion:
         """The same, up to where it is when an interrupt comes."""
         system = self.system
@@ -121,22 +131,27 @@ class Mover:
         before, no_peaks = start.copy(), np.zeros(0)
         pieces: list[places.Log] = []
         room, z, scratch = 256, np.zeros(0), self.scratch(before)
+        pace = Pace()
         while True:
             phases = self.table.stacked
             size = phases.matrix.shape[1]
             if counts[places.PENDING] >= 0:
                 z, scratch = np.zeros(size), self.scratch(before)
             log = self.log(room)
-            counts[places.EVENTS] = 0
-            status = kernels.move(
-                phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, no_peaks, log, scratch,
-            )  # fmt: skip
-            pieces.append(places.Log(*(array[: counts[places.EVENTS]] for array in log)))
+            counts[places.EVENTS], counts[places.PASSES] = 0, pace.passes
+            with pace:
+                status = kernels.move(
+                    phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, no_peaks, log, scratch,
+                )  # fmt: skip
+            pieces.append(places.Log(*(array[: counts[places.EVENTS]].copy() for array in log)))
+            if on_progress is not None:
+                on_progress(float(clock[places.TIME]))
             if status == kernels.NEW_PHASE:
                 self.table.add(int(counts[places.PENDING]))
-            elif status != kernels.FULL or interrupt.came:
+            elif status not in (kernels.FULL, kernels.PAUSED) or interrupt.came:
                 break
-            room = min(2 * room, 1 << 16)
+            elif status == kernels.FULL:
+                room = min(2 * room, 1 << 16)
         phases = self.table.stacked
         size = phases.matrix.shape[1]
         states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
@@ -233,16 +248,21 @@ class Mover:
         turns, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
         modal = np.zeros_like(starts)
         x, peaks, first = np.zeros(2 * n + 2 * len(self.forcing.loads)), np.zeros(n if with_peaks else 0), 0
+        marked, log, reason, pace = np.zeros((len(fractions), parts + 3)), self.log(0), kernels.NEW_PHASE, Pace()
         while True:
             phases = self.table.stacked
-            size = phases.matrix.shape[1]
-            reason, first = many(
-                phases, starts, float(duration), int(max_impacts), first, fractions, np.zeros(size), x, counts, clock, turns, sums,
-                np.zeros((len(fractions), parts + 3)), peaks, self.log(0), self.scratch(np.zeros(2 * n)), summary, modal,
-            )  # fmt: skip
-            if reason != kernels.NEW_PHASE:
+            if reason == kernels.NEW_PHASE:
+                z, scratch = np.zeros(phases.matrix.shape[1]), self.scratch(np.zeros(2 * n))
+            counts[places.PASSES] = pace.passes
+            with pace:
+                reason, first = many(
+                    phases, starts, float(duration), int(max_impacts), first, fractions, z, x, counts, clock, turns, sums, marked, peaks,
+                    log, scratch, summary, modal,
+                )  # fmt: skip
+            if reason == kernels.NEW_PHASE:
+                self.table.add(int(counts[places.PENDING]))
+            elif reason != kernels.PAUSED:
                 break
-            self.table.add(int(counts[places.PENDING]))
         return Batch(
             status=tuple(STATUS[int(reason)] for reason in summary[:, 0]),
             duration=summary[:, 1],

@@ -18,6 +18,7 @@ from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import raise_peaks, sample, spent, states_after
 from bvp.kernels.peaks import PEAK_ROWS
 from bvp.kernels.phase import Phases
+from bvp.pace import Pace
 from bvp.stop_events import StopEvents
 
 if TYPE_CHECKING:
@@ -216,9 +217,15 @@ class Motion:
         peaks = np.abs(self.start[: self.system.degrees_of_freedom])
         size = self.phases.matrix.shape[1]
         scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
-        if not raise_peaks(self.phases, self.times, self.numbers, self.states, self.duration, *scratch, peaks):
-            raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
+        for part in Pace().blocks(len(self.times)):
+            if not raise_peaks(self.phases, *self.flights(part), *scratch, peaks):
+                raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
         return peaks
+
+    def flights(self, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """Begins, numbers and states of some of the flights, and the end of the last of them, as the kernels take them."""
+        end = float(self.times[part.stop]) if part.stop < len(self.times) else self.duration
+        return self.times[part], self.numbers[part], self.states[part], end
 
     @cached_property
     def stretches(self) -> tuple[Stretch, ...]:
@@ -259,7 +266,9 @@ class Motion:
         """
         wanted = self._times(times)
         out = np.empty((len(wanted), len(self.start)))
-        sample(self.phases, self.times, self.numbers, self.states, wanted, np.empty(self.phases.matrix.shape[1]), out)
+        z = np.empty(self.phases.matrix.shape[1])
+        for part in Pace().blocks(len(wanted)):
+            sample(self.phases, self.times, self.numbers, self.states, wanted[part], z, out[part])
         n = self.system.degrees_of_freedom
         return out[:, :n], out[:, n:]
 
@@ -269,7 +278,8 @@ class Motion:
         out = np.empty((len(wanted), len(self.totals)))
         meters = len(self.phases.weight)
         work, integral = integral_work(self.phases.matrix.shape[1], meters), np.empty(meters)
-        spent(self.phases, self.times, self.numbers, self.states, self.sums, wanted, work, integral, out)
+        for part in Pace().blocks(len(wanted)):
+            spent(self.phases, self.times, self.numbers, self.states, self.sums, wanted[part], work, integral, out[part])
         return out
 
     def _times(self, times: Any) -> np.ndarray:

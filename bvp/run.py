@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +28,7 @@ def run(
     forces: Any = None,
     dampers: Mapping[str, Any] | None = None,
     marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
+    on_progress: Callable[[float], object] | None = None,
 ) -> Motion:
     """The motion of a system from the state (u, v): flights, impacts, chattering, sticking, and where the energy goes.
 
@@ -49,6 +50,8 @@ def run(
         Named parts that sum to the damping matrix, whose dissipation is told apart; by default those across gaps and the rest.
     marks : sequence of float
         Fractions of the initial energy: the time at which that much is dissipated is found.
+    on_progress : callable, optional
+        Called with the time that the motion has come to, some times a second.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def run(
     >>> round(motion.stretches[1].begin, 12), motion.stretches[1].held, motion.balance_error < 1e-15
     (3.0, ('-',), True)
     """
-    motion = Mover(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks)
+    motion = Mover(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks, on_progress)
     if motion.status is MotionStatus.OUTSIDE:
         gaps = [(float(np.dot(stop.gap, motion.start[: len(stop.gap)])), stop) for stop in system.stops]
         w, stop = max(gaps, key=lambda pair: max(pair[0] - pair[1].upper, pair[1].lower - pair[0]))

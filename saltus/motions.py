@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,12 +22,14 @@ if TYPE_CHECKING:
     from transitions.stage import Stage
     from transitions.transition import Transition
 
-__all__ = ["Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
+__all__ = ["NOT_ASKED", "Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
 
 MOST_SAMPLES = 400_000
-"""Samples of the record that stages are told from, which bounds the work: some tens of seconds, by the machine and the ridges. A longer
-motion has a coarser record, where that still shows what moves, and else stages as far as these go."""
+"""Samples of the record that stages are told from, which bounds the work and the memory. A longer motion has a coarser record, where that
+still shows what moves, and else stages as far as these go."""
 
+NOT_ASKED = "expected --stages, --catalogue FILE or --plot FILE for them"
+"""Why there are no stages where nobody asked for them."""
 
 FINEST = 64
 """How many times more samples than by default are tried where the record is too coarse."""
@@ -96,8 +98,10 @@ def default_duration(scene: Scene) -> float | None:
     return max((float(force.times[-1]) for force in scene.forces if isinstance(force, Record)), default=None)
 
 
-def run_scene(scene: Scene, start: Start, duration: float, max_impacts: int) -> Told:
-    """Run a scene from a start.
+def run_scene(
+    scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
+) -> Told:
+    """Run a scene from a start; `on_progress` as of `bvp.run.run`.
 
     Raises
     ------
@@ -107,10 +111,12 @@ def run_scene(scene: Scene, start: Start, duration: float, max_impacts: int) -> 
     from transitions.sharing import sharing_of
 
     shared = sharing_of(scene.system, scene.nes, scene.lo)
-    return _told(scene.system, shared, scene.forces, start.u, start.v, duration, max_impacts, start.leaving, scene.nes)
+    return _told(scene.system, shared, scene.forces, start.u, start.v, duration, max_impacts, start.leaving, scene.nes, on_progress)
 
 
-def run_locked(scene: Scene, start: Start, duration: float, max_impacts: int) -> Told:
+def run_locked(
+    scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
+) -> Told:
     """The same with the NES locked, from the displacements and velocities of the other coordinates.
 
     Raises
@@ -123,7 +129,7 @@ def run_locked(scene: Scene, start: Start, duration: float, max_impacts: int) ->
 
     system, forces = lock(scene.system, scene.nes, scene.forces)
     kept = [k for k in range(scene.system.degrees_of_freedom) if k not in scene.nes]
-    return _told(system, sharing_of(system), forces, start.u[kept], start.v[kept], duration, max_impacts, None, ())
+    return _told(system, sharing_of(system), forces, start.u[kept], start.v[kept], duration, max_impacts, None, (), on_progress)
 
 
 def _told(
@@ -136,6 +142,7 @@ def _told(
     max_impacts: int,
     leaving: str | None,
     nes: tuple[int, ...],
+    on_progress: Callable[[float], object] | None,
 ) -> Told:
     from bvp.motion import MotionStatus
     from bvp.run import run
@@ -143,7 +150,9 @@ def _told(
     from transitions.extents import extents
 
     try:
-        motion = run(system, u, v, duration, forces=list(forces), dampers=shared.dampers, max_impacts=max_impacts, leaving=leaving)
+        motion = run(
+            system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=shared.dampers, on_progress=on_progress
+        )
     except KeyboardInterrupt as error:
         # What was computed before travels with the error.
         if not hasattr(error, "motion"):
@@ -163,8 +172,10 @@ def _told(
     return Told(motion, shared, watched, motion.initial_energy if motion.initial_energy > 0.0 else came_in)
 
 
-def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | None) -> Told:
-    """The same with its record and stages, where they can be told.
+def tell_stages(
+    told: Told, scene: Scene, start: Start, catalogue: Catalogue | None, on_progress: Callable[[float], object] | None = None
+) -> Told:
+    """The same with its record and stages, where they can be told; `on_progress` as of `transitions.stages.stages_of`.
 
     The families are those of the catalogue; else the one that the motion starts on, where it starts on one; and the linear modes."""
     from transitions.families import families_of, modes_of, relative
@@ -187,7 +198,7 @@ def tell_stages(told: Told, scene: Scene, start: Start, catalogue: Catalogue | N
     while True:
         try:
             shown = Transition(scene.system, sampled(told.motion, told.sharing, samples, span), gap)
-            stages = stages_of(shown.record, gap, families, spectrum=shown.spectrum)
+            stages = stages_of(shown.record, gap, families, on_progress=on_progress)
         except TooCoarse as error:
             # Twice as fine: with more samples, or, where these are as many as there can be, over half of the time.
             if 2.0 * samples / span > finest:

@@ -10,6 +10,7 @@ import numpy as np
 from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
 from bvp.kernels.peaks import PEAK_ROWS, peak_flight
+from bvp.pace import Pace
 from transitions.kernels.extents import extents_of_motion
 
 if TYPE_CHECKING:
@@ -68,13 +69,13 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     rows = np.concatenate([np.einsum("rn,fnk->frk", wanted, part) for part in (phases.leave[:, :n], phases.leave[:, n:])], axis=1)
     scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
     peaks, squares, where = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int64)
-    known = extents_of_motion(
-        phases, motion.times, motion.numbers, motion.states, motion.duration, rows, np.ones(count), *scratch, integral_work(size, count),
-        np.empty(count), np.empty(count), peaks, where, squares,
-    )  # fmt: skip
-
-    if not known:
-        raise RuntimeError("the search for the peaks gave up; run a shorter duration")
+    work = np.ones(count), *scratch, integral_work(size, count), np.empty(count), np.empty(count)
+    for part in Pace().blocks(len(motion.times)):
+        higher, at = peaks.copy(), np.zeros(count, dtype=np.int64)
+        if not extents_of_motion(phases, *motion.flights(part), rows, *work, higher, at, squares):
+            raise RuntimeError("the search for the peaks gave up; run a shorter duration")
+        where = np.where(higher > peaks, part.start + at, where)
+        peaks = higher
 
     def reached(c: int, flight: float) -> bool:
         """Whether a peak is reached within so much of its flight."""

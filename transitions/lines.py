@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from transitions.families import NEAR
-from transitions.ridges import HOLDS, Held, Ridge
+from transitions.ridges import HOLDS, Held, Ridge, beside
 
 __all__ = ["Around", "Lines", "lines_of", "partner", "unlike"]
 
@@ -80,9 +80,9 @@ def lines_of(found: Sequence[Ridge], interval: Held, around: Around) -> Lines:
     count = len(around.places)
     rows = [(np.ones(count), around.mean(interval.amplitudes))]
     free = [count]  # from which place on a row has room for another ridge
-    for ridge in found:
+    for ridge in beside(found, interval):
         first, stop = max(interval.first, ridge.first), min(interval.last + 1, ridge.first + len(ridge))
-        if ridge is interval.ridge or stop - first < 2:
+        if stop - first < 2:
             continue
         here = slice(first - interval.first, stop - interval.first)
         at = around.reached(here.start, here.stop)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from transitions.kernels.ridges import link
-from transitions.spectrum import Spectrum
+from transitions.kernels.ridges import chains, link
+from transitions.spectrum import SpectrumRows
 
-__all__ = ["HOLDS", "SHARE", "Held", "Ridge", "amplitude_of_motion", "held", "periods", "ridges", "runs"]
+__all__ = ["HOLDS", "SHARE", "Held", "Ridge", "amplitude_of_motion", "beside", "held", "periods", "ridges", "runs"]
 
 SHARE = 0.2
 """Least part of the motion's amplitude that a ridge carries: a fifth."""
@@ -19,7 +20,9 @@ HOLDS = 3.0
 """Periods for which a ridge holds at least."""
 
 _FAINT = 0.25 * SHARE  # maxima with a smaller part are not looked at
+_LEFT = 1e9  # maxima so many times above the motion around them are what a louder time leaves in slow wavelets
 _DRIFT = 0.25  # octaves in one period of its own that a ridge may move: what goes faster is a jump to another
+_TOGETHER = 1_000_000  # maxima of which the shares are found at once
 _ROUNDING = 64.0 * np.finfo(float).eps  # of the signal: the transform turns over the whole of it at once, and rounds with its largest part
 
 
@@ -92,7 +95,10 @@ def amplitude_of_motion(times: np.ndarray, signal: np.ndarray, at: np.ndarray, f
     first, last = (np.clip(np.round((at + side * period - times[0]) / step).astype(int), 0, len(signal) - 1) for side in (-1.0, 1.0))
     level = np.floor(np.log2(last - first + 1)).astype(int)
     out = np.empty(len(at))
-    highest = lowest = signal  # over 2^b samples from each on: two of these cover any window of up to twice as many
+    begin = int(first.min(initial=len(signal)))
+    first, last = first - begin, last - begin
+    # What the windows reach; over 2^b samples from each on: two of these cover any window of up to twice as many.
+    highest = lowest = signal[begin : begin + int(last.max(initial=-1)) + 1]
     for b in range(int(level.max(initial=-1)) + 1):
         if b:
             half = 2 ** (b - 1)
@@ -103,12 +109,13 @@ def amplitude_of_motion(times: np.ndarray, signal: np.ndarray, at: np.ndarray, f
     return out
 
 
-def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ridge]:
+def ridges(spectrum: SpectrumRows, times: np.ndarray, signal: np.ndarray) -> list[Ridge]:
     """All ridges that are not faint, in the order in which they begin.
 
     Parameters
     ----------
-    spectrum : Spectrum
+    spectrum : SpectrumRows
+        Its rows are looked at one after the other.
     times, signal : (m,) float
         What it is the spectrum of.
 
@@ -119,13 +126,51 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
         octave in one of their periods, or one row of the spectrum. A ridge that is lost for less than a period goes on. What is lost in
         the rounding of the transform, 1e-14 of the signal's range, has none.
     """
-    amplitudes = spectrum.amplitudes
     step = float(spectrum.times[1] - spectrum.times[0])
-    inner = amplitudes[1:-1]
-    columns, rows = np.nonzero(((inner > amplitudes[:-2]) & (inner >= amplitudes[2:])).T)
-    rows = rows + 1
-    # Neighbouring rows of a tone are nearly as high: what is not is rounding, and no parabola.
-    below, here, above = (np.log(np.maximum(amplitudes[rows + k, columns], 0.5 * amplitudes[rows, columns])) for k in (-1, 0, 1))
+    some: list[tuple[np.ndarray, ...]] = []
+    kept: list[tuple[np.ndarray, ...]] = []
+    for found in _maxima(spectrum):
+        some.append(found)
+        if sum(len(columns) for columns, *_ in some) >= _TOGETHER:
+            kept.append(_strong(spectrum, times, signal, some))
+            some = []
+    kept.append(_strong(spectrum, times, signal, some))
+    columns, level, heights, shares = (np.concatenate(values) for values in zip(*kept, strict=True))
+    del some, kept  # of a long motion these are large
+    order = np.argsort(columns, kind="stable")  # the rows rise, and so do the levels at each time
+    columns, level, heights, shares = columns[order], level[order], heights[order], shares[order]
+    following = _linked(columns, level, len(spectrum.times), spectrum.octaves, step)
+    number = np.empty(len(columns), dtype=np.int64)
+    count = chains(following, number)
+    order = np.argsort(number, kind="stable")
+    bounds = np.searchsorted(number[order], np.arange(count + 1))
+    out: list[Ridge] = []
+    for first, stop in zip(bounds[:-1], bounds[1:], strict=True):
+        part = order[first:stop]
+        out += _ridges(columns[part], level[part], heights[part], shares[part], max(spectrum.octaves, _DRIFT), step)
+    return sorted(out, key=lambda ridge: ridge.first)
+
+
+def _maxima(spectrum: SpectrumRows) -> Iterator[tuple[np.ndarray, ...]]:
+    """Columns (j,) at which a row is above both of its neighbours; the row's number there; the logarithms of the three amplitudes."""
+    below = here = np.zeros(0)
+    for row, above in enumerate(spectrum.rows()):
+        if row > 1:
+            columns = np.flatnonzero((here > below) & (here >= above))
+            middle = here[columns]
+            # Neighbouring rows of a tone are nearly as high: what is not is rounding, and no parabola.
+            three = (np.log(np.maximum(values, 0.5 * middle)) for values in (below[columns], middle, above[columns]))
+            yield columns, np.full(len(columns), row - 1), *three
+        below, here = here, above
+
+
+def _strong(
+    spectrum: SpectrumRows, times: np.ndarray, signal: np.ndarray, some: list[tuple[np.ndarray, ...]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Columns, frequencies in octaves, amplitudes, and shares of the motion's amplitude, of those maxima that are not faint."""
+    if not some:
+        return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0)
+    columns, rows, below, here, above = (np.concatenate(values) for values in zip(*some, strict=True))
     # The logarithm of the response to a tone is nearly a parabola of that of the frequency.
     bend = below - 2.0 * here + above
     shift = np.where(bend < 0.0, 0.5 * (below - above) / np.where(bend < 0.0, bend, -1.0), 0.0)
@@ -136,23 +181,31 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
     motion = amplitude_of_motion(times, signal, at, frequencies)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         shares = np.where(motion > 0.0, heights / motion, 0.0)
-    kept = (shares >= _FAINT) & (heights > _ROUNDING * np.ptp(signal))
-    columns, level, heights, shares = columns[kept], level[kept], heights[kept], shares[kept]
-    following = _linked(columns, level, amplitudes.shape[1], spectrum.octaves, step)
-    out = []
-    for start in sorted(set(range(len(columns))) - set(following.tolist())):
-        chain = [start]
-        while following[chain[-1]] >= 0:
-            chain.append(int(following[chain[-1]]))
-        out.append(_ridge(columns[chain], level[chain], heights[chain], shares[chain]))
-    return out
+    kept = (shares >= _FAINT) & (shares <= _LEFT) & (heights > _ROUNDING * np.ptp(signal))
+    return columns[kept], level[kept], heights[kept], shares[kept]
 
 
-def _ridge(columns: np.ndarray, level: np.ndarray, heights: np.ndarray, shares: np.ndarray) -> Ridge:
+def _ridges(
+    columns: np.ndarray, level: np.ndarray, heights: np.ndarray, shares: np.ndarray, drift: float, step: float
+) -> Iterator[Ridge]:
+    """A chain of maxima, cut where it moves by more than `drift` octaves in a period of its own: from one column to the next, a row apart
+    at most, that does not show."""
     every = np.arange(columns[0], columns[-1] + 1)
-    filled = (np.interp(every, columns, values) for values in (level, heights, shares))
-    level, heights, shares = filled
-    return Ridge(int(columns[0]), 2.0**level, heights, shares)
+    level, heights, shares = (np.interp(every, columns, values) for values in (level, heights, shares))
+    turns = np.cumsum(2.0**level) * (step / (2.0 * math.pi))
+    after = np.searchsorted(turns, turns + 0.5, "right") - 1
+    fast = np.abs(level[after] - level[np.searchsorted(turns, turns - 0.5)]) > drift
+    cuts = [0]
+    for first, stop in runs(fast):
+        while first < stop and fast[first]:
+            # In each period of it, where it moves most.
+            last = min(stop, max(first + 1, int(np.searchsorted(turns, turns[first] + 1.0, "right"))))
+            jumps = np.abs(np.diff(level[first : last + 1]))
+            if len(jumps):
+                cuts.append(first + 1 + int(np.argmax(jumps)))
+            first = last
+    for first, stop in zip(cuts, [*cuts[1:], len(every)], strict=True):
+        yield Ridge(int(every[first]), 2.0 ** level[first:stop], heights[first:stop], shares[first:stop])
 
 
 def _linked(columns: np.ndarray, level: np.ndarray, count: int, spacing: float, step: float) -> np.ndarray:
@@ -164,12 +217,20 @@ def _linked(columns: np.ndarray, level: np.ndarray, count: int, spacing: float, 
     return following
 
 
-def held(spectrum: Spectrum, found: list[Ridge]) -> list[Held]:
+def beside(found: Sequence[Ridge], interval: Held) -> list[Ridge]:
+    """The other ridges with a column in an interval, in the order of `found`."""
+    firsts = np.array([ridge.first for ridge in found])
+    stops = firsts + [len(ridge) for ridge in found]
+    there = np.flatnonzero((firsts <= interval.last) & (stops > interval.first)).tolist()
+    return [found[k] for k in there if found[k] is not interval.ridge]
+
+
+def held(spectrum: SpectrumRows, found: list[Ridge]) -> list[Held]:
     """The intervals in which one ridge is the largest and carries a fifth of the motion's amplitude, for three of its periods or more.
 
     Parameters
     ----------
-    spectrum : Spectrum
+    spectrum : SpectrumRows
     found : list of Ridge
         As `ridges` gives them.
 

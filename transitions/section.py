@@ -17,6 +17,8 @@ import numpy as np
 from bvp.damped import Mover
 from bvp.kernels import motion as motion_kernels
 from bvp.kernels.compiled import address_of
+from bvp.kernels.phase import CLOCK, COUNTS, PASSES
+from bvp.pace import Pace
 from transitions.kernels import section as kernels
 from transitions.section_plane import SectionPlane
 
@@ -208,38 +210,54 @@ def follow(
     counts, impacts, statuses = (np.zeros(count, dtype=np.int64) for _ in range(3))
     held_times = np.zeros(count)
     fastest, slowest = _periods(plane)
-    first = 0
+    first, held = 0, 0
     marks = np.zeros((0, len(mover.parts) + 3))
-    while True:
-        phases = mover.table.stacked
-        log, scratch = mover.log(kernels.EVENTS_AT_ONCE), mover.scratch(np.zeros(2 * system.degrees_of_freedom))
-        first, held = kernels.follow_section(
-            _address_of_move(phases, marks, log, scratch),
-            phases,
-            *plane.rows(phases),
-            np.concatenate([u, v], 1),
-            changes @ phases.enter[0].T,
-            _PERIODS * fastest,
-            _PATIENCE * slowest * crossings if longest is None else float(longest),
-            first,
-            times,
-            points,
-            energies,
-            growths,
-            tangents,
-            counts,
-            impacts,
-            held_times,
-            statuses,
-            log,
-            scratch,
-            marks,
-        )
-        if first == count:
-            break
-        mover.table.add(int(held))
+    pace = Pace()
+    while first < count:
+        if held >= 0:  # with one more phase the orbit is followed from its start
+            phases = mover.table.stacked
+            log, scratch = mover.log(kernels.EVENTS_AT_ONCE), mover.scratch(np.zeros(2 * system.degrees_of_freedom))
+            following = _following(changes.shape[1] // 2, phases, log)
+            move = _address_of_move(phases, marks, log, scratch)
+        following.numbers[PASSES] = pace.passes
+        with pace:
+            first, held = kernels.follow_section(
+                move,
+                phases,
+                *plane.rows(phases),
+                np.concatenate([u, v], 1),
+                changes @ phases.enter[0].T,
+                _PERIODS * fastest,
+                _PATIENCE * slowest * crossings if longest is None else float(longest),
+                first,
+                following,
+                times,
+                points,
+                energies,
+                growths,
+                tangents,
+                counts,
+                impacts,
+                held_times,
+                statuses,
+                log,
+                scratch,
+                marks,
+            )
+        if first < count and held >= 0:
+            mover.table.add(int(held))
     ends = tuple(_ENDS[code] for code in statuses.tolist())
     return Section(plane, times, points, energies, growths, tangents, counts, impacts, held_times, ends)
+
+
+def _following(n: int, phases: Phases, log: Log) -> kernels.Following:
+    """Arrays of an orbit that is followed, of a system with n coordinates."""
+    size = phases.matrix.shape[1]
+    counts, clock = np.zeros(COUNTS, dtype=np.int64), np.zeros(CLOCK)
+    z, begin, change = np.zeros((3, size))
+    dissipated = np.zeros((log.sums.shape[1], 2))
+    whole, sums = np.zeros(kernels.WHOLE, dtype=np.int64), np.zeros(kernels.SUMS)
+    return kernels.Following(z, np.zeros(2 * n), begin, change, counts, clock, dissipated, whole, sums)
 
 
 def _address_of_move(phases: Phases, marks: np.ndarray, log: Log, scratch: Scratch) -> int:

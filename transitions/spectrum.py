@@ -7,21 +7,22 @@ So twice the modulus of the transform, divided by the square root of the scale, 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-__all__ = ["Spectrum", "TooCoarse", "Wavelet", "checked", "morlet_spectrum"]
+from transitions.transform import PER_ENVELOPE, amplitude_rows, envelope
 
-_SUPPORT = 1e-9  # the envelope is cut where it has fallen to this
-_PRECISION = 16  # the wavelet is tabled at 2^16 places: the transform takes the nearest of them, which costs 2e-4 of the amplitude
+__all__ = ["Spectrum", "SpectrumRows", "TooCoarse", "Wavelet", "checked", "morlet_rows", "morlet_spectrum"]
+
 _WIDTHS = 4.0  # standard deviations of the wavelet's own spectrum that stay below the Nyquist frequency
 _UNTRUE = 0.02  # median of what the rate and the signal disagree by, in standard deviations of the signal
 _STILL = 1e-6  # a stretch this much smaller than the largest has nothing to show
-_BLOCK = 2_000_000  # complex numbers that are held at once
-_CELLS = 3_000_000  # amplitudes that are kept
+_CELLS = 3_000_000  # amplitudes up to which no time is left out
 _POWER = 1e-4  # part of the power outside the band that is looked at by default, on each side
 
 
@@ -66,8 +67,8 @@ class Wavelet:
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
-    """Amplitudes over time and frequency.
+class SpectrumRows(ABC):
+    """Amplitudes over time and frequency, one row after the other.
 
     Parameters
     ----------
@@ -75,7 +76,6 @@ class Spectrum:
         Uniform, from the first of the record to near its last.
     frequencies : (k,) float
         Angular, rising, equally spaced in their logarithm.
-    amplitudes : (k, m) float
     span : (float, float)
         First and last time of the record.
     wavelet : Wavelet
@@ -83,9 +83,12 @@ class Spectrum:
 
     times: np.ndarray
     frequencies: np.ndarray
-    amplitudes: np.ndarray
     span: tuple[float, float]
     wavelet: Wavelet
+
+    @abstractmethod
+    def rows(self) -> Iterator[np.ndarray]:
+        """The amplitudes (m,) at each frequency, from the lowest on."""
 
     @cached_property
     def octaves(self) -> float:
@@ -110,7 +113,61 @@ class Spectrum:
         return 0.5 * (erf((times - self.span[0]) / scale) + erf((self.span[1] - times) / scale))
 
 
-def morlet_spectrum(
+@dataclass(frozen=True, eq=False)
+class Spectrum(SpectrumRows):
+    """Amplitudes over time and frequency.
+
+    Parameters
+    ----------
+    amplitudes : (k, m) float
+    times, frequencies, span, wavelet
+        As of `SpectrumRows`.
+    """
+
+    amplitudes: np.ndarray
+
+    def rows(self) -> Iterator[np.ndarray]:
+        return iter(self.amplitudes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Computed(SpectrumRows):
+    """A spectrum whose rows are computed each time they are asked for: at every `stride`-th sample of a signal in parts of `size`."""
+
+    signal: np.ndarray
+    step: float
+    stride: int
+    size: float
+
+    def rows(self) -> Iterator[np.ndarray]:
+        for row in amplitude_rows(self.signal, self.step, self.frequencies, self.stride, self.wavelet):
+            yield self.size * row
+
+
+def morlet_spectrum(times: np.ndarray, signal: np.ndarray, rate: np.ndarray | None = None, **options: Any) -> Spectrum:
+    """The wavelet spectrum of a signal, as `morlet_rows` computes it.
+
+    Parameters
+    ----------
+    times, signal, rate, **options
+        As for `morlet_rows`, which says what is refused, too.
+
+    Examples
+    --------
+    >>> times = np.linspace(0.0, 200.0, 4001)
+    >>> spectrum = morlet_spectrum(times, 0.3 * np.cos(2.0 * times), frequencies=(1.0, 4.0))
+    >>> middle = spectrum.amplitudes[:, len(spectrum.times) // 2]
+    >>> round(float(spectrum.frequencies[np.argmax(middle)]), 6), round(float(middle.max()), 4)
+    (2.0, 0.3)
+    """
+    found = morlet_rows(times, signal, rate, **options)
+    amplitudes = np.empty((len(found.frequencies), len(found.times)))
+    for kept, row in zip(amplitudes, found.rows(), strict=True):
+        kept[:] = row
+    return Spectrum(found.times, found.frequencies, found.span, found.wavelet, amplitudes)
+
+
+def morlet_rows(
     times: np.ndarray,
     signal: np.ndarray,
     rate: np.ndarray | None = None,
@@ -118,8 +175,9 @@ def morlet_spectrum(
     frequencies: tuple[float, float] | None = None,
     per_octave: int = 24,
     wavelet: Wavelet | None = None,
-) -> Spectrum:
-    """The wavelet spectrum of a signal, by the complex Morlet wavelet.
+    most: int | None = None,
+) -> SpectrumRows:
+    """The wavelet spectrum of a signal, by the complex Morlet wavelet, row by row.
 
     Parameters
     ----------
@@ -136,11 +194,13 @@ def morlet_spectrum(
     per_octave : int
         Frequencies in an octave.
     wavelet : Wavelet, optional
+    most : int, optional
+        Times at most, for a picture: what happens between them is left out.
 
     Returns
     -------
-    Spectrum
-        Its times are each so many-th of the record's, so that the amplitudes stay below 3e6 numbers where that loses nothing.
+    SpectrumRows
+        Its times are each so many-th of the record's, so that there are fewer than 3e6 amplitudes where that loses nothing.
 
     Raises
     ------
@@ -148,14 +208,6 @@ def morlet_spectrum(
         Where the samples lie too far apart for the highest frequency, or for the signal.
     ValueError
         For times that are not uniform, a signal that is not finite, a range of frequencies that is empty or below what the record can show.
-
-    Examples
-    --------
-    >>> times = np.linspace(0.0, 200.0, 4001)
-    >>> spectrum = morlet_spectrum(times, 0.3 * np.cos(2.0 * times), frequencies=(1.0, 4.0))
-    >>> middle = spectrum.amplitudes[:, len(spectrum.times) // 2]
-    >>> round(float(spectrum.frequencies[np.argmax(middle)]), 6), round(float(middle.max()), 4)
-    (2.0, 0.3)
     """
     wavelet = wavelet or Wavelet()
     times, signal, step = checked(times, signal)
@@ -180,53 +232,17 @@ def morlet_spectrum(
         _require_fine(signal, np.asarray(rate, dtype=float) / size, step, window=2.0 * math.pi / low)
     count = max(2, round(per_octave * math.log2(high / low)) + 1)
     grid = np.geomspace(low, high, count)
-    # Envelopes last C sqrt(B/2)/f at least: eight columns in the shortest one.
-    stride = max(1, int(2.0 * math.pi * wavelet.centre * math.sqrt(0.5 * wavelet.bandwidth) / (8.0 * high * step)))
+    stride = max(1, int(envelope(wavelet, high) / (PER_ENVELOPE * step)))
     stride = min(stride, max(1, math.ceil(count * len(times) / _CELLS)))
-    return Spectrum(times[::stride], grid, size * _amplitudes(signal, step, grid, stride, wavelet), span, wavelet)
+    if most is not None:
+        stride = max(stride, math.ceil(len(times) / most))
+    return _Computed(times[::stride], grid, span, wavelet, signal, step, stride, size)
 
 
 def _power_of_two(signal: np.ndarray) -> float:
     """The power of two next to the largest value, by which others are divided without rounding; 1 of nothing."""
     largest = float(np.abs(signal).max())
     return math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
-
-
-def _amplitudes(signal: np.ndarray, step: float, frequencies: np.ndarray, stride: int, wavelet: Wavelet) -> np.ndarray:
-    import pywt
-
-    shape = pywt.ContinuousWavelet(f"cmor{wavelet.bandwidth!r}-{wavelet.centre!r}")
-    shape.upper_bound = math.sqrt(-math.log(_SUPPORT) * wavelet.bandwidth)
-    shape.lower_bound = -shape.upper_bound
-    scales = 2.0 * math.pi * wavelet.centre / (frequencies * step)
-    whole, before = _at_rest(signal, step, frequencies[0], math.ceil(shape.upper_bound * scales[0]))
-    kept = slice(before, before + len(signal), stride)
-    out = np.empty((len(scales), len(whole[kept])))
-    rows = max(1, _BLOCK // len(whole))
-    for first in range(0, len(scales), rows):
-        part = slice(first, first + rows)
-        coefficients, _ = pywt.cwt(whole, scales[part], shape, method="fft", precision=_PRECISION)
-        out[part] = 2.0 * np.abs(coefficients[:, kept])
-    # The transform convolves with differences of the integrated wavelet, which averages over one step: the sinc takes that back.
-    out /= (np.sqrt(scales) * np.sinc(frequencies * step / (2.0 * math.pi)))[:, None]
-    return out
-
-
-def _at_rest(signal: np.ndarray, step: float, lowest: float, reach: int) -> tuple[np.ndarray, int]:
-    """The signal without what it rests about at its faint end, with `reach` samples more beyond the loud one, on which it rests where it is
-    about there; and how many of them come before it.
-
-    One mean for all, taken off, would leave a step at the faint end that is larger than the motion there. The mean about an end is that
-    over three of the longest periods, with Hann's weights, which pass over tones: at the lowest frequency to 1 %, at higher ones by the
-    third power less."""
-    count = min(len(signal), max(8, math.ceil(6.0 * math.pi / (lowest * step))))
-    weights = np.hanning(count + 2)[1:-1]
-    weights /= weights.sum()
-    begin, end = signal[:count], signal[-count:]
-    first, last = float(weights @ begin), float(weights @ end)
-    if np.ptp(begin) < np.ptp(end):
-        return np.concatenate([signal - first, np.full(reach, last - first)]), 0
-    return np.concatenate([np.full(reach, first - last), signal - last]), reach
 
 
 def checked(times: Any, signal: Any) -> tuple[np.ndarray, np.ndarray, float]:

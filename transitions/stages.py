@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -14,8 +14,8 @@ from transitions.families import Families, Meeting
 from transitions.following import EQUAL_SHARE, Match, best_of, lasting, steady, stretches
 from transitions.lines import Around, lines_of, partner, unlike
 from transitions.record import Record
-from transitions.ridges import HOLDS, SHARE, Held, Ridge, amplitude_of_motion, held, periods, ridges
-from transitions.spectrum import Spectrum, morlet_spectrum
+from transitions.ridges import HOLDS, SHARE, Held, Ridge, amplitude_of_motion, beside, held, periods, ridges
+from transitions.spectrum import Spectrum, SpectrumRows, morlet_rows, morlet_spectrum
 from transitions.stage import Companion, Follows, Stage
 
 __all__ = ["spectrum_of", "stages_of"]
@@ -40,7 +40,14 @@ def spectrum_of(record: Record, gap: Sequence[float], **options: Any) -> Spectru
     return morlet_spectrum(record.times, w, rate, **options)
 
 
-def stages_of(record: Record, gap: Sequence[float], families: Families | None = None, *, spectrum: Spectrum | None = None) -> list[Stage]:
+def stages_of(
+    record: Record,
+    gap: Sequence[float],
+    families: Families | None = None,
+    *,
+    spectrum: SpectrumRows | None = None,
+    on_progress: Callable[[float], object] | None = None,
+) -> list[Stage]:
     """The stages of a motion.
 
     A stage is an interval in which one ridge of the spectrum of the gap coordinate is the largest, and carries a fifth of the amplitude,
@@ -55,8 +62,10 @@ def stages_of(record: Record, gap: Sequence[float], families: Families | None = 
         (1, -1) for u1 - u2.
     families : Families, optional
         As `transitions.families.families_of` gives them, for the same gap coordinate.
-    spectrum : Spectrum, optional
-        Of the gap coordinate; by default `spectrum_of` makes it.
+    spectrum : SpectrumRows, optional
+        Of the gap coordinate; by default that of the default wavelet, of which a row at a time is kept.
+    on_progress : callable, optional
+        Called with the time up to which the stages are known.
 
     Returns
     -------
@@ -70,16 +79,18 @@ def stages_of(record: Record, gap: Sequence[float], families: Families | None = 
     transitions.spectrum.TooCoarse
         For a record with too few samples.
     """
-    w, _ = record.along(gap)
+    w, rate = record.along(gap)
     if families is not None and not np.allclose(families.gap, gap, rtol=1e-12, atol=0.0):
         raise ValueError(f"the families are told by the gap coordinate {families.gap}; the stages are asked for that of {tuple(gap)}")
-    spectrum = spectrum or spectrum_of(record, gap)
+    spectrum = spectrum or morlet_rows(record.times, w, rate)
     if not np.ptp(w) > 0.0:
         return []
     found = ridges(spectrum, record.times, w)
     out: list[Stage] = []
     for interval in held(spectrum, found):
         out += [_stage(record, spectrum, found, part) for part in _parts(record, w, spectrum, found, interval, families)]
+        if on_progress is not None:
+            on_progress(float(spectrum.times[interval.last]))
     return out
 
 
@@ -100,7 +111,7 @@ class _Part:
 
 
 def _parts(
-    record: Record, w: np.ndarray, spectrum: Spectrum, found: Sequence[Ridge], interval: Held, families: Families | None
+    record: Record, w: np.ndarray, spectrum: SpectrumRows, found: Sequence[Ridge], interval: Held, families: Families | None
 ) -> list[_Part]:
     """The interval, cut where another family is followed, or other harmonics of it are shown."""
     if families is None:
@@ -184,11 +195,11 @@ def _where_it_can(meeting: Meeting, record: Record, times: np.ndarray, pitch: np
     return meeting._replace(deviation=np.where(near == (meeting.family.impacts > 0), meeting.deviation, np.nan))
 
 
-def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Part) -> Stage:
+def _stage(record: Record, spectrum: SpectrumRows, found: Sequence[Ridge], part: _Part) -> Stage:
     ridge = part.held
     start, end = float(spectrum.times[ridge.first]), float(spectrum.times[ridge.last])
     pitch = ridge.frequencies
-    energy = record.energy[(record.times >= start) & (record.times <= end)]
+    energy = record.energy[np.searchsorted(record.times, start) : np.searchsorted(record.times, end, "right")]
     frequency = float(np.exp(np.mean(np.log(pitch))))
 
     def within(values: np.ndarray) -> float:
@@ -225,16 +236,16 @@ def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Pa
 
 
 def _impacts(record: Record, start: float, end: float) -> int:
-    return int(np.count_nonzero((record.impacts >= start) & (record.impacts <= end)))
+    return int(np.searchsorted(record.impacts, end, "right") - np.searchsorted(record.impacts, start))
 
 
 def _companions(found: Sequence[Ridge], part: Held, frequency: float) -> tuple[Companion, ...]:
     length = part.last + 1 - part.first
     amplitude = float(np.mean(part.amplitudes))
     out = []
-    for ridge in found:
+    for ridge in beside(found, part):
         first, stop = max(part.first, ridge.first), min(part.last + 1, ridge.first + len(ridge))
-        if ridge is part.ridge or 2 * (stop - first) < length:
+        if 2 * (stop - first) < length:
             continue
         mine = slice(first - ridge.first, stop - ridge.first)
         ratio = float(np.exp(np.mean(np.log(ridge.frequencies[mine])))) / frequency

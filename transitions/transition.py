@@ -26,6 +26,10 @@ BACKBONE = 1.0
 """Families with so many impacts in half a period at most are drawn behind every motion."""
 
 
+SHOWN = 20_000
+"""Times of a spectrum that is drawn, at most: the picture has fewer columns than that."""
+
+
 @dataclass(frozen=True, eq=False)
 class Transition:
     """A motion of a system, with its stages.
@@ -52,8 +56,8 @@ class Transition:
 
     @cached_property
     def spectrum(self) -> Spectrum:
-        """The wavelet spectrum of the relative displacement."""
-        return spectrum_of(self.record, self.gap, wavelet=self.wavelet, frequencies=self.frequencies)
+        """The wavelet spectrum of the relative displacement, at as many times as a picture shows."""
+        return spectrum_of(self.record, self.gap, wavelet=self.wavelet, frequencies=self.frequencies, most=SHOWN)
 
     def with_stages(self, stages: Sequence[Stage]) -> Transition:
         """The same with other stages; its spectrum, which does not depend on them, is not made again."""

@@ -23,7 +23,7 @@ from branches.building.levels import energies_of, open_ranges
 from branches.building.seeds import Answer, Link, Seed, plain_seed, read_seed
 from branches.building.work import work
 from branches.catalogue.closures import distance, event_orbit, orbit_of_event, unknowns_of
-from branches.catalogue.errors import CatalogueError
+from branches.catalogue.errors import CatalogueError, readable
 from branches.catalogue.known import KnownFamilies, Place
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.identity import canonical_orbit, presentations
@@ -118,9 +118,9 @@ def refuse_other_plan(catalogue: Catalogue, plan: Plan) -> bool:
     if earlier is None:
         return False
     if earlier != json.loads(json.dumps(plan.plain())):
-        raise CatalogueError(
-            f"{catalogue.path} was built for {_told(earlier)}; received {_told(plan.plain())}; expected the same, or another file"
-        )
+        with readable(catalogue.path, "the plan of its build"):
+            there = _told(earlier)
+        raise CatalogueError(f"{catalogue.path} was built for {there}; received {_told(plan.plain())}; expected the same, or another file")
     return True
 
 
@@ -224,13 +224,19 @@ class _Build:
         """Go on with what an earlier run left; False where there was none."""
         if not refuse_other_plan(self.catalogue, self.plan):
             return False
-        self.told = self.catalogue.progress("told")
+        with readable(self.catalogue.path, "what its build has come to"):
+            noted = self.catalogue.progress("told")
+            if [type(noted[name]) for name in self.told] != [type(value) for value in self.told.values()]:
+                raise TypeError
+            self.told = noted
         for row in self.catalogue.families():
             self._remember(row.id, self.catalogue.branch(row.id))
-        for mark, wide, further in self.catalogue.notes(_UNFOLDED):
-            self.grazings.add(None if mark is None else tuple(mark), (wide, further))
-        pending = [(key, read_seed(value, self.plan)) for key, value in self.catalogue.work()]
-        self.count = 1 + max((int(key) for key, _ in pending), default=-1)
+        with readable(self.catalogue.path, "what its build has unfolded"):
+            for mark, wide, further in self.catalogue.notes(_UNFOLDED):
+                self.grazings.add(None if mark is None else tuple(mark), (wide, further))
+        with readable(self.catalogue.path, "the work that its build has left"):
+            pending = [(key, read_seed(value, self.plan)) for key, value in self.catalogue.work()]
+            self.count = 1 + max((int(key) for key, _ in pending), default=-1)
         self.last = [(key, seed) for key, seed in pending if _is_last(seed)]
         self.frontier.extend((key, seed) for key, seed in pending if not _is_last(seed))
         return True

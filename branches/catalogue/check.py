@@ -125,6 +125,7 @@ def _file(catalogue: Catalogue) -> Iterator[Failure]:
                 yield Failure("points", f"{stray} points belong to no family")
         _ = catalogue.scene, catalogue.provenance
         yield from _counts(catalogue)
+        yield from (Failure(table, text) for table, text in catalogue.damaged_work())
     except CatalogueDamaged as damage:
         yield Failure("file", str(damage))
 

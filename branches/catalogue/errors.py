@@ -9,7 +9,7 @@ from pathlib import Path
 
 from branches.files import WriteFailure
 
-__all__ = ["CatalogueDamaged", "CatalogueError", "CatalogueInUse", "translated"]
+__all__ = ["CatalogueDamaged", "CatalogueError", "CatalogueInUse", "readable", "translated"]
 
 _REFUSED = {
     "SQLITE_IOERR_WRITE": "the system refused to write into it, or into the files -wal and -shm that belong to it",
@@ -30,6 +30,22 @@ class CatalogueDamaged(CatalogueError):
 
 class CatalogueInUse(CatalogueError):
     """A catalogue that another process is writing; the message names it."""
+
+
+@contextmanager
+def readable(path: Path, what: str) -> Iterator[None]:
+    """Say that a part of a catalogue is not what it should be, where the block cannot make sense of it.
+
+    Raises
+    ------
+    CatalogueDamaged
+    """
+    try:
+        yield
+    except CatalogueError:
+        raise
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise CatalogueDamaged(f"{path} is damaged: {what} cannot be read") from error
 
 
 @contextmanager

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["COUNTED", "CatalogueFile"]
 
-COUNTED = ("families", "nodes", "edges")
+COUNTED = ("families", "nodes", "edges", "work", "progress")
 """Tables whose rows are counted in the transaction that changes them, for nothing else in the file would tell of a row that is gone."""
 
 
@@ -62,6 +62,8 @@ class CatalogueFile:
                 if mode == "a" and schema.is_empty(self._connection):
                     self._make(record, dict(provenance or {}))
                 schema.require(self._connection, self.path)
+                if mode == "a":
+                    self._add_checksums()
             if record is not None:
                 self.require_system(record.system)
         except BaseException:
@@ -157,6 +159,17 @@ class CatalogueFile:
                     row = (key, json.dumps(value, allow_nan=False))
                     self._insert(table, ("key", "value"), row, crc_of(row))
 
+    def _add_checksums(self) -> None:
+        """Give the rows of a catalogue from before all tables had checksums theirs."""
+        for table, value in (("work", "payload"), ("progress", "value")):
+            if schema.has_checksums(self._connection, table):
+                continue
+            with self.transaction():
+                self._connection.execute(f"ALTER TABLE {table} ADD COLUMN crc INTEGER")
+                rows = self._connection.execute(f"SELECT key, {value} FROM {table}").fetchall()
+                self._connection.executemany(f"UPDATE {table} SET crc = ? WHERE key = ?", ((crc_of(row), row[0]) for row in rows))
+                self._count(table, len(rows))
+
     def _look_before_writing(self) -> None:
         """Refuse a file of another kind or schema while it is as it was: opening it to write already changes it."""
         connection = open_settled(self.path)
@@ -180,8 +193,8 @@ class CatalogueFile:
 
     def _select(self, table: str, columns: tuple[str, ...], rest: str = "", values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         """Rows of a table, each with its checksum behind it where the table has one."""
-        crc = ", crc" if table in ("families", "nodes", "edges") and len(columns) > 1 else ""
         with translated(self.path):
+            crc = ", crc" if table in COUNTED and len(columns) > 1 and schema.has_checksums(self._connection, table) else ""
             return self._connection.execute(f"SELECT {', '.join(columns)}{crc} FROM {table} {rest}", values).fetchall()
 
     def _table(self, table: str) -> dict[str, Any]:
@@ -230,7 +243,11 @@ class CatalogueFile:
             changed = self._connection.execute(statement, values).rowcount
         except sqlite3.IntegrityError as error:
             raise CatalogueError(f"{self.path}: {error}") from error
-        if table in COUNTED and changed and (rows := self._rows()):
-            rows[table] += sign * changed
+        self._count(table, sign * changed)
+
+    def _count(self, table: str, change: int) -> None:
+        """Note that a table has so many rows more, in the transaction that is open."""
+        if table in COUNTED and change and (rows := self._rows()):
+            rows[table] = rows.get(table, 0) + change
             row = ("rows", json.dumps(rows))
             self._connection.execute("UPDATE scene SET value = ?, crc = ? WHERE key = ?", (row[1], crc_of(row), row[0]))

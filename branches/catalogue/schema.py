@@ -12,7 +12,7 @@ from pathlib import Path
 
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError
 
-__all__ = ["APPLICATION", "SCHEMA", "create", "is_empty", "require"]
+__all__ = ["APPLICATION", "SCHEMA", "create", "has_checksums", "is_empty", "require"]
 
 SCHEMA = 2
 """Schema 1, with all numbers of a point in its row, was never released: nothing is migrated."""
@@ -47,8 +47,8 @@ CREATE TABLE edges (
     source_crc INTEGER, target_problem TEXT, target_states BLOB, target_crc INTEGER, crc INTEGER NOT NULL,
     UNIQUE (source, source_event, kind, target, target_event));
 CREATE INDEX edges_to ON edges (target);
-CREATE TABLE work (key TEXT PRIMARY KEY, payload TEXT NOT NULL) WITHOUT ROWID;
-CREATE TABLE progress (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE work (key TEXT PRIMARY KEY, payload TEXT NOT NULL, crc INTEGER) WITHOUT ROWID;
+CREATE TABLE progress (key TEXT PRIMARY KEY, value TEXT NOT NULL, crc INTEGER) WITHOUT ROWID;
 """
 
 
@@ -64,6 +64,11 @@ def create(connection: sqlite3.Connection) -> None:
 def is_empty(connection: sqlite3.Connection) -> bool:
     """Whether the file holds no table at all: a new one, or one whose making was cut short."""
     return connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
+
+
+def has_checksums(connection: sqlite3.Connection, table: str) -> bool:
+    """Whether the rows of a table have checksums: those of `work` and `progress` have none in a catalogue from before they were given."""
+    return any(column[1] == "crc" for column in connection.execute(f"PRAGMA table_info({table})"))
 
 
 def require(connection: sqlite3.Connection, path: Path) -> None:

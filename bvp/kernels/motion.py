@@ -25,6 +25,7 @@ from bvp.kernels.phase import (
     LAST_IMPACT,
     LEAVING,
     LOSS,
+    PASSES,
     PENDING,
     PHASE,
     PIECE,
@@ -48,13 +49,13 @@ from bvp.kernels.phase import (
 from bvp.kernels.restitution import restitute
 from bvp.kernels.simultaneous import at_their_bounds, clash, sunk
 
-__all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "PIERCED", "REACHED", "STARTED_OUTSIDE", "move"]
+__all__ = ["CYCLING", "FULL", "GAVE_UP", "INTERACTING", "MOST", "NEW_PHASE", "PAUSED", "PIERCED", "REACHED", "STARTED_OUTSIDE", "move"]
 
-REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED = range(9)
+REACHED, FULL, NEW_PHASE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED, PAUSED = range(10)
 """How `move` returned: at the duration; the log is full (call again); the phase counts[PENDING] is wanted (add it and call again); two
 stops are hit at once and their impulses interact; started beyond a stop; at the most impacts; phases follow each other without time
-passing; the search for the next impact, or for a peak, gave up without time passing; carried beyond a stop by rounding. After REACHED, too,
-the motion can be carried on, to a longer duration."""
+passing; the search for the next impact, or for a peak, gave up without time passing; carried beyond a stop by rounding; counts[PASSES] are
+used up (set them and call again). After REACHED, too, the motion can be carried on, to a longer duration."""
 
 PATIENCE, INSTANT, SEARCH = 256, 16, 64
 """For each contact, and two more, so much may be spent within a radian of the fastest motion: 1 for each event, this for one to which no
@@ -160,8 +161,9 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
     (Q, 3 + D + S): fractions of the initial energy, ascending, then filled with the time at which that much is gone and the sums there;
     peaks (n,) largest displacements, or empty where they are not wanted. Returns the reason.
 
-    It returns, whatever happens: impacts faster than rounding are at most `most`, and between two of them, or two breaks, every event is
-    counted within each radian of the fastest motion, the more where it takes no time or makes no way (`impatient`).
+    It returns after counts[PASSES] events at most, the work for each of which is bounded. In the end it returns, whatever happens: impacts
+    faster than rounding are at most `most`, and between two of them, or two breaks, every event is counted within each radian of the
+    fastest motion, the more where it takes no time or makes no way (`impatient`).
     """
     before = scratch.before
     work = scratch.work
@@ -187,6 +189,9 @@ def move(phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks,
             return FULL
         if counts[IMPACTS] >= most:
             return MOST
+        if counts[PASSES] <= 0:
+            return PAUSED
+        counts[PASSES] -= 1
         f = counts[PHASE]
         held = phases.held[f]
         ahead = counts[BREAK_INDEX] + 1

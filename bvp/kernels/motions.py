@@ -5,7 +5,7 @@ import math
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import flight_at, flow_state
 from bvp.kernels.ledger import damped
-from bvp.kernels.motion import NEW_PHASE, REACHED, move
+from bvp.kernels.motion import NEW_PHASE, PAUSED, REACHED, move
 from bvp.kernels.peaks import peak_flight
 from bvp.kernels.phase import (
     CLEAR,
@@ -16,6 +16,7 @@ from bvp.kernels.phase import (
     LAST_IMPACT,
     MARK,
     PHASE,
+    RUNNING,
     TIME,
     TOUCHES,
     begin_anew,
@@ -34,26 +35,31 @@ def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, 
     from (NaN: not proven), time held, initial energy (given), 0, sums, each mark's time (NaN: not reached) and
     sums, peaks where they are wanted.
 
-    Returns (reason, start): NEW_PHASE at the start that wants one more phase - add it and call again from there - or REACHED and B.
+    Returns (reason, start): NEW_PHASE at the start that wants one more phase - add it and call again from there; PAUSED where
+    counts[PASSES] are used up, of which counts[RUNNING] tells the next call to go on; or REACHED and B.
     """
     width = 2 * phases.shape[0]
     parts = sums.shape[0]
     for b in range(first, starts.shape[0]):
-        begin_anew(counts, clock, turns, sums)
-        for k in range(width):
-            x[k] = starts[b, k]
-        clock[INITIAL] = summary[b, 7]
-        for q in range(fractions.shape[0]):
-            marks[q, 0] = fractions[q]
-        if not clock[INITIAL] > 0.0:
-            counts[MARK] = fractions.shape[0]
-        for k in range(peaks.shape[0]):
-            peaks[k] = 0.0
+        if counts[RUNNING] == 0:
+            begin_anew(counts, clock, turns, sums)
+            for k in range(width):
+                x[k] = starts[b, k]
+            clock[INITIAL] = summary[b, 7]
+            for q in range(fractions.shape[0]):
+                marks[q, 0] = fractions[q]
+            if not clock[INITIAL] > 0.0:
+                counts[MARK] = fractions.shape[0]
+            for k in range(peaks.shape[0]):
+                peaks[k] = 0.0
+        counts[RUNNING] = 0
         status = move(
             phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch
         )
-        if status == NEW_PHASE:
-            return NEW_PHASE, b
+        if status == PAUSED:
+            counts[RUNNING] = 1
+        if status == NEW_PHASE or status == PAUSED:
+            return status, b
         row = summary[b]
         row[0] = status
         row[1] = duration if status == REACHED else clock[TIME]

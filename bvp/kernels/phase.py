@@ -9,11 +9,11 @@ from bvp.kernels.bounds import amplitudes
 from bvp.kernels.compiled import kernel
 
 __all__ = [
-    "BOUNCES", "BOUNCING", "BREAK", "BREAK_INDEX", "CHATTER", "CLEAR", "CLEAR_TIME", "CLOCK", "CONTACT", "COUNTS",
-    "EVENTS", "HELD_TIME", "IDLE", "IMPACT", "IMPACTS", "INITIAL", "KIND", "LAST_IMPACT", "LEAVING", "LOSS", "Log",
-    "MARK", "PENDING", "PHASE", "PIECE", "PROGRESS", "Phases", "REFERENCE", "REFERENCE_LOW", "RELEASE", "ROWS", "SPAN", "SPEED",
-    "Scratch", "START", "STICK", "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHED", "TOUCHES", "begin_anew", "cannot_hit", "find_phase",
-    "reset_loads", "times_matrix", "write_loads",
+    "BOUNCES", "BOUNCING", "BREAK", "BREAK_INDEX", "CHATTER", "CLEAR", "CLEAR_TIME", "CLOCK", "CONTACT", "COUNTS", "EVENTS",
+    "HELD_TIME", "IDLE", "IMPACT", "IMPACTS", "INITIAL", "KIND", "LAST_IMPACT", "LEAVING", "LOSS", "Log", "MARK", "PASSES",
+    "PENDING", "PHASE", "PIECE", "PROGRESS", "Phases", "REFERENCE", "REFERENCE_LOW", "RELEASE", "ROWS", "RUNNING", "SPAN",
+    "SPEED", "Scratch", "START", "STICK", "SWITCH_ERROR", "TIME", "TIME_LOW", "TOUCHED", "TOUCHES", "begin_anew",
+    "cannot_hit", "find_phase", "reset_loads", "times_matrix", "write_loads",
 ]  # fmt: skip
 
 START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE, CHATTER = range(8)
@@ -21,9 +21,11 @@ START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE, CHATTER = range(8)
 set anew; a flight that goes on; bounces that are summed up to the next event."""
 
 (
-    PHASE, LEAVING, PENDING, KIND, CONTACT, EVENTS, IMPACTS, TOUCHES, IDLE, MARK, BREAK_INDEX, BOUNCES, ROWS, BOUNCING, CLEAR, COUNTS,
-) = range(16)  # fmt: skip
-"""Entries of counts, and their number."""
+    PHASE, LEAVING, PENDING, KIND, CONTACT, EVENTS, IMPACTS, TOUCHES, IDLE, MARK, BREAK_INDEX, BOUNCES, ROWS, BOUNCING, CLEAR, RUNNING,
+    PASSES, COUNTS,
+) = range(18)  # fmt: skip
+"""Entries of counts, and their number. RUNNING: whether a motion is under way; PASSES: of the loop over its events that are left in this
+call."""
 
 (
     TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, SPAN, PROGRESS, CLOCK,
@@ -89,9 +91,10 @@ class Scratch(NamedTuple):
 
 @kernel
 def begin_anew(counts, clock, turns, sums):
-    """The numbers of a motion at time 0, on no contact, in the phase without one held."""
+    """The numbers of a motion at time 0, on no contact, in the phase without one held; but for the passes left in this call."""
     for k in range(COUNTS):
-        counts[k] = 0
+        if k != PASSES:
+            counts[k] = 0
     for k in range(CLOCK):
         clock[k] = 0.0
     counts[LEAVING] = -1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -16,6 +17,7 @@ from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 if TYPE_CHECKING:
     from saltus.motion_start import Start
     from saltus.motions import Told
+    from saltus.progress import ProgressBar
     from saltus.scene import Scene
     from transitions.empirical import Modes
 
@@ -32,6 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, default=MOST_IMPACTS, help="end there (default: ten million)")
     parser.add_argument("--samples", metavar="N", type=whole_above_zero, help=f"times in the time series of the files (default: {SAMPLES})")
     parser.add_argument("--locked", action="store_true", help="run the system with its sink locked too, and compare peaks and mean squares")
+    parser.add_argument(
+        "--stages", action="store_true", help="compute the stages of the motion, as --catalogue, --emd and --plot do, too"
+    )
     parser.add_argument("--emd", action="store_true", help="tell the empirical modes of the relative displacement (EMD-signal)")
     catalogue_arguments.add_file(parser, "tell the families that stages follow from this catalogue; --on is taken from it, too")
     outputs.add_arguments(parser, arrays=True)
@@ -51,7 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     from saltus.first_run import prepare_motion
     from saltus.motion_modes import modes_of_motion, require_sifting
-    from saltus.motions import default_duration, run_locked, run_scene, tell_stages
+    from saltus.motions import NOT_ASKED, default_duration, run_locked, run_scene, tell_stages
+    from saltus.progress import ProgressBar
 
     duration = arguments.duration if arguments.duration is not None else default_duration(scene)
     if duration is None:
@@ -67,15 +73,22 @@ def run(arguments: argparse.Namespace) -> int:
         with interrupt.released():
             start = motion_start.from_arguments(arguments, scene)
             prepare_motion()
-            told = run_scene(scene, start, duration, arguments.max_impacts)
+            with ProgressBar(100, "% of the motion") as bar:
+                told = run_scene(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
         locked = modes = None
         code = DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED
         try:
             if told.motion.status.name == "INTERRUPTED":
                 raise KeyboardInterrupt
             with interrupt.released():
-                locked = run_locked(scene, start, duration, arguments.max_impacts) if arguments.locked else None
-                told = tell_stages(told, scene, start, catalogue)
+                if arguments.locked:
+                    with ProgressBar(100, "% of the locked motion") as bar:
+                        locked = run_locked(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
+                if arguments.stages or arguments.emd or arguments.plot is not None or catalogue is not None:
+                    with ProgressBar(100, "% of the stages") as bar:
+                        told = tell_stages(told, scene, start, catalogue, _percent(bar, told.motion.duration))
+                else:
+                    told = replace(told, why_no_stages=NOT_ASKED)
                 modes = modes_of_motion(told) if arguments.emd else None
         except KeyboardInterrupt:
             told = replace(told, why_no_stages=told.why_no_stages or "interrupted")
@@ -129,3 +142,8 @@ def _write(
 
     with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
         return files.write(json=text, csv=series, draw=picture, arrays=arrays)
+
+
+def _percent(bar: ProgressBar, duration: float) -> Callable[[float], None]:
+    """Shows the time that a run has come to as a part of its duration."""
+    return lambda time: bar.update(int(100.0 * time / duration))

@@ -132,6 +132,24 @@ def test_narrow_ranges(energy):
     assert math.isclose(h.min(), energy[0], rel_tol=2e-10)
 
 
+@pytest.mark.parametrize("energy", [(0.001, 0.049), (0.001, 0.06), (0.0, math.inf)])
+def test_a_range_beyond_the_limits_is_searched(energy):
+    """Oracle: the closed form's energy; least of all 0.0005, so that the family lies below the limits, which begin at 0.05."""
+    from saltus.bench.closed_form import Backbone
+
+    soft = vibro_impact_nes(mu=0.1, sigma=0.001)
+    orbit, _ = found("S17O00+", energy, system=soft)
+    assert orbit.h < Limits().energy[0] and abs(Backbone.of(soft).energy(orbit.alpha) / orbit.h - 1) < 1e-10
+
+
+def test_a_quarter_period_beyond_the_limits_is_searched():
+    """Oracle: the closed form, by whose quarter period the orbit is asked for."""
+    from saltus.bench.closed_form import Backbone
+
+    orbit, _ = found("S13O00+@alpha=1.7", limits=Limits(quarter_period=1.5))
+    assert abs(orbit.h / Backbone().energy(1.7) - 1) < 1e-11
+
+
 def test_orbits_without_impacts_are_no_answer():
     """Oracle: S13 leaves the parity open; the linear modes, which have no impact, are not among the matches."""
     for text in ("S13", "S11"):

@@ -24,7 +24,6 @@ from transitions.sampled import sampled
 from transitions.sharing import Sharing, sharing_of
 from transitions.stage import Stage
 from transitions.stages import stages_of
-from transitions.transition import Transition
 
 PAGE = page("paper_damped.md")
 GAP = (1.0, -1.0)
@@ -82,8 +81,8 @@ class Damped:
 
     def told(self, families) -> tuple[Stage, ...]:
         """Its stages, told by these families."""
-        shown = Transition(self.motion.system, sampled(self.motion, self.sharing), GAP)
-        return tuple(stages_of(shown.record, GAP, families, spectrum=shown.spectrum))
+        record = sampled(self.motion, self.sharing)
+        return tuple(stages_of(record, GAP, families))
 
 
 @cache

@@ -38,8 +38,8 @@ impacts = 6
 
 
 def told(capsys, *words):
-    """The JSON of a run, which standard output carries alone."""
-    code, out, err = run(capsys, "run", *words, "--json", "-")
+    """The JSON of a run with its stages, which standard output carries alone."""
+    code, out, err = run(capsys, "run", *words, "--stages", "--json", "-")
     assert code == 0, err
     return json.loads(out)
 
@@ -51,7 +51,7 @@ def shock(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("shock")
     files = [word for kind in ("json", "csv", "npz", "mat") for word in (f"--{kind}", str(folder / f"run.{kind}"))]
-    assert main(["run", "--impulsive", "--energy", "8", *DAMPED, "--duration", "150", "--samples", "301", *files]) == 0
+    assert main(["run", "--impulsive", "--energy", "8", *DAMPED, "--duration", "150", "--samples", "301", "--stages", *files]) == 0
     return folder, json.loads((folder / "run.json").read_text())
 
 
@@ -271,7 +271,7 @@ def test_the_table_tells_what_the_record_has(capsys):
     """Oracle: the record of the same run."""
     words = ("--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
     record = told(capsys, *words)
-    code, out, err = run(capsys, "run", *words, "--model")
+    code, out, err = run(capsys, "run", *words, "--model", "--stages")
     assert code == 0 and not err
     lines = out.splitlines()
     assert lines[0].startswith("model  damped -> ") and any("restitution below 1" in line for line in lines[:3])
@@ -294,7 +294,7 @@ def test_captures_and_escapes_are_told(capsys):
     entries += [(stage["follows"]["label"], "escape", stage["end"]) for stage in stages if stage != record["stages"][-1]]
     assert sorted((c["label"], c["kind"], c["time"]) for c in record["changes"]) == sorted(entries)
     assert [c["time"] for c in record["changes"]] == sorted(c["time"] for c in record["changes"])
-    _, out, _ = run(capsys, "run", *words)
+    _, out, _ = run(capsys, "run", *words, "--stages")
     for change in record["changes"]:
         assert f"{change['kind']:<8}  {change['time']:>9.5g}  harmonic {change['harmonic']} of {change['label']}" in out.splitlines()
 
@@ -313,12 +313,84 @@ def test_no_marks_no_shares(capsys, tmp_path):
     """Oracle: energies without shares are null, and the table says why no stage is told; stops and gap dampers are told apart still."""
     path = tmp_path / "unmarked.toml"
     path.write_text(SCENE.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""))
-    code, out, err = run(capsys, "run", "--scene", path, "--state", "0,0,0,0,2,0", "--duration", "10", "--samples", "2", "--json", "-")
+    words = ("--scene", path, "--state", "0,0,0,0,2,0", "--duration", "10", "--samples", "2", "--stages")
+    code, out, err = run(capsys, "run", *words, "--json", "-")
     record = json.loads(out)
     assert code == 0 and record["stages"] is None and record["changes"] is None
     assert "no coordinate is marked as NES" in record["stages_note"]
     assert record["samples"]["nes_energy"] == [None, None] and record["shares"]["nes"] > 0.0
     assert "stages   not told" in err
+
+
+def test_stages_are_computed_where_they_are_asked_for(capsys, tmp_path, catalogue, monkeypatch):
+    """Oracle: how often they are computed; without them the record, and a line of the table, say what asks for them."""
+    import transitions.stages
+
+    calls = []
+    compute = transitions.stages.stages_of
+    monkeypatch.setattr(transitions.stages, "stages_of", lambda *words, **options: calls.append(1) or compute(*words, **options))
+    words = ("run", "--impulsive", "--energy", "0.3", *DAMPED, "--duration", "40")
+    code, out, _ = run(capsys, *words, "--json", tmp_path / "a.json", "--csv", tmp_path / "a.csv")
+    record = json.loads((tmp_path / "a.json").read_text())
+    assert code == 0 and not calls and record["stages"] is None and record["changes"] is None
+    assert "--stages" in record["stages_note"] and f"stages   not told: {record['stages_note']}" in out.splitlines()
+    for asked in (("--stages",), ("--catalogue", catalogue), ("--plot", tmp_path / "a.png")):
+        calls.clear()
+        code, out, _ = run(capsys, *words, *asked)
+        assert code == 0 and calls and "not told" not in out
+
+
+def test_progress_is_told_of_the_motion_and_of_its_stages(capsys, monkeypatch):
+    """Oracle: percentages that do not fall, of which the last is the whole."""
+    import saltus.progress
+
+    seen = {}
+    monkeypatch.setattr("bvp.pace.MOST", 1)
+    monkeypatch.setattr("bvp.pace.FIRST", 1)
+    monkeypatch.setattr(saltus.progress.ProgressBar, "update", lambda bar, count, more="": seen.setdefault(bar._things, []).append(count))
+    assert run(capsys, "run", "--impulsive", "--energy", "0.3", *DAMPED, "--duration", "40", "--stages")[0] == 0
+    motion, stages = seen["% of the motion"], seen["% of the stages"]
+    assert len(motion) > 5 and motion == sorted(motion) and motion[-1] == 100
+    assert stages == sorted(stages) and 90 <= stages[-1] <= 100
+
+
+STIFF = """
+import sys
+from saltus.__main__ import main
+main(["run", "--scene", "three_storey_building", "--duration", "0.1", "--stages"])
+print("ready", flush=True)
+sys.exit(main(["run", "--scene", sys.argv[1], "--stages"]))
+"""
+
+
+def test_a_run_is_interrupted_while_it_computes(tmp_path):
+    """Oracle: the exit code, of a run whose record would take hours: one damper is 2.5e8 times as strong. A minute is enough to see that it
+    does not go on."""
+    import shutil
+    import signal
+    import subprocess
+    import sys
+    import time
+    from pathlib import Path
+
+    scene = Path(__file__).parents[2] / "catalogues" / "three_storey_building.toml"
+    for file in scene.parent.glob("three_storey_building*"):
+        shutil.copy(file, tmp_path)
+    stiff = tmp_path / "stiff.toml"
+    stiff.write_text(scene.read_text().replace("[4000.0, -2000.0, 0.0, 0.0]", "[1e12, -2000.0, 0.0, 0.0]", 1))
+    assert "1e12" in stiff.read_text()
+    child = subprocess.Popen([sys.executable, "-c", STIFF, stiff], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=scene.parents[1])
+    try:
+        assert child.stdout is not None
+        while child.stdout.readline().strip() not in (b"ready", b""):
+            pass
+        time.sleep(2.0)
+        assert child.poll() is None
+        child.send_signal(signal.SIGINT)
+        assert child.wait(timeout=60.0) == 130
+    finally:
+        child.kill()
+        child.communicate()
 
 
 def test_stages_of_a_long_motion_are_told_as_far_as_its_record_goes(capsys, monkeypatch):

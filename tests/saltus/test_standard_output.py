@@ -142,7 +142,7 @@ def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, pla
     """Oracle: the impacts of an undisturbed run; the exit code 130, whether it comes before the stages or after them."""
     import importlib
 
-    words = ["run", "--impulse", "0.5", "--duration", "8", "--json"]
+    words = ["run", "--impulse", "0.5", "--duration", "8", "--stages", "--json"]
     assert main([*words, str(tmp_path / "whole.json")]) == 0
     module, name = place.rsplit(".", 1)
     asked = getattr(importlib.import_module(module), name)

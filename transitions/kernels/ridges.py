@@ -1,10 +1,10 @@
-"""Linking maxima of a spectrum from one time to the next."""
+"""Linking maxima of a spectrum from one time to the next, and the chains that they make."""
 
 import math
 
 from bvp.kernels.compiled import kernel
 
-__all__ = ["link"]
+__all__ = ["chains", "link"]
 
 
 @kernel
@@ -65,3 +65,19 @@ def link(columns, level, bounds, reach, spacing, drift, step, following, followe
         if chosen >= 0:
             following[end] = chosen
             followed[chosen] = True
+
+
+@kernel
+def chains(following, number):
+    """Number the chains of maxima: number (M,) gets that of the chain that each is in, in the order in which they begin; `following` is
+    as of `link`, and what follows comes later. Returns how many there are."""
+    for i in range(number.shape[0]):
+        number[i] = -1
+    count = 0
+    for i in range(number.shape[0]):
+        if number[i] < 0:
+            number[i] = count
+            count += 1
+        if following[i] >= 0:
+            number[following[i]] = number[i]
+    return count

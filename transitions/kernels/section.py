@@ -8,6 +8,7 @@ on, and the perturbation ends there.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import int64
@@ -15,17 +16,16 @@ from numba import int64
 from bvp.kernels.compiled import allocating, kernel, whole_at
 from bvp.kernels.extrema import dot, look, refine, safe_step, separate
 from bvp.kernels.flight import flow_state
-from bvp.kernels.motion import FULL, GAVE_UP, NEW_PHASE, REACHED
+from bvp.kernels.motion import FULL, GAVE_UP, NEW_PHASE, PAUSED, REACHED
 from bvp.kernels.phase import (
     CHATTER,
-    CLOCK,
-    COUNTS,
     EVENTS,
     IMPACT,
     PENDING,
     PHASE,
     REFERENCE,
     REFERENCE_LOW,
+    RUNNING,
     TIME,
     TIME_LOW,
     begin_anew,
@@ -34,7 +34,7 @@ from bvp.kernels.phase import (
 from bvp.kernels.restitution import restitute
 from bvp.kernels.trail import event
 
-__all__ = ["COMPLETE", "EVENTS_AT_ONCE", "TIME_OVER", "follow_section", "rises"]
+__all__ = ["COMPLETE", "EVENTS_AT_ONCE", "TIME_OVER", "Following", "follow_section", "rises"]
 
 COMPLETE, TIME_OVER = -1, -2
 """How following an orbit ended, besides the endings of `bvp.kernels.motion`: with all points asked for; at the longest time."""
@@ -46,6 +46,27 @@ EVENTS_AT_ONCE = 256
 """Events of one stretch that are kept; one with more is gone on with from there."""
 MOST = 1 << 62
 """Impacts: as many as there are."""
+
+FLIGHT_PHASE, CROSSED, HITS, SIGN, WHOLE = range(5)
+"""Entries of `Following.whole`: phase of the flight that is looked at next, crossings, impacts, the sign of f; and their number."""
+
+GROWTH, HELD, ELAPSED, SPAN, SUMS = range(5)
+"""Entries of `Following.sums`: logarithm of the perturbation's growth, time with a contact held, time, that which is run at once; and their
+number."""
+
+
+class Following(NamedTuple):
+    """The orbit that is followed, from one call to the next."""
+
+    z: np.ndarray  # (N,) state at the end of what was run
+    x: np.ndarray  # (2 n,) modal coordinates there
+    begin: np.ndarray  # (N,) state where the next flight begins
+    change: np.ndarray  # (N,) perturbation there
+    numbers: np.ndarray  # (COUNTS,) of `bvp.kernels.motion.move`
+    clock: np.ndarray  # (CLOCK,)
+    dissipated: np.ndarray  # (D + S + 1, 2)
+    whole: np.ndarray  # (WHOLE,) int64
+    sums: np.ndarray  # (SUMS,)
 
 
 @kernel
@@ -85,7 +106,7 @@ def rises(pairs, mean, delta, matrix, value, rate, second, z, duration, sign, ti
 
 @allocating
 def follow_section(
-    mover, phases, functional, plane, quadratic, starts, changes, stretch_time, longest, first,
+    mover, phases, functional, plane, quadratic, starts, changes, stretch_time, longest, first, following,
     times, points, energies, growths, tangents, counts, impacts, held_times, statuses, log, scratch, marks,
 ):  # fmt: skip
     """Follow each row (u, v) of `starts` (M, 2 n), from the `first`-th on, which lies on the section, to its P-th crossing.
@@ -99,42 +120,65 @@ def follow_section(
     counts, impacts, held_times, statuses (M,): crossings, impacts up to the end, time with a contact held up to the last crossing or the
     end, how it ended. log, scratch, marks: as of `bvp.kernels.motion.move`; as many events as the log has room for are run at once, too.
 
-    Returns (M, 0), or (the orbit that wants one more phase, the contacts that are held in it): add it and call again from there."""
+    Returns (M, 0); (the orbit that wants one more phase, the contacts that are held in it): add it and call again from there; or
+    (the orbit that is followed, -1) where following.numbers[PASSES] are used up: set them and call again."""
     size = changes.shape[1]
     wanted = times.shape[1]
-    z, begin, change = np.empty(size), np.empty(size), np.empty(size)
-    x, no_peaks = np.empty(starts.shape[1]), np.empty(0)
+    z, x, begin, change, numbers, clock, sums = (
+        following.z, following.x, following.begin, following.change, following.numbers, following.clock, following.dissipated
+    )  # fmt: skip
+    no_peaks, turns = np.empty(0), np.empty((0, 2))
     state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
-    numbers, clock = np.empty(COUNTS, np.int64), np.empty(CLOCK)
-    turns, sums = np.empty((0, 2)), np.empty((log.sums.shape[1], 2))
     passages, work = np.empty(ROOM), np.empty(size)
     for m in range(first, starts.shape[0]):
-        begin_anew(numbers, clock, turns, sums)
-        for r in range(starts.shape[1]):
-            x[r] = starts[m, r]
-        times_matrix(phases.enter[0], x, begin)
-        for r in range(size):
-            change[r] = changes[m, r]
-        growth = 0.0 - math.log(math.hypot(dot(plane[0, 0], change), dot(plane[0, 1], change)))
-        f = 0
-        held = 0.0
-        growth = record(
-            plane[0], quadratic[0], begin, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0
-        )
-        count = 1
-        hits = 0
-        sign = int64(1)
-        elapsed = 0.0
+        if numbers[RUNNING] == 0:
+            begin_anew(numbers, clock, turns, sums)
+            for r in range(starts.shape[1]):
+                x[r] = starts[m, r]
+            times_matrix(phases.enter[0], x, begin)
+            for r in range(size):
+                change[r] = changes[m, r]
+            growth = 0.0 - math.log(math.hypot(dot(plane[0, 0], change), dot(plane[0, 1], change)))
+            f = int64(0)
+            held = 0.0
+            growth = record(
+                plane[0], quadratic[0], begin, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0
+            )
+            count = int64(1)
+            hits = int64(0)
+            sign = int64(1)
+            elapsed = 0.0
+        else:
+            f = following.whole[FLIGHT_PHASE]
+            count = following.whole[CROSSED]
+            hits = following.whole[HITS]
+            sign = following.whole[SIGN]
+            growth = following.sums[GROWTH]
+            held = following.sums[HELD]
+            elapsed = following.sums[ELAPSED]
         status = COMPLETE
         while count < wanted:
-            if elapsed >= longest:
-                status = TIME_OVER
-                break
-            numbers[EVENTS] = 0
-            span = min(stretch_time, longest - elapsed)
+            if numbers[RUNNING] == 0:
+                if elapsed >= longest:
+                    status = TIME_OVER
+                    break
+                numbers[EVENTS] = 0
+                following.sums[SPAN] = min(stretch_time, longest - elapsed)
+            numbers[RUNNING] = 0
+            span = following.sums[SPAN]
             code = whole_at(mover, (phases, span, MOST, z, x, numbers, clock, turns, sums, marks, no_peaks, log, scratch))
             if code == NEW_PHASE:
                 return m, numbers[PENDING]
+            if code == PAUSED:
+                following.whole[FLIGHT_PHASE] = f
+                following.whole[CROSSED] = count
+                following.whole[HITS] = hits
+                following.whole[SIGN] = sign
+                following.sums[GROWTH] = growth
+                following.sums[HELD] = held
+                following.sums[ELAPSED] = elapsed
+                numbers[RUNNING] = 1
+                return m, int64(-1)
             events = numbers[EVENTS]
             started = 0.0
             bouncing = False  # up to where bounces are summed to, in the phase that they end in, no contact is held by them yet

@@ -15,7 +15,8 @@ from branches.building.bounds import Bounds, Plan
 from branches.building.build import build
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check
-from branches.catalogue.errors import CatalogueError
+from branches.catalogue.errors import CatalogueDamaged, CatalogueError
+from branches.catalogue.rows import crc_of
 from tests.branches.building.agreement import Families, decided_stability
 from tests.branches.building.meetings import unanswered
 from tests.branches.building.test_frontier import Serial
@@ -164,6 +165,28 @@ def test_a_killed_build_goes_on(tiny, tmp_path):
     assert report == tiny[1]
     assert [id for id, _ in content(path)[0]] == [id for id, _ in content(tiny[0])[0]]
     assert content(path)[2] == content(tiny[0])[2]
+
+
+@pytest.mark.parametrize("value", ["[]", "null", "{}", "3", '"x"'])
+@pytest.mark.parametrize("place", ["told", "plan", "unfolded 0000001", "work"])
+def test_a_build_that_cannot_be_gone_on_with_says_so(tmp_path, place, value):
+    """Oracle: one line that names the file, whatever stands in place of what a build had noted; with a checksum that fits, as the rows of
+    catalogues from before there were any get."""
+    path, plan = tmp_path / "cut.sqlite", Plan.within(BOUNDS)
+    with Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
+        catalogue.note("plan", plan.plain())
+        begun = {"level": 0, "families": 0}
+        catalogue.note("told", {"beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun})
+        catalogue.note("unfolded 0000001", [None, False, 2])
+        catalogue.add_work([("0000002", {"kind": "name", "value": "S13+", "wide": False, "further": None, "link": None})])
+        table, column, key = ("work", "payload", "0000002") if place == "work" else ("progress", "value", place)
+        with catalogue.transaction():
+            catalogue._connection.execute(
+                f"UPDATE {table} SET {column} = ?, crc = ? WHERE key = ?", (value, crc_of((key, value)), key)
+            )
+        with pytest.raises(CatalogueError, match="cut.sqlite") as caught:
+            build(catalogue, plan, Serial())
+        assert isinstance(caught.value, CatalogueDamaged) and "\n" not in str(caught.value)
 
 
 def test_another_plan_is_refused(tiny):

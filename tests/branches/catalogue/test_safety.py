@@ -18,6 +18,7 @@ import saltus
 from branches.catalogue import CatalogueDamaged, CatalogueError, CatalogueInUse, Edge, Node
 from branches.catalogue.check import check
 from branches.catalogue.errors import translated
+from branches.catalogue.rows import crc_of
 from branches.files import WriteFailure
 from tests.branches.catalogue.families import real, renamed, same_columns, scene
 
@@ -455,6 +456,112 @@ def test_what_is_damaged_is_named(good, change):
                 _ = catalogue.system
     assert good.read_bytes() == before
     assert any(CHANGES[change] in failure.text for failure in failures)
+
+
+WORK = {
+    "UPDATE work SET payload = '[]' WHERE key = 'b'": "'b' in the table work does not fit its checksum",
+    "UPDATE work SET payload = 'null' WHERE key = 'b'": "'b' in the table work does not fit its checksum",
+    "UPDATE work SET key = 'c' WHERE key = 'b'": "'c' in the table work does not fit its checksum",
+    "UPDATE work SET crc = NULL WHERE key = 'b'": "'b' in the table work does not fit its checksum",
+    "UPDATE progress SET value = '[]' WHERE key = 'told'": "'told' in the table progress does not fit its checksum",
+    "UPDATE progress SET value = 'null' WHERE key = 'told'": "'told' in the table progress does not fit its checksum",
+    "DELETE FROM work WHERE key = 'b'": "the table work has 1 rows, 2 were kept",
+    "DELETE FROM progress WHERE key = 'told'": "the table progress has 1 rows, 2 were kept",
+}
+
+
+def unfinished(path):
+    """A catalogue with work that is left, and notes."""
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        catalogue.add_work([("a", {"kind": "name"}), ("b", [1.5]), ("c", 1)])
+        catalogue.add_work([("a", 7)])
+        catalogue.finish("c")
+        catalogue.note("plan", {"names": []})
+        catalogue.note("told", {"beyond": 1})
+        catalogue.note("told", {"beyond": 2})
+
+
+def read_work(path):
+    with saltus.Catalogue(path) as catalogue:
+        return catalogue.work(), catalogue.progress("plan"), catalogue.progress("told"), catalogue.notes("t")
+
+
+@pytest.mark.parametrize("change", WORK)
+def test_damaged_work_is_named(good, change):
+    """Oracle: the row that was changed, by `check`, and where it is read; a row that is gone is counted."""
+    unfinished(good)
+    expected = ([("a", {"kind": "name"}), ("b", [1.5])], {"names": []}, {"beyond": 2}, [{"beyond": 2}])
+    assert read_work(good) == expected
+    with saltus.Catalogue(good) as catalogue:
+        assert check(catalogue)[1] == []
+    connection = sqlite3.connect(good)
+    assert connection.execute(change).rowcount == 1
+    connection.commit()
+    connection.close()
+    with saltus.Catalogue(good) as catalogue:
+        assert any(WORK[change] in failure.text for failure in check(catalogue)[1])
+    if "DELETE" not in change:
+        with pytest.raises(CatalogueDamaged, match=WORK[change]) as caught:
+            read_work(good)
+        assert "\n" not in str(caught.value)
+
+
+def test_every_flipped_bit_of_the_work_is_noticed(good):
+    """Oracle: each bit of a note, one after the other: what is read is what was written, or `check` tells and reading is refused."""
+    unfinished(good)
+    data = good.read_bytes()
+    expected = read_work(good)
+    at = data.index(b'told{"beyond": 2}')
+    noticed = 0
+    for bit in range(8 * len(b'told{"beyond": 2}')):
+        flipped = bytearray(data)
+        flipped[at + bit // 8] ^= 1 << bit % 8
+        good.write_bytes(flipped)
+        try:
+            assert read_work(good) == expected
+        except (AssertionError, CatalogueError):
+            with saltus.Catalogue(good) as catalogue:
+                assert check(catalogue)[1]
+            noticed += 1
+    assert noticed == 8 * len(b'told{"beyond": 2}')
+
+
+def before_checksums(path):
+    """Make a catalogue one whose work and notes have no checksums and are not counted."""
+    connection = sqlite3.connect(path)
+    for table, value in (("work", "payload"), ("progress", "value")):
+        connection.execute(f"CREATE TABLE kept AS SELECT key, {value} FROM {table}")
+        connection.execute(f"DROP TABLE {table}")
+        connection.execute(f"CREATE TABLE {table} (key TEXT PRIMARY KEY, {value} TEXT NOT NULL) WITHOUT ROWID")
+        connection.execute(f"INSERT INTO {table} SELECT * FROM kept")
+        connection.execute("DROP TABLE kept")
+    row = ("rows", json.dumps({"families": 4, "nodes": 0, "edges": 0}))
+    connection.execute("UPDATE scene SET value = ?, crc = ? WHERE key = ?", (row[1], crc_of(row), row[0]))
+    connection.commit()
+    connection.close()
+
+
+def test_work_from_before_there_were_checksums_is_read_and_gets_them(good):
+    """Oracle: what was noted; a change is noticed from then on."""
+    unfinished(good)
+    expected = read_work(good)
+    before_checksums(good)
+    data = good.read_bytes()
+    assert read_work(good) == expected
+    with saltus.Catalogue(good) as catalogue:
+        assert check(catalogue)[1] == []
+    assert good.read_bytes() == data
+    with saltus.Catalogue(good, "a") as catalogue:
+        catalogue.add_work([("d", 4)])
+        catalogue.finish("d")
+        assert check(catalogue)[1] == []
+    assert read_work(good) == expected
+    connection = sqlite3.connect(good)
+    connection.execute("UPDATE work SET payload = '[]' WHERE key = 'b'")
+    connection.commit()
+    connection.close()
+    with pytest.raises(CatalogueDamaged, match="'b' in the table work"):
+        read_work(good)
 
 
 def test_a_missing_provenance_is_told(good):
