@@ -17,6 +17,8 @@ from branches.events import BranchEvent, Ended
 from branches.orbit import Orbit
 from branches.stability import describe
 from branches.words import format_word, parse_word
+from bvp.checks import real, shown
+from bvp.frozen import Frozen
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
 if TYPE_CHECKING:
@@ -37,7 +39,8 @@ class Branch:
     points : dict of str to ndarray
         Columns of length N: h, alpha, frequency (2 pi/T), frequency_index (m 2 pi/T), arclength, stable (1, 0, -1 undecided), tau,
         tau_half, label, half_waves (m), residual, velocities (N, n), start_u, start_v (N, n), flight_times (N, k+1),
-        impact_speeds, multipliers (N, 2n-2) complex, trivial, pairing, reliable. NaN: does not exist, or grows without bound.
+        impact_speeds, multipliers (N, 2n-2) complex, trivial, pairing, reliable. NaN: does not exist, or grows without bound. They cannot
+        be written to.
     events : tuple of BranchEvent
     ended : (Ended, Ended)
         At the first point and at the last.
@@ -66,6 +69,9 @@ class Branch:
     energy: tuple[float, float] = (0.0, math.inf)
     turns: int = 0
     digit_work: DigitWork = DigitWork()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", Frozen(self.points))
 
     def __len__(self) -> int:
         return len(self.points["h"])
@@ -145,7 +151,7 @@ class Branch:
             raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         problem = self.problem
         start = problem.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
-        times = self.points["flight_times"][i]
+        times = self.points["flight_times"][i].copy()
         return problem.shoot(start, times)
 
     def orbit(self, i: int) -> Orbit:
@@ -230,11 +236,21 @@ class Branch:
         return found[0]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the branch: JSON, or CSV where the name ends in .csv; an older file is replaced only by a whole one."""
-        from branches.files import write_text
+        """Write the branch as the ending of the name says, .json or .csv; an older file is replaced only by a whole one.
+
+        Raises
+        ------
+        ValueError
+            For another ending.
+        """
+        from branches.files import is_special, write_text
         from branches.record import to_csv, to_json
 
-        write_text(path, to_csv(self) if str(path).lower().endswith(".csv") else to_json(self))
+        writers = {".json": to_json, ".csv": to_csv}
+        suffix = ".json" if is_special(path) else os.path.splitext(path)[1].lower()
+        if suffix not in writers:
+            raise ValueError(f"cannot save a branch as {os.fspath(path)!r}: expected a name that ends in .json or .csv")
+        write_text(path, writers[suffix](self))
 
     def trace(self, i: int, **options: Any) -> Branch:
         """Trace on from point i: options as for `branches.tracing.follow_family`."""
@@ -259,9 +275,7 @@ class Branch:
         """
         from branches.switching import switch
 
-        if not isinstance(event, str | BranchEvent):
-            raise TypeError(f"an event is one of branch.events or its id; received {event!r}")
-        return switch(self, self.event(event) if isinstance(event, str) else event, **options)
+        return switch(self, self.event(event), **options)
 
     def neighbours(self, event: BranchEvent | str, *, turns: int = 1, **options: Any) -> list[Neighbour]:
         """The families that meet this branch at a grazing, followed; see `branches.grazing.neighbours`.
@@ -282,16 +296,22 @@ class Branch:
         """
         from branches.grazing import neighbours
 
-        return neighbours(self, event, turns=turns, **options)
+        return neighbours(self, self.event(event), turns=turns, **options)
 
-    def event(self, name: str) -> BranchEvent:
-        """The event with an id such as "GR1".
+    def event(self, name: BranchEvent | str) -> BranchEvent:
+        """The event with an id such as "GR1"; an event as it is.
 
         Raises
         ------
         ValueError
             Where there is none: the message lists those that there are.
+        TypeError
+            For what is neither an event nor an id.
         """
+        if isinstance(name, BranchEvent):
+            return name
+        if not isinstance(name, str):
+            raise TypeError(f"an event is one of branch.events or its id; received {name!r}")
         known = {item.id: item for item in self.events}
         if name not in known:
             raise ValueError(f"no event {name!r} on this branch; it has {', '.join(known) or 'none'}")
@@ -346,12 +366,10 @@ class Branch:
 def _positive(value: Any, name: str) -> float:
     """A finite number above 0."""
     words = "energy h" if name == "h" else "quarter period alpha"
-    if isinstance(value, bool | str):
-        raise TypeError(f"the {words} is a number; received {value!r}")
     try:
-        number = float(value)
+        number = real(value)
     except (TypeError, ValueError):
-        raise TypeError(f"the {words} is a number; received {value!r}") from None
+        raise TypeError(f"the {words} is a number; received {shown(value)}") from None
     if not 0.0 < number < math.inf:
         raise ValueError(f"the {words} is a finite number above 0; received {number:g}")
     return number

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "one_line", "reason", "replacing", "write_text"]
+__all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "read_input", "reason", "replacing", "write_text"]
 
 DATABASE = "it is an SQLite file, as catalogues are; expected another file"
 """Why a result does not take its place."""
 
 SQLITE = b"SQLite format 3\0"
 """How such a file begins."""
+
+MOST_BYTES = 1 << 30
+"""Size of the largest file that is read: longer ones are no input, but a pipe or a file by mistake."""
+
+PATIENCE = 5.0
+"""Seconds until a pipe that nobody has opened to write is refused."""
 
 _WORDS = {
     errno.ENOSPC: "no space is left on the device",
@@ -30,6 +37,8 @@ _WORDS = {
     errno.EISDIR: "it is a directory",
     errno.ENAMETOOLONG: "the name is too long",
     errno.EPIPE: "the reader has closed it",
+    errno.EMFILE: "too many files are open (ulimit -n)",
+    errno.ENFILE: "too many files are open on this machine",
 }
 
 
@@ -72,8 +81,27 @@ def one_line(error: BaseException) -> str:
     --------
     >>> one_line(ValueError("a stop\\n  has no gap"))
     'a stop has no gap'
+    >>> one_line(OSError(errno.EMFILE, "Too many open files", "branch.json"))
+    'too many files are open (ulimit -n): branch.json'
     """
-    return " ".join(str(error).split()) or type(error).__name__
+    text = str(error)
+    if isinstance(error, OSError) and error.errno is not None:
+        text = reason(error) + ("" if error.filename is None else f": {error.filename}")
+    return " ".join(text.split()) or type(error).__name__
+
+
+def is_special(path: str | os.PathLike[str]) -> bool:
+    """Whether a path leads to what is neither a file nor a directory: a pipe, a device.
+
+    Examples
+    --------
+    >>> is_special(__file__), is_special("."), is_special("no/such/place"), is_special(os.devnull)
+    (False, False, False, True)
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"a path is text; received {path!r}, expected the name of a file")
+    path = Path(path)
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def is_database(path: str | os.PathLike[str]) -> bool:
@@ -89,6 +117,50 @@ def is_database(path: str | os.PathLike[str]) -> bool:
             return file.read(len(SQLITE)) == SQLITE
     except OSError:
         return False
+
+
+def read_input(path: str | os.PathLike[str]) -> bytes:
+    """The bytes of a file, or of a pipe that somebody writes into.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    OSError
+        Also for a device, for a pipe that nobody writes into, and for what has no end.
+    """
+
+    def at_once(name: str, flags: int) -> int:
+        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
+
+    with open(path, "rb", opener=at_once) as file:
+        mode = os.fstat(file.fileno()).st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            raise OSError("it is a device, expected a file")
+        if stat.S_ISFIFO(mode):
+            _await_writer(file.fileno())
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise OSError(f"it is larger than {MOST_BYTES >> 20} MB")
+    return content
+
+
+def _await_writer(pipe: int) -> None:
+    """Wait for what is written into a pipe, at most for a while if nobody has opened it to write."""
+    poll = select.poll()
+    poll.register(pipe, select.POLLIN)
+    if not poll.poll(1000.0 * PATIENCE):
+        # One that is open to write, and empty, says so by an error.
+        with suppress(BlockingIOError):
+            if not os.read(pipe, 1):
+                raise OSError(f"it is a pipe, and nobody has written into it for {PATIENCE:g} seconds")
+    os.set_blocking(pipe, True)
 
 
 @contextmanager
@@ -126,13 +198,11 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     ('1 2 3', 1)
     >>> directory.cleanup()
     """
-    if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"a path is text; received {path!r}, expected the name of a file")
-    target = Path(os.path.realpath(path))
     try:
-        if target.exists() and not target.is_file() and not target.is_dir():
-            yield target
+        if is_special(path):
+            yield Path(path)
             return
+        target = Path(os.path.realpath(path))
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "is a directory")
         if is_database(target):

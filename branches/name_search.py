@@ -14,7 +14,7 @@ from branches.discovery.search import LONGEST, fastest_turn
 from branches.discovery.uniform import Scanner
 from branches.identity import same_orbit
 from branches.labels import Label, Name, canonical, matches, nearest, nearest_labels
-from branches.name_errors import PIN_TOLERANCE, NameNotFound, several_turns
+from branches.name_errors import PIN_TOLERANCE, several_turns
 from branches.words import canonical as canonical_word
 from branches.words import split_family_id
 
@@ -84,11 +84,6 @@ class Search:
         else:
             assert name.family is not None
             self.ends, self.word, _ = split_family_id(name.family)
-            if self.ends[0] != "origin":
-                raise NameNotFound(
-                    f"{name.family} has the ends {self.ends[0]}, {self.ends[1]}; families are found by id from an origin start only: "
-                    "reach this one by switching at its symmetry breaking, or read it from its file"
-                )
             kinds = ["stop" if self.ends[1].startswith("stop") else self.ends[1]]
             self.impacts = [len(self.word)]
         self.scanners = [Scanner(system, kind, self.longest) for kind in kinds]

@@ -14,16 +14,21 @@ from typing import TYPE_CHECKING
 from branches.discovery.found import Found, accept, from_other_end
 from branches.discovery.scope import require_conservative
 from branches.discovery.search import discover
+from branches.id_search import find_by_id
 from branches.labels import Label, Name, matches, parse, parse_name
 from branches.name_errors import PIN_TOLERANCE, AmbiguousName, NameNotFound, several_turns
 from branches.name_pins import fits_otherwise, pin_of
 from branches.name_search import LEVELS, Limits, Search, passes, search_bounds
+from bvp.ends import EndsError, parse_end
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
 __all__ = ["AmbiguousName", "Limits", "NameNotFound", "from_other_end", "passes", "resolve", "search_bounds"]
+
+
+_BY_ID = "expected the id of a family, which saltus build finds and saltus list shows"
 
 
 def resolve(
@@ -50,6 +55,16 @@ def resolve(
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(several_turns(name.label, lambda root: True) or _linear_mode(system, name.label))
+    if name.family is not None and not name.family.startswith("origin"):
+        found_orbit, branch = find_by_id(system, name, limits, energy)
+        chosen = _select(name, [(found_orbit, branch)])
+        if not chosen:
+            raise NameNotFound(_elsewhere(name, [(found_orbit, branch)]))
+        return chosen[0][0], bool(branch.points["h"][0] <= branch.points["h"][-1])
+    try:
+        parse_end(system, "origin")
+    except EndsError as error:
+        raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
     search = Search(system, name, limits, energy)
     if name.label is not None and system.has_odd_symmetry and (system.absorber is None or system.primary is None):
         raise NameNotFound(

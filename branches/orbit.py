@@ -10,6 +10,7 @@ import numpy as np
 
 from branches.stability import Described, describe
 from bvp.cycle import Cycle, cycle_of
+from bvp.frozen import Frozen
 from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class Orbit:
     @cached_property
     def described(self) -> Described:
         """Label, stability and multipliers."""
-        return describe(self.problem, [self.solution])
+        return Described(Frozen(describe(self.problem, [self.solution]).columns))
 
     def _get(self, name: str) -> Any:
         return self.described.columns[name][0]

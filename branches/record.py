@@ -13,13 +13,12 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.check import RecordError, check_branch
-from branches.files import one_line, reason
+from branches.files import one_line, read_input, reason
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -225,7 +224,7 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"a path is text; received {path!r}, expected the name of a JSON file")
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_input(path).decode("utf-8")
     except OSError as error:
         raise RecordError(f"cannot read {path}: {reason(error)}") from error
     except ValueError as error:

@@ -14,6 +14,8 @@ from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
+from bvp.checks import real, shown
+from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
 from continuation.points import PlainPoints, Points
 from continuation.problem import Event, Point, Step
@@ -183,8 +185,8 @@ def follow_family(
     if points is not None:
         if isinstance(points, bool) or not isinstance(points, int | np.integer):
             raise TraceError(f"points = {points!r}: expected a whole number, at least 1")
-        if points < 1:
-            raise TraceError(f"points = {points}: expected at least 1")
+        if not 1 <= points < 1 << 63:
+            raise TraceError(f"points = {shown(points)}: expected at least 1")
         settings = Settings(**{**_fields(settings), "maximum_points": points})
     problem.refuse_drift()
     family = Family(problem, energy, quarter_period)
@@ -214,17 +216,25 @@ def follow_family(
             on_event=collector.event,
         )
     except (KeyboardInterrupt, RuntimeError) as error:
-        branch = collector.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")
-        if branch is not None:
-            error.branch = branch  # type: ignore[union-attr]
-        raise
+        with held():
+            raise _with_branch(error, collector.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
-    branch = branch_of(problem, run, energy)
-    if on_end is not None:
-        for ended in dict.fromkeys(branch.ended):
-            on_end(ended)
+    with held() as interrupt:
+        branch = branch_of(problem, run, energy)
+        if on_end is not None:
+            for ended in dict.fromkeys(branch.ended):
+                on_end(ended)
+    if interrupt.came:
+        raise _with_branch(KeyboardInterrupt(), branch)
     return branch
+
+
+def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
+    """The error with what was computed before it as its attribute `branch`."""
+    if branch is not None:
+        error.branch = branch  # type: ignore[attr-defined]
+    return error
 
 
 def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
@@ -236,9 +246,9 @@ def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
         Otherwise.
     """
     try:
-        low, high = (float(value) for value in energy)
+        low, high = (real(value) for value in energy)
     except (TypeError, ValueError):
-        raise TraceError(f"energy range {energy!r}: expected two numbers (LO, HI)") from None
+        raise TraceError(f"energy range {shown(energy)}: expected two numbers (LO, HI)") from None
     if not (0.0 <= low < high):
         raise TraceError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 <= LO < HI")
     return low, high

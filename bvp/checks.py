@@ -11,7 +11,20 @@ import numpy as np
 
 from bvp.numerics import EPSILON
 
-__all__ = ["InvalidSystem", "check_positive_definite", "check_size", "number", "refuse_unknown", "square", "symmetric"]
+__all__ = [
+    "InvalidSystem",
+    "check_positive_definite",
+    "check_size",
+    "is_finite",
+    "number",
+    "real",
+    "reals",
+    "refuse_unknown",
+    "require_system",
+    "shown",
+    "square",
+    "symmetric",
+]
 
 SMALLEST, LARGEST = 1e-25, 1e25
 """Sizes that masses, gap rows and bounds may have, and the largest of a stiffness: the fourth powers of frequencies, and products with
@@ -22,14 +35,76 @@ class InvalidSystem(ValueError):
     """The description of a system cannot be: the message says in one line what was received and what was expected."""
 
 
+def shown(value: Any) -> str:
+    """A value as messages show it: in one line, the middle left out where it is long.
+
+    Examples
+    --------
+    >>> shown(10**400), shown([0.1])
+    ('a whole number of 1329 bits, beyond all floats', '[0.1]')
+    """
+    if isinstance(value, int) and value.bit_length() > 1024:
+        return f"a whole number of {value.bit_length()} bits, beyond all floats"
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:
+        # Python writes no whole number of more than some thousand digits, nor a list with one.
+        return f"a {type(value).__name__} with a whole number beyond all floats"
+    return text if len(text) <= 200 else f"{text[:120]} ... {text[-40:]}"
+
+
+def real(value: Any) -> float:
+    """A number as a float.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no number, such as text, bytes and booleans, and for a number beyond floats.
+
+    Examples
+    --------
+    >>> real(10**400)
+    Traceback (most recent call last):
+    ValueError: beyond all floats
+    """
+    if isinstance(value, (str, bytes, bytearray, bool, np.bool_)):
+        raise TypeError("no number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError("beyond all floats") from None
+
+
+def is_finite(value: Any) -> bool:
+    """Whether a value is a finite number that a float can hold.
+
+    Examples
+    --------
+    >>> is_finite(1), is_finite(10**400), is_finite(b"1"), is_finite(math.inf)
+    (True, False, False, False)
+    """
+    try:
+        return math.isfinite(real(value))
+    except (TypeError, ValueError):
+        return False
+
+
+def reals(value: Any) -> np.ndarray:
+    """Numbers, in nested lists or an array, as a new array of floats; errors as for `real`."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "biufO":
+        raise TypeError("no numbers")
+    if array.dtype.kind == "O":
+        return np.array([real(entry) for entry in array.ravel()]).reshape(array.shape)
+    return np.array(array, dtype=float)
+
+
 def number(value: Any, what: str) -> float:
     """A float that is not NaN."""
-    if isinstance(value, (str, bool)):
-        raise InvalidSystem(f"{what} is a number; received {value!r}")
     try:
-        result = float(value)
+        result = real(value)
     except (TypeError, ValueError):
-        raise InvalidSystem(f"{what} is a number; received {value!r}") from None
+        raise InvalidSystem(f"{what} is a number; received {shown(value)}") from None
     if math.isnan(result):
         raise InvalidSystem(f"{what} is a number; received NaN")
     return result
@@ -53,9 +128,9 @@ def check_size(value: float, what: str, *, least: float = SMALLEST) -> None:
 def square(value: Any, name: str, size: int | None = None) -> np.ndarray:
     """A finite (size, size) float matrix, copied."""
     try:
-        matrix = np.array(value, dtype=float)
+        matrix = reals(value)
     except (TypeError, ValueError):
-        raise InvalidSystem(f"{name} is a square matrix of numbers; received {value!r}") from None
+        raise InvalidSystem(f"{name} is a square matrix of numbers; received {shown(value)}") from None
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
         raise InvalidSystem(f"{name} is a square matrix; received shape {matrix.shape}")
     if size is not None and matrix.shape[0] != size:
@@ -102,11 +177,22 @@ def refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -
             raise InvalidSystem(f"unknown key {key!r} in {where}; nearest known: {near[0] if near else ', '.join(known)}")
 
 
+def require_system(system: Any) -> None:
+    """Refuse what is no `bvp.system.ImpactSystem`, for which a scene or a name is easily taken.
+
+    Raises
+    ------
+    TypeError
+    """
+    if not hasattr(system, "describe"):
+        raise TypeError(f"the system is {shown(system)}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
+
+
 def checked_damper(damping: np.ndarray, dampers: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Named parts of a damping matrix as arrays; ValueError where one has another shape or they do not sum to it."""
     parts = {}
     for name, value in dampers.items():
-        part = np.array(value, dtype=float)
+        part = reals(value)
         if part.shape != damping.shape or not np.all(np.isfinite(part)):
             raise ValueError(f"damper {name!r} is a finite matrix of shape {damping.shape}; received shape {part.shape}")
         parts[str(name)] = part

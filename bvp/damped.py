@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import checked_damper
+from bvp.checks import checked_damper, is_finite, reals, require_system, shown
 from bvp.forcing import forcing_of
 from bvp.impact import checked_state, contact_index
+from bvp.interrupts import Held, held
 from bvp.kernels import motion as kernels
 from bvp.kernels import phase as places
 from bvp.kernels.chatter import LEVELS
@@ -18,7 +19,7 @@ from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import many
 from bvp.kernels.peaks import PEAK_ROWS
 from bvp.meters import meters_of
-from bvp.motion import STATUS, Batch, Mark, Motion
+from bvp.motion import STATUS, Batch, Mark, Motion, MotionStatus
 from bvp.pace import Pace
 from bvp.phase_table import PhaseTable
 from bvp.shares import split_damping
@@ -46,6 +47,7 @@ class Mover:
     """
 
     def __init__(self, system: ImpactSystem, forces: Any = None, dampers: Mapping[str, Any] | None = None) -> None:
+        require_system(system)
         self.system = system
         self.forcing = forcing_of(forces, system.degrees_of_freedom)
         self.dampers = split_damping(system) if dampers is None else checked_damper(system.damping, dampers)
@@ -93,6 +95,26 @@ class Mover:
         on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
         """The motion from (u, v); see `bvp.run.run`."""
+        with held() as interrupt:
+            motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
+        if interrupt.came:
+            error = KeyboardInterrupt()
+            error.motion = motion  # type: ignore[attr-defined]
+            raise error
+        return motion
+
+    def _run(
+        self,
+        interrupt: Held,
+        u: Any,
+        v: Any,
+        duration: float,
+        max_impacts: int,
+        leaving: str | None,
+        marks: Sequence[float],
+        on_progress: Callable[[float], object] | None,
+    ) -> Motion:
+        """The same, up to where it is when an interrupt comes."""
         system = self.system
         start = checked_state(system, u, v)
         fractions = self._checked(duration, max_impacts, marks)
@@ -126,10 +148,10 @@ class Mover:
                 on_progress(float(clock[places.TIME]))
             if status == kernels.NEW_PHASE:
                 self.table.add(int(counts[places.PENDING]))
+            elif status not in (kernels.FULL, kernels.PAUSED) or interrupt.came:
+                break
             elif status == kernels.FULL:
                 room = min(2 * room, 1 << 16)
-            elif status != kernels.PAUSED:
-                break
         phases = self.table.stacked
         size = phases.matrix.shape[1]
         states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
@@ -141,7 +163,7 @@ class Mover:
         return Motion(
             system=system,
             forcing=self.forcing,
-            status=STATUS[status],
+            status=STATUS.get(status, MotionStatus.INTERRUPTED),
             duration=float(duration) if status == kernels.REACHED else float(clock[places.TIME]),
             kinds=numbers[:, 0],
             times=columns[:, 0],
@@ -181,11 +203,11 @@ class Mover:
 
     def _checked(self, duration: Any, max_impacts: Any, marks: Sequence[float]) -> np.ndarray:
         """The marks, ascending, where all three are as they should be; ValueError else."""
-        if not (isinstance(duration, (int, float, np.number)) and 0.0 <= duration < np.inf):
-            raise ValueError(f"duration is a finite time of 0 or more; received {duration!r}")
-        if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or max_impacts < 0:
-            raise ValueError(f"max_impacts is a whole number of 0 or more; received {max_impacts!r}")
-        fractions = np.unique(np.asarray(marks, dtype=float))
+        if not (is_finite(duration) and duration >= 0.0):
+            raise ValueError(f"duration is a finite time of 0 or more; received {shown(duration)}")
+        if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or not 0 <= max_impacts < 1 << 63:
+            raise ValueError(f"max_impacts is a whole number of 0 or more; received {shown(max_impacts)}")
+        fractions = np.unique(reals(marks))
         if not np.all((fractions > 0.0) & (fractions < 1.0)):
             raise ValueError(f"marks are fractions of the initial energy between 0 and 1; received {list(marks)}")
         return fractions
@@ -216,7 +238,7 @@ class Mover:
         """
         system = self.system
         n, parts = system.degrees_of_freedom, len(self.parts)
-        starts = np.array(states, dtype=float, order="C")
+        starts = np.ascontiguousarray(reals(states))
         if starts.ndim != 2 or starts.shape[1] != 2 * n or not np.all(np.isfinite(starts)):
             raise ValueError(f"states is an array of finite numbers of shape (b, {2 * n}); received shape {starts.shape}")
         fractions = self._checked(duration, max_impacts, marks)

@@ -12,15 +12,17 @@ from typing import Any
 
 import numpy as np
 
+from bvp.checks import is_finite, reals, shown
+
 __all__ = ["Constant", "Force", "Forcing", "Harmonic", "Record", "forcing_of", "ground_load"]
 
 
 def _finite(values: Any, name: str) -> np.ndarray:
     """A finite one-dimensional array; ValueError else."""
     try:
-        array = np.array(values, dtype=float)
+        array = reals(values)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} is a list of numbers; received {values!r}") from None
+        raise ValueError(f"{name} is a list of numbers; received {shown(values)}") from None
     if array.ndim != 1 or not len(array) or not np.all(np.isfinite(array)):
         raise ValueError(f"{name} is a list of finite numbers; received {array.tolist()}")
     return array
@@ -59,8 +61,8 @@ class Harmonic:
     sine: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.frequency, (int, float, np.number)) and 0.0 < self.frequency < np.inf):
-            raise ValueError(f"frequency is a finite number above 0 (a load of frequency 0 is Constant); received {self.frequency!r}")
+        if not (is_finite(self.frequency) and self.frequency > 0.0):
+            raise ValueError(f"frequency is a finite number above 0 (a load of frequency 0 is Constant); received {shown(self.frequency)}")
         parts = [_finite(part, name) for name, part in (("cosine", self.cosine), ("sine", self.sine)) if np.size(part)]
         if not parts or len({len(part) for part in parts}) > 1:
             raise ValueError("a harmonic load has cosine, sine or both, of one length")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.checks import reals, shown
 from bvp.kernels import impact as kernels
 from bvp.kernels.flight import flow_state
 from bvp.kernels.restitution import restitute as restitute_modes
@@ -140,9 +141,9 @@ def checked_state(system: ImpactSystem, u: Any, v: Any) -> np.ndarray:
     parts = []
     for name, value in (("u", u), ("v", v)):
         try:
-            part = np.asarray(value, dtype=float)
+            part = reals(value)
         except (TypeError, ValueError):
-            raise ValueError(f"{name} is a list of {n} numbers; received {value!r}") from None
+            raise ValueError(f"{name} is a list of {n} numbers; received {shown(value)}") from None
         if part.shape != (n,) or not np.all(np.isfinite(part)):
             raise ValueError(f"{name} is a list of {n} finite numbers; received {part.tolist()}")
         parts.append(part)

@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
+
+from bvp.expression_size import TooLarge, limited, require_small, size_of_text
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -89,11 +92,28 @@ def system_from_lagrangian(
     >>> system.stiffness.tolist(), system.stops[0].gap
     ([[0.1, -0.1], [-0.1, 1.1]], (1.0, -1.0))
     """
+    with _limits():
+        return _system(_Names(coordinates, velocities, time, parameters), kinetic, potential, dissipation, gaps, absorber, primary)
+
+
+@contextmanager
+def _limits() -> Iterator[None]:
+    """Within it, what is too large is a `LagrangianError`."""
+    try:
+        with limited("an expression of the system"):
+            yield
+    except TooLarge as error:
+        raise LagrangianError(str(error)) from None
+
+
+def _system(
+    names: _Names, kinetic: Any, potential: Any, dissipation: Any, gaps: Sequence[Sequence[Any]], absorber: Any, primary: Any
+) -> ImpactSystem:
+    """The system; arguments as those of `system_from_lagrangian`."""
     import numpy as np
 
     from bvp.system import ImpactSystem, Stop
 
-    names = _Names(coordinates, velocities, time, parameters)
     mass = _quadratic(names, kinetic, "the kinetic energy", "velocities")
     stiffness = _quadratic(names, potential, "the potential energy", "coordinates")
     damping = _quadratic(names, dissipation, "the dissipation", "velocities")
@@ -191,6 +211,10 @@ class _Names:
         if unknown:
             raise LagrangianError(f"{what} has {unknown[0]}, which is neither a coordinate nor a velocity ({self.described()})")
         plain = {symbol: sympy.Symbol(symbol.name) for symbol in expression.free_symbols}
+        try:
+            require_small(expression, self.values)
+        except TooLarge as error:
+            raise LagrangianError(f"{what} is too large: {error}") from None
         expression = sympy.expand(expression.xreplace(plain))
         for name in sorted(symbol.name for symbol in expression.free_symbols):
             if name in self.values or name in allowed:
@@ -345,6 +369,10 @@ def _parse(text: str, what: str) -> Any:
         refused = _refused(node)
         if refused:
             raise LagrangianError(f'{what} "{shown}" cannot be read: {refused}')
+    try:
+        size_of_text(tree)
+    except TooLarge as error:
+        raise LagrangianError(f'{what} "{shown}" is too large: {error}') from None
     called = {node.func.id for node in parts if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     names = {node.id: sympy.Symbol(node.id) for node in parts if isinstance(node, ast.Name)}
     names |= {name: getattr(sympy, name) for name in called}

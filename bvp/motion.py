@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.checks import reals, shown
 from bvp.kernels import motion as kernels
 from bvp.kernels import phase as places
 from bvp.kernels.impact import work_array
@@ -35,6 +36,7 @@ class MotionStatus(Enum):
     SIMULTANEOUS = (
         "two stops are hit at the same instant and their impulses interact; the outcome is not defined by restitution"
     )
+    INTERRUPTED = "the run was interrupted; run on from the final state"
     OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
     PIERCED = (
         "rounding has carried a gap beyond its stop by more than the contact tolerance; what is told holds up to there, and a start from "
@@ -284,7 +286,10 @@ class Motion:
         return out
 
     def _times(self, times: Any) -> np.ndarray:
-        wanted = np.atleast_1d(np.asarray(times, dtype=float))
+        try:
+            wanted = np.atleast_1d(reals(times))
+        except (TypeError, ValueError):
+            raise ValueError(f"times is a list of times; received {shown(times)}") from None
         if wanted.ndim != 1:
             raise ValueError(f"times is a list of times; received shape {wanted.shape}")
         wrong = ~((wanted >= 0.0) & (wanted <= self.duration))

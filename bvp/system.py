@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, refuse_unknown, square, symmetric
+from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, real, reals, refuse_unknown, shown, square, symmetric
 from bvp.same_stops import check_same_stops
 
 if TYPE_CHECKING:
@@ -60,9 +60,9 @@ class Stop:
         if not isinstance(self.name, str) or (self.name and not (len(self.name) == 1 and "a" <= self.name <= "z")):
             raise InvalidSystem(f"the name of a stop is one lower-case letter a to z; received {self.name!r}")
         try:
-            gap = tuple(float(x) for x in self.gap)
+            gap = tuple(real(x) for x in self.gap)
         except (TypeError, ValueError):
-            raise InvalidSystem(f"the gap row of {label} is a list of numbers; received {self.gap!r}") from None
+            raise InvalidSystem(f"the gap row of {label} is a list of numbers; received {shown(self.gap)}") from None
         if not gap or not all(math.isfinite(x) for x in gap):
             raise InvalidSystem(f"the gap row of {label} is a list of finite numbers; received {list(gap)}")
         if not any(gap):
@@ -176,8 +176,7 @@ class ImpactSystem:
         >>> vibro_impact_nes(mu=0.1, sigma=0.1).energy([0.0, 0.0], [0.0, 2.0])
         2.0
         """
-        u = np.asarray(u, dtype=float)
-        v = np.asarray(v, dtype=float)
+        u, v = reals(u), reals(v)
         total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
         return float(total) if np.ndim(total) == 0 else total
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import importlib
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from typing import NoReturn
 
 from saltus import __version__
 from saltus.arguments import OneLineParser, joined_values
 from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line, say
+from saltus.printing import StandardOutput, standard_output
 from saltus.threads import one_thread
 
-__all__ = ["main"]
+__all__ = ["main", "program"]
 
 # Modules are imported when their command is asked for: the help of the program loads none of them.
 COMMANDS = {
@@ -53,29 +58,57 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     one_thread()
     warnings.formatwarning = lambda message, *place: f"saltus: {message}\n"
+    words = list(sys.argv[1:] if argv is None else argv)
+    with standard_output() as output:
+        code = _ended(words, output)
+        if output.failure is not None:
+            say(output.failure)
+            code = INTERRUPTED if code == INTERRUPTED else BAD_INPUT
+    return code
+
+
+def program() -> NoReturn:
+    """Run the command line as a process. Its exit code is 130 where an interrupt comes before its last moment."""
+    codes: list[int] = []
+    # Registered first, this is called last: what other libraries do at exit is done, and an interrupt can no longer change the code.
+    atexit.register(_leave, codes)
     try:
-        code = _command(list(sys.argv[1:] if argv is None else argv))
-        sys.stdout.flush()
+        codes.append(main())
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
     except KeyboardInterrupt:
-        say("interrupted, nothing was computed")
+        codes[:] = [INTERRUPTED]
+    sys.exit(codes[0])
+
+
+def _leave(codes: Sequence[int]) -> None:
+    """End the process with its exit code; not where a fault of the program has left none."""
+    for code in codes:
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError, AttributeError):
+                stream.flush()
+        os._exit(code)
+
+
+def _ended(words: list[str], output: StandardOutput) -> int:
+    """Run a command; turn its errors into one line and an exit code."""
+    try:
+        try:
+            return _command(words)
+        finally:
+            output.flush()
+    except KeyboardInterrupt:
+        say("interrupted; nothing more is written")
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader has left; what Python still holds for it must not fail again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Exception as error:
-        if isinstance(error, OSError) and exit_code(error) is None:
-            from branches.files import reason
-
-            say(f"cannot write standard output: {reason(error)}")
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return BAD_INPUT
-        known = exit_code(error)
-        if known is None:
+        code = exit_code(error)
+        if code is None:
             raise
-        say(one_line(error))
-        return known
-    return code
+        if str(error) != output.failure:
+            say(one_line(error))
+        return code
 
 
 def _command(words: list[str]) -> int:
@@ -102,4 +135,4 @@ def _command(words: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

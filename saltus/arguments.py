@@ -15,6 +15,10 @@ __all__ = ["OneLineParser", "energy_range", "joined_values", "number", "one_of",
 _LOOKS_NEGATIVE = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
 
 
+MOST = 10**15
+"""Largest whole number of an option: what counts beyond it has no end."""
+
+
 class OneLineParser(argparse.ArgumentParser):
     """A parser that raises `BadInput` where argparse would print its usage and end the process."""
 
@@ -43,6 +47,11 @@ class OneLineParser(argparse.ArgumentParser):
 def joined_values(words: list[str]) -> list[str]:
     """Join an option with a value that looks like an option itself because it starts with a minus sign.
 
+    Raises
+    ------
+    BadInput
+        For an option with the value ``--``, which argparse takes for the mark before positional arguments, and drops.
+
     Parameters
     ----------
     words : list of str
@@ -58,6 +67,8 @@ def joined_values(words: list[str]) -> list[str]:
     """
     joined: list[str] = []
     for word in words:
+        if word.startswith("--") and word.endswith("=--") and "--" not in joined:
+            raise BadInput(f"{word}: -- is no value of an option")
         if joined and joined[-1].startswith("--") and "=" not in joined[-1] and _LOOKS_NEGATIVE.match(word):
             joined[-1] += "=" + word
         else:
@@ -92,13 +103,22 @@ def positive(text: str) -> float:
 
 
 def whole_above_zero(text: str) -> int:
-    """Read a whole number above 0."""
+    """Read a whole number above 0.
+
+    Examples
+    --------
+    >>> whole_above_zero("99999999999999999999")
+    Traceback (most recent call last):
+    argparse.ArgumentTypeError: received '99999999999999999999', expected a whole number above 0, up to 1e15
+    """
     try:
         value = int(text)
     except ValueError:
         value = 0
     if value < 1:
         raise argparse.ArgumentTypeError(f"received {text!r}, expected a whole number above 0")
+    if value > MOST:
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected a whole number above 0, up to 1e15")
     return value
 
 

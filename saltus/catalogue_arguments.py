@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from branches.files import reason
 from saltus import scene_arguments
@@ -87,11 +87,7 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
     """
     parameters = scene_arguments.parameters(arguments)
     path = default_path(arguments.scene, parameters) if arguments.catalogue is None else Path(arguments.catalogue)
-    scene: Any = None
-    if arguments.scene is not None or parameters:
-        from saltus.scene import load_scene
-
-        scene = load_scene(arguments.scene, **parameters)
+    scene = scene_arguments.from_arguments(arguments) if arguments.scene is not None or parameters else None
     if arguments.catalogue is None and not path.exists():
         raise BadInput(
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"
@@ -120,9 +116,26 @@ def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager
     return nullcontext() if arguments.catalogue is None else open_file(arguments.catalogue, scene)
 
 
-def lookup(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
-    """The catalogue where a name is looked up: that which is given, unless it is given to save in."""
-    return nullcontext() if arguments.save else given(arguments, scene)
+def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
+    """The catalogue where a name is looked up: that which is given, unless it is given to save in. An id is looked up in that one too, then
+    in the scene's own."""
+    saves = getattr(arguments, "save", False)
+    if arguments.catalogue is not None and not saves:
+        return open_file(arguments.catalogue, scene)
+    id = name.partition("@")[0]
+    if ":" in id:
+        # Damping and restitution change no family: those of a damped run are of the system without.
+        changed = {key: value for key, value in scene_arguments.parameters(arguments).items() if key not in ("lam", "rho")}
+        for place in (arguments.catalogue, default_path(arguments.scene, changed)):
+            try:
+                catalogue = None if place is None else open_file(place, scene)
+            except ValueError:
+                continue
+            if catalogue is not None:
+                if id in catalogue:
+                    return catalogue
+                catalogue.close()
+    return nullcontext()
 
 
 def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:

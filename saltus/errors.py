@@ -7,13 +7,16 @@ import sys
 from collections.abc import Iterable
 
 from branches.files import WriteFailure, one_line
+from saltus.printing import printable
 
-__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say", "say_and_code"]
+__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say", "say_and_code", "shortened"]
 
 DONE = 0
 FAILED = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
+LONGEST = 800
+"""Characters of a message."""
 
 
 class BadInput(ValueError):
@@ -50,8 +53,21 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 
 def say(message: str) -> None:
-    """Tell the user one line on standard error."""
-    print(f"saltus: {message}", file=sys.stderr, flush=True)
+    """Print one line on standard error: without control characters, and without the middle of what is too long to be read."""
+    print(f"saltus: {printable(shortened(message), '')}", file=sys.stderr, flush=True)
+
+
+def shortened(text: str) -> str:
+    """Text of any length with at most `LONGEST` characters: its begin and its end.
+
+    Examples
+    --------
+    >>> shortened("received " + 50_000 * "9" + ", expected a number")[395:430]
+    '99999 [49228 characters] 9999999999'
+    """
+    if len(text) <= LONGEST:
+        return text
+    return f"{text[: LONGEST // 2]} [{len(text) - LONGEST} characters] {text[-LONGEST // 2 :]}"
 
 
 def exit_code(error: Exception) -> int | None:
@@ -64,7 +80,8 @@ def exit_code(error: Exception) -> int | None:
     Returns
     -------
     int or None
-        2 for bad input (`ValueError`) and for a place that cannot be written (`WriteFailure`), 1 for a numerical failure
+        2 for bad input (`ValueError`), for a place that cannot be written (`WriteFailure`), and where the operating system refuses
+        something else (`OSError`), 1 for a numerical failure
         (`RuntimeError`, `ArithmeticError`, numpy's `LinAlgError`, or not enough memory), None for what is neither and therefore a
         fault of the program.
 
@@ -75,7 +92,7 @@ def exit_code(error: Exception) -> int | None:
     >>> exit_code(WriteFailure("cannot write a.json: no space is left on the device"))
     2
     """
-    if isinstance(error, WriteFailure):
+    if isinstance(error, WriteFailure | OSError):
         return BAD_INPUT
     # LinAlgError is a ValueError, but no fault of the input. Where numpy is not loaded, nothing of it was raised.
     numpy = sys.modules.get("numpy")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
 from branches.diagram.files import PICTURE_FORMATS, picture_format
-from branches.files import DATABASE, WriteFailure, is_database, reason, replacing, write_text
+from branches.files import DATABASE, WriteFailure, is_database, is_special, reason, replacing, write_text
 from saltus.errors import BadInput, nearest
+from saltus.printing import outlast, plain_stream
 
 __all__ = ["STANDARD_OUTPUT", "WriteFailure", "check_picture", "check_writable", "output_folder", "replacing", "write_data"]
 
@@ -19,6 +19,8 @@ STANDARD_OUTPUT = "-"
 
 def check_writable(path: str, *, database: bool = False) -> None:
     """Refuse a file that could not be written, before the work that would fill it.
+
+    A command with a file to write goes on when standard output fails.
 
     Parameters
     ----------
@@ -43,14 +45,15 @@ def check_writable(path: str, *, database: bool = False) -> None:
     if not path or "\0" in path:
         raise BadInput(f"cannot write {path!r}: expected the path of a file, or - for standard output")
     try:
-        target = Path(os.path.realpath(path))
+        special = is_special(path)
+        # What leads to a pipe, as /dev/stdout does, names no place in a directory.
+        target = Path(path) if special else Path(os.path.realpath(path))
         if target.is_dir():
             raise BadInput(f"cannot write {path}: it is a directory, expected a file")
         if not target.parent.exists():
             raise BadInput(f"cannot write {path}: the directory {Path(path).parent} does not exist")
         if not target.parent.is_dir():
             raise BadInput(f"cannot write {path}: {Path(path).parent} is not a directory")
-        special = target.exists() and not target.is_file()
         if not special and not os.access(target.parent, os.W_OK | os.X_OK):
             read_only = hasattr(os, "statvfs") and os.statvfs(target.parent).f_flag & os.ST_RDONLY
             why = "the file system is read-only" if read_only else f"permission is denied in the directory {Path(path).parent}"
@@ -65,6 +68,7 @@ def check_writable(path: str, *, database: bool = False) -> None:
                 pass
     except OSError as error:
         raise BadInput(f"cannot write {path}: {reason(error)}") from error
+    outlast()
 
 
 def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
@@ -142,7 +146,8 @@ def write_data(path: str, text: str) -> None:
         write_text(path, text)
         return
     try:
-        sys.stdout.write(text)
-        sys.stdout.flush()
+        stream = plain_stream()
+        stream.write(text)
+        stream.flush()
     except OSError as error:
         raise WriteFailure(f"cannot write standard output: {reason(error)}") from error

@@ -11,8 +11,7 @@ __all__ = ["prepare", "prepare_motion", "tell_compiling"]
 
 
 def prepare(**kernels: bool) -> None:
-    """Tell on standard error, where it is a terminal, that kernels will be compiled, if they were not before, and compile some
-    of them beside this process.
+    """Say on standard error that kernels will be compiled, if they were not before, and compile some of them beside this process.
 
     The second process is a help, not a need: where it cannot be started, or fails, this one compiles everything itself.
 
@@ -50,7 +49,7 @@ def prepare_motion() -> None:
 
 
 def tell_compiling(kernel: Any) -> None:
-    """Tell on standard error, where it is a terminal, that kernels will be compiled, if this one of them was not before."""
+    """Say on standard error that kernels will be compiled, if this one of them was not before."""
     from bvp.kernels.warm import stored
 
     if not stored(kernel):
@@ -58,5 +57,5 @@ def tell_compiling(kernel: Any) -> None:
 
 
 def _tell() -> None:
-    if sys.stderr is not None and sys.stderr.isatty():
+    if sys.stderr is not None:
         print("saltus: compiling the kernels, which takes a minute or two, at the first run only", file=sys.stderr, flush=True)

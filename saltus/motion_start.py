@@ -162,7 +162,7 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
     energy = agreed(arguments.on, "h", name.h, "--energy", arguments.energy)
     if energy is None and name.alpha is None and not arguments.impulsive:
         raise BadInput(f"which orbit of {name}? expected --energy H, or {arguments.on}@alpha=A")
-    branch = family_of(arguments.on, scene, energy, arguments.catalogue)
+    branch = family_of(arguments.on, scene, energy, arguments)
     if arguments.impulsive:
         h, alpha = _impulsive_orbit(branch, name, energy)
         return Start("impulsive", np.zeros(scene.system.degrees_of_freedom), _impulsive(scene, h), None, _nearest(branch, h, alpha), branch)

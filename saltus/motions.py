@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus.errors import BadInput, one_line
+from saltus.errors import one_line
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
@@ -105,7 +105,7 @@ def run_scene(
 
     Raises
     ------
-    BadInput
+    ValueError
         Where the start lies beyond a stop.
     """
     from transitions.sharing import sharing_of
@@ -121,7 +121,7 @@ def run_locked(
 
     Raises
     ------
-    BadInput
+    ValueError
         Where the NES cannot be locked, or the start lies beyond a stop that stays.
     """
     from transitions.locked import lock
@@ -149,13 +149,15 @@ def _told(
     from transitions.drifts import drift_rows
     from transitions.extents import extents
 
-    motion = run(
-        system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=shared.dampers, on_progress=on_progress
-    )
-    if motion.status is MotionStatus.OUTSIDE:
-        gaps = [(float(np.dot(stop.gap, u)), stop) for stop in system.stops]
-        w, stop = max(gaps, key=lambda pair: max(pair[0] - pair[1].upper, pair[1].lower - pair[0]))
-        raise BadInput(f"the start lies beyond stop {stop.name}: its gap is {w:g}, expected {stop.lower:g} to {stop.upper:g}")
+    try:
+        motion = run(
+            system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=shared.dampers, on_progress=on_progress
+        )
+    except KeyboardInterrupt as error:
+        # What was computed before travels with the error.
+        if not hasattr(error, "motion"):
+            raise
+        motion = replace(error.motion, status=MotionStatus.INTERRUPTED)
     gap_rows = {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops}
     drifts = drift_rows(system, nes)
     rows = np.array([*np.eye(system.degrees_of_freedom), *gap_rows.values(), *drifts.values()])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from typing import TYPE_CHECKING
 
 from saltus import catalogue_arguments
@@ -32,10 +33,10 @@ def agreed(text: str, key: str, said: float | None, option: str, given: float | 
     return said if given is None else given
 
 
-def family_of(name: str, scene: Scene, energy: float | None, catalogue: str | None) -> Branch:
-    """The family as a catalogue file has it; else traced over the scene's energies, and past them as far as the energy asked for."""
-    if catalogue is not None:
-        with catalogue_arguments.open_file(catalogue, scene) as opened:
+def family_of(name: str, scene: Scene, energy: float | None, arguments: argparse.Namespace) -> Branch:
+    """The family as a catalogue has it; else traced over the scene's energies, and past them as far as the energy asked for."""
+    with catalogue_arguments.lookup(name, arguments, scene) as opened:
+        if opened is not None:
             match = opened.find(name)
             if match.kind != "family":
                 raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")

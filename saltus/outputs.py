@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TextIO, cast
+from typing import IO, TextIO
 
-from saltus.errors import DONE, FAILED, BadInput, nearest, one_line, say, say_and_code
+from bvp.interrupts import Held, held
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
+from saltus.printing import words_stream
 
-__all__ = ["NotDrawn", "Outputs", "add_arguments", "apart", "from_arguments"]
+__all__ = ["NotDrawn", "Outputs", "add_arguments", "after", "apart", "from_arguments"]
 
 ARRAYS = ("npz", "mat")
 """Kinds of files of arrays."""
@@ -23,33 +24,6 @@ _HYPHEN = "; - is standard output, which then carries nothing else"
 
 class NotDrawn(RuntimeError):
     """What was computed has no such picture; the message says why in words."""
-
-
-class _Lasting:
-    """A stream whose reader may leave - ``| head`` - without an end to the work: what is told from then on is dropped."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self.stream = stream
-
-    def write(self, text: str) -> int:
-        """Write, as long as somebody reads."""
-        self._do(lambda: self.stream.write(text))
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush, as long as somebody reads."""
-        self._do(self.stream.flush)
-
-    def isatty(self) -> bool:
-        """Whether it is a terminal."""
-        return self.stream.isatty()
-
-    def _do(self, action: Callable[[], object]) -> None:
-        try:
-            action()
-        except BrokenPipeError:
-            # What the stream still holds must not fail again.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
 
 
 def apart(places: Mapping[str, str | None]) -> None:
@@ -132,11 +106,8 @@ class Outputs:
 
     @property
     def words(self) -> TextIO:
-        """The stream for what is told: standard error where standard output carries data. Where files are to be written, a reader that
-        leaves does not keep them from it."""
-        stream = sys.stderr if STANDARD_OUTPUT in (self.json, self.csv) else sys.stdout
-        files = any(path not in (None, STANDARD_OUTPUT) for path in (self.json, self.csv, self.plot, self.npz, self.mat))
-        return cast(TextIO, _Lasting(stream)) if files else stream
+        """The stream for what is printed: standard error where standard output carries data."""
+        return words_stream(STANDARD_OUTPUT in (self.json, self.csv))
 
     def write(
         self,
@@ -145,7 +116,7 @@ class Outputs:
         draw: Callable[[Path], None],
         arrays: Callable[[str, IO[bytes]], None] | None = None,
     ) -> int:
-        """Write what was asked for. One failure does not keep the others from being written.
+        """Write what was asked for. One failure does not keep the others from being written, nor does an interrupt.
 
         Parameters
         ----------
@@ -159,7 +130,8 @@ class Outputs:
         Returns
         -------
         int
-            The exit code: 2 if a file could not be written, 1 if a picture could not be drawn; both are told on standard error.
+            The exit code: 130 if an interrupt came, 2 if a file could not be written, 1 if a picture could not be drawn; each is said on
+            standard error.
         """
 
         def picture(path: str) -> None:
@@ -183,20 +155,29 @@ class Outputs:
             (self.plot, picture),
             (self.arrays, binary(_suffix(self.arrays or ""))),
         )
-        for path, job in jobs:
-            if path is None:
-                continue
-            try:
-                job(path)
-            except WriteFailure as failure:
-                code = say_and_code(failure)
-            except NotDrawn as failure:
-                say(one_line(failure))
-                code = max(code, FAILED)
-            else:
-                if path != STANDARD_OUTPUT:
-                    print(f"wrote  {path}", file=self.words, flush=True)
-        return code
+        with held() as interrupt:
+            for path, job in jobs:
+                if path is None:
+                    continue
+                try:
+                    job(path)
+                except WriteFailure as failure:
+                    code = say_and_code(failure)
+                except NotDrawn as failure:
+                    say(one_line(failure))
+                    code = max(code, FAILED)
+                else:
+                    if path != STANDARD_OUTPUT:
+                        print(f"wrote  {path}", file=self.words, flush=True)
+        return after(interrupt, code)
+
+
+def after(interrupt: Held, code: int) -> int:
+    """The exit code after work that an interrupt had to wait for."""
+    if interrupt.came:
+        say("interrupted; what was computed is written")
+        return INTERRUPTED
+    return code
 
 
 def _suffix(path: str) -> str:

@@ -1,4 +1,4 @@
-"""A progress bar for long runs, on standard error only, and only where that is a terminal."""
+"""Progress of long runs on standard error: a bar where that is a terminal, else a line a minute."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ __all__ = ["ProgressBar"]
 
 PATIENCE = 1.0
 """Seconds before the bar appears: a short run shows none."""
+
+PAUSE = 60.0
+"""Seconds from line to line where there is no terminal."""
 
 
 class ProgressBar:
@@ -37,7 +40,7 @@ class ProgressBar:
         self._bar: Any = None
         self._task: Any = None
         self._wanted = sys.stderr is not None and sys.stderr.isatty()
-        self._start = time.monotonic()
+        self._start = self._said = time.monotonic()
 
     def __enter__(self) -> ProgressBar:
         return self
@@ -47,11 +50,17 @@ class ProgressBar:
             self._bar.stop()
 
     def update(self, count: int, more: str = "") -> None:
-        """Tell how many points are done, and more in words."""
+        """Show how many points are done, and more in words."""
         if self._bar is not None:
             self._bar.update(self._task, completed=count, description=more)
-        elif self._wanted and time.monotonic() - self._start > PATIENCE:
-            self._show(count)
+        elif self._wanted:
+            if time.monotonic() - self._start > PATIENCE:
+                self._show(count)
+        elif sys.stderr is not None and time.monotonic() - self._said >= PAUSE:
+            self._said = time.monotonic()
+            total = "" if self._total is None else f" of {self._total}"
+            after = f"after {(self._said - self._start) / 60.0:.0f} min"
+            print(f"saltus: {count}{total} {self._things} {after}{more and ', ' + more}", file=sys.stderr, flush=True)
 
     def line(self, text: str, stream: Any) -> None:
         """Print a line to a stream and flush it."""

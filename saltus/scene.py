@@ -19,9 +19,9 @@ from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from bvp.frozen import Frozen
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene_coordinates import described, marked
 from saltus.scene_loads import read_loads
@@ -32,9 +32,11 @@ if TYPE_CHECKING:
     from bvp.forcing import Force
     from bvp.system import ImpactSystem
 
-__all__ = ["DEFAULT", "Scene", "load_scene"]
+__all__ = ["DEFAULT", "LOADS", "Scene", "load_scene"]
 
 DEFAULT = "lee2009"
+LOADS = {"ground": "[ground]", "forces": "[[forces]]"}
+"""Tables of a scene that drive its motion, as messages name them."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ class Scene:
         Indices of the coordinates marked as those of the nonlinear energy sink and of the linear oscillator.
     forces : tuple of bvp.forcing loads
         Motion of the ground and forces on coordinates.
+    loads : tuple of str
+        The tables, of `LOADS`, that they were read from.
     """
 
     system: ImpactSystem
@@ -83,11 +87,37 @@ class Scene:
     nes: tuple[int, ...] = ()
     lo: tuple[int, ...] = ()
     forces: tuple[Force, ...] = ()
+    loads: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        pins = {name: Frozen(point) for name, point in self.pins.items()}
+        object.__setattr__(self, "pins", Frozen(pins))
+        object.__setattr__(self, "complete", Frozen(self.complete))
 
     @property
     def underlying(self) -> Scene:
         """The scene of the undamped elastic system without loads, against whose families damped motion is read."""
-        return replace(self, system=self.system.underlying, forces=())
+        return replace(self, system=self.system.underlying, forces=(), loads=())
+
+    def require_used(self, what: str, uses: tuple[str, ...] = ()) -> None:
+        """Refuse tables of loads that a computation does not use: its result would be that of another system.
+
+        Parameters
+        ----------
+        what : str
+            The command or function.
+        uses : tuple of str
+            Those of `LOADS` that it uses.
+
+        Raises
+        ------
+        BadInput
+        """
+        for name in self.loads:
+            if name not in uses:
+                raise BadInput(
+                    f"{what} computes motion without loads, and the scene has {LOADS[name]}; expected a scene without it, or saltus run"
+                )
 
     @property
     def bounds(self) -> dict[str, Any]:
@@ -173,9 +203,9 @@ def _build(scene: Table, overrides: Mapping[str, float], folder: Path | Traversa
     return Scene(
         system=system,
         **bounds,
-        pins=MappingProxyType({name: point for name, point in points.items() if point} if holds else {}),
+        pins={name: point for name, point in points.items() if point} if holds else {},
         names=tuple(points) if holds else (),
-        complete=MappingProxyType(_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds),
+        complete=_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds,
         sections=energies,
         cited_sections=cited if holds else (),
         title=scene.text("title", ""),
@@ -183,6 +213,7 @@ def _build(scene: Table, overrides: Mapping[str, float], folder: Path | Traversa
         nes=nes,
         lo=lo,
         forces=read_loads(scene, system, folder),
+        loads=tuple(name for name in LOADS if name in scene.keys()),
     )
 
 
@@ -226,7 +257,7 @@ def _names(names: Table) -> dict[str, Mapping[str, float]]:
             parse_name(name)
         except ValueError as error:
             raise BadInput(f"{names.where}: {one_line(error)}") from error
-        points[name] = MappingProxyType({key: point.number(key) for key in point.keys()})
+        points[name] = {key: point.number(key) for key in point.keys()}
         for key, value in points[name].items():
             if not 0.0 < value < math.inf:
                 raise point.wrong(key, value, "a number above 0")

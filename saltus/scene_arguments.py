@@ -20,8 +20,16 @@ _PARAMETERS = {
 }
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--scene``, the parameters of the model, and ``--model``."""
+def add_arguments(parser: argparse.ArgumentParser, uses: tuple[str, ...] = ()) -> None:
+    """Add ``--scene``, the parameters of the model, and ``--model``.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    uses : tuple of str
+        What the command uses of a scene beside its system, of `saltus.scene.LOADS`.
+    """
+    parser.set_defaults(scene_uses=uses)
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the system and its bounds (default: lee2009)")
     add_parameters(parser)
     parser.add_argument("--model", action="store_true", help="say which model was chosen and why")
@@ -34,10 +42,18 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 
 def from_arguments(arguments: argparse.Namespace) -> Scene:
-    """Return the scene asked for."""
+    """Return the scene asked for.
+
+    Raises
+    ------
+    BadInput
+        Also where the scene has what the command does not use.
+    """
     from saltus.scene import load_scene
 
-    return load_scene(arguments.scene, **parameters(arguments))
+    scene = load_scene(arguments.scene, **parameters(arguments))
+    scene.require_used(f"saltus {arguments.command}", getattr(arguments, "scene_uses", ()))
+    return scene
 
 
 def parameters(arguments: argparse.Namespace) -> dict[str, float]:

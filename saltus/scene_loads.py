@@ -15,7 +15,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from branches.files import reason
+from branches.files import read_input, reason
 from saltus.errors import BadInput, nearest, one_line
 from saltus.table import Table
 
@@ -120,7 +120,7 @@ def read_record(path: Path | Traversable, column: str, where: str) -> tuple[list
         For a file that cannot be read, a column that it lacks, a cell that is no number, fewer than two rows, times that do not ascend.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = (read_input(path) if isinstance(path, Path) else path.read_bytes()).decode("utf-8").splitlines()
     except UnicodeDecodeError as error:
         raise BadInput(f"{where}: record {path} is no CSV: byte {error.start} is not UTF-8 text") from error
     except OSError as error:

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 
-from branches.files import reason
+from branches.files import read_input, reason
 from saltus.errors import BadInput, nearest, one_line
 from saltus.table import Table
 
@@ -32,7 +32,7 @@ def read_toml(path: Path, what: str, names: Iterable[str] = (), expected: str = 
         For a file that does not exist, cannot be read, or is no text.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return read_input(path).decode("utf-8")
     except UnicodeDecodeError as error:
         raise BadInput(f"{what} {path} is no TOML: byte {error.start} is not UTF-8 text") from error
     except FileNotFoundError as error:

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from bvp.checks import require_system
 from saltus.errors import BadInput
 from saltus.scene import Scene, load_scene
 
@@ -66,9 +67,9 @@ def trace(
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
     if system is None:
+        scene.require_used("saltus.trace")
         system = scene.system
-    elif not hasattr(system, "describe"):
-        raise BadInput(f"the system is {system!r}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
+    require_system(system)
     for option in ("pins", "bounds"):
         if not isinstance(options.get(option, {}), Mapping):
             raise BadInput(f"{option} = {options[option]!r}: expected a mapping")

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.checks import is_finite, require_system, shown
+
 if TYPE_CHECKING:
     from bvp.kernels.phase import Phases
     from bvp.system import ImpactSystem
@@ -59,14 +61,15 @@ class SectionPlane:
     energy: float
 
     def __post_init__(self) -> None:
+        require_system(self.system)
         n = self.system.degrees_of_freedom
         if n != 2:
             raise ValueError(f"a section is a plane for two degrees of freedom; this system has {n}")
         if self.system.primary is None:
             names = " or ".join(self.system.coordinates)
             raise ValueError(f"a section is taken where the primary coordinate passes zero; expected the scene to name it: LO = {names}")
-        if isinstance(self.energy, bool) or not isinstance(self.energy, (int, float, np.number)) or not 0.0 < self.energy < math.inf:
-            raise ValueError(f"the energy of a section is a finite number above 0; received {self.energy!r}")
+        if not (is_finite(self.energy) and self.energy > 0.0):
+            raise ValueError(f"the energy of a section is a finite number above 0; received {shown(self.energy)}")
         _ = self.reach
 
     @property

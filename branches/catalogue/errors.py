@@ -76,6 +76,8 @@ def translated(path: Path) -> Iterator[None]:
             raise CatalogueInUse(f"{path} is being read or written by another program; try again when it has finished") from error
         if code in _REFUSED:
             raise WriteFailure(f"cannot write {path}: {_REFUSED[code]}{_limit()}; what it held is whole") from error
+        if isinstance(error, sqlite3.ProgrammingError) and "closed" in str(error):
+            raise CatalogueError(f"the catalogue {path} is closed; expected one that is open") from error
         if code == "SQLITE_NOTADB":
             raise CatalogueDamaged(f"{path} is no catalogue: it is no SQLite file") from error
         if code.startswith("SQLITE_CANTOPEN"):

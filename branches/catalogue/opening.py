@@ -7,7 +7,7 @@ import sqlite3
 from pathlib import Path
 
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
-from branches.files import SQLITE, WriteFailure, reason
+from branches.files import SQLITE, WriteFailure, is_special, reason
 
 __all__ = ["open_settled", "open_to_read", "open_to_write", "settle"]
 
@@ -115,6 +115,8 @@ def _look(path: Path) -> None:
     try:
         if path.is_dir():
             raise ValueError("it is a directory, expected the file of a catalogue")
+        if is_special(path):
+            raise ValueError("it is a pipe or a device, expected the file of a catalogue")
         with path.open("rb") as file:
             head = file.read(100)
         size = path.stat().st_size

@@ -28,7 +28,7 @@ def require_conservative(system: ImpactSystem, what: str) -> None:
     """
     reason = system.why_not_conservative()
     if reason is not None:
-        raise ValueError(f"{what} need a conservative system: {reason}")
+        raise ValueError(f"{what} need a conservative system: {reason}; its motion is for saltus run")
 
 
 def require_two_degrees(system: ImpactSystem, what: str, advice: str = "") -> None:

@@ -17,7 +17,8 @@ from branches.discovery.scope import START_FROM_A_STATE, require_conservative, r
 from branches.discovery.starts import Path, curves
 from branches.labels import nearest
 from branches.orbit import Orbit
-from branches.words import impacts_per_period
+from branches.words import impacts_per_period, segments_per_period
+from bvp.checks import is_finite, require_system, shown
 from bvp.kernels.follow import TURN_LIMIT
 from bvp.kernels.verdict import GRAZED
 
@@ -45,6 +46,10 @@ fewer are followed."""
 
 LONGEST = 0.5 * TURN_LIMIT
 """Angle by which the fastest mode may turn at most within the longest segment (rad): a flight is looked through in so many steps."""
+
+
+MOST_BOUND = 10_000
+"""Largest bound for the impacts of half a period: the scan keeps so many of a start in memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,9 +230,7 @@ def _limits(first: str, far: str, quarter_period: float, impacts: int | None) ->
     if impacts is None:
         return time, None
     ends = ("stop+" if first == "stop" else first, "stop+" if far == "stop" else far)
-    inner = -1
-    while impacts_per_period(("+",) * (inner + 1), ends) <= 2 * impacts:
-        inner += 1
+    inner = (2 * impacts - impacts_per_period((), ends)) // segments_per_period(ends)
     return (time, inner) if inner >= 0 else (-1.0, -1)
 
 
@@ -238,13 +241,13 @@ def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
 
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str]) -> None:
     """Refuse what cannot be searched, in one line."""
+    require_system(system)
     require_conservative(system, "families of periodic orbits")
     require_two_degrees(system, "orbits are discovered for", START_FROM_A_STATE)
     require_one_stop(system, "orbits are discovered for")
-    if not 0.0 < energy < math.inf:
-        raise ValueError(f"the energy is {energy!r}, expected a finite number above 0")
-    if not 0.0 < quarter_period < math.inf:
-        raise ValueError(f"the longest quarter period is {quarter_period!r}, expected a finite number above 0")
+    for what, value in (("energy", energy), ("longest quarter period", quarter_period)):
+        if not (is_finite(value) and value > 0.0):
+            raise ValueError(f"the {what} is {shown(value)}, expected a finite number above 0")
     turn = fastest_turn(system, quarter_period)
     if turn > LONGEST:
         raise ValueError(
@@ -253,6 +256,8 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
         )
     if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or impacts < 0):
         raise ValueError(f"the most impacts of half a period is {impacts!r}, expected a whole number, 0 or more")
+    if impacts is not None and impacts > MOST_BOUND:
+        raise ValueError(f"the most impacts of half a period is {impacts}, expected {MOST_BOUND} or less, or no bound")
     if not ends:
         raise ValueError(f"no ends are given, expected some of {', '.join(CLASSES)}")
     for name in ends:

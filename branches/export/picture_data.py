@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from branches.export.table_files import Table, csv_text, plain_columns, write_binary
-from branches.files import one_line, reason, replacing, write_text
+from branches.files import one_line, read_input, reason, replacing, write_text
 from branches.labels import nearest
 
 __all__ = ["DATA_FORMATS", "ExportError", "Layout", "data_format", "read_data", "told", "write_data"]
@@ -115,7 +115,7 @@ def read_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict[str, A
     if kind is None:
         raise ExportError(f"{name} is no file of a picture's data: expected one that ends in {', '.join(DATA_FORMATS)}")
     try:
-        content = Path(path).read_bytes()
+        content = read_input(path)
     except OSError as error:
         raise ExportError(f"cannot read {name}: {reason(error)}") from error
     reader = {"csv": _from_csv, "json": _from_json, "npz": _from_npz, "mat": _from_mat}[kind]

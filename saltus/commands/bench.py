@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from saltus.errors import DONE, FAILED, INTERRUPTED, say
 from saltus.files import WriteFailure, output_folder, replacing, write_data
+from saltus.printing import plain_stream
 from saltus.threads import one_thread
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def _print(found: Sequence[Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console() if sys.stdout.isatty() else Console(width=140)
+    console = Console(file=plain_stream(), width=None if sys.stdout.isatty() else 140)
     for table in found:
         shown = Table(
             title=table.title, title_justify="left", caption=" ".join(table.notes) or None, caption_justify="left", box=None,

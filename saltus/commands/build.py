@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments, scene_arguments
 from saltus.arguments import energy_range, positive, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, say
 from saltus.files import STANDARD_OUTPUT, check_writable, write_data
+from saltus.printing import words_stream
 from saltus.wording import counted
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
     from saltus.first_run import prepare
     from saltus.progress import ProgressBar
 
-    words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
+    words = words_stream(arguments.json == STANDARD_OUTPUT)
     bounds = plan.bounds
     provenance = {"saltus": __version__, "built": plan.plain()}
     with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue:

@@ -7,12 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bvp.interrupts import Held, held
 from saltus import catalogue_arguments, events_table, outputs, scene_arguments
 from saltus.arguments import energy_range, one_of, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, exit_code, one_line, say
 
 if TYPE_CHECKING:
-    from branches.branch import Branch
+    from branches.branch import Branch, Ended
     from branches.catalogue import Catalogue
     from saltus.scene import Scene
 
@@ -77,20 +78,19 @@ def run(arguments: argparse.Namespace) -> int:
         for line in explain(scene.system, arguments.name):
             print(f"model  {line}", file=files.words, flush=True)
     place = catalogue_arguments.place_to_save(arguments, scene) if arguments.save else None
-    with catalogue_arguments.lookup(arguments, scene) as catalogue:
-        branch, code = _follow(arguments, scene, files, catalogue)
-    if branch is None:
-        return code
-    if branch.others:
-        print(f"cut    {branch.whole.words()}", file=files.words, flush=True)
-    for line in _doubts(branch):
-        print(line, file=files.words, flush=True)
-    code = max(code, _write(branch, files, arguments.frequency))
-    if place is not None and code == INTERRUPTED:
-        say("a family that was not followed to its ends is not kept in a catalogue")
-    elif place is not None:
-        code = max(code, _save(branch, place, scene, files))
-    return code
+    with held() as interrupt:
+        with interrupt.released(), catalogue_arguments.lookup(arguments.name, arguments, scene) as catalogue:
+            branch, code = _follow(arguments, scene, files, catalogue, interrupt)
+        if branch.others:
+            print(f"cut    {branch.whole.words()}", file=files.words, flush=True)
+        for line in _doubts(branch):
+            print(line, file=files.words, flush=True)
+        code = max(code, _write(branch, files, arguments.frequency))
+        if place is not None and any(end.reason == "INTERRUPTED" for end in branch.ended):
+            say("a family that was not followed to its ends is not kept in a catalogue")
+        elif place is not None:
+            code = max(code, _save(branch, place, scene, files))
+    return outputs.after(interrupt, code)
 
 
 def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> int:
@@ -110,8 +110,8 @@ def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> 
 
 
 def _follow(
-    arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs, catalogue: Catalogue | None
-) -> tuple[Branch | None, int]:
+    arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs, catalogue: Catalogue | None, interrupt: Held
+) -> tuple[Branch, int]:
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
     from saltus.first_run import prepare
     from saltus.progress import ProgressBar
@@ -125,6 +125,10 @@ def _follow(
             tell(f"start  {text}")
             tell(events_table.HEADER)
 
+        def end(ended: Ended) -> None:
+            interrupt.keep()
+            tell(f"end    {ended.text}")
+
         try:
             branch = trace(
                 arguments.name,
@@ -136,7 +140,7 @@ def _follow(
                 stop_at=arguments.stop_at,
                 on_start=start,
                 on_event=lambda event: tell(events_table.event_line(event)),
-                on_end=lambda end: tell(f"end    {end.text}"),
+                on_end=end,
                 on_point=bar.update,
             )
         except (KeyboardInterrupt, RuntimeError) as error:

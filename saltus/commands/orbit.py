@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         for line in explain(scene.system, arguments.name):
             print(f"model  {line}", file=files.words, flush=True)
-    orbit = select(family_of(arguments.name, scene, energy, arguments.catalogue), name, energy, alpha)
+    orbit = select(family_of(arguments.name, scene, energy, arguments), name, energy, alpha)
     if arguments.method == "nstt":
         from bvp.nonsmooth_time import TOLERANCE
         from saltus.nonsmooth_time import approximate

@@ -9,12 +9,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
+from bvp.interrupts import held
 from saltus import catalogue_arguments, motion_start, outputs, scene_arguments, units
 from saltus.arguments import positive, whole_above_zero
-from saltus.errors import DONE, FAILED, BadInput
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 
 if TYPE_CHECKING:
+    from saltus.motion_start import Start
+    from saltus.motions import Told
     from saltus.progress import ProgressBar
+    from saltus.scene import Scene
+    from transitions.empirical import Modes
 
 __all__ = ["add_arguments", "run"]
 
@@ -37,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     outputs.add_arguments(parser, arrays=True)
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text under the panels of the picture")
     units.add_arguments(parser)
-    scene_arguments.add_arguments(parser)
+    scene_arguments.add_arguments(parser, uses=("ground", "forces"))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -50,10 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = scene_arguments.from_arguments(arguments)
 
     from saltus.first_run import prepare_motion
-    from saltus.motion_data import impact_table, json_text, motion_record, sample_table
-    from saltus.motion_modes import mode_lines, mode_table, modes_of_motion, require_sifting
-    from saltus.motion_picture import draw
-    from saltus.motion_text import comparison, describe
+    from saltus.motion_modes import modes_of_motion, require_sifting
     from saltus.motions import NOT_ASKED, default_duration, run_locked, run_scene, tell_stages
     from saltus.progress import ProgressBar
 
@@ -67,20 +69,45 @@ def run(arguments: argparse.Namespace) -> int:
 
         for line in explain_motion(scene.system, scene.forces):
             print(f"model  {line}", file=files.words, flush=True)
-    with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
-        start = motion_start.from_arguments(arguments, scene)
-        prepare_motion()
-        with ProgressBar(100, "% of the motion") as bar:
-            percent = _percent(bar, duration)
-            told = run_scene(scene, start, duration, arguments.max_impacts, percent)
-            locked = run_locked(scene, start, duration, arguments.max_impacts, percent) if arguments.locked else None
-        if arguments.stages or arguments.emd or arguments.plot is not None or catalogue is not None:
-            with ProgressBar(100, "% of the stages") as bar:
-                told = tell_stages(told, scene, start, catalogue, _percent(bar, told.motion.duration))
-        else:
-            told = replace(told, why_no_stages=NOT_ASKED)
+    with held() as interrupt, catalogue_arguments.given(arguments, scene.underlying) as catalogue:
+        with interrupt.released():
+            start = motion_start.from_arguments(arguments, scene)
+            prepare_motion()
+            with ProgressBar(100, "% of the motion") as bar:
+                told = run_scene(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
+        locked = modes = None
+        code = DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED
+        try:
+            if told.motion.status.name == "INTERRUPTED":
+                raise KeyboardInterrupt
+            with interrupt.released():
+                if arguments.locked:
+                    with ProgressBar(100, "% of the locked motion") as bar:
+                        locked = run_locked(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
+                if arguments.stages or arguments.emd or arguments.plot is not None or catalogue is not None:
+                    with ProgressBar(100, "% of the stages") as bar:
+                        told = tell_stages(told, scene, start, catalogue, _percent(bar, told.motion.duration))
+                else:
+                    told = replace(told, why_no_stages=NOT_ASKED)
+                modes = modes_of_motion(told) if arguments.emd else None
+        except KeyboardInterrupt:
+            told = replace(told, why_no_stages=told.why_no_stages or "interrupted")
+            code = INTERRUPTED
+            say("interrupted; the motion is written, without what was to be computed from it")
+        code = max(code, _write(arguments, files, scene, start, told, locked, modes))
+    return outputs.after(interrupt, code)
+
+
+def _write(
+    arguments: argparse.Namespace, files: outputs.Outputs, scene: Scene, start: Start, told: Told, locked: Told | None, modes: Modes | None
+) -> int:
+    """Print and write what was computed; return the exit code."""
+    from saltus.motion_data import impact_table, json_text, motion_record, sample_table
+    from saltus.motion_modes import mode_lines, mode_table
+    from saltus.motion_picture import draw
+    from saltus.motion_text import comparison, describe
+
     scale = units.from_arguments(arguments)
-    modes = modes_of_motion(told) if arguments.emd else None
     record = motion_record(told, scene, start, scale, locked, modes)
     for line in describe(told, start, record, scale):
         print(line, file=files.words)
@@ -114,8 +141,7 @@ def run(arguments: argparse.Namespace) -> int:
             print("note   the picture is in natural units", file=files.words)
 
     with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
-        code = files.write(json=text, csv=series, draw=picture, arrays=arrays)
-    return max(code, DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED)
+        return files.write(json=text, csv=series, draw=picture, arrays=arrays)
 
 
 def _percent(bar: ProgressBar, duration: float) -> Callable[[float], None]:

@@ -10,6 +10,7 @@ from saltus import catalogue_arguments
 from saltus.errors import DONE, BadInput
 from saltus.files import STANDARD_OUTPUT, check_picture, replacing
 from saltus.outputs import apart
+from saltus.printing import words_stream
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge, FamilyRow
@@ -33,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.orbit is not None:
         check_picture(arguments.orbit)
     apart({"--json": arguments.json, "--orbit": arguments.orbit})
-    words = sys.stderr if arguments.json == STANDARD_OUTPUT else sys.stdout
+    words = words_stream(arguments.json == STANDARD_OUTPUT)
     with catalogue_arguments.opened(arguments) as catalogue:
         match = catalogue.find(arguments.name)
         record = _record(catalogue, match)

@@ -43,8 +43,11 @@ def run(arguments: argparse.Namespace) -> int:
     with catalogue_arguments.opened(arguments) as catalogue:
         root = catalogue.find(arguments.name).id
         tree = _Tree(catalogue, root, arguments.depth)
+        path = catalogue.path
     width = width_of(sys.stdout)
-    lines = wrapped((with_short_ids(line, width) for line in tree.lines()), width, 8)
+    note = f"note   {path} has no family that meets this one: --save keeps one family alone, saltus build also those that it meets"
+    told = tree.lines() if tree.ways.get(root) else [*tree.lines(), note]
+    lines = wrapped((with_short_ids(line, width) for line in told), width, 8)
     tell(arguments.json, lines, lambda: {"depth": arguments.depth, "tree": tree.record(root)})
     return DONE
 

@@ -87,7 +87,7 @@ def test_the_id_of_a_family_is_a_name():
         ("L11-", (0.05, 1e4), ["linear mode", "0.0864921894"]),
         ("L22-", (0.05, 1e4), ["2 turns of L11-"]),
         ("U3401", (0.09, 0.15), ["nearest that exist", "U4401+@h=", "U3201-@h="]),
-        ("stop+-stop+:-:00000000", (0.05, 1e4), ["origin start only", "switching"]),
+        ("stop+-stop+:-:00000000", (0.05, 1e4), ["0.05:10000", "with these ends", "stop+-stop+:-:48a04991"]),
     ],
 )
 def test_names_that_nothing_has(text, energy, words):

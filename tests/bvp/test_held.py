@@ -325,5 +325,5 @@ def test_bad_input_is_refused(call, words):
 
 
 def test_a_start_beyond_a_stop_is_said():
-    motion = run(vibro_impact_nes(), [1.5, 0.0], [0.0, 0.0], 1.0)
+    motion = Mover(vibro_impact_nes()).run([1.5, 0.0], [0.0, 0.0], 1.0)
     assert motion.status is MotionStatus.OUTSIDE and motion.duration == 0.0

@@ -1,5 +1,7 @@
 """Bad input: one line on standard error that says what was wrong and what was expected, exit code 2, nothing started."""
 
+import argparse
+import importlib
 import os
 import re
 import subprocess
@@ -7,7 +9,8 @@ import sys
 
 import pytest
 
-from saltus.__main__ import main
+from saltus.__main__ import COMMANDS, main
+from saltus.arguments import OneLineParser
 from tests.saltus.running import refused, run
 
 ONE_SIDED = """
@@ -28,6 +31,19 @@ INDEFINITE = INDEFINITE.replace("[[1.0]]", "[[1.0, 0.0], [0.0, 1.0]]")
 UNEVEN = INDEFINITE.replace("[[1.0, 2.0], [2.0, 1.0]]", "[[1.0, 0.0], [0.0, 1.0]]")
 UNEVEN = UNEVEN.replace("c = [1.0]", "c = [1.0, -1.0]\nlower = -1.0")
 DAMPED = ONE_SIDED.replace("[system]", "[system]\ndamping = [[0.1]]").replace("upper", "lower = -0.5\nupper")
+
+FORCED = """
+[system]
+model = "vibro_impact_nes"
+[[forces]]
+on = "u2"
+amplitude = 0.5
+frequency = 1.0
+[bounds]
+energy = [0.1, 10]
+quarter_period = 8
+impacts = 6
+"""
 
 CASES = [
     # a label that does not parse: points at the character
@@ -68,7 +84,7 @@ CASES = [
     ("continue S13O00+ --rho nan", ["rho", "'nan'", "a number"]),
     ("continue S13O00+ --lam -0.5", ["lam", "-0.5"]),
     # what is not conservative
-    ("continue S13O00+ --rho 0.7", ["restitution 0.7", "stop a"]),
+    ("continue S13O00+ --rho 0.7", ["restitution 0.7", "stop a", "saltus run"]),
     ("continue S13O00+ --lam 0.01", ["damping", "0.01"]),
     ("orbit S13O00+ --energy 1 --rho 0.7", ["restitution 0.7", "stop a"]),
     ("continue S13O00+ --scene {damped}", ["damping", "0.1"]),
@@ -102,7 +118,21 @@ CASES = [
     ("continue S13O00+ --scene {asymmetric}", ["mass", "symmetric"]),
     ("continue S13O00+ --scene {one_sided} --mu 0.1", ["mu", "matrices"]),
     # origin ends without odd symmetry
-    ("continue S13O00+ --scene {uneven}", ["origin", "odd symmetry", "-1 <= u1 - u2 <= 0.5;", "expected rest or stop ends"]),
+    ("continue S13O00+ --scene {uneven}", ["S13O00+ starts at the origin", "equal gaps", "u1 - u2 <= 0.5;", "the id of a", "saltus build"]),
+    ("continue periodic:++:dd737b71 --scene {uneven}", ["periodic:++:dd737b71", "without a reversal", "--catalogue FILE"]),
+    ("continue rest-rest:+:dc2855cb --scene {one_sided}", ["two degrees of freedom", "this system has 1", "--catalogue FILE"]),
+    # loads that a command does not use
+    ("continue S13O00+ --scene {forced}", ["saltus continue", "without loads", "[[forces]]", "saltus run"]),
+    ("orbit S13O00+ --energy 1 --scene {forced}", ["saltus orbit", "[[forces]]"]),
+    ("discover --energy 1 --scene {forced}", ["saltus discover", "[[forces]]"]),
+    ("section --energy 1 --scene {forced}", ["saltus section", "[[forces]]"]),
+    ("impulsive --energy 1:2 --scene {forced}", ["saltus impulsive", "[[forces]]"]),
+    ("build --scene {forced} --catalogue {here}/a.sqlite", ["saltus build", "[[forces]]"]),
+    ("list --scene {forced}", ["saltus list", "[[forces]]"]),
+    ("tree S13O00+ --scene {forced}", ["saltus tree", "[[forces]]"]),
+    ("export fep --out {here}/a.png --scene {forced}", ["saltus export", "[[forces]]"]),
+    ("export points --out {here}/a.csv --scene {forced}", ["saltus export", "[[forces]]"]),
+    ("section --energy 1 --scene {shaken}", ["saltus section", "[ground]"]),
     ("continue S13O00+ --scene {extreme}", ["entry (1, 1) of mass", "too small", "1e-300"]),
     ("continue S13O00+ --scene {twice}", ["coordinates", "'x'", "numbers 1 and 2"]),
     # discovery
@@ -113,6 +143,9 @@ CASES = [
     ("discover --energy 1 --max-quarter-period -1", ["--max-quarter-period", "'-1'", "above 0"]),
     ("discover --energy 1 --max-impacts -1", ["--max-impacts", "'-1'", "above 0"]),
     ("discover --energy 1 --max-impacts 0", ["--max-impacts", "'0'", "above 0"]),
+    ("discover --energy 1 --max-impacts 200000", ["200000", "10000 or less, or no bound"]),
+    ("discover --energy 1 --max-impacts 100000000000000000000000", ["--max-impacts", "up to 1e15"]),
+    ("build --max-impacts 200000 --catalogue {here}/a.sqlite", ["200000", "10000 or less"]),
     ("discover --energy 1 --max-impacts 2.5", ["--max-impacts", "'2.5'", "whole"]),
     ("discover --energy 1 --ends rest-sop", ["'rest-sop'", "nearest: rest-stop"]),
     ("discover --energy 1 --ends origin-origin,", ["unknown ends ''"]),
@@ -146,6 +179,8 @@ def places(tmp_path):
         "one_sided": ONE_SIDED,
         "damped": DAMPED,
         "uneven": UNEVEN,
+        "forced": FORCED,
+        "shaken": UNEVEN + '[ground]\namplitude = 1.0\nfrequency = 2.0\n',
         "extreme": UNEVEN.replace("[[1.0, 0.0]", "[[1e-300, 0.0]", 1),
         "twice": UNEVEN + '[coordinates]\nnames = ["x", "x"]\n',
     }
@@ -160,6 +195,23 @@ def test_one_line_and_exit_code_2(capsys, places, words, expected):
     before = sorted(entry.name for entry in places["here"].iterdir())
     refused(run(capsys, *words.format(**places).split()), *expected)
     assert sorted(entry.name for entry in places["here"].iterdir()) == before
+
+
+def options_of(command):
+    """The options of a command that take a value."""
+    parser = OneLineParser(prog="saltus")
+    importlib.import_module(COMMANDS[command][0]).add_arguments(parser)
+    inner = [item for action in parser._actions if isinstance(action, argparse._SubParsersAction) for item in action.choices.values()]
+    return sorted({name for item in (parser, *inner) for action in item._actions for name in action.option_strings if action.nargs != 0})
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_two_hyphens_are_no_value_of_an_option(capsys, tmp_path, monkeypatch, command):
+    """Oracle: argparse reads --option=-- as an empty list, whatever kind the option has."""
+    monkeypatch.chdir(tmp_path)
+    for option in options_of(command):
+        refused(run(capsys, command, f"{option}=--"), f"{option}=--: -- is no value of an option")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

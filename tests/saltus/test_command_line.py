@@ -295,6 +295,19 @@ class Terminal(io.StringIO):
         return True
 
 
+def test_a_line_a_minute_where_there_is_no_terminal(monkeypatch, capsys):
+    """Oracle: minutes of a clock, of which each has one line at most."""
+    now = [0.0]
+    monkeypatch.setattr("saltus.progress.time", type("Clock", (), {"monotonic": staticmethod(lambda: now[0])}))
+    monkeypatch.setattr("saltus.progress.PAUSE", 60.0)
+    with ProgressBar(None, "families") as bar:
+        for k in range(14):
+            now[0] = 10.0 * k
+            bar.update(k, "3 queued")
+    lines = ["saltus: 6 families after 1 min, 3 queued", "saltus: 12 families after 2 min, 3 queued"]
+    assert capsys.readouterr().err.splitlines() == lines
+
+
 def test_the_bar_shows_on_a_terminal_only_and_late(monkeypatch):
     """Oracle: what standard error gets: nothing within a second, nothing where it is no terminal."""
     for stream, wait, expected in ((Terminal(), 0.0, False), (Terminal(), 2.0, True), (io.StringIO(), 2.0, False)):

@@ -4,14 +4,19 @@ import errno
 import os
 import sqlite3
 import stat
+import threading
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from branches.files import WriteFailure, replacing, write_text
+import saltus
+from branches.files import WriteFailure, read_input, replacing, write_text
 from saltus.errors import BadInput
 from saltus.files import check_picture, check_writable, write_data
+from saltus.scene_loads import read_record
+from saltus.study_file import read_study_file
 
 PRIVILEGED = hasattr(os, "geteuid") and os.geteuid() == 0
 
@@ -156,3 +161,72 @@ def test_standard_output_gets_the_data_alone(capsys):
     """Oracle: the text."""
     write_data("-", "a,b\n1,2\n")
     assert capsys.readouterr() == ("a,b\n1,2\n", "")
+
+
+@pytest.fixture
+def pipe(tmp_path):
+    """A pipe in the file system."""
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    return path
+
+
+READERS = {
+    "scene": lambda path: saltus.load_scene(path),
+    "study": lambda path: read_study_file(path),
+    "branch": lambda path: saltus.read_branch(path),
+    "record": lambda path: read_record(Path(path), "a", "[ground]"),
+    "catalogue": lambda path: saltus.Catalogue(path),
+}
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs a device without an end")
+@pytest.mark.parametrize("what", READERS)
+def test_a_device_is_no_input(what):
+    """Oracle: /dev/zero, which never ends."""
+    with pytest.raises(ValueError, match=r"/dev/zero.*a device, expected (a|the) file"):
+        READERS[what]("/dev/zero")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
+@pytest.mark.parametrize("what", READERS)
+def test_a_pipe_that_nobody_writes_into_is_no_input(monkeypatch, pipe, what):
+    """Oracle: a pipe without a writer, which a plain read waits for without an end."""
+    monkeypatch.setattr("branches.files.PATIENCE", 0.05)
+    with pytest.raises(ValueError, match=r"it is a pipe"):
+        READERS[what](pipe)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
+@pytest.mark.parametrize("late", [False, True])
+def test_a_pipe_is_read_to_its_end(monkeypatch, pipe, late):
+    """Oracle: the text written; `late`: the writer opens it, and writes only when its reader has lost patience with a pipe without one."""
+    monkeypatch.setattr("branches.files.PATIENCE", 0.2 if late else 30.0)
+    text = 100_000 * b"abc"
+
+    def write():
+        with pipe.open("wb") as file:
+            time.sleep(0.6 if late else 0.0)
+            file.write(text)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    if late:
+        # A reader of our own lets the writer open the pipe first.
+        other = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+        time.sleep(0.1)
+    found = read_input(pipe)
+    if late:
+        os.close(other)
+    writer.join()
+    assert found == text
+
+
+def test_what_has_no_end_is_refused(monkeypatch, tmp_path):
+    """Oracle: the largest size that is read."""
+    monkeypatch.setattr("branches.files.MOST_BYTES", 1 << 20)
+    (tmp_path / "large").write_bytes(((1 << 20) + 1) * b"a")
+    with pytest.raises(OSError, match="it is larger than 1 MB"):
+        read_input(tmp_path / "large")
+    (tmp_path / "large").write_bytes((1 << 20) * b"a")
+    assert len(read_input(tmp_path / "large")) == 1 << 20

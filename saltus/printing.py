@@ -1,0 +1,155 @@
+"""Standard output of the program: one stream that every command prints to.
+
+It may be closed, full, or left by its reader, and a name that is printed may hold bytes that are no text, or control characters of the
+terminal. Files that a command was asked for are written all the same.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from typing import Any, TextIO, cast
+
+from branches.files import WriteFailure, reason
+
+__all__ = ["StandardOutput", "outlast", "plain_stream", "printable", "standard_output", "words_stream"]
+
+KEPT = "\n\t"
+"""Control characters that text may hold."""
+
+
+def printable(text: str, kept: str = KEPT) -> str:
+    """Text in which each character that does not print is written as its escape.
+
+    Parameters
+    ----------
+    text : str
+    kept : str
+        Characters that stay although they do not print.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> print(printable("red \\x1b[31m, a byte that is no text \\udcff"))
+    red \\x1b[31m, a byte that is no text \\xff
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in kept else _escape(c) for c in text)
+
+
+def _escape(character: str) -> str:
+    code = ord(character)
+    # Python reads a byte b of a file name that is not UTF-8 as the character U+DC00 + b.
+    return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else character.encode("unicode_escape").decode("ascii")
+
+
+class StandardOutput:
+    """A text stream over standard output that a command can rely on.
+
+    Parameters
+    ----------
+    stream : text stream or None
+        Standard output; None where it is closed.
+
+    Attributes
+    ----------
+    outlasts : bool
+        Whether the command goes on when standard output fails, because it has files to write.
+    failure : str or None
+        Why text could not be printed.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self.stream = stream
+        self.outlasts = False
+        self.failure: str | None = None
+        self._gone = False
+        if getattr(stream, "errors", None) == "strict":
+            cast(Any, stream).reconfigure(errors="backslashreplace")
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Print; raise `BrokenPipeError` or `WriteFailure` where that fails and the command has no files to write."""
+        self._do("write", printable(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush; errors as for `write`."""
+        if self.stream is not None:
+            self._do("flush")
+
+    def isatty(self) -> bool:
+        """Whether it is a terminal."""
+        return self.stream is not None and self.stream.isatty()
+
+    def drop(self) -> None:
+        """Print no more; what the stream still holds must not fail again when the process ends."""
+        self._gone = True
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), cast(TextIO, self.stream).fileno())
+
+    def _do(self, action: str, *text: str) -> None:
+        if self._gone:
+            return
+        try:
+            if self.stream is None:
+                raise OSError("it is closed")
+            getattr(self.stream, action)(*text)
+        except BrokenPipeError:
+            self.drop()
+            if not self.outlasts:
+                raise
+        except OSError as error:
+            self.drop()
+            self.failure = f"cannot write standard output: {reason(error)}"
+            if not self.outlasts:
+                raise WriteFailure(self.failure) from error
+
+
+@contextlib.contextmanager
+def standard_output() -> Iterator[StandardOutput]:
+    """Make `sys.stdout` a `StandardOutput` inside the block."""
+    if sys.stderr is None:
+        # Where a stream is None, `print` writes to standard output instead.
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    before = sys.stdout
+    stream = StandardOutput(before)
+    with contextlib.redirect_stdout(cast(Any, stream)):
+        yield stream
+
+
+def words_stream(data: bool) -> TextIO:
+    """The stream for what is printed: standard error where standard output carries data."""
+    if not data or sys.stderr is None:
+        return sys.stdout
+    stream = StandardOutput(sys.stderr)
+    stream.outlasts = True
+    return cast(TextIO, stream)
+
+
+def outlast() -> None:
+    """Go on when standard output fails: there are files to write."""
+    if isinstance(sys.stdout, StandardOutput):
+        sys.stdout.outlasts = True
+
+
+def plain_stream() -> TextIO:
+    """Standard output as it is, for data that must not be changed.
+
+    Raises
+    ------
+    branches.files.WriteFailure
+        Where it is closed.
+    """
+    stream = sys.stdout.stream if isinstance(sys.stdout, StandardOutput) else sys.stdout
+    if stream is None:
+        raise WriteFailure("cannot write standard output: it is closed")
+    return stream

@@ -1,0 +1,127 @@
+"""Bad input from Python: one line that says what was received and what was expected; what objects hand out cannot be changed."""
+
+import copy
+import dataclasses
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import saltus
+from bvp.damped import Mover
+
+HUGE = 10**400
+BEYOND = "a whole number of 1329 bits, beyond all floats"
+
+
+def system(**changes):
+    """The reference system."""
+    return saltus.vibro_impact_nes(**changes)
+
+
+@pytest.fixture(scope="module")
+def branch():
+    """A short piece of a family with two ends."""
+    return saltus.trace("S13O00+", system(), energy=(0.3, 0.5))
+
+
+CALLS = [
+    # numbers beyond floats
+    (lambda branch: system(mu=HUGE), f"mu is a number; received {BEYOND}"),
+    (lambda branch: saltus.load_scene(mu=HUGE), BEYOND),
+    (lambda branch: saltus.Stop((HUGE,), 0.0, 1.0), "the gap row of a stop is a list of numbers; received (1000"),
+    (lambda branch: saltus.Stop((1.0,), 0.0, 10**5000), "upper of a stop is a number; received a whole number of 16610 bits"),
+    (lambda branch: saltus.ImpactSystem([[10**5000]], [[0.0]], [[1.0]], [saltus.Stop((1.0,), 0.0)]), "mass is a square matrix of numbers"),
+    (lambda branch: saltus.run(system(), [HUGE, 0], [0, 0], 1.0), "u is a list of 2 numbers; received [1000"),
+    (lambda branch: saltus.run(system(), [0, 0], [0, 0], HUGE), f"duration is a finite time of 0 or more; received {BEYOND}"),
+    (lambda branch: saltus.run(system(), [0, 0], [0, 0], 1.0, HUGE), f"max_impacts is a whole number of 0 or more; received {BEYOND}"),
+    (lambda branch: saltus.run(system(), [0, 0], [0, 0], 1.0).sample([HUGE]), "times is a list of times; received [1000"),
+    (lambda branch: saltus.trace("S13O00+", energy=(0.1, HUGE)), "energy range (0.1, 1000"),
+    (lambda branch: saltus.trace("S13O00+", energy=(0.1, 1.0), points=HUGE), f"points = {BEYOND}: expected at least 1"),
+    (lambda branch: saltus.discover(system(), HUGE), f"the energy is {BEYOND}, expected a finite number above 0"),
+    (lambda branch: saltus.discover(system(), 1.0, quarter_period=HUGE), f"the longest quarter period is {BEYOND}"),
+    (lambda branch: saltus.discover(system(), 1.0, impacts=10**23), "expected 10000 or less, or no bound"),
+    (lambda branch: saltus.section(system(), HUGE), f"the energy of a section is a finite number above 0; received {BEYOND}"),
+    (lambda branch: saltus.Harmonic(HUGE, [1.0]), f"(a load of frequency 0 is Constant); received {BEYOND}"),
+    (lambda branch: saltus.Constant([HUGE]), "load is a list of numbers; received [1000"),
+    (lambda branch: branch.orbits_at(energy=HUGE), f"the energy h is a number; received {BEYOND}"),
+    # bytes and text for numbers
+    (lambda branch: system(mu=b"0.1"), "mu is a number; received b'0.1'"),
+    (lambda branch: saltus.Stop((b"1",), 0.0), "the gap row of a stop is a list of numbers; received (b'1',)"),
+    (lambda branch: saltus.ImpactSystem([[b"1"]], [["0"]], [[1.0]], [saltus.Stop((1.0,), 0.0)]), "received [[b'1']]"),
+    (lambda branch: saltus.run(system(), [b"0", b"0"], [0, 0], 1.0), "u is a list of 2 numbers; received [b'0', b'0']"),
+    (lambda branch: saltus.run(system(), ["0", "0"], [0, 0], 1.0), "u is a list of 2 numbers; received ['0', '0']"),
+    (lambda branch: saltus.run(system(), [0, 0], [0, 0], b"1"), "duration is a finite time of 0 or more; received b'1'"),
+    (lambda branch: saltus.trace("S13O00+", energy=(b"1", b"2")), "energy range (b'1', b'2'): expected two numbers (LO, HI)"),
+    (lambda branch: saltus.discover(system(), b"1"), "the energy is b'1', expected a finite number above 0"),
+    (lambda branch: saltus.section(system(), "1"), "the energy of a section is a finite number above 0; received '1'"),
+    (lambda branch: saltus.Constant([b"1"]), "load is a list of numbers; received [b'1']"),
+    (lambda branch: branch.orbits_at(energy=b"1"), "the energy h is a number; received b'1'"),
+    # another kind of object
+    (lambda branch: branch.neighbours(None), "an event is one of branch.events or its id; received None"),
+    (lambda branch: branch.switch(3), "an event is one of branch.events or its id; received 3"),
+    (lambda branch: branch.neighbours("GR9"), "no event 'GR9' on this branch; it has EP1, SB1, EP2"),
+    (lambda branch: Mover("x"), "the system is 'x', expected an ImpactSystem"),
+    (lambda branch: saltus.run(None, [0], [0], 1.0), "the system is None, expected an ImpactSystem"),
+    (lambda branch: saltus.discover("x", 1.0), "the system is 'x', expected an ImpactSystem"),
+    (lambda branch: saltus.section("x", 1.0), "the system is 'x', expected an ImpactSystem"),
+    (lambda branch: saltus.trace("S13O00+", scene=dataclasses.replace(saltus.load_scene(), loads=("forces",))), "the scene has [[forces]]"),
+    # states and files
+    (lambda branch: saltus.run(system(), [2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
+    (lambda branch: branch.save("x.mat"), "cannot save a branch as 'x.mat': expected a name that ends in .json or .csv"),
+    (lambda branch: branch.save("x"), "cannot save a branch as 'x': expected a name that ends in .json or .csv"),
+]
+
+
+@pytest.mark.parametrize(("call", "expected"), CALLS, ids=[words[:60] for _, words in CALLS])
+def test_a_bad_call_is_one_line(branch, tmp_path, monkeypatch, call, expected):
+    """Oracle: the argument."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises((ValueError, TypeError)) as caught:
+        call(branch)
+    assert expected in str(caught.value) and "\n" not in str(caught.value) and len(str(caught.value)) < 400
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.scene])
+@pytest.mark.parametrize("mode", ["r", "a"])
+def test_a_closed_catalogue_says_so(tmp_path, mode, use):
+    """Oracle: the state that it is in."""
+    path = tmp_path / "a.sqlite"
+    saltus.Catalogue(path, "a", scene=saltus.load_scene()).close()
+    catalogue = saltus.Catalogue(path, mode)
+    catalogue.close()
+    with pytest.raises(ValueError, match=r"the catalogue .*a\.sqlite is closed; expected one that is open"):
+        use(catalogue)
+
+
+@pytest.mark.parametrize("twin", [copy.copy, copy.deepcopy, lambda item: pickle.loads(pickle.dumps(item))])
+def test_scenes_and_branches_can_be_copied(branch, twin):
+    """Oracle: what the copy computes."""
+    scene = saltus.load_scene()
+    copied = twin(scene)
+    assert copied.pins == scene.pins and copied.complete == scene.complete and copied.system.describe() == scene.system.describe()
+    assert saltus.trace("S13O00+", scene=copied, energy=(0.3, 0.5)).points["h"].tolist() == branch.points["h"].tolist()
+    assert twin(branch).points["h"].tolist() == branch.points["h"].tolist() and twin(branch).id == branch.id
+
+
+def test_what_objects_hand_out_cannot_be_changed(branch, tmp_path):
+    """Oracle: numpy's own flag, and the saved branch; a copy can be changed."""
+    orbit = branch.orbit(2)
+    twins = branch, pickle.loads(pickle.dumps(branch)), copy.deepcopy(branch)
+    arrays = {f"{k}.{name}": values for k, item in enumerate(twins) for name, values in item.points.items()}
+    arrays |= {f"orbit.{name}": getattr(orbit, name) for name in ("multipliers", "velocities", "impact_speeds")}
+    arrays |= {f"described.{name}": values for name, values in orbit.described.columns.items()}
+    for name, values in arrays.items():
+        assert not values.flags.writeable, name
+    scene = saltus.load_scene()
+    for mapping in (branch.points, scene.pins, scene.complete, next(iter(scene.pins.values()))):
+        for change in (
+            lambda mapping: mapping.__setitem__("h", 1.0), lambda mapping: mapping.update(h=1.0), lambda mapping: mapping.pop("h"),
+            lambda mapping: mapping.clear(), lambda mapping: mapping.setdefault("x", 1.0), lambda mapping: mapping.__ior__({"h": 1.0}),
+        ):  # fmt: skip
+            with pytest.raises(TypeError, match="these data cannot be changed"):
+                change(mapping)
+    points = {**branch.points, "h": np.full(len(branch), math.pi)}
+    assert points["h"][0] == math.pi != branch.points["h"][0]

@@ -1,0 +1,105 @@
+"""Ids as names: of families without a label, in scenes of every kind, with a catalogue and without one."""
+
+import json
+import os
+import sys
+
+import pytest
+
+import saltus
+from branches.discovery.search import discover
+from branches.tracing import follow_family
+from tests.branches.catalogue.families import real, renamed
+from tests.saltus.running import refused, run
+
+ONE_SIDED = """
+[system]
+mass = [[0.1, 0.0], [0.0, 1.0]]
+stiffness = [[0.1, -0.1], [-0.1, 1.1]]
+[[stops]]
+c = [1.0, -1.0]
+upper = 1.0
+[bounds]
+energy = [0.1, 2.0]
+quarter_period = 4.0
+impacts = 3
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """A file of a scene whose gap is bounded on one side."""
+    path = tmp_path_factory.mktemp("one_sided") / "one.toml"
+    path.write_text(ONE_SIDED)
+    return path
+
+
+@pytest.fixture(scope="module")
+def branches(scene):
+    """Its families at one energy, with one impact in half a period at most, by id."""
+    system = saltus.load_scene(scene).system
+    found = [
+        orbit
+        for pair in ("rest-stop", "rest-rest")
+        for orbit in discover(system, 1.0, quarter_period=4.0, impacts=1, ends=(pair,)).orbits
+    ]  # fmt: skip
+    followed = [follow_family(orbit.problem, orbit.solution.y, energy=(0.8, 1.2)) for orbit in found]
+    assert len(followed) == 3
+    return {branch.id: branch for branch in followed}
+
+
+def test_the_families_of_a_one_sided_scene_are_followed_by_id(capsys, scene, branches):
+    """Oracle: the branches that were followed from what a search at one energy finds."""
+    for id, branch in branches.items():
+        code, out, err = run(capsys, "continue", id, "--scene", scene, "--energy", "0.8:1.2", "--json", "-")
+        data = json.loads(out)
+        assert code == 0 and data["branch"]["id"] == id, err
+        h = data["points"][len(data["points"]) // 2]["h"]
+        alphas = {round(orbit.alpha, 9) for orbit in branch.orbits_at(energy=h)}
+        assert round(data["points"][len(data["points"]) // 2]["alpha"], 9) in alphas
+
+
+def test_an_orbit_and_a_motion_of_a_one_sided_scene_are_named_by_id(capsys, scene, branches):
+    """Oracle: the branch's own orbit at that energy."""
+    id, branch = next(iter(branches.items()))
+    alpha = branch.orbit_at(energy=1.0).alpha
+    code, out, _ = run(capsys, "orbit", f"{id}@h=1", "--scene", scene, "--json", "-")
+    assert code == 0 and json.loads(out)["orbit"]["alpha"] == pytest.approx(alpha, rel=1e-10)
+    code, out, _ = run(capsys, "run", "--on", id, "--energy", "1", "--scene", scene, "--duration", "1", "--json", "-")
+    assert code == 0 and json.loads(out)["initial"]["on"]["alpha"] == pytest.approx(alpha, rel=1e-10)
+
+
+def test_an_id_that_no_family_has_is_answered_with_those_that_exist(capsys, scene, branches):
+    """Oracle: the ids with the same ends and sequence."""
+    there = [id for id in branches if "stop" in id]
+    refused(run(capsys, "continue", "rest-stop+::12345678", "--scene", scene), "rest-stop+::12345678", *there)
+    refused(run(capsys, "continue", "rest-stop+::12345678@h=1", "--scene", scene), "no orbit rest-stop+::12345678")
+    id = next(id for id in branches if "stop" in id)
+    refused(run(capsys, "continue", f"{id}@h=1,alpha=3.9", "--scene", scene), "alpha = 3.9", "@h=1,alpha=")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the data folder is told by a variable of this system")
+@pytest.mark.parametrize("saves", [False, True])
+def test_an_id_is_looked_up_in_the_scenes_own_catalogue(capsys, tmp_path, monkeypatch, saves):
+    """Oracle: a family with an id that no search finds: only the catalogue has it."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    os.makedirs(tmp_path / "saltus")
+    kept = renamed(real()[3], 0)
+    with saltus.Catalogue(tmp_path / "saltus" / "lee2009.sqlite", "a", scene=saltus.load_scene()) as catalogue:
+        catalogue.add(kept)
+    save = ["--save", "--catalogue", tmp_path / "other.sqlite"] if saves else []
+    code, out, err = run(capsys, "continue", kept.id, "--points", "5", *save)
+    assert code == 0 and f"of {kept.id} in" in out, err
+    h = float(kept.points["h"][len(kept) // 2])
+    for words in (["orbit", kept.id], ["run", "--duration", "1", "--rho", "0.7", "--on", kept.id]):
+        code, _, err = run(capsys, *words, "--energy", repr(h))
+        assert code == 0, err
+    refused(run(capsys, "orbit", kept.id, "--energy", repr(h), "--mu", "0.11"), f"no orbit {kept.id} found")
+
+
+def test_a_tree_of_one_family_says_why_it_has_no_neighbours(capsys, tmp_path):
+    """Oracle: --save of one family; the command that finds neighbours."""
+    path = tmp_path / "a.sqlite"
+    assert run(capsys, "continue", "S13O00+", "--energy", "0.2:0.4", "--save", "--catalogue", path)[0] == 0
+    code, out, _ = run(capsys, "tree", "S13+", "--catalogue", path)
+    assert code == 0 and len(out.splitlines()) == 2 and out.splitlines()[1].startswith("note   ") and "saltus build" in out

@@ -1,0 +1,205 @@
+"""Standard output that fails, interrupts, and what the operating system refuses: the files are written, one line says what is wrong."""
+
+import gzip
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from saltus.__main__ import main
+from saltus.errors import LONGEST
+from tests.saltus.running import refused, run
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="needs a shell, signals and pipes of this kind")
+SALTUS = f"{sys.executable} -m saltus"
+QUICK = "continue S13O00+ --energy 0.2:0.4 --points 5"
+CLOSED = "saltus: cannot write standard output: it is closed\n"
+
+
+def shell(command, **options):
+    """A finished process."""
+    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, timeout=300, **options)
+
+
+@POSIX
+@pytest.mark.parametrize(
+    ("words", "files"),
+    [
+        (f"{QUICK} --json a.json --csv a.csv --save --catalogue a.sqlite", ["a.csv", "a.json", "a.sqlite"]),
+        (f"{QUICK} --json -", []),
+        (f"{QUICK} --save --catalogue a.sqlite", ["a.sqlite"]),
+        ("run --impulse 0.5 --duration 3 --npz a.npz", ["a.npz"]),
+        ("list --catalogue {catalogue}", []),
+        ("list --catalogue {catalogue} --json a.json", ["a.json"]),
+        ("", []),
+    ],
+)
+def test_a_closed_standard_output_does_not_keep_files_from_being_written(tmp_path, catalogue, words, files):
+    """Oracle: the files asked for; one line on standard error; the exit code 2."""
+    done = shell(f"{SALTUS} {words.format(catalogue=catalogue)} >&- 2>error", cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.getcwd()})
+    error = (tmp_path / "error").read_text()
+    assert done.returncode == 2 and error.endswith(CLOSED) and error.count("saltus:") == 1 and "Traceback" not in error
+    assert sorted(entry.name for entry in tmp_path.iterdir() if entry.name != "error") == files
+
+
+@POSIX
+def test_a_closed_standard_error_does_not_mix_with_data():
+    """Oracle: what is printed is one JSON text."""
+    done = shell(f"{SALTUS} {QUICK} --json - 2>&-")
+    assert done.returncode == 0 and len(json.loads(done.stdout)["points"]) == 5
+
+
+@POSIX
+def test_pipes_are_written_by_their_path(tmp_path):
+    """Oracle: the data that another program reads at the end of the pipe."""
+    done = shell(f"{SALTUS} {QUICK} --json /dev/stdout 2>/dev/null | cat")
+    assert '"schema": 1' in done.stdout and "wrote  /dev/stdout" in done.stdout
+    packed = tmp_path / "a.gz"
+    done = shell(f"{SALTUS} {QUICK} --csv >(gzip > {packed}) --json >(cat > {tmp_path}/a.json); wait $!; sleep 0.2")
+    assert done.returncode == 0, done.stderr
+    assert gzip.decompress(packed.read_bytes()).startswith(b"h,alpha,")
+    assert len(json.loads((tmp_path / "a.json").read_text())["points"]) == 5
+
+
+@POSIX
+@pytest.mark.parametrize("encoding", ["utf-8:strict", "ascii:strict", "utf-8:surrogateescape"])
+@pytest.mark.parametrize("words", [f"{QUICK} --json", f"{QUICK} --save --catalogue", "run --impulse 0.5 --duration 3 --plot"])
+def test_names_that_are_no_text_are_printed_as_escapes(tmp_path, encoding, words):
+    """Oracle: the file, and its name with each byte that is no text, or a control character, as an escape."""
+    suffix = {"--plot": ".png", "--catalogue": ".sqlite", "--json": ".json"}[words.split()[-1]]
+    name = os.fsencode(tmp_path) + b"/a\xff\x1b[31m" + suffix.encode()
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    done = subprocess.run([*SALTUS.split(), *words.split(), name], capture_output=True, env=environment, timeout=300)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    assert os.path.exists(name) and b"a\\xff\\x1b[31m" + suffix.encode() in done.stdout and b"\x1b" not in done.stdout
+
+
+def test_messages_hold_no_control_characters_and_have_an_end(capsys):
+    """Oracle: the characters of the message; both ends of what is too long to be read."""
+    error = refused(run(capsys, "continue", "S13\x1b[31m\udcff"), r"\x1b[31m\xff")
+    assert "\x1b" not in error
+    error = refused(run(capsys, "continue", "S13O00+", "--energy", "9" * 50_000), "--energy: received '999", "expected LO:HI")
+    assert len(error) < LONGEST + 100
+
+
+def test_what_the_system_refuses_is_said_as_it_is(capsys, monkeypatch):
+    """Oracle: the words for the error's number, and the file that it names; not standard output."""
+
+    def refuse(words):
+        raise OSError(24, "Too many open files", "branch.json")
+
+    monkeypatch.setattr("saltus.__main__._command", refuse)
+    assert run(capsys) == (2, "", "saltus: too many files are open (ulimit -n): branch.json\n")
+
+
+@POSIX
+def test_an_interrupt_after_the_ends_waits_for_the_files(capsys, tmp_path, monkeypatch):
+    """Oracle: the branch of an undisturbed run; the exit code 130. The interrupt comes with the line of an end."""
+    places = [tmp_path / name for name in ("whole.json", "cut.json", "cut.csv")]
+    assert main([*QUICK.split(), "--json", str(places[0])]) == 0
+    from saltus.progress import ProgressBar
+
+    line, sent = ProgressBar.line, []
+
+    def interrupted(self, text, stream):
+        line(self, text, stream)
+        if text.startswith("end    ") and not sent:
+            sent.append(text)
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(ProgressBar, "line", interrupted)
+    capsys.readouterr()
+    words = ["--json", places[1], "--csv", places[2], "--save", "--catalogue", tmp_path / "a.sqlite"]
+    code, out, err = run(capsys, *QUICK.split(), *words)
+    assert code == 130 and err == "saltus: interrupted; what was computed is written\n"
+    assert len(json.loads(places[1].read_text())["points"]) == len(json.loads(places[0].read_text())["points"])
+    assert places[2].read_text().startswith("h,alpha,") and out.splitlines()[-1].startswith("saved  ")
+
+
+@POSIX
+def test_an_interrupt_while_a_branch_is_finished_comes_with_the_branch(monkeypatch):
+    """Oracle: the branch of an undisturbed run, which travels with the error."""
+    import saltus
+
+    expected = saltus.trace("S13O00+", energy=(0.2, 0.4), points=5)
+    sent = []
+
+    def interrupt():
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        saltus.trace("S13O00+", energy=(0.2, 0.4), points=5, on_end=lambda end: sent.append(end) or len(sent) > 1 or interrupt())
+    assert list(caught.value.branch.points["h"]) == list(expected.points["h"])
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@POSIX
+@pytest.mark.parametrize("place", ["saltus.motions.tell_stages", "saltus.motion_data.motion_record"])
+def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, place):
+    """Oracle: the impacts of an undisturbed run; the exit code 130, whether it comes before the stages or after them."""
+    import importlib
+
+    words = ["run", "--impulse", "0.5", "--duration", "8", "--stages", "--json"]
+    assert main([*words, str(tmp_path / "whole.json")]) == 0
+    module, name = place.rsplit(".", 1)
+    asked = getattr(importlib.import_module(module), name)
+
+    def interrupted(*arguments, **options):
+        signal.raise_signal(signal.SIGINT)
+        return asked(*arguments, **options)
+
+    monkeypatch.setattr(place, interrupted)
+    capsys.readouterr()
+    code, _, err = run(capsys, *words, tmp_path / "cut.json")
+    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "cut"))
+    assert code == 130 and err.startswith("saltus: interrupted; ") and err.count("\n") == 1
+    assert cut["impacts"] == whole["impacts"] and (cut["stages"] is None) == ("stages" in place)
+
+
+@POSIX
+def test_an_interrupt_at_exit_ends_with_130():
+    """Oracle: the exit code, where the interrupt comes after the work, in what a library does at exit."""
+    code = "import atexit, os, signal, sys, saltus.__main__ as m\n"
+    code += "m._command = lambda words: atexit.register(lambda: (os.kill(os.getpid(), signal.SIGINT), print('late'))) and 0\nm.program()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+@pytest.mark.parametrize("words", [QUICK, "run --impulse 0.5 --duration 3", "list --catalogue {catalogue}"])
+def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, words):
+    """Oracle: numba's own switch; what needs no kernel works."""
+    command = [*SALTUS.split(), *words.format(catalogue=catalogue).split()]
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"})
+    expected = "saltus: NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0\n"
+    assert (done.returncode, done.stderr) == ((0, "") if words.startswith("list") else (2, expected))
+
+
+@POSIX
+def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, monkeypatch):
+    """Oracle: the impacts of an undisturbed run, of which the first ones are there."""
+    from bvp.kernels import motion as kernels
+
+    words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80", "--json"]
+    assert main([*words, str(tmp_path / "whole.json")]) == 0
+    move, sent = kernels.move, []
+
+    def interrupted(*arguments):
+        status = move(*arguments)
+        if not sent:
+            sent.append(status)
+            signal.raise_signal(signal.SIGINT)
+        return status
+
+    monkeypatch.setattr("saltus.first_run.prepare_motion", lambda: None)
+    monkeypatch.setattr(kernels, "move", interrupted)
+    capsys.readouterr()
+    code, _, err = run(capsys, *words, tmp_path / "cut.json")
+    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "cut"))
+    assert code == 130 and err.startswith("saltus: interrupted; the motion is written") and err.count("\n") == 1
+    count = len(cut["impacts"])
+    assert 100 < count < len(whole["impacts"]) and cut["impacts"] == whole["impacts"][:count]
+    assert cut["ended"]["reason"] == "INTERRUPTED" and cut["energy_balance_error"] < 1e-12
+    assert cut["duration"] <= whole["impacts"][count]["time"]
