@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram.atlas_labels import Named, label_curves, names_of
-from branches.diagram.atlas_parts import draw_modes, frequency_of, mark_boxes, runs_of
+from branches.diagram.atlas_parts import draw_modes, frequency_curve, mark_boxes, runs_of
 from branches.diagram.files import draw
 from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
@@ -313,7 +313,7 @@ def _stabilities(axes: Axes, atlas: Atlas | None) -> None:
 
 
 def _named(atlas: Atlas) -> list[Named]:
-    return [Named(curve, curve.h, *frequency_of(curve, "index")) for curve in atlas.curves]
+    return [frequency_curve(curve, "index") for curve in atlas.curves]
 
 
 def _follows(stage: Stage) -> str:
