@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     from saltus.motion_data import impact_table, json_text, motion_record, sample_table
     from saltus.motion_modes import mode_lines, mode_table, modes_of_motion, require_sifting
     from saltus.motion_picture import draw
-    from saltus.motion_text import comparison, describe
+    from saltus.motion_text import comparison, describe, of_the_start
     from saltus.motions import default_duration, run_locked, run_scene, tell_stages
 
     duration = arguments.duration if arguments.duration is not None else default_duration(scene)
@@ -94,7 +94,8 @@ def run(arguments: argparse.Namespace) -> int:
     def picture(path: Path) -> None:
         if told.shown is None:
             raise outputs.NotDrawn(f"cannot draw {files.plot}: {told.why_no_stages}")
-        draw(told.shown, catalogue, start.branch, path, arguments.caption)
+        leaves = [f"The motion leaves {text}." for text in of_the_start(start, record)]
+        draw(told.shown, catalogue, start.branch, path, " ".join([*filter(None, [arguments.caption]), *leaves]))
         if (scale.length, scale.frequency) != (1.0, 1.0):
             print("note   the picture is in natural units", file=files.words)
 
