@@ -143,6 +143,7 @@ class _Candidate:
     size: np.ndarray
     radius: float
     far: float
+    font: float
 
 
 def label_curves(
@@ -155,6 +156,7 @@ def label_curves(
     always: Sequence[Named] = (),
     far: float = FAR,
     detail: bool = False,
+    font: float = SMALL,
 ) -> set[str]:
     """Write names beside their curves, each at the least crowded place, with a leader where it has to stand off. A name without room near
     its curve gives way to the next one.
@@ -169,6 +171,7 @@ def label_curves(
     always : names that are written before all others, and do not count
     far : points that a name stands off at most; three times that for a pinned one
     detail : whether the names stand elsewhere, too, so that none has to touch a curve
+    font : size of the names
 
     Returns
     -------
@@ -180,8 +183,8 @@ def label_curves(
     boxes = np.array(list(keep_off), dtype=float).reshape(-1, 4)
     paths = [axes.transData.transform(curve) * to_points for curve in curves]
     cover = Cover(frame.tolist(), paths)
-    first = _candidates(axes, always, boxes, cover, far)
-    waiting = _candidates(axes, names[: _POOL * most], boxes, cover, far, first)
+    first = _candidates(axes, always, boxes, cover, far, font)
+    waiting = _candidates(axes, names[: _POOL * most], boxes, cover, far, font, first)
     bounds = (frame + np.array([4.0, 4.0, -4.0, -4.0])).tolist()
 
     def placed(chosen: Sequence[_Candidate], slack: float = 1.0) -> list[tuple[_Candidate, Place]]:
@@ -229,7 +232,7 @@ def _readable(done: Sequence[tuple[_Candidate, Place]], cover: Cover, detail: bo
 
 
 def _candidates(
-    axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Cover, far: float, others: Sequence[_Candidate] = ()
+    axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Cover, far: float, font: float, others: Sequence[_Candidate] = ()
 ) -> list[_Candidate]:
     to_points = 72 / axes.figure.dpi
     renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
@@ -243,11 +246,11 @@ def _candidates(
         crowded = cover.within(np.concatenate([spots - _ROOM, spots + _ROOM], axis=1))
         for other in (*others, *out):  # names that point to one place would push each other away
             crowded = crowded + 40.0 * (np.hypot(*(spots - other.at).T) < 2.0 * _ROOM)
-        trial = axes.text(0, 0, named.shown, fontsize=SMALL)
+        trial = axes.text(0, 0, named.shown, fontsize=font)
         size = np.array(trial.get_window_extent(renderer).size) * to_points
         trial.remove()
         radius = 3.0 if len(named.x) == 1 else 0.8
-        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if named.pinned else far))
+        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if named.pinned else far, font))
     return out
 
 
@@ -255,7 +258,7 @@ def _write(axes: Axes, item: _Candidate, place: Place, to_points: float) -> None
     x, y = axes.transData.inverted().transform(item.at / to_points)
     here = (float(x), float(y))
     offset = (place.left - item.at[0], place.bottom - item.at[1])
-    style: dict[str, Any] = {"fontsize": SMALL, "color": BLACK, "ha": "left", "va": "bottom", "zorder": 6}
+    style: dict[str, Any] = {"fontsize": item.font, "color": BLACK, "ha": "left", "va": "bottom", "zorder": 6}
     axes.annotate(item.named.shown, here, offset, textcoords="offset points", **style)
     if place.leader:
         tip = (place.leader[0] - item.at[0], place.leader[1] - item.at[1])
