@@ -39,6 +39,7 @@ def motion_record(
         "units": {"clearance": units.length, "natural_frequency": units.frequency},
         "initial": {
             **start.record(),
+            "left": _left(told, start, units),
             "u": (motion.start[: len(start.u)] * units.length).tolist(),
             "v": (motion.start[len(start.u) :] * units.speed).tolist(),
             "energy": motion.initial_energy * e,
@@ -124,6 +125,16 @@ def _impacts(told: Told, units: Units) -> list[dict[str, Any]]:
             }
         )
     return out
+
+
+def _left(told: Told, start: Start, units: Units) -> dict[str, Any] | None:
+    """Where a motion that starts on an orbit leaves its impact sequence."""
+    from transitions.leaving import leaving
+
+    if start.kind != "orbit" or start.on is None:
+        return None
+    found = leaving([(i.time, i.stop) for i in start.on.impacts], [(row["time"], row["stop"]) for row in _impacts(told, units)])
+    return None if found is None else found._asdict()
 
 
 def _chatter(told: Told, units: Units) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from saltus.motion_start import Start
     from saltus.motions import Told
 
-__all__ = ["comparison", "describe"]
+__all__ = ["comparison", "describe", "of_the_start"]
 
 SHOWN = 12
 """Impacts that are listed; the files hold all."""
@@ -31,6 +31,7 @@ def describe(told: Told, start: Start, record: dict[str, Any], units: Units) -> 
     """
     initial, motion = record["initial"], told.motion
     yield f"start    {start.text}, energy {initial['energy']:.10g}"
+    yield from (f"leaves   {text}" for text in of_the_start(start, record))
     yield f"state    u = {_numbers(initial['u'])}  v = {_numbers(initial['v'])}"
     yield f"ended    {motion.status.value}, at time {record['duration']:.10g}"
     last = f", the last at {record['last_impact']:.10g}" if record["last_impact"] is not None else ""
@@ -43,10 +44,11 @@ def describe(told: Told, start: Start, record: dict[str, Any], units: Units) -> 
     reference = record["shares_of"]
     left = motion.energy / told.reference if told.reference > 0.0 else 0.0
     of = f"of the {reference['what']} {reference['energy']:.10g}"
-    yield f"shares   NES {nes:.4%}  LO {lo:.4%}  still there {left:.4%}  {of}"
+    first, second = told.sharing.names
+    yield f"shares   {first} {nes:.4%}  {second} {lo:.4%}  still there {left:.4%}  {of}"
     yield f"balance  error {record['energy_balance_error']:.1e}" + _turnover(record, motion)
     if told.motion.initial_energy > 0.0 and motion.marks:
-        yield f"{'gone':>6}  {'time':>14}  {'by NES':>9}  {'by LO':>9}"
+        yield f"{'gone':>6}  {'time':>14}  {'by ' + first:>9}  {'by ' + second:>9}"
         for name, at in record["at"].items():
             if at["time"] is None:
                 yield f"{name + ' %':>6}  {'not reached':>14}"
@@ -58,6 +60,20 @@ def describe(told: Told, start: Start, record: dict[str, Any], units: Units) -> 
             yield f"{name:<24}  {entry['peak']:>14.8g}  {entry['time']:>14.8g}  {entry['rms']:>14.8g}"
     yield from _impact_lines(record["impacts"])
     yield from _stage_lines(told, record)
+
+
+def of_the_start(start: Start, record: dict[str, Any]) -> list[str]:
+    """How long the motion keeps the impact sequence of the orbit that it starts on, in at most one line: a stage may follow another family
+    from the first impact on."""
+    if start.kind != "orbit" or start.on is None:
+        return []
+    name = start.on.label or "the family of its start"
+    left = record["initial"]["left"]
+    if left is not None:
+        where = f"impact {left['impact']} is at stop {left['stop']}, that of the orbit at stop {left['expected']}"
+        return [f"{name} at {left['time']:.6g}: {where}"]
+    last = "" if record["last_impact"] is None else f", the last at {record['last_impact']:.6g}"
+    return [f"{name} at no impact: all {len(record['impacts'])} are in its impact sequence{last}"]
 
 
 def comparison(record: dict[str, Any]) -> Iterator[str]:
@@ -105,8 +121,8 @@ def _stage_lines(told: Told, record: dict[str, Any]) -> Iterator[str]:
         yield f"stages   {told.why_no_stages}"
     if not told.stages:
         return
-    titles = f"{'stage':<5}  {'from':>9}  {'to':>9}  {'periods':>7}  {'frequency':>9}  {'energy':>19}  {'by NES':>8}  {'by LO':>8}"
-    yield f"{titles}  follows"
+    by = "  ".join(f"{'by ' + name:>8}" for name in told.sharing.names)
+    yield f"{'stage':<5}  {'from':>9}  {'to':>9}  {'periods':>7}  {'frequency':>9}  {'energy':>19}  {by}  follows"
     scale = record["shares_of"]["energy"] or 1.0
     for k, (stage, data) in enumerate(zip(told.stages, record["stages"], strict=True), 1):
         span = f"{data['energies'][1]:.4g} to {data['energies'][0]:.4g}"

@@ -34,7 +34,7 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
     motion : Motion
         Of a duration above 0, run with the dampers of `sharing`.
     sharing : Sharing
-        One that has shares of the energy.
+        Where it has no shares of the energy, all of it is that of the rest.
     samples : int, optional
         By default `samples_of`, 256 in the shortest period of free vibration without damping.
     span : float, optional
@@ -43,7 +43,7 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
     Raises
     ------
     ValueError
-        For a motion without duration, or a system whose energy has no shares.
+        For a motion without duration.
 
     Examples
     --------
@@ -58,11 +58,11 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
     """
     if not motion.duration > 0.0:
         raise ValueError("a motion without duration has no record; run it for a time above 0")
-    if sharing.mass is None:
-        raise ValueError(f"the energy of the motion has no shares: {sharing.why_not}")
     span = motion.duration if span is None else span
     times = np.linspace(0.0, span, samples_of(motion, span) if samples is None else samples)
     energy, nes, lo = sharing.energies(motion, times)
+    if sharing.mass is None:
+        nes, lo = np.zeros_like(energy), energy
     by_nes, by_lo, _ = sharing.dissipated(motion, times)
     u, v = motion.sample(times)
     impacts = motion.times[motion.kinds == EventKind.IMPACT.value]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["COLOURS", "SCHEMA", "SectionView", "view_record", "views_table"]
 
 SCHEMA = 1
-COLOURS = ("none", "lyapunov", "rotation")
+COLOURS = ("none", "energy", "lyapunov", "rotation")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,10 @@ class SectionView:
     rotations: Rotations | None = None
 
     def values(self, colour: str) -> np.ndarray | None:
-        """What colours the orbits, (m,): their Lyapunov exponents or rotation numbers; None for colour "none"."""
+        """What colours the orbits, (m,): their Lyapunov exponents or rotation numbers; or the energy at each crossing, (m, k); None for
+        colour "none"."""
+        if colour == "energy":
+            return self.section.energies
         if colour == "lyapunov":
             return self.section.exponents
         if colour == "rotation":

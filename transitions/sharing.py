@@ -36,6 +36,8 @@ class Sharing:
         The damping matrix in the parts that `bvp.run.run` is to tell apart.
     nes_parts : frozenset of str
         Which of a motion's parts the NES dissipates in.
+    sink : bool
+        Whether a coordinate is marked as NES.
     """
 
     mass: np.ndarray | None
@@ -43,6 +45,12 @@ class Sharing:
     why_not: str
     dampers: Mapping[str, np.ndarray]
     nes_parts: frozenset[str]
+    sink: bool = True
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """What the two that dissipate are called: the NES and the LO, or the stops with the dampers across them and the rest."""
+        return ("NES", "LO") if self.sink else ("stops", "rest")
 
     def energies(self, motion: Motion, times: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Energy, that of the NES, that of the LO, at any times: (j,) each; the last two are NaN where there are no shares."""
@@ -91,7 +99,7 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
     dampers = {"gaps": gaps, "rest": system.damping - gaps}
     parts = frozenset(["gaps", *(f"stop {stop.name}" for stop in stops)])
     if not nes:
-        return Sharing(None, None, "no coordinate is marked as NES", dampers, parts)
+        return Sharing(None, None, "no coordinate is marked as NES", dampers, parts, sink=False)
     mass, stiffness = np.zeros_like(system.mass), np.zeros_like(system.mass)
     for i, k in enumerate(nes):
         if np.any(np.delete(system.mass[k], k)):

@@ -11,22 +11,26 @@ import numpy as np
 from branches.diagram.atlas_labels import Named, label_curves, names_of
 from branches.diagram.atlas_parts import (
     FINE,
+    NOTE,
     STAR,
+    bound_boxes,
+    bound_paths,
     draw_bounds,
     draw_manifold,
     draw_modes,
     energy_axis,
     frequency_axis,
-    frequency_of,
+    frequency_curve,
     mark_boxes,
+    note_named,
     other_entries,
     refuse_empty,
     runs_of,
-    tell_named,
     title,
 )
+from branches.diagram.event_room import draw_some_events, event_types
 from branches.diagram.files import draw
-from branches.diagram.insets import Inset, draw_insets
+from branches.diagram.insets import Inset, draw_insets, place_insets
 from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
@@ -68,7 +72,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
     atlas : Atlas
     frequency : "index" (m 2 pi/T, curves are broken where m changes) or "fundamental" (2 pi/T)
     insets : sequence of Inset
-        Parts of the plane shown larger, where they cover least.
+        Parts of the plane shown larger: within the axes where they cover no curve, else beside them.
     names : int
         Most families named.
 
@@ -83,8 +87,9 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
     """
     if frequency not in FREQUENCIES:
         raise ValueError(f"unknown frequency {frequency!r}: expected index or fundamental")
-    curves = [Named(curve, curve.h, *frequency_of(curve, frequency)) for curve in atlas.curves]
-    stars = None if atlas.impulsive is None else (atlas.impulsive.h, frequency_of(atlas.impulsive, frequency)[0])
+    curves = [frequency_curve(curve, frequency) for curve in atlas.curves]
+    impulsive = atlas.impulsive
+    stars = None if impulsive is None else (impulsive.h, impulsive.frequency if frequency == "fundamental" else impulsive.frequency_index)
     energies = [curve.x for curve in curves] + [atlas.manifold_h] + ([] if stars is None else [stars[0]])
     heights = [curve.y for curve in curves] + [atlas.manifold_frequency] + ([] if stars is None else [stars[1]])
     refuse_empty(energies)
@@ -100,12 +105,20 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         energy_axis(axes, atlas, x_limits)
         frequency_axis(axes, atlas, frequency, shown)
         runs = runs_of(curves)
-        entries = legend_entries(seen([(axes, runs)]), [])
+        entries = legend_entries(seen([(axes, runs)]), event_types(curves))
         entries += other_entries(atlas, modes, stars is not None)
         named = names_of(curves) if curves else _star_names(atlas, stars)
-        figure.legend(handles=entries, loc="outside lower center", ncols=min(3, len(entries)), frameon=False)
+        legend = figure.legend(handles=entries, loc="outside lower center", ncols=min(4, len(entries)), frameon=False, **NOTE)
         settle_layout(figure)
         everything = [curve.path() for curve in curves]
+        everything += [np.array([[axes.get_xlim()[0], mode.frequency], [mode.h, mode.frequency]]) for mode in modes]
+        everything.append(np.stack([atlas.manifold_h, atlas.manifold_frequency], axis=1))
+        lines = everything + bound_paths(axes, atlas)
+
+        def taken() -> list[Any]:
+            return bound_boxes(axes, atlas) + mark_boxes(axes, modes, stars)
+
+        places = place_insets(axes, insets, lines, taken)
 
         def content(panel: Axes, name: str) -> None:
             draw_curve(panel, runs, name, FINE)
@@ -116,23 +129,22 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
                 marks.set_gid(f"{name}-impulsive")
 
         content(axes, "frequency")
-        keep_off = draw_bounds(axes, atlas) + mark_boxes(axes, modes, stars)
-        everything += [np.array([[axes.get_xlim()[0], mode.frequency], [mode.h, mode.frequency]]) for mode in modes]
-        everything.append(np.stack([atlas.manifold_h, atlas.manifold_frequency], axis=1))
-        drawn = draw_insets(axes, insets, everything, content, keep_off)
-        keep_off += [box for detail in drawn for box in (detail.box, detail.letter_box)]
+        draw_bounds(axes, atlas)
+        drawn = draw_insets(axes, places, everything, content)
+        keep_off = taken() + [box for detail in drawn for box in (detail.box, detail.letter_box)]
+        keep_off += draw_some_events(axes, curves, everything, keep_off, "frequency")
         of_modes = _mode_names(axes, modes)
-        frame = axes.get_ylim()
-        lines = [*everything, *(detail.frame for detail in drawn), *(np.array([[b.h, frame[0]], [b.h, frame[1]]]) for b in atlas.bounds)]
+        lines += [detail.frame for detail in drawn]
         written = label_curves(axes, named, lines, keep_off, most=names, always=of_modes)
         known = {name.key for name in named}
         for detail in drawn:
             spots = [*mark_boxes(detail.axes, modes, stars), detail.inner_letter_box]
+            spots += draw_some_events(detail.axes, curves, everything, spots, str(detail.axes.get_label()))
             inside = names_of(curves, detail.axes)
             new = [name for name in inside if name.key not in written][max(0, names - len(written & known)) :]
             inside = [name for name in inside if name not in new]
             written |= label_curves(detail.axes, inside, everything, spots, most=_INSET_NAMES, far=_INSET_FAR, detail=True)
-        tell_named(axes, written, curves or named)
+        note_named(legend, figure.axes, written, curves or named)
     return figure
 
 
@@ -140,7 +152,9 @@ def _star_names(atlas: Atlas, stars: tuple[np.ndarray, np.ndarray] | None) -> li
     """The names of the periodic impulsive orbits, for a picture without families."""
     if atlas.impulsive is None or stars is None:
         return []
-    return [Named.point(str(label), float(x), float(y)) for label, x, y in zip(atlas.impulsive.labels, *stars, strict=True) if label]
+    labels = atlas.impulsive.labels.tolist()
+    more = [f"at {h:.3g}" if labels.count(label) > 1 else "" for label, h in zip(labels, stars[0], strict=True)]
+    return [Named.point(*place) for place in zip(labels, *(column.tolist() for column in stars), more, strict=True) if place[0]]
 
 
 def _mode_names(axes: Axes, modes: Sequence[Any]) -> list[Named]:

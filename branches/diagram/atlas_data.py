@@ -23,12 +23,15 @@ if TYPE_CHECKING:
     from branches.name_pins import Pin
     from bvp.system import ImpactSystem
 
-__all__ = ["Atlas", "Bound", "Curve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
+__all__ = ["EVENTS", "Atlas", "Bound", "Curve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
 
 _NO_PINS: Mapping[str, Pin] = MappingProxyType({})
 
 COLUMNS = ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable")
 """Columns of numbers of a family, besides `velocities` and `label`; named as in the files of a branch."""
+
+EVENTS = ("SN", "SB", "PD", "GR")
+"""Types of special points that are marked in pictures of many families; the first of those at one point counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +40,8 @@ class Curve:
 
     names : (N,) str, what the family is called at each point: its label, or a name that a scene pins. pinned : (N,) bool, where it is
     that. h, alpha, frequency, frequency_index : (N,) float. half_waves : (N,) int. stable : (N,) int, 1, 0, or -1 where it is undecided.
-    velocities : (N, n), NaN where the start is not at the origin. labels : (N,) str.
+    velocities : (N, n), NaN where the start is not at the origin. labels : (N,) str. events : (N,) str, the type of the special point
+    there, one of `EVENTS`, or "".
     """
 
     family: str
@@ -51,6 +55,7 @@ class Curve:
     stable: np.ndarray
     velocities: np.ndarray
     labels: np.ndarray
+    events: np.ndarray
 
     @property
     def label(self) -> str:
@@ -182,7 +187,7 @@ def atlas_of(
             for name in named.get(branch.id, ()):
                 mine = name.points(columns["h"], columns["alpha"], labels.tolist())
                 names[mine], marked[mine] = name.text, True
-            columns |= {"names": names.astype(str), "pinned": marked, "labels": labels.astype(str)}
+            columns |= {"names": names.astype(str), "pinned": marked, "labels": labels.astype(str), "events": _events(branch, piece)}
             curves.append(Curve(branch.id, velocities=piece["velocities"], **columns))
     atlas = Atlas(system, tuple(curves), bounds=tuple(bounds), energy=energy)
     if manifold is not None:
@@ -205,10 +210,18 @@ def atlas_of(
 
 def _pieces(branch: Branch, energy: tuple[float, float] | None) -> list[dict[str, np.ndarray]]:
     """The columns of a family, or of its pieces within a range of energies."""
-    names = (*COLUMNS, "label", "velocities")
+    names = (*COLUMNS, "label", "velocities", "arclength")
     if energy is None:
         return [{name: np.asarray(branch.points[name]) for name in names}] if len(branch) else []
     return cut(branch, *energy, names)
+
+
+def _events(branch: Branch, piece: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The types (N,) of the special points of a piece: events are located at points of the branch."""
+    at = branch.points["arclength"].tolist(), branch.points["h"].tolist()
+    known = {(at[0][e.point], at[1][e.point]): e.type for kind in reversed(EVENTS) for e in branch.events if e.type == kind}
+    places = zip(piece["arclength"].tolist(), piece["h"].tolist(), strict=True)
+    return np.array([known.get(place, "") for place in places], dtype="<U2")
 
 
 def _impulsive_curve(found: ImpulsiveOrbits) -> Curve:
@@ -229,6 +242,7 @@ def _impulsive_curve(found: ImpulsiveOrbits) -> Curve:
         stable=np.array([-1 if orbit.orbit.stable is None else int(orbit.orbit.stable) for orbit in found.orbits], dtype=np.int8),
         velocities=np.array([orbit.orbit.velocities for orbit in found.orbits]),
         labels=np.array(labels),
+        events=np.full(len(labels), "", dtype="<U2"),
     )
 
 

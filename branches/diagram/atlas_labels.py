@@ -10,13 +10,14 @@ import numpy as np
 
 from branches.diagram.placement import Cover, Place, crossing_boxes, even_points, overlapping, place_texts
 from branches.diagram.style import BLACK, GREY, SMALL
+from branches.diagram.titles import short_ids
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from branches.diagram.atlas_data import Curve
 
-__all__ = ["Named", "label_curves", "names_of"]
+__all__ = ["Named", "label_curves", "names_of", "tell_apart"]
 
 _SPACING = 7.0  # points between the places on a curve that a name may point to
 _ROOM = 13.0  # half the width of the surroundings that count as crowded
@@ -27,20 +28,36 @@ FAR = 48.0
 
 
 class Named:
-    """A curve of a panel with its family: x, y (N,) and breaks (N - 1,) where it is not joined."""
+    """A curve of a panel with its family: x, y (N,) and breaks (N - 1,) where it is not joined; the text of its name, and the short id
+    that is written behind it, or in its place where there is none."""
 
-    def __init__(self, curve: Curve | None, x: np.ndarray, y: np.ndarray, breaks: np.ndarray, text: str = "", pinned: bool = False):
+    def __init__(
+        self,
+        curve: Curve | None,
+        x: np.ndarray,
+        y: np.ndarray,
+        breaks: np.ndarray,
+        text: str = "",
+        pinned: bool = False,
+        short_id: str = "",
+    ):
         self.curve = curve
         self.x = np.asarray(x, dtype=float)
         self.y = np.asarray(y, dtype=float)
         self.breaks = np.asarray(breaks, dtype=bool)
         self.text = text or ("" if curve is None else curve.label)
         self.pinned = pinned
+        self.short_id = short_id
 
     @classmethod
-    def point(cls, text: str, x: float, y: float) -> Named:
+    def point(cls, text: str, x: float, y: float, more: str = "") -> Named:
         """A name for one point."""
-        return cls(None, np.array([x]), np.array([y]), np.zeros(0), text)
+        return cls(None, np.array([x]), np.array([y]), np.zeros(0), text, short_id=more)
+
+    @property
+    def shown(self) -> str:
+        """The name as it is written in a picture."""
+        return " ".join(part for part in (self.text and written(self.text), self.short_id) if part)
 
     @property
     def key(self) -> str:
@@ -48,11 +65,11 @@ class Named:
         return self.text if self.curve is None else self.curve.family
 
     @property
-    def importance(self) -> tuple[bool, float, str]:
-        """Sort key: pinned first, then the longest range of energy."""
+    def importance(self) -> tuple[bool, bool, float, str]:
+        """Sort key: pinned first, then those with a label, then the longest range of energy."""
         if self.curve is None:
-            return (False, 0.0, self.text)
-        return (not self.pinned, -float(np.log(self.curve.h.max() / self.curve.h.min())), self.curve.family)
+            return (False, False, 0.0, self.text)
+        return (not self.pinned, not self.text, -float(np.log(self.curve.h.max() / self.curve.h.min())), self.curve.family)
 
     def path(self) -> np.ndarray:
         """The curve (n, 2), with rows of NaN where it is broken."""
@@ -75,17 +92,32 @@ class Named:
         return [Named(self.curve, self.x, self.y, self.breaks, text, True) for text in texts]
 
 
+def tell_apart(curves: Sequence[Named]) -> dict[tuple[str, str], str]:
+    """The short ids that are written, by (family, text): of families without a label, and of all but the most important one of those that
+    have the same name."""
+    families = list(dict.fromkeys(curve.key for curve in curves))
+    known = short_ids(families)
+    first: dict[str, str] = {}
+    out: dict[tuple[str, str], str] = {}
+    for name in sorted((name for curve in curves for name in curve.names()), key=lambda name: name.importance):
+        if not name.text or first.setdefault(name.text, name.key) != name.key:
+            out[name.key, name.text] = known[name.key]
+    return out
+
+
 def names_of(curves: Sequence[Named], axes: Axes | None = None) -> list[Named]:
-    """The curves that have a name, one for each family but all that are pinned, the most important first; those in sight of `axes` where
-    it is given."""
+    """The curves with their names, which are all different: one for each family but all that are pinned, the most important first; those
+    in sight of `axes` where it is given."""
+    apart = tell_apart(curves)
     chosen: dict[tuple[str, str], Named] = {}
     families: set[str] = set()
     for curve in sorted((name for curve in curves for name in curve.names()), key=lambda curve: curve.importance):
         key = (curve.key, curve.text)
-        if not curve.text or key in chosen or (curve.key in families and not curve.pinned):
+        if key in chosen or (curve.key in families and not curve.pinned):
             continue
         if axes is not None and not len(_in_sight(axes, curve)):
             continue
+        curve.short_id = apart.get(key, "")
         chosen[key] = curve
         families.add(curve.key)
     return list(chosen.values())
@@ -111,6 +143,7 @@ class _Candidate:
     size: np.ndarray
     radius: float
     far: float
+    font: float
 
 
 def label_curves(
@@ -123,6 +156,7 @@ def label_curves(
     always: Sequence[Named] = (),
     far: float = FAR,
     detail: bool = False,
+    font: float = SMALL,
 ) -> set[str]:
     """Write names beside their curves, each at the least crowded place, with a leader where it has to stand off. A name without room near
     its curve gives way to the next one.
@@ -137,6 +171,7 @@ def label_curves(
     always : names that are written before all others, and do not count
     far : points that a name stands off at most; three times that for a pinned one
     detail : whether the names stand elsewhere, too, so that none has to touch a curve
+    font : size of the names
 
     Returns
     -------
@@ -148,8 +183,8 @@ def label_curves(
     boxes = np.array(list(keep_off), dtype=float).reshape(-1, 4)
     paths = [axes.transData.transform(curve) * to_points for curve in curves]
     cover = Cover(frame.tolist(), paths)
-    first = _candidates(axes, always, boxes, cover, far)
-    waiting = _candidates(axes, names[: _POOL * most], boxes, cover, far, first)
+    first = _candidates(axes, always, boxes, cover, far, font)
+    waiting = _candidates(axes, names[: _POOL * most], boxes, cover, far, font, first)
     bounds = (frame + np.array([4.0, 4.0, -4.0, -4.0])).tolist()
 
     def placed(chosen: Sequence[_Candidate], slack: float = 1.0) -> list[tuple[_Candidate, Place]]:
@@ -197,7 +232,7 @@ def _readable(done: Sequence[tuple[_Candidate, Place]], cover: Cover, detail: bo
 
 
 def _candidates(
-    axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Cover, far: float, others: Sequence[_Candidate] = ()
+    axes: Axes, names: Sequence[Named], boxes: np.ndarray, cover: Cover, far: float, font: float, others: Sequence[_Candidate] = ()
 ) -> list[_Candidate]:
     to_points = 72 / axes.figure.dpi
     renderer = axes.figure.canvas.get_renderer()  # type: ignore[attr-defined]
@@ -211,11 +246,11 @@ def _candidates(
         crowded = cover.within(np.concatenate([spots - _ROOM, spots + _ROOM], axis=1))
         for other in (*others, *out):  # names that point to one place would push each other away
             crowded = crowded + 40.0 * (np.hypot(*(spots - other.at).T) < 2.0 * _ROOM)
-        trial = axes.text(0, 0, written(named.text), fontsize=SMALL)
+        trial = axes.text(0, 0, named.shown, fontsize=font)
         size = np.array(trial.get_window_extent(renderer).size) * to_points
         trial.remove()
         radius = 3.0 if len(named.x) == 1 else 0.8
-        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if named.pinned else far))
+        out.append(_Candidate(named, spots[int(np.argmin(crowded))], size, radius, 3.0 * far if named.pinned else far, font))
     return out
 
 
@@ -223,8 +258,8 @@ def _write(axes: Axes, item: _Candidate, place: Place, to_points: float) -> None
     x, y = axes.transData.inverted().transform(item.at / to_points)
     here = (float(x), float(y))
     offset = (place.left - item.at[0], place.bottom - item.at[1])
-    style: dict[str, Any] = {"fontsize": SMALL, "color": BLACK, "ha": "left", "va": "bottom", "zorder": 6}
-    axes.annotate(written(item.named.text), here, offset, textcoords="offset points", **style)
+    style: dict[str, Any] = {"fontsize": item.font, "color": BLACK, "ha": "left", "va": "bottom", "zorder": 6}
+    axes.annotate(item.named.shown, here, offset, textcoords="offset points", **style)
     if place.leader:
         tip = (place.leader[0] - item.at[0], place.leader[1] - item.at[1])
         arrow = {"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0.8, "shrinkB": 0}

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.diagram.atlas_labels import Named
 from branches.diagram.marks import curve_runs
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
-from branches.diagram.style import BLACK, GREEN, NORMAL, ORANGE, YELLOW
+from branches.diagram.style import BLACK, GREEN, NORMAL, ORANGE, SMALL, YELLOW
 from branches.diagram.titles import system_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.legend import Legend
 
     from branches.diagram.atlas_data import Atlas, Curve
-    from branches.diagram.atlas_labels import Named
 
 Box = tuple[float, float, float, float]
 
@@ -66,11 +68,34 @@ def energy_axis(axes: Axes, atlas: Atlas, limits: tuple[float, float]) -> None:
     logarithmic_axis(axes, "x", limits, 14, "energy", "h" if atlas.energy_unit == 1.0 else r"\hat{H}")
 
 
-def frequency_of(curve: Curve, frequency: str) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (N,) of a family, "index" or "fundamental", and where (N - 1,) its curve is broken."""
+def frequency_curve(curve: Curve, frequency: str) -> Named:
+    """The curve of a family over its frequency, "index" or "fundamental"; the former is broken where m changes."""
     if frequency == "fundamental":
-        return curve.frequency, np.zeros(max(len(curve.h) - 1, 0), dtype=bool)
-    return curve.frequency_index, np.diff(curve.half_waves) != 0
+        return Named(curve, curve.h, curve.frequency, np.zeros(max(len(curve.h) - 1, 0), dtype=bool))
+    curve = _with_both_ends(curve)
+    return Named(curve, curve.h, curve.frequency_index, np.diff(curve.half_waves) != 0)
+
+
+def _with_both_ends(curve: Curve) -> Curve:
+    """The curve where each piece of one m begins with the last point of the piece before it, so that no piece is a point alone; a first
+    piece of one point ends with the point behind it."""
+    pieces = np.split(np.arange(len(curve.h)), np.flatnonzero(np.diff(curve.half_waves)) + 1)
+    if len(pieces) == 1:
+        return curve
+    shown = [np.insert(piece, 0, piece[0] - 1) if k else piece for k, piece in enumerate(pieces)]
+    if len(pieces[0]) == 1:
+        shown[0] = np.array([0, 1])
+    point = np.concatenate(shown)
+    of_piece = np.concatenate([np.clip(some, piece[0], piece[-1]) for some, piece in zip(shown, pieces, strict=True)])
+    own = point == of_piece
+    turned = curve.half_waves[of_piece] * curve.frequency[point]
+    return replace(
+        curve,
+        **{name: getattr(curve, name)[point] for name in ("h", "alpha", "frequency", "stable", "velocities")},
+        **{name: getattr(curve, name)[of_piece] for name in ("names", "pinned", "labels", "half_waves")},
+        frequency_index=np.where(own, curve.frequency_index[point], turned),
+        events=np.where(own, curve.events[point], ""),
+    )
 
 
 def frequency_axis(axes: Axes, atlas: Atlas, frequency: str, shown: np.ndarray) -> None:
@@ -122,27 +147,39 @@ def draw_manifold_velocity(axes: Axes, atlas: Atlas, k: int, name: str) -> None:
         dots.set_gid(f"{name}-manifold")
 
 
-def draw_bounds(axes: Axes, atlas: Atlas) -> list[Box]:
-    """The vertical lines, and the regimes' numerals under the upper edge of the frame; returns the numerals' boxes in points."""
+def _regimes(axes: Axes, atlas: Atlas) -> list[tuple[str, float]]:
+    """The numerals of the regimes in sight, and the energies in their middles."""
     if not atlas.bounds:
         return []
-    to_points = 72 / axes.figure.dpi
     low, high = axes.get_xlim()
     edges = [low, *(bound.h for bound in atlas.bounds), high]
     names = [atlas.bounds[0].below, *(bound.above for bound in atlas.bounds)]
-    boxes = []
+    spans = zip(names, edges, edges[1:], strict=False)
+    return [(name, math.sqrt(left * right)) for name, left, right in spans if low <= left < right <= high]
+
+
+def draw_bounds(axes: Axes, atlas: Atlas) -> None:
+    """The vertical lines, and the regimes' numerals under the upper edge of the frame."""
     for bound in atlas.bounds:
         line = axes.axvline(bound.h, zorder=1.5, **_BOUND)
         line.set_gid(f"bound-{bound.below}-{bound.above}")
-    for name, left, right in zip(names, edges, edges[1:], strict=False):
-        if low <= left < right <= high:
-            middle = math.exp(0.5 * (math.log(left) + math.log(right)))
-            style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "top", "fontsize": NORMAL + 1.0, "zorder": 6}
-            axes.annotate(name, (middle, 1.0), (0, -4), xycoords=("data", "axes fraction"), **style)
-            x = axes.transData.transform((middle, 1.0))[0] * to_points
-            top = axes.bbox.y1 * to_points
-            boxes.append((x - 9.0, top - 16.0, x + 9.0, top))
-    return boxes
+    for name, middle in _regimes(axes, atlas):
+        style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "top", "fontsize": NORMAL + 1.0, "zorder": 6}
+        axes.annotate(name, (middle, 1.0), (0, -4), xycoords=("data", "axes fraction"), **style)
+
+
+def bound_paths(axes: Axes, atlas: Atlas) -> list[np.ndarray]:
+    """The vertical lines (2, 2)."""
+    low, high = axes.get_ylim()
+    return [np.array([[bound.h, low], [bound.h, high]]) for bound in atlas.bounds]
+
+
+def bound_boxes(axes: Axes, atlas: Atlas) -> list[Box]:
+    """Boxes in points of the regimes' numerals."""
+    to_points = 72 / axes.figure.dpi
+    top = float(axes.bbox.y1) * to_points
+    places = [float(axes.transData.transform((middle, axes.get_ylim()[0]))[0]) * to_points for _, middle in _regimes(axes, atlas)]
+    return [(x - 9.0, top - 16.0, x + 9.0, top) for x in places]
 
 
 def other_entries(atlas: Atlas, modes: Sequence[Any], stars: bool) -> list[Any]:
@@ -173,12 +210,17 @@ def star_entry() -> list[Any]:
     return [Line2D([], [], label="periodic impulsive orbits", **STAR)]
 
 
-def tell_named(axes: Axes, written: set[str], curves: Sequence[Named], note: str = "") -> None:
-    """Say on the energy axis how many of the families have their name in the picture."""
+NOTE: dict[str, Any] = {"title": " ", "title_fontsize": SMALL}
+"""Options of the legend that keep the room of its note free, which is known when the names are placed."""
+
+
+def note_named(legend: Legend, axes: Sequence[Axes], written: set[str], curves: Sequence[Named], note: str = "") -> None:
+    """Say above the legend how many of the families have their name in the picture, and what a short id is."""
     keys = {curve.key for curve in curves}
     what = "families" if curves and curves[0].curve is not None else "orbits"
-    if keys:
-        axes.set_xlabel(f"{axes.get_xlabel()}   ({len(written & keys)} of {len(keys)} {what} named{note})")
+    if any("#" in text.get_text() for panel in axes for text in panel.texts):
+        note += "; # and the first digits of the hash in an id: families without a label, or with the label of another one"
+    legend.set_title(f"{len(written & keys)} of {len(keys)} {what} named{note}" if keys else "")
 
 
 def mark_boxes(axes: Axes, modes: Sequence[Any], stars: tuple[np.ndarray, np.ndarray] | None) -> list[Box]:

@@ -1,4 +1,4 @@
-"""Details of a picture shown larger inside it: which part, and where the least is covered."""
+"""Details of a picture shown larger: inside it where they cover no curve, else beside its axes."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from branches.diagram.style import BLACK, NORMAL, SMALL
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Detail", "Inset", "draw_insets", "parse_inset"]
+__all__ = ["Detail", "Inset", "Place", "draw_insets", "parse_inset", "place_insets"]
 
-_SIZES = ((0.40, 0.36), (0.34, 0.32), (0.30, 0.28), (0.26, 0.24))  # parts of the frame, the largest that finds an empty place
-_EMPTY = 5e-4  # a place with a smaller part of its cells occupied counts as empty
+_SIZES = ((0.40, 0.36), (0.34, 0.32), (0.30, 0.28))  # parts of the frame, the largest that finds an empty place
 _STEPS = 24
+_CLEAR = 3.0  # points between a detail and a curve: half a marker on the curve, and some air
+_BESIDE, _MOST_BESIDE = 0.34, 0.5  # part of the width that details beside the axes take, and the most that they may
+_APART = 14.0  # points between the axes and the details beside them
+_LOWEST = 90.0  # points that a detail beside the axes is high at least
 _MARGIN = (24.0, 20.0, 6.0, 6.0)  # room for its own ticks: left, bottom, right, top, in points
 _LETTER = (10.0, 12.0)  # room of its letter, in points
 _LARGER = 1.1  # times that a detail is larger than what it shows, in both directions where the frame has room
@@ -84,26 +87,34 @@ def parse_inset(text: str) -> Inset:
     return Inset(ranges[0], ranges[1] if len(ranges) == 2 else None)
 
 
-def draw_insets(
-    axes: Axes,
-    insets: Sequence[Inset],
-    curves: Sequence[np.ndarray],
-    content: Callable[[Axes, str], None],
-    keep_off: Sequence[Sequence[float]] = (),
-) -> list[Detail]:
-    """Draw each detail in the place of `axes` where it covers least, and a frame with the same letter around what it shows.
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a detail goes: what it shows, its ranges of x and y, the box (4,) in points that it takes with its ticks, and the box of the
+    letter beside the frame around what it shows."""
+
+    inset: Inset
+    x: tuple[float, float]
+    y: tuple[float, float]
+    box: np.ndarray
+    letter_box: np.ndarray
+
+
+def place_insets(
+    axes: Axes, insets: Sequence[Inset], curves: Sequence[np.ndarray], keep_off: Callable[[], Sequence[Sequence[float]]]
+) -> list[Place]:
+    """Find a place for each detail: in `axes` where it covers no curve, else beside `axes`, which become narrower for it.
 
     Parameters
     ----------
-    axes : with its final limits and place in the figure
+    axes : with its final limits and place in the figure, before anything is drawn that depends on that place
     insets : sequence of Inset
-    curves : polylines (n, 2) in data coordinates
-    content : draws what `axes` shows into other axes; called with them and a name
-    keep_off : boxes in points that no detail covers
+    curves : polylines (n, 2) in data coordinates; all that is drawn as a line
+    keep_off : callable
+        Returns boxes in points that no detail covers, for the present place of `axes`.
 
     Returns
     -------
-    list of Detail
+    list of Place
 
     Raises
     ------
@@ -112,32 +123,101 @@ def draw_insets(
     """
     if not insets:
         return []
+    ranges = [_ranges(inset, curves, axes.get_yscale() == "log") for inset in insets]
+    to_points = 72 / axes.figure.dpi
+    whole = np.array(axes.bbox.extents) * to_points
+    beside: list[int] = []
+    while True:
+        frame = np.array(axes.bbox.extents) * to_points
+        cover = Cover(frame.tolist(), [axes.transData.transform(curve) * to_points for curve in curves])
+        corners = [axes.transData.transform([(left, low), (right, high)]).ravel() * to_points for (left, right), (low, high) in ranges]
+        for inset, shown in zip(insets, corners, strict=True):
+            if not cover.within(np.array([shown]))[0]:
+                raise ValueError(f"{inset}: nothing is drawn there")
+        boxes = dict(zip(beside, _column(insets, beside, corners, frame, whole), strict=True))
+        letters = [_beside_frame(shown, cover) for shown in corners]
+        taken = [np.array(box) for box in keep_off()] + corners + letters
+        for k in range(len(insets)):
+            if k in boxes:
+                continue
+            box = _inside(frame, cover, np.array(taken), _LARGER * (corners[k][2:] - corners[k][:2]))
+            if box is None:
+                break
+            boxes[k] = box
+            taken.append(box)
+        else:
+            return [Place(insets[k], *ranges[k], boxes[k], letters[k]) for k in range(len(insets))]
+        # Narrower axes have other empty places: all that are inside are placed anew.
+        beside = sorted([*beside, k])
+        _narrow(axes, insets, beside, corners, whole)
+
+
+def _beside_frame(shown: np.ndarray, cover: Cover) -> np.ndarray:
+    """The box (4,) of a letter beside an upper corner of what is shown (4,): the right one, unless it hides less at the left one."""
+    boxes = np.array([[x, shown[3] - 8.0, x + 8.0, shown[3] + 2.0] for x in (shown[2], shown[0] - 8.0)])
+    return np.asarray(boxes[int(np.argmin(cover.within(boxes)))])
+
+
+def _narrow(axes: Axes, insets: Sequence[Inset], beside: Sequence[int], corners: Sequence[np.ndarray], whole: np.ndarray) -> None:
+    """Make room beside the axes, which were `whole` (4,) at first, for the widest of the details, larger than what it shows."""
+    width = axes.bbox.width * 72 / axes.figure.dpi
+    share, widest = max(((corners[k][2] - corners[k][0]) / width, k) for k in beside)
+    full = whole[2] - whole[0]
+    margins = _MARGIN[0] + _MARGIN[2] + _APART
+    # share of the narrower axes, larger, and the margins fit into what they leave
+    part = max(_BESIDE, (_LARGER * share + margins / full) / (1.0 + _LARGER * share))
+    if part > _MOST_BESIDE:
+        raise ValueError(f"{insets[widest]}: there is no place beside what it shows; expected a smaller part, LO:HI,FLO:FHI")
+    place = axes.get_position()
+    axes.set_position((place.x0, place.y0, place.width * (1.0 - part) * full / width, place.height))
+
+
+def _column(
+    insets: Sequence[Inset], beside: Sequence[int], corners: Sequence[np.ndarray], frame: np.ndarray, whole: np.ndarray
+) -> list[np.ndarray]:
+    """The boxes of the details beside the axes, one below the other from the top."""
+    if not beside:
+        return []
+    height = (frame[3] - frame[1]) / len(beside)
+    if height < _LOWEST:
+        raise ValueError(f"{insets[beside[-1]]}: there is no place beside the others; expected fewer insets or smaller parts")
+    out = []
+    for row, k in enumerate(beside):
+        shown = corners[k][3] - corners[k][1] + _MARGIN[1] + _MARGIN[3]
+        high = min(height, max(_LARGER * shown, whole[2] - frame[2] - _APART))
+        top = frame[3] - row * height
+        out.append(np.array([frame[2] + _APART, top - high, whole[2], top]))
+    return out
+
+
+def draw_insets(axes: Axes, places: Sequence[Place], curves: Sequence[np.ndarray], content: Callable[[Axes, str], None]) -> list[Detail]:
+    """Draw each detail in its place, and a frame with the same letter around what it shows.
+
+    Parameters
+    ----------
+    axes : as `place_insets` left it
+    places : as `place_insets` gives them
+    curves : polylines (n, 2) in data coordinates, that the letters keep off
+    content : draws what `axes` shows into other axes; called with them and a name
+
+    Returns
+    -------
+    list of Detail
+    """
+    from matplotlib.patches import Rectangle
+
     figure = axes.figure
     to_points = 72 / figure.dpi
-    frame = np.array(axes.bbox.extents) * to_points
-    paths = [axes.transData.transform(curve) * to_points for curve in curves]
-    cover = Cover(frame.tolist(), paths)
+    size = np.array(figure.bbox.size) * to_points
     logarithmic = axes.get_yscale() == "log"
-    ranges = [_ranges(inset, curves, logarithmic) for inset in insets]
-    corners = [axes.transData.transform([(left, low), (right, high)]).ravel() * to_points for (left, right), (low, high) in ranges]
-    for inset, shown in zip(insets, corners, strict=True):
-        if not cover.within(np.array([shown]))[0]:
-            raise ValueError(f"{inset}: nothing is drawn there")
-    taken = [np.array(box) for box in keep_off] + corners
     out: list[Detail] = []
-    for k, ((left, right), (low, high)) in enumerate(ranges):
+    for k, place in enumerate(places):
+        (left, right), (low, high), box = place.x, place.y, place.box
         letter = "abcdefghijklmnopqrstuvwxyz"[k % 26]
-        box = _place(frame, cover, np.array(taken), _LARGER * (corners[k][2:] - corners[k][:2]))
-        if box is None:
-            raise ValueError(f"{insets[k]}: there is no place beside what it shows; expected a smaller part, LO:HI,FLO:FHI")
-        taken.append(box)
         inner = box + np.array([_MARGIN[0], _MARGIN[1], -_MARGIN[2], -_MARGIN[3]])
-        size = np.array(figure.bbox.size) * to_points
         ground = figure.add_axes((box[0] / size[0], box[1] / size[1], (box[2] - box[0]) / size[0], (box[3] - box[1]) / size[1]), zorder=7)
         ground.set_axis_off()
         ground.patch.set_visible(False)
-        from matplotlib.patches import Rectangle
-
         ground.add_patch(Rectangle((0, 0), 1, 1, transform=ground.transAxes, facecolor="white", edgecolor="none", alpha=0.94))
         panel = figure.add_axes(
             (inner[0] / size[0], inner[1] / size[1], (inner[2] - inner[0]) / size[0], (inner[3] - inner[1]) / size[1]), zorder=8
@@ -155,13 +235,14 @@ def draw_insets(
         inner_letter_box = _letter(panel, letter, curves, style)
         (border,) = axes.plot([left, right, right, left, left], [low, low, high, high, low], color=BLACK, linewidth=0.7, zorder=5.5)
         border.set_gid(f"inset-{letter}-frame")
-        axes.annotate(letter, (right, high), (1.5, 1.0), **style)
         corner = axes.transData.transform((right, high)) * to_points
+        shift = (place.letter_box[0] + 1.5 - corner[0], 1.0)
+        axes.annotate(letter, (right, high), shift, **style)
         out.append(
             Detail(
                 panel,
                 (float(box[0]), float(box[1]), float(box[2]), float(box[3])),
-                (corner[0], corner[1] - 8.0, corner[0] + 8.0, corner[1] + 2.0),
+                (*place.letter_box.tolist(),),
                 inner_letter_box,
                 np.array([[left, low], [right, low], [right, high], [left, high], [left, low]]),
             )
@@ -194,31 +275,21 @@ def _ranges(inset: Inset, curves: Sequence[np.ndarray], logarithmic: bool) -> tu
     return inset.energy, logarithmic_limits(heights, 0.06) if logarithmic else linear_limits(heights, 0.06)
 
 
-def _place(frame: np.ndarray, cover: Cover, taken: np.ndarray, inside: np.ndarray) -> np.ndarray | None:
-    """The box (4,) that covers least of the curves and nothing that is taken: the largest size for which there is an empty one.
-
-    It has room for `inside` (2,) between its margins, if need be in its width only, or as much as there is; None where it has no place."""
+def _inside(frame: np.ndarray, cover: Cover, taken: np.ndarray, inside: np.ndarray) -> np.ndarray | None:
+    """The largest box (4,) in the frame that covers no curve and nothing that is taken, with room for `inside` (2,) between its margins;
+    None where there is none."""
     whole = frame[2:] - frame[:2]
-    room = inside + np.array([_MARGIN[0] + _MARGIN[2], _MARGIN[1] + _MARGIN[3]])
-    for least_size in (room, np.array([room[0], 0.0]), np.zeros(2)):
-        if (least_size > np.array([_WIDEST, _HIGHEST]) * whole).any():
-            continue
-        best, least = None, math.inf
-        for part in _SIZES:
-            size = np.maximum(np.array(part) * whole, least_size)
-            x = np.linspace(frame[0] + 3.0, frame[2] - 3.0 - size[0], _STEPS)
-            y = np.linspace(frame[1] + 3.0, frame[3] - 3.0 - size[1], _STEPS)
-            corners = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-            boxes = np.concatenate([corners, corners + size], axis=1)
-            boxes = boxes[~overlapping(boxes, taken).any(axis=1)]
-            if not len(boxes):
-                continue
-            share = cover.within(boxes) / (size[0] * size[1])
-            k = int(np.argmin(share))
-            if share[k] < least:
-                best, least = boxes[k], float(share[k])
-            if share[k] <= _EMPTY:
-                break
-        if best is not None:
-            return best
+    least_size = inside + np.array([_MARGIN[0] + _MARGIN[2], _MARGIN[1] + _MARGIN[3]])
+    if (least_size > np.array([_WIDEST, _HIGHEST]) * whole).any():
+        return None
+    for part in _SIZES:
+        size = np.maximum(np.array(part) * whole, least_size)
+        x = np.linspace(frame[0] + 3.0, frame[2] - 3.0 - size[0], _STEPS)
+        y = np.linspace(frame[1] + 3.0, frame[3] - 3.0 - size[1], _STEPS)
+        corners = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        boxes = np.concatenate([corners, corners + size], axis=1)
+        boxes = boxes[~overlapping(boxes, taken).any(axis=1)]
+        empty = boxes[cover.within(boxes + np.array([-_CLEAR, -_CLEAR, _CLEAR, _CLEAR])) == 0]
+        if len(empty):
+            return empty[0]
     return None

@@ -100,10 +100,11 @@ def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str, fine: flo
                 marks.set_gid(f"{panel}-unstable-crosses")
 
 
-def _marker_look(style: EventStyle) -> dict[str, Any]:
+def marker_look(style: EventStyle, smaller: float = 1.0) -> dict[str, Any]:
+    """How matplotlib draws a marker, in full size or smaller."""
     return {
         "marker": style.marker,
-        "markersize": style.size,
+        "markersize": smaller * style.size,
         "markerfacecolor": style.colour,
         "markeredgecolor": BLACK,
         "markeredgewidth": 0.6,
@@ -116,7 +117,7 @@ def draw_events(axes: Axes, kinds: Sequence[str], x: np.ndarray, y: np.ndarray, 
     for kind in dict.fromkeys(kinds):
         of_kind = np.array([k == kind for k in kinds])
         above = _BELOW.get(kind, 4.0)
-        (marks,) = axes.plot(x[of_kind], y[of_kind], zorder=above, clip_on=False, **_marker_look(event_style(kind)))
+        (marks,) = axes.plot(x[of_kind], y[of_kind], zorder=above, clip_on=False, **marker_look(event_style(kind)))
         marks.set_gid(f"{panel}-events-{kind}")
 
 
@@ -233,5 +234,5 @@ def legend_entries(codes: Collection[int], kinds: Sequence[str]) -> list[Line2D]
     order = [k for k in EVENT_STYLES if k in kinds] + [k for k in dict.fromkeys(kinds) if k not in EVENT_STYLES]
     for kind in order:
         style = event_style(kind)
-        entries.append(Line2D([], [], label=f"{kind} {style.name}" if style.name != kind else kind, **_marker_look(style)))
+        entries.append(Line2D([], [], label=f"{kind} {style.name}" if style.name != kind else kind, **marker_look(style)))
     return entries

@@ -195,6 +195,13 @@ def _draw_plane(figure: Figure, axes: Axes, system: Any, u: np.ndarray, v: np.nd
                 axes.plot(wall[:, 0], wall[:, 1], color=BLACK, linewidth=1.2, zorder=2)[0].set_gid(f"plane-wall-{stop.name}")
     linear_axis(axes, "x", limits[0], 5, "", names[0])
     linear_axis(axes, "y", limits[1], 5, "", names[1])
+    for _ in range(2 if n > 1 else 0):  # the frame's size depends on whether there is this text
+        lengths = np.array([high - low for low, high in limits]) / np.asarray(axes.get_window_extent().size)
+        ratio = float(lengths.max() / lengths.min())
+        if ratio > 1.05:
+            large, small = names if lengths[0] < lengths[1] else names[::-1]
+            axes.set_xlabel(f"${names[0]}$\nscales differ: ${large}$ is drawn {ratio:.3g} times as large as ${small}$")
+            figure.draw_without_rendering()
 
 
 def _one_scale(limits: list[tuple[float, float]], size: np.ndarray) -> list[tuple[float, float]]:

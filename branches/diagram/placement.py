@@ -59,9 +59,10 @@ def crossing_segments(starts: np.ndarray, ends: np.ndarray, from_: np.ndarray, t
 
 
 class Cover:
-    """How much of the drawn curves lies in a box: a summed-area table over cells of one point."""
+    """How much of the drawn curves lies in a box: a summed-area table over cells of one point. A cell that several curves cross counts
+    once, or, `each`, once for each of them."""
 
-    def __init__(self, bounds: Sequence[float], curves: Sequence[np.ndarray]) -> None:
+    def __init__(self, bounds: Sequence[float], curves: Sequence[np.ndarray], *, each: bool = False) -> None:
         self._origin = np.array(bounds[:2])
         self._shape = tuple(int(n) for n in np.ceil(np.array(bounds[2:]) - self._origin) + 1)
         cells = np.zeros(self._shape)
@@ -69,7 +70,7 @@ class Cover:
             along = np.concatenate([even_points(curve, 1.0), curve[np.isfinite(curve).all(axis=1)]])
             index = np.floor(along - self._origin).astype(int)
             index = index[((index >= 0) & (index < self._shape)).all(axis=1)]
-            cells[index[:, 0], index[:, 1]] = 1.0
+            cells[index[:, 0], index[:, 1]] = cells[index[:, 0], index[:, 1]] + 1.0 if each else 1.0
         self._sums = np.zeros((self._shape[0] + 1, self._shape[1] + 1))
         self._sums[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
 

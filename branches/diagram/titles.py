@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Iterable
 from typing import Any
 
 from branches.words import PERIODIC
@@ -49,6 +51,26 @@ def system_text(system: Any) -> str:
         return ", ".join(rf"${symbol_of(k)} = {v:.6g}$" for k, v in numbers.items())
     n, stops = len(system.coordinates), len(system.stops)
     return f"{n} degree{'s' * (n != 1)} of freedom, {stops} stop{'s' * (stops != 1)}"
+
+
+_SHORTEST = 4  # digits of a hash
+
+
+def short_ids(ids: Iterable[str]) -> dict[str, str]:
+    """Short texts for the ids of families in one picture: the first digits of the hash, as many as tell it from the others.
+
+    Examples
+    --------
+    >>> short_ids(["rest-stop+::2c49f5ff", "rest-stop+::87c63b1c", "stop+-stop+:-:2c49a000"])
+    {'rest-stop+::2c49f5ff': '#2c49f', 'rest-stop+::87c63b1c': '#87c6', 'stop+-stop+:-:2c49a000': '#2c49a'}
+    """
+    hashes = {id: id.rpartition(":")[2] for id in ids}
+    counts = Counter(text[:n] for text in set(hashes.values()) for n in range(_SHORTEST, len(text) + 1))
+    out = {}
+    for id, text in hashes.items():
+        n = next((n for n in range(_SHORTEST, len(text)) if counts[text[:n]] == 1), len(text))
+        out[id] = f"#{text[:n]}"
+    return out
 
 
 def family_text(label: str, ends: tuple[str, str], word: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from branches.diagram.atlas_labels import Named, label_curves, names_of
 from branches.diagram.atlas_parts import (
     FINE,
+    NOTE,
     STAR,
     Box,
     draw_manifold_velocity,
@@ -17,12 +18,13 @@ from branches.diagram.atlas_parts import (
     manifold_entry,
     manifold_paths,
     mark_boxes,
+    note_named,
     refuse_empty,
     runs_of,
     star_entry,
-    tell_named,
     title,
 )
+from branches.diagram.event_room import draw_some_events, event_types
 from branches.diagram.files import draw
 from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_limits
@@ -89,12 +91,12 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
             drawn.append((axes, k, of_panel, runs_of(of_panel)))
         for axes in panels[:-1]:
             axes.set_xlabel("")
-        entries = legend_entries(seen((axes, runs) for axes, _, _, runs in drawn), [])
+        entries = legend_entries(seen((axes, runs) for axes, _, _, runs in drawn), event_types(drawn[0][2]))
         if len(atlas.manifold_h):
             entries += manifold_entry("impulsive motions")
         if stars is not None:
             entries += star_entry()
-        figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False)
+        legend = figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False, **NOTE)
         settle_layout(figure)
         written: set[str] = set()
         for axes, k, of_panel, runs in drawn:
@@ -108,7 +110,8 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
                 marks.set_gid(f"{name}-impulsive")
                 spots = mark_boxes(axes, [], place)
             everything = [curve.path() for curve in of_panel] + manifold_paths(atlas, k)
+            spots += draw_some_events(axes, of_panel, everything, spots, name)
             written |= label_curves(axes, names_of(of_panel), everything, spots, most=names)
         note = f"; {left_out} that do not start at the origin left out" if left_out else ""
-        tell_named(panels[-1], written, drawn[0][2], note)
+        note_named(legend, figure.axes, written, drawn[0][2], note)
     return figure

@@ -17,12 +17,13 @@ __all__ = ["COLUMNS", "KINDS", "TEXTS", "from_table", "to_table"]
 
 KINDS = ("family", "manifold", "impulsive")
 
-TEXTS = ("kind", "family", "name", "label")
+TEXTS = ("kind", "family", "name", "label", "event")
 WHOLE = ("curve", "pinned", "half_waves", "stable", "joined")
 NUMBERS = ("h", "alpha", "frequency", "frequency_index")
-COLUMNS = ("kind", "curve", "family", "name", "pinned", "label", *NUMBERS, "half_waves", "stable", "joined")
+COLUMNS = ("kind", "curve", "family", "name", "pinned", "label", *NUMBERS, "half_waves", "stable", "joined", "event")
 """Columns, besides `velocities`: name is what the family is called there, pinned is 1 where a scene pins that, label is that of the point;
-stable is 1, 0, or -1 where it is undecided; joined is 1 where the manifold goes on to the next row. NaN: does not exist."""
+stable is 1, 0, or -1 where it is undecided; joined is 1 where the manifold goes on to the next row; event is the type of the special point
+there. NaN: does not exist."""
 
 
 def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -45,7 +46,7 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
             "", np.full(count, ""), np.zeros(count, dtype=bool),
             h=atlas.manifold_h, alpha=nowhere, frequency=atlas.manifold_frequency, frequency_index=nowhere,
             half_waves=np.zeros(count, dtype=int), stable=np.full(count, -1), velocities=atlas.manifold_velocities,
-            labels=np.full(count, ""),
+            labels=np.full(count, ""), events=np.full(count, ""),
         )  # fmt: skip
         parts.append({**_rows("manifold", len(atlas.curves), curve), "joined": atlas.manifold_joined.astype(int)})
     if atlas.impulsive is not None:
@@ -68,6 +69,7 @@ def _rows(kind: str, number: int, curve: Curve) -> dict[str, np.ndarray]:
         "half_waves": np.asarray(curve.half_waves, dtype=int),
         "stable": np.asarray(curve.stable, dtype=int),
         "joined": np.zeros(count, dtype=int),
+        "event": curve.events.astype(str),
         "velocities": np.asarray(curve.velocities, dtype=float),
     }
 
@@ -117,5 +119,6 @@ def _curve(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> Curve:
         stable=columns["stable"][rows],
         velocities=columns["velocities"][rows],
         labels=columns["label"][rows],
+        events=columns["event"][rows].astype(str),
         **numbers,
     )

@@ -43,7 +43,7 @@ def warm() -> None:
     tests = [0.0] * len(family.tests)
     y, tangent, position = (np.zeros(size) for size in (problem.unknowns, 2 * problem.unknowns, problem.size + 2))
     step = Step(True, y, tangent, position, 1.0, 0.0, 0, 0.0, 1.0, 1.0, tests)
-    family._march(step, tests, tests, 1.0, 0.01, position, position, 0, control_of(Settings()))
+    family._march(step, tests, tests, tests, 1.0, 1.0, 0.01, position, position, 0, control_of(Settings()))
 
 
 if __name__ == "__main__":

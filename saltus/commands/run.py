@@ -105,7 +105,7 @@ def _write(
     from saltus.motion_data import impact_table, json_text, motion_record, sample_table
     from saltus.motion_modes import mode_lines, mode_table
     from saltus.motion_picture import draw
-    from saltus.motion_text import comparison, describe
+    from saltus.motion_text import comparison, describe, of_the_start
 
     scale = units.from_arguments(arguments)
     record = motion_record(told, scene, start, scale, locked, modes)
@@ -136,7 +136,8 @@ def _write(
     def picture(path: Path) -> None:
         if told.shown is None:
             raise outputs.NotDrawn(f"cannot draw {files.plot}: {told.why_no_stages}")
-        draw(told.shown, catalogue, start.branch, path, arguments.caption)
+        leaves = [f"The motion leaves {text}." for text in of_the_start(start, record)]
+        draw(told.shown, catalogue, start.branch, path, " ".join([*filter(None, [arguments.caption]), *leaves]))
         if (scale.length, scale.frequency) != (1.0, 1.0):
             print("note   the picture is in natural units", file=files.words)
 

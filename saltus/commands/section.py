@@ -46,10 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--colour",
         metavar="WHAT",
-        type=one_of("none", "lyapunov", "rotation"),
-        default="none",
-        help="colour motions by their largest Lyapunov exponent (lyapunov), or by their rotation number about an elliptic fixed point "
-        "of the section (rotation)",
+        type=one_of("none", "energy", "lyapunov", "rotation"),
+        help="colour motions by their largest Lyapunov exponent (lyapunov), by their rotation number about an elliptic fixed point "
+        "of the section (rotation), or, of a system that loses energy, by their energy (energy, which is the default there)",
     )
     parser.add_argument("--about", metavar="X,Y", type=_place, help="rotation numbers about the fixed point next to here alone")
     catalogue_arguments.add_file(parser, "mark the periodic orbits that the families of this catalogue have at the energy")
@@ -71,6 +70,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     planes = [SectionPlane(scene.system, energy) for energy in energies]
     why = scene.system.why_not_conservative()
+    if arguments.colour is None:
+        arguments.colour = "none" if why is None else "energy"
+    elif arguments.colour == "energy" and why is None:
+        raise BadInput("--colour energy: the system keeps its energy, which is that of the section; expected none, lyapunov or rotation")
     if arguments.about is not None and (arguments.colour != "rotation" or arguments.plate):
         raise BadInput("--about chooses the fixed point of rotation numbers; expected it with --colour rotation, and without --plate")
     if arguments.colour == "rotation" and why is not None:

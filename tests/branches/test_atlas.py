@@ -68,14 +68,18 @@ def lines_of(axes, prefix):
 @pytest.mark.parametrize(("frequency", "column"), [("index", "frequency_index"), ("fundamental", "frequency")])
 def test_every_point_is_drawn_on_the_line_of_its_stability_and_lines_break_where_m_changes(frequency, column):
     """Oracle: membership of each (h, frequency); each drawn segment joins two successive points of one family, of one m on the index
-    axis."""
+    axis, where a point beside a change of m has the frequencies of both."""
     data = real.atlas()
     axes = panels_of(atlas_figure(data, frequency=frequency))["frequency"]
     lines = lines_of(axes, "frequency-")
     places = {}
     for k, curve in enumerate(data.curves):
         for i, point in enumerate(zip(curve.h, getattr(curve, column), strict=True)):
-            places.setdefault(point, []).append((k, i))
+            places.setdefault(point, []).append((k, i, curve.half_waves[i]))
+            for j in (i - 1, i + 1):
+                if frequency == "index" and 0 <= j < len(curve.h) and curve.half_waves[j] != curve.half_waves[i]:
+                    turned = curve.half_waves[j] * curve.frequency[i]
+                    places.setdefault((point[0], turned), []).append((k, i, curve.half_waves[j]))
     on = {name: {tuple(p) for p in lines[f"frequency-{name}"].get_xydata()} for name in ("stable", "unstable", "undecided")}
     everywhere = set.union(*on.values())
     for curve in data.curves:
@@ -91,7 +95,7 @@ def test_every_point_is_drawn_on_the_line_of_its_stability_and_lines_break_where
             pairs = [(i, j) for i in places[tuple(a)] for j in places[tuple(b)] if i[0] == j[0] and abs(i[1] - j[1]) == 1]
             assert pairs
             if frequency == "index":
-                assert any(data.curves[k].half_waves[i] == data.curves[k].half_waves[j] for (k, i), (_, j) in pairs)
+                assert any(i[2] == j[2] for i, j in pairs)
             joins += 1
     assert joins > 1000 and len(axes.get_lines()) < 40
 
@@ -134,8 +138,9 @@ def test_names_are_counted_and_pinned_ones_come_first():
         figure = atlas_figure(data, names=most)
         axes = panels_of(figure)["frequency"]
         texts = {text.get_text() for text in axes.texts if text.get_text().startswith("$") and "L11" not in text.get_text()}
-        count = int(axes.get_xlabel().split("(")[1].split(" of ")[0])
-        assert f"of {total} families named" in axes.get_xlabel()
+        note = figure.legends[0].get_title().get_text()
+        count = int(note.split(" of ")[0])
+        assert f"of {total} families named" in note and "named" not in axes.get_xlabel()
         assert count == len(texts) <= most
         if most == 3:
             others = [curve for curve in data.curves if not curve.pinned.any()]
@@ -184,10 +189,10 @@ def test_pinned_names_are_written_as_the_scene_writes_them(figure):
     """Oracle: the texts of the picture; three names of one family count as one family."""
     data = atlas_of(real.SYSTEM, real.families()[:2] + tuple(b for b in real.families() if "U1101+" in b.points["label"]), pinned=PINS)
     drawn = figure(data)
-    axes = drawn.axes[-1]
     texts = {text.get_text() for axes in drawn.axes for text in axes.texts}
+    note = drawn.legends[0].get_title().get_text()
     assert {r"$\mathrm{U11}^{+}$", r"$\mathrm{U21}^{+}$", r"$\mathrm{U21}^{-}$"} < texts
-    assert r"$\mathrm{U1101}^{+}$" not in texts and "(3 of 3 families named" in axes.get_xlabel()
+    assert r"$\mathrm{U1101}^{+}$" not in texts and note.startswith("3 of 3 families named")
 
 
 def test_a_pin_outside_the_energies_shown_marks_nothing():
@@ -242,13 +247,96 @@ def test_an_inset_shows_its_part_larger_and_in_full_view(text, frequency):
             assert inside.sum() <= 4, text.get_text()
 
 
+@pytest.mark.parametrize("frequency", ["index", "fundamental"])
+@pytest.mark.parametrize("texts", [["0.06:0.14"], ["0.06:0.14", "1:3,0.8:3.2"], ["0.5:2", "0.09:0.16", "5:20,0.8:1.4"], ["0.1:9,0.7:12"]])
+def test_an_inset_covers_no_curve(frequency, texts):
+    """Oracle: every line that is drawn in the axes, half a point at a time, against the box of each inset with its ticks, and the frame of
+    the axes: an inset lies within it, or beside."""
+    figure = atlas_figure(real.atlas(), frequency=frequency, insets=[parse_inset(text) for text in texts])
+    assert_texts_apart(figure, "png")
+    panels = panels_of(figure)
+    axes = panels["frequency"]
+    lines = [line for line in axes.get_lines() if not line.get_gid().startswith("inset")]
+    spots = [line.get_transform().transform(line.get_xydata()) * 72 / 200 for line in lines]
+    spots = np.concatenate([np.concatenate([even_points(path, 0.5), path]) for path in spots])
+    frame = np.array(axes.bbox.extents) * 72 / 200
+    spots = spots[((spots >= frame[:2]) & (spots <= frame[2:])).all(axis=1)]
+    for k in range(len(texts)):
+        box = np.array(panels[f"inset-{'abc'[k]}"].get_tightbbox().extents) * 72 / 200
+        inside = ((spots >= box[:2]) & (spots <= box[2:])).all(axis=1)
+        assert not inside.any()
+        assert (box[:2] >= frame[:2]).all() and (box[2:] <= frame[2:]).all() or box[0] > frame[2]
+
+
+def test_no_dot_is_left_where_m_changes():
+    """Oracle: dots are of families that have one point alone; of one whose m changes at every point, the lines still show every m."""
+    data = real.atlas()
+    waves = np.arange(1, 1 + len(data.curves[0].h))
+    once = replace(data.curves[0], half_waves=waves, frequency_index=waves * data.curves[0].frequency)
+    for curves in (data.curves, (once,)):
+        axes = panels_of(atlas_figure(replace(data, curves=curves)))["frequency"]
+        singles = [line for name, line in lines_of(axes, "frequency-").items() if name.endswith("-single")]
+        alone = {curve.h[0] for curve in curves if len(curve.h) == 1}
+        assert all(set(line.get_xdata()) <= alone for line in singles)
+    drawn = np.concatenate([lines_of(axes, "frequency-")[f"frequency-{name}"].get_xydata() for name in ("stable", "unstable", "undecided")])
+    for i, m in enumerate(once.half_waves):
+        assert ((drawn[:, 0] == once.h[i]) & np.isclose(drawn[:, 1], m * once.frequency[i], rtol=1e-13)).any()
+
+
+def test_special_points_are_marked_where_there_is_room():
+    """Oracles: the events of the families; the distances of all markers of a panel; a lone family has room for all that are apart."""
+    wanted = {(kind, event.h) for b in real.families() for kind in ("SN", "SB", "PD", "GR") for event in b.events if event.type == kind}
+    for figure, panel in ((atlas_figure(real.atlas()), "frequency"), (velocities_figure(real.atlas()), "velocity1")):
+        axes = panels_of(figure)[panel]
+        marks = lines_of(axes, f"{panel}-events-")
+        assert len(marks) >= 3
+        for name, line in marks.items():
+            assert all((name[-2:], h) in wanted for h in line.get_xdata())
+            assert any(text.get_text().startswith(name[-2:]) for text in figure.legends[0].get_texts())
+        spots = axes.transData.transform(np.concatenate([line.get_xydata() for line in marks.values()])) * 72 / 200
+        apart = np.hypot(*(spots[:, None] - spots[None]).T) + 99.0 * np.eye(len(spots))
+        assert apart.min() > 6.9
+    branch = real.families()[1]
+    axes = panels_of(atlas_figure(atlas_of(real.SYSTEM, [branch])))["frequency"]
+    (fold,) = [event for event in branch.events if event.type == "SN"]
+    (mark,) = by_gid(axes, "frequency-events-SN")
+    assert mark.get_xydata().tolist() == [[fold.h, branch.points["frequency_index"][fold.point]]]
+
+
+def test_no_marker_stands_where_many_families_run_together():
+    """Oracle: the same family under many ids: what is marked of it alone is not marked of thirty on top of each other."""
+    data = atlas_of(real.SYSTEM, real.families()[1:2])
+    bundle = tuple(replace(data.curves[0], family=f"origin-stop+::{k:08x}") for k in range(30))
+    figures = [atlas_figure(replace(data, curves=curves)) for curves in (data.curves, bundle)]
+    alone, many = (lines_of(panels_of(figure)["frequency"], "frequency-events-") for figure in figures)
+    assert alone and not many
+
+
+def test_equal_names_are_told_apart_and_families_without_a_label_have_a_short_id():
+    """Oracle: the texts of the picture: one plain name, and the first digits of the hashes that tell the ids apart."""
+    data = real.atlas()
+    blank = np.full(len(data.curves[0].h), "")
+    some = [
+        replace(data.curves[0], family=f"rest-stop+::{hash}", h=10.0**k * data.curves[0].h, pinned=blank == "x", **names)
+        for k, (hash, names) in enumerate(
+            [("aaaa1111", {}), ("bbbb2222", {}), ("bbbb2333", {}), ("cccc4444", {"names": blank, "labels": blank})]
+        )
+    ]
+    for draw in (atlas_figure, velocities_figure):
+        figure = draw(replace(atlas_of(real.SYSTEM, []), curves=tuple(some)))
+        for axes in figure.axes:
+            texts = [text.get_text() for text in axes.texts if text.get_text() and "L11" not in text.get_text()]
+            plain = r"$\mathrm{S13}^{+}$"
+            assert sorted(texts) == sorted(["#cccc", plain, f"{plain} #bbbb22", f"{plain} #bbbb23"])
+        assert figure.legends[0].get_title().get_text().startswith("4 of 4 families named; #")
+
+
 def test_names_in_insets_count():
     """Oracle: the number asked for, and the texts of the picture and its insets."""
     for most in (1, 3, 6):
         figure = atlas_figure(real.atlas(), names=most, insets=[parse_inset(text) for text in INSETS])
-        axes = panels_of(figure)["frequency"]
         texts = {text.get_text() for panel in figure.axes for text in panel.texts if text.get_text().startswith("$\\mathrm{")}
-        count = int(axes.get_xlabel().split("(")[1].split(" of ")[0])
+        count = int(figure.legends[0].get_title().get_text().split(" of ")[0])
         assert len({text for text in texts if "L11" not in text}) == count <= most
 
 

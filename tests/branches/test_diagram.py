@@ -23,6 +23,7 @@ from branches.diagram.scales import linear_ticks, logarithmic_ticks
 from branches.diagram.style import new_figure, picture_settings, settle_layout
 from branches.diagram.titles import family_text, symbol_of
 from branches.diagram.walls import beyond, segment_within
+from tests.branches.traced import traced
 
 MU = SIGMA = 0.1
 ROOT_MASS = np.sqrt(np.array([MU, 1.0]))
@@ -449,6 +450,20 @@ def test_orbit_panels_show_the_closed_form_with_sharp_kinks():
         np.testing.assert_array_equal(line.get_ydata(), u[:, k])
         (marks,) = by_gid(panels["displacement"], f"displacement-{k}-impacts")
         np.testing.assert_array_equal(marks.get_xdata(), [alpha, 3 * alpha])
+
+
+def test_the_configuration_plane_says_where_its_axes_differ_in_scale():
+    """Oracle: limits and size of the panel: at high energy one coordinate moves far less than the other."""
+    for orbit in (make_orbit(), traced("S11O00-").orbit_at(energy=18.0)):
+        panel = panels_of(orbit_figure(orbit))["plane"]
+        length = np.array([np.ptp(panel.get_xlim()), np.ptp(panel.get_ylim())]) / panel.get_window_extent().size
+        ratio = length.max() / length.min()
+        words = panel.get_xlabel().partition("scales differ: ")[2]
+        assert bool(words) is bool(ratio > 1.05)
+        if words:
+            assert float(words.split("drawn ")[1].split()[0]) == pytest.approx(ratio, rel=0.05)
+            assert ("u_{2}" in words.split("drawn")[0]) is bool(length[1] < length[0])
+    assert ratio > 2.0
 
 
 def test_orbit_walls_stand_at_one_and_minus_one():

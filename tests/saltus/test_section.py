@@ -100,8 +100,16 @@ def test_rotation_numbers_say_about_which_point(tmp_path):
     assert code == 0 and "(0, 0.680051)" in out and "-0.580974" not in out and "none: 1 orbits" in out
 
 
-def test_a_system_that_loses_energy_is_told_as_one(tmp_path):
-    """Oracle: the words; the energies of the file fall."""
+def test_a_system_that_loses_energy_is_told_as_one(tmp_path, monkeypatch):
+    """Oracle: the words; the energies of the file fall, and colour the picture unless another colour is given."""
+    from transitions.diagram import section_picture
+
+    colours = []
+    monkeypatch.setattr(section_picture, "draw_sections", lambda views, path, **options: colours.append(options["colour"]))
+    for more in ("--rho 0.7", "--rho 0.7 --colour none", ""):
+        told(f"section --energy 0.5 {SMALL} {more} --plot {tmp_path}/b.png")
+    assert colours == ["energy", "none", "none"]
+    monkeypatch.undo()
     code, out, err = told(f"section --energy 0.5 --rho 0.7 {SMALL} --model --json {tmp_path}/a.json --plot {tmp_path}/a.png")
     assert code == 0 and not err
     assert "model  restitution 0.7 of stop a loses energy -> energy falls" in out
@@ -169,6 +177,7 @@ PLATE = TWO + '[coordinates]\nLO = "u2"\n[sections]\nenergies = [2.0, 1.0]\n'
         ("section --energy 2,1 --plate", ["'2,1'", "rising"]),
         ("section --energy 1 --colour rotatoin", ["'rotatoin'", "nearest: rotation"]),
         ("section --energy 1 --colour rotation --rho 0.7", ["restitution 0.7", "--colour lyapunov"]),
+        ("section --energy 1 --colour energy", ["--colour energy", "keeps its energy", "lyapunov or rotation"]),
         ("section --energy 1 --names 3", ["--names", "expected --plot FILE and --catalogue FILE"]),
         ("section --energy 1 --about 0,0", ["--about", "--colour rotation"]),
         ("section --energy 0.06 --start 0", ["'0'", "X,Y"]),

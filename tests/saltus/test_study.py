@@ -335,6 +335,9 @@ def test_what_a_map_and_lines_show(finished):
     assert found.counts[0, 0] == here.sum() and found.medians[0, 0] == np.median(study["nes_share"][here])
     mesh = next(artist for artist in map_figure(study).axes[0].collections if artist.get_gid() == "map")
     assert np.array_equal(mesh.get_array().filled(np.nan).ravel(), found.medians.T.ravel(), equal_nan=True)
+    star = next(line for line in map_figure(study).axes[0].lines if line.get_gid() == "best")
+    colours = {star.get_markerfacecolor(), star.get_markeredgecolor(), star.get_path_effects()[0]._gc["foreground"]}
+    assert colours == {"white", "#000000"}, "one of the two stands out on any colour"
     places, quartiles = along(study, rho, study["nes_share"])
     part = np.clip((study.given["rho"] * len(places)).astype(int), 0, len(places) - 1) == 0
     assert quartiles[0] == pytest.approx(np.quantile(study["nes_share"][part], [0.25, 0.5, 0.75]))

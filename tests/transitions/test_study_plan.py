@@ -121,8 +121,8 @@ def test_runs_at_the_place_of_the_best_one_are_about_it_and_itself_is_not(tmp_pa
     assert found.run == best and len(same) == 3 and found.neighbours.tolist() == same
 
 
-def test_cells_of_a_map_end_where_the_parameter_does(tmp_path):
-    """Oracle: by hand: half-way between the values of a grid, on the axis's scale, and nothing beyond the first and the last."""
+def test_cells_of_a_map_have_full_size_at_its_borders(tmp_path):
+    """Oracle: by hand: half-way between the values of a grid, on the axis's scale, and as far beyond the first and the last."""
     axes = [Axis("energy", low=0.1, high=10.0, scale="log", points=3), Axis("rho", low=0.0, high=1.0, points=3), Axis("mu", values=(0.2,))]
     plan = plan_of(axes)
     write_plan(tmp_path, plan, "npz", "0")
@@ -130,8 +130,8 @@ def test_cells_of_a_map_end_where_the_parameter_does(tmp_path):
     columns |= {f"given.{name}": value for name, value in plan.values(0, 9).items()}
     write_block(block_path(tmp_path, 0, "npz"), columns, plan.digest, 0)
     energy, rho, mu = (bins_of(Study(tmp_path), axis, 5) for axis in axes)
-    assert energy.edges == pytest.approx([0.1, np.sqrt(0.1), np.sqrt(10.0), 10.0], rel=1e-15)
-    assert rho.edges.tolist() == [0.0, 0.25, 0.75, 1.0]
+    assert energy.edges == pytest.approx([np.sqrt(1e-3), np.sqrt(0.1), np.sqrt(10.0), np.sqrt(1e3)], rel=1e-14)
+    assert rho.edges.tolist() == [-0.25, 0.25, 0.75, 1.25]
     assert mu.edges == pytest.approx([0.19, 0.21], rel=1e-15)
     assert energy.which.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2] and rho.which.tolist() == [0, 1, 2] * 3
 

@@ -16,9 +16,11 @@ from branches.export import ExportError, read_atlas, write_atlas
 from bvp.forcing import Harmonic
 from bvp.run import run
 from tests.transitions.motions import of_run, synthetic
+from transitions.diagram.motion_spectrum import gradual_energy, shown_spectrum
 from transitions.diagram.over_energy import over_energy
 from transitions.diagram.transition_picture import draw_transition, transition_figure
 from transitions.families import families_of
+from transitions.record import Record
 from transitions.sampled import sampled
 from transitions.sharing import sharing_of
 from transitions.spectrum import Wavelet
@@ -211,3 +213,99 @@ def test_what_cannot_be_drawn_or_read_is_told_in_one_line(drawn, tmp_path):
     (tmp_path / "cut.json").write_text(text)
     with pytest.raises(ExportError, match="lacks 'gap'"):
         read_transition(tmp_path / "cut.json")
+
+
+@pytest.fixture(scope="module")
+def captured():
+    """The motion of Fig. 16: from S11O00- at h = 0.8, with the family behind it and two stages, the first a 25th of the record."""
+    from tests.branches.traced import traced
+
+    system = saltus.vibro_impact_nes(mu=0.1, sigma=0.1, lam=0.01, rho=0.7)
+    branch = traced("S11O00-")
+    orbit = branch.orbit_at(energy=0.8)
+    record = of_run(system, [0.0, 0.0], orbit.velocities, 400.0)
+    plain = Transition(system, record, GAP)
+    stages = stages_of(record, GAP, families_of([branch], GAP), spectrum=plain.spectrum)
+    transition = plain.with_stages(stages)
+    return transition, orbit, transition_figure(transition, atlas_of(system.underlying, [branch], energy=(0.003, 1.6)))
+
+
+def test_the_axes_hold_the_frequencies_of_the_start(captured):
+    """Oracle: the closed form of the orbit's frequency, pi/(2 alpha), which falls to a fifth within sixteen of 400 units of time."""
+    _, orbit, figure = captured
+    for name in ("spectrum", "families-spectrum"):
+        low, high = by_gid(figure, name).axes.get_ylim()
+        assert low < 1.1 and high > 0.5 * np.pi / orbit.alpha > 6.0
+
+
+def test_every_stage_has_its_letter_in_both_panels_over_time(captured):
+    """Oracle: the stages; letters lie in the axes and apart from each other."""
+    transition, _, figure = captured
+    assert len(transition.stages) == 2 and transition.stages[0].end < 20.0
+    for axes in (figure.axes[0], by_gid(figure, "spectrum").axes):
+        letters = [text for text in axes.texts if text.get_text() in "AB"]
+        assert [text.get_text() for text in letters] == ["A", "B"]
+        boxes = [text.get_window_extent() for text in letters]
+        assert all(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 for box in boxes) and not boxes[0].overlaps(boxes[1])
+
+
+def test_over_the_energy_amplitudes_change_gradually_across_impacts(captured):
+    """Oracle: the largest change from one interval of the energy to the next, of the energies at which there are impacts: a fifth of that
+    over the energy itself, which is the edge of a block."""
+    transition, _, figure = captured
+    mesh = by_gid(figure, "families-spectrum")
+    edges, spectrum = mesh.get_coordinates()[0, :, 0], shown_spectrum(transition)
+    shown = (edges[:-1] > 0.07) & (edges[1:] < 0.75)
+    energy = np.interp(spectrum.times, transition.record.times, transition.record.energy)
+    steps = [
+        np.abs(np.diff(values[:, shown], axis=1)).max()
+        for values in (np.ma.filled(mesh.get_array(), np.nan), over_energy(energy, spectrum.amplitudes, edges))
+    ]
+    assert steps[0] < 0.2 * steps[1] and len(transition.record.impacts) == 7
+
+
+def test_the_gradual_energy():
+    """Oracles, of a motion that loses half of its energy at each of three impacts: the middles between impacts that are evenly spaced have
+    the energy itself; in between its logarithm is a straight line; without impacts it is the energy."""
+    times = np.linspace(0.0, 40.0, 4001)
+    impacts = np.array([10.005, 20.005, 30.005])
+    energy = 0.5 ** np.searchsorted(impacts, times)
+    still = np.zeros_like(times)
+    columns = (times, np.stack([np.cos(times)] * 2, 1), np.stack([-np.sin(times)] * 2, 1), energy, still, energy, still, still)
+    record = Record(*columns, impacts)
+    at = np.linspace(5.5, 34.5, 777)
+    np.testing.assert_allclose(np.log2(gradual_energy(record, at)), np.clip(-(at - 5.005) / 10.0, -3.0, 0.0), atol=2e-3)
+    np.testing.assert_allclose(gradual_energy(Record(*columns, []), times), energy, rtol=1e-12)
+
+
+def test_a_system_without_a_sink_has_none_in_its_picture():
+    """Oracle: the words of the figure, and the energy, which is drawn in place of the share of the sink."""
+    gears = saltus.ImpactSystem([[1.0, 0.0], [0.0, 0.5]], 0.02 * np.eye(2), np.diag([1.0, 0.3]), (saltus.Stop(GAP, -0.1, 0.1, 0.8),))
+    shared = sharing_of(gears)
+    motion = run(gears, [0.0, 0.0], [1.0, 0.2], 60.0, dampers=shared.dampers)
+    record = sampled(motion, shared)
+    figure = transition_figure(Transition(gears, record, GAP, (), Wavelet(), (0.5, 6.0)))
+    words = " ".join(text.get_text() for text in figure.findobj(Text))
+    assert "sink" not in words and "oscillator" not in words and "stops" in words and shared.names == ("stops", "rest")
+    line = by_gid(figure, "share-energy")
+    np.testing.assert_allclose(line.get_ydata()[-1], 100.0 * record.energy[-1] / record.energy.max())
+    assert np.ptp(line.get_ydata()) > 10.0
+    spent = by_gid(figure, "lost-stops").get_ydata()[-1]
+    assert spent == pytest.approx(100.0 * motion.dissipated["stop a"] / motion.initial_energy, rel=1e-6)
+
+
+def test_a_family_without_a_label_has_a_short_id_below_and_over_the_spectrum(drawn):
+    """Oracle: the digits of the id that tell it from the others."""
+    transition, atlas, _ = drawn
+    followed = next(stage.follows for stage in transition.stages if stage.follows is not None and stage.follows.impacts)
+    curve = next(curve for curve in atlas.curves if curve.family == followed.family)
+    raw = "rest-stop+::2c49f5ff"
+    blank = np.full(len(curve.h), "")
+    other = replace(curve, family=raw, names=blank, labels=blank, pinned=np.zeros(len(blank), dtype=bool))
+    name = replace(followed, label="", family=raw)
+    figure = transition_figure(
+        transition.with_stages([replace(stage, follows=name) for stage in transition.stages]), replace(atlas, curves=(other,))
+    )
+    below = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert all("rest-stop+ #2c49" in text and raw not in text for text in below)
+    assert "#2c49" in [text.get_text() for text in figure.axes[4].texts]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import textwrap
 from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING, Any
 
@@ -11,10 +12,11 @@ import numpy as np
 
 from branches.diagram.atlas_labels import Named, label_curves
 from branches.diagram.files import draw
-from branches.diagram.scales import linear_axis, linear_limits, linear_ticks, mark_axis
-from branches.diagram.style import BLACK, BLUE, GREY, ORANGE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
+from branches.diagram.scales import linear_axis, linear_limits, linear_ticks, logarithmic_ticks, mark_axis
+from branches.diagram.style import BLACK, BLUE, GREY, NORMAL, ORANGE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
 from branches.diagram.titles import symbol_of, system_text, velocity_symbol
 from transitions.diagram.mark_room import with_room
+from transitions.diagram.section_points import has_images, robust_limits, with_ink_left
 from transitions.section_marks import Mark
 from transitions.section_plane import SectionPlane
 from transitions.section_view import COLOURS, SectionView
@@ -31,6 +33,7 @@ MOST_NAMES = 25
 
 _COLUMNS, _PANEL = 2, 2.35
 _SINGLE = 5.6
+_WIDE = 140  # letters in a line of the notes
 _DOT = 0.55
 _DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": _DOT, "markeredgewidth": 0, "rasterized": True}
 _MAP = "viridis"
@@ -69,7 +72,8 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
     ----------
     views : sequence of SectionView
         Of one system. The points are drawn as an image in pdf and svg too: as shapes they would make files of many megabytes.
-    colour : "none", "lyapunov" or "rotation"
+    colour : "none", "energy", "lyapunov" or "rotation"
+        The range of colours leaves out what lies far outside of the quartiles.
     caption : str
         A line under the panels.
     names : int
@@ -78,6 +82,8 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
     Returns
     -------
     matplotlib.figure.Figure
+        Of an elastic undamped system with odd symmetry each motion is drawn with that from the mirrored start. Motions that would fall
+        where those before them leave little white are left out.
 
     Raises
     ------
@@ -99,28 +105,39 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
         norm = _norm(views, colour)
         for k, (axes, view) in enumerate(zip(grid, views, strict=False)):
             axes.set_label(f"section{k}")
-            _draw(axes, view, colour, norm, f"section{k}")
+            _frame(axes, view, colour, f"section{k}")
             if plate:
                 axes.set_title(f"({chr(97 + k)})  $h = {view.section.plane.energy:.6g}$", fontsize=SMALL + 1.0, pad=3)
                 if k < len(views) - _COLUMNS:
                     axes.set_xlabel("")
         if norm is not None:
-            values = [view.values(colour) for view in views]
-            grey = any(not np.isfinite(known).all() for known in values if known is not None)
-            _colour_bar(figure, list(grid[: len(views)]), norm, colour, grey)
+            _colour_bar(figure, list(grid[: len(views)]), norm, colour, [_shown_values(view, colour) for view in views])
         entries = _legend(views)
-        below: dict[str, Any] = {"title": caption, "title_fontsize": SMALL} if caption else {}
-        figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False, **below)
+        notes = [caption] * bool(caption)
+        if has_images(views[0].section.plane):
+            notes.append("each motion with that from its mirrored start")
+        below: dict[str, Any] = {"title": _lines(notes) or " ", "title_fontsize": SMALL}
+        legend = figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False, **below)
         settle_layout(figure)
         for k, (axes, view) in enumerate(zip(grid, views, strict=False)):
+            motions = _draw(axes, view, colour, norm, f"section{k}")
             drawn = with_room(axes, view.marks)
             _mark(axes, drawn, f"section{k}")
-            told = f"{len(drawn)} of {len(view.marks)} orbits marked" if len(drawn) < len(view.marks) else ""
+            own = [f"{motions} of {len(view.section.counts)} motions drawn"] * (motions < len(view.section.counts))
+            own += [f"{len(drawn)} of {len(view.marks)} orbits marked"] * (len(drawn) < len(view.marks))
             if plate:
-                axes.set_title(axes.get_title() + f"   ({told})" * bool(told), fontsize=SMALL + 1.0, pad=3)
-            elif view.marks:
-                _name(axes, view, drawn, names, told)
+                axes.set_title(axes.get_title() + f"   ({', '.join(own)})" * bool(own), fontsize=SMALL + 1.0, pad=3)
+                continue
+            if view.marks:
+                own += _name(axes, view, drawn, names)
+            legend.set_title(_lines([*notes, *own]))
     return figure
+
+
+def _lines(notes: Sequence[str]) -> str:
+    """Notes on one line, or, where they are longer, on a line each."""
+    text = "; ".join(notes)
+    return text if len(text) <= _WIDE else "\n".join(textwrap.fill(note, _WIDE) for note in notes)
 
 
 def _title(views: Sequence[SectionView], plate: bool) -> str:
@@ -130,34 +147,65 @@ def _title(views: Sequence[SectionView], plate: bool) -> str:
     return rf"{energy}section ${symbol_of(name)} = 0$, ${velocity_symbol(name)} > 0$   ({system_text(plane.system)})"
 
 
+def _shown_values(view: SectionView, colour: str) -> np.ndarray:
+    """The values (N,) that colour the points which the motions have."""
+    values = view.values(colour)
+    shown = ~np.isnan(view.section.times)
+    if values is None:
+        return np.full(int(shown.sum()), math.nan)
+    return np.broadcast_to(values if values.ndim == 2 else values[:, None], shown.shape)[shown]
+
+
 def _norm(views: Sequence[SectionView], colour: str) -> Normalize | None:
-    """One scale of colours for all panels; that of Lyapunov exponents goes by their square root from 0, as they differ much."""
+    """One scale of colours for all panels; that of Lyapunov exponents goes by their square root from 0, as they differ much, and that of
+    energies by their logarithm."""
     if colour == "none":
         return None
-    from matplotlib.colors import Normalize, PowerNorm
+    from matplotlib.colors import LogNorm, Normalize, PowerNorm
 
-    found = [view.values(colour) for view in views]
-    values = np.concatenate([value[np.isfinite(value)] for value in found if value is not None])
+    found = [values for view in views if (values := view.values(colour)) is not None]
+    values = np.concatenate([value[np.isfinite(value)] for value in found])
+    if colour == "energy":
+        values = values[values > 0.0]
+        low, high = np.exp(robust_limits(np.log(values))) if len(values) else (0.1, 1.0)
+        return LogNorm(low, high if high > low * (1.0 + 1e-9) else 1.1 * low, clip=True)
     if colour == "lyapunov":
-        return PowerNorm(0.5, 0.0, max(float(values.max(initial=0.0)), 1e-6), clip=True)
-    return Normalize(*linear_limits(values, 0.0) if len(values) else (0.0, 1.0))
+        top = robust_limits(np.sqrt(np.maximum(values, 0.0)))[1] ** 2 if len(values) else 0.0
+        return PowerNorm(0.5, 0.0, max(top, 1e-6), clip=True)
+    return Normalize(*linear_limits(np.array(robust_limits(values)), 0.0) if len(values) else (0.0, 1.0))
 
 
-def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, name: str) -> None:
+def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, name: str) -> int:
+    """Draw the points; how many motions are drawn."""
+    section = view.section
+    shown = ~np.isnan(section.times)
+    count = len(section.counts)
+    images = has_images(section.plane)
+    motions = [section.points[m, shown[m]] for m in range(count)]
+    if images:
+        motions = [np.concatenate([points, points * (-1.0, 1.0)]) for points in motions]
+    # Motions that lose energy all end in one place.
+    chosen = with_ink_left(axes, motions) if section.plane.system.is_conservative else list(range(count))
+    points = np.concatenate([motions[m] for m in chosen])
+    if norm is None:
+        axes.plot(points[:, 0], points[:, 1], color=BLACK, **_DOTS)[0].set_gid(f"{name}-points")
+        return len(chosen)
+    values = view.values(colour)
+    assert values is not None
+    own = [np.broadcast_to(values[m], shown[m].shape)[shown[m]] for m in chosen]
+    at = np.concatenate([np.tile(value, 2 if images else 1) for value in own])
+    told = np.isfinite(at)
+    axes.plot(points[~told, 0], points[~told, 1], color=GREY, **_DOTS)[0].set_gid(f"{name}-untold")
+    size = (1.3 * _DOT) ** 2
+    x, y = points[told].T
+    axes.scatter(x, y, size, at[told], cmap=_MAP, norm=norm, linewidths=0, rasterized=True).set_gid(f"{name}-points")
+    return len(chosen)
+
+
+def _frame(axes: Axes, view: SectionView, colour: str, name: str) -> None:
+    """The bounding curve, walls and centres, and the axes around all points."""
     section, plane = view.section, view.section.plane
     shown = ~np.isnan(section.times)
-    values = view.values(colour)
-    if values is None or norm is None:
-        points = section.points[shown]
-        axes.plot(points[:, 0], points[:, 1], color=BLACK, **_DOTS)[0].set_gid(f"{name}-points")
-    else:
-        orbit = np.nonzero(shown)[0]
-        told = np.isfinite(values[orbit])
-        points, at = section.points[shown], values[orbit]
-        axes.plot(points[~told, 0], points[~told, 1], color=GREY, **_DOTS)[0].set_gid(f"{name}-untold")
-        size = (1.3 * _DOT) ** 2
-        x, y = points[told].T
-        axes.scatter(x, y, size, at[told], cmap=_MAP, norm=norm, linewidths=0, rasterized=True).set_gid(f"{name}-points")
     edge = plane.boundary()
     axes.plot(edge[:, 0], edge[:, 1], zorder=3, **_EDGE)[0].set_gid(f"{name}-boundary")
     for wall in set(plane.walls) & set(plane.reach):
@@ -169,6 +217,8 @@ def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, na
             centre = view.rotations.centres[k]
             axes.plot(centre.x, centre.y, linestyle="none", zorder=5, **_CENTRE)[0].set_gid(f"{name}-centre{k}")
     everything = np.concatenate([edge, section.points[shown]])
+    if has_images(plane):
+        everything = np.concatenate([everything, everything * (-1.0, 1.0)])
     other = plane.system.coordinates[plane.other]
     linear_axis(axes, "x", linear_limits(everything[:, 0], 0.05), 6, "", symbol_of(other))
     linear_axis(axes, "y", linear_limits(everything[:, 1], 0.05), 6, "", _velocity(plane))
@@ -187,14 +237,22 @@ def _velocity(plane: SectionPlane) -> str:
     return rf"p_{{{symbol_of(name)}}}/m" if plane.momentum else velocity_symbol(name)
 
 
-def _colour_bar(figure: Figure, axes: list[Axes], norm: Normalize, colour: str, grey: bool) -> None:
+_MEANING = {"lyapunov": ("largest Lyapunov exponent", r"\Lambda"), "rotation": ("rotation number", "r"), "energy": ("energy", "h")}
+
+
+def _colour_bar(figure: Figure, axes: list[Axes], norm: Normalize, colour: str, shown: Sequence[np.ndarray]) -> None:
+    """The colour bar; it ends in a tip where values lie beyond its range."""
     from matplotlib.cm import ScalarMappable
 
-    bar = figure.colorbar(ScalarMappable(norm, _MAP), ax=axes, fraction=0.04, pad=0.015, aspect=45)
-    ticks = linear_ticks(float(norm.vmin or 0.0), float(norm.vmax or 1.0), 6)
+    low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
+    values = np.concatenate(shown)
+    below, above = np.nanmin(values, initial=low) < low * (1.0 - 1e-9) and colour != "lyapunov", np.nanmax(values, initial=high) > high
+    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((bool(below), bool(above)), "neither")
+    bar = figure.colorbar(ScalarMappable(norm, _MAP), ax=axes, fraction=0.04, pad=0.015, aspect=45, extend=extend, extendfrac=0.02)
+    ticks = logarithmic_ticks(low, high, 6) if colour == "energy" else linear_ticks(low, high, 6)
     mark_axis(bar.ax.yaxis, ticks)
-    what, symbol = ("largest Lyapunov exponent", r"\Lambda") if colour == "lyapunov" else ("rotation number", "r")
-    bar.set_label(ticks.axis_text(what + " (grey: none)" * grey, symbol))
+    what, symbol = _MEANING[colour]
+    bar.set_label(ticks.axis_text(what + " (grey: none)" * bool(np.isnan(values).any()), symbol))
 
 
 def _legend(views: Sequence[SectionView]) -> list[Any]:
@@ -213,8 +271,8 @@ def _legend(views: Sequence[SectionView]) -> list[Any]:
     return entries
 
 
-def _name(axes: Axes, view: SectionView, marks: Sequence[Mark], names: int, told: str) -> None:
-    """Name the periodic orbits that are drawn, those first that found room first, each once; `told` stands with the number of names."""
+def _name(axes: Axes, view: SectionView, marks: Sequence[Mark], names: int) -> list[str]:
+    """Name the periodic orbits that are drawn, those first that found room first, each once; what there is to say about the number."""
     to_points = 72 / axes.figure.dpi
     chosen: dict[str, Named] = {}
     spots = []
@@ -224,9 +282,8 @@ def _name(axes: Axes, view: SectionView, marks: Sequence[Mark], names: int, told
         if mark.label and mark.label not in chosen:
             x, y = mark.points[0]
             chosen[mark.label] = Named.point(mark.label, float(x), float(y))
-    written = label_curves(axes, list(chosen.values()), [view.section.plane.boundary()], spots, most=names)
-    counts = [told] * bool(told) + [f"{len(written)} of {len(chosen)} labels written"] * bool(chosen)
-    if counts:
-        axes.set_xlabel(f"{axes.get_xlabel()}   ({', '.join(counts)})")
+    # Larger than names elsewhere and on white ground: the raised sign of a label stands between dots.
+    written = label_curves(axes, list(chosen.values()), [view.section.plane.boundary()], spots, most=names, font=NORMAL + 1.0)
     for text in (text for text in axes.texts if text.get_text()):
-        text.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.3})
+        text.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.95, "pad": 0.8})
+    return [f"{len(written)} of {len(chosen)} labels written"] * bool(chosen)

@@ -9,7 +9,7 @@ import numpy as np
 
 from branches.diagram.files import draw
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
-from branches.diagram.style import BLACK, BLUE, GREY, LINES, PALE, VERMILION, YELLOW, new_figure, picture_settings
+from branches.diagram.style import BLACK, BLUE, GREY, LINES, PALE, VERMILION, new_figure, picture_settings
 from branches.diagram.titles import symbol_of
 from transitions.study.axes import Axis
 from transitions.study.summary import along, numeric_axes, over
@@ -308,8 +308,13 @@ def _through(study: Study, at: int, name: str) -> np.ndarray:
 
 
 def _star(panel: Axes, x: list[float], y: list[float], label: str) -> None:
-    look: dict[str, Any] = {"color": YELLOW, "markeredgecolor": BLACK, "markeredgewidth": 0.7}
-    panel.plot(x, y, marker="*", markersize=11, linestyle="none", label=label, zorder=5, clip_on=False, **look)
+    # White in a black edge, with a white rim around that: one of the two stands out on any colour.
+    from matplotlib.patheffects import Normal, withStroke
+
+    look: dict[str, Any] = {"color": "white", "markeredgecolor": BLACK, "markeredgewidth": 0.9}
+    look["path_effects"] = [withStroke(linewidth=3.0, foreground="white"), Normal()]
+    (star,) = panel.plot(x, y, marker="*", markersize=12, linestyle="none", label=label, zorder=5, clip_on=False, **look)
+    star.set_gid("best")
 
 
 def _one_legend(figure: Figure, panels: list[Axes]) -> None:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import os
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.diagram.atlas_labels import Named, label_curves, names_of
-from branches.diagram.atlas_parts import draw_modes, frequency_of, mark_boxes, runs_of
+from branches.diagram.atlas_parts import draw_modes, frequency_curve, mark_boxes, runs_of
 from branches.diagram.files import draw
 from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.style import BLACK, GREEN, GREY, LINES, NORMAL, SMALL, new_figure, picture_settings, settle_layout
-from branches.diagram.titles import gap_symbol, symbol_of, system_text
+from branches.diagram.titles import gap_symbol, short_ids, symbol_of, system_text
+from transitions.diagram.motion_spectrum import band, gradual_energy, shown_spectrum
 from transitions.diagram.over_energy import over_energy
-from transitions.ridges import SHARE
 from transitions.spectrum import Spectrum
 
 if TYPE_CHECKING:
@@ -33,9 +33,9 @@ __all__ = ["draw_transition", "transition_figure"]
 _COLUMNS, _INTERVALS = 1400, 600  # times, and intervals of energy, that a spectrum is drawn at
 _POINTS = 8000  # of a line over time
 _DARK = 0.65  # of the way to black that the largest amplitude goes: lines and names on it stay in sight
-_MANY_FOLD = 20.0  # a range of frequencies that rises by more gets a logarithmic axis
+_MANY_FOLD = 10.0  # a range of frequencies that rises by more gets a logarithmic axis
 _FINE = 0.55  # families, thinner than in a picture of their own
-_LETTER_ROOM = 9.0  # points that the letter of a stage needs
+_LETTER_ROOM, _LETTER_HIGH, _LETTER_ROWS = 7.0, 10.0, 4  # points that the letter of a stage needs; rows of letters
 _MOST_LETTERS = 12
 _CAPTION = 150  # letters in a line of the caption
 _MOST_NAMES = 12
@@ -83,10 +83,11 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
     Returns
     -------
     matplotlib.figure.Figure
-        (a) displacements; (b) share of the sink in the energy of the moment; (c) shares of the energy at the start that the sink, the
-        oscillator and both have dissipated; (d) wavelet spectrum of the relative displacement, hatched where the edges of the record are
-        felt; (e) the same with the energy of the moment as abscissa, over the families. The stages are lettered, and what each follows is
-        said below.
+        (a) displacements; (b) share of the sink in the energy of the moment, or, of a system without a sink, the energy in parts of that at
+        the start; (c) shares of the energy at the start that the sink, the oscillator and both have dissipated, without a sink the stops
+        and the rest; (d) wavelet spectrum of the relative displacement, hatched where the edges of the record are felt; (e) the same with
+        the energy of the moment as abscissa (`gradual_energy`), over the families. The stages are lettered, and what each follows is said
+        below.
 
     Raises
     ------
@@ -102,7 +103,7 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
         require_same(atlas.system, transition.system)
         if (atlas.clearance, atlas.natural_frequency) != (1.0, 1.0):
             raise ValueError(f"a motion is in natural units; the families have a clearance of {atlas.clearance:g}")
-    spectrum = transition.spectrum
+    spectrum = shown_spectrum(transition)
     with picture_settings():
         figure = new_figure(7.6)
         begin = "rest" if record.from_rest else rf"energy $h = {record.energy[0]:.6g}$"
@@ -113,20 +114,20 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
         _draw_series(axes["series"], transition)
         _draw_share(axes["share"], transition)
         _draw_lost(axes["lost"], transition)
-        band = _band(spectrum)
+        limits = band(spectrum)
         largest = float(spectrum.amplitudes.max())
-        mesh = _draw_spectrum(axes["spectrum"], transition, band, largest)
-        _draw_over_energy(axes["families"], transition, band, largest)
+        mesh = _draw_spectrum(axes["spectrum"], transition, spectrum, limits, largest)
+        _draw_over_energy(axes["families"], transition, spectrum, limits, largest)
         figure.colorbar(mesh, ax=[axes["spectrum"], axes["families"]], location="right", fraction=0.03, pad=0.01, label="amplitude")
         for name, letter in zip(axes, "abcde", strict=True):
             axes[name].set_title(f"({letter})", loc="left", fontsize=NORMAL, pad=3)
         _stabilities(axes["families"], atlas)
-        _below(figure, transition.stages, caption)
+        _below(figure, transition.stages, caption, _short_ids(transition, atlas))
         settle_layout(figure)
         for name in ("series", "share", "lost", "spectrum"):
             _mark_stages(axes[name], transition.stages, letters=name in ("series", "spectrum"))
         if atlas is not None:
-            _draw_families(axes["families"], atlas)
+            _draw_families(axes["families"], atlas, {stage.follows.family for stage in transition.stages if stage.follows is not None})
     return figure
 
 
@@ -155,11 +156,16 @@ def _draw_series(axes: Axes, transition: Transition) -> None:
 def _draw_share(axes: Axes, transition: Transition) -> None:
     record = transition.record
     few = _thinned(record.times)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(record.energy > 0.0, 100.0 * record.nes_energy / record.energy, np.nan)
-    (line,) = axes.plot(record.times[few], share[few], color=LINES[0], linewidth=0.5)
-    line.set_gid("share-nes")
-    linear_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
+    if record.nes_energy.any():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(record.energy > 0.0, 100.0 * record.nes_energy / record.energy, np.nan)
+        (line,) = axes.plot(record.times[few], share[few], color=LINES[0], linewidth=0.5)
+        line.set_gid("share-nes")
+        linear_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
+    else:
+        (line,) = axes.plot(record.times[few], 100.0 * record.energy[few] / record.energy.max(), color=LINES[0], linewidth=0.8)
+        line.set_gid("share-energy")
+        linear_axis(axes, "y", (0.0, 100.0), 5, "energy, of the largest", r"\%")
     _time_axis(axes, transition, 5)
 
 
@@ -169,27 +175,15 @@ def _draw_lost(axes: Axes, transition: Transition) -> None:
     nes, lo = record.dissipated_nes, record.dissipated_lo
     whole = float(record.energy[-1] + nes[-1] + lo[-1]) if record.from_rest else float(record.energy[0])
     # The sum lies below and is wider: one that is all of it does not hide it.
-    for name, values, colour, width in (("both", nes + lo, BLACK, 2.4), ("sink", nes, LINES[0], 1.0), ("oscillator", lo, LINES[1], 1.0)):
+    sink = transition.system.absorber is not None or record.nes_energy.any()
+    first, second = ("sink", "oscillator") if sink else ("stops", "rest")
+    for name, values, colour, width in (("both", nes + lo, BLACK, 2.4), (first, nes, LINES[0], 1.0), (second, lo, LINES[1], 1.0)):
         (line,) = axes.plot(record.times[few], 100.0 * values[few] / whole, color=colour, linewidth=width, label=name)
         line.set_gid(f"lost-{name}")
     top = max(100.0, 105.0 * float(np.max(nes + lo)) / whole if np.max(nes + lo) > whole * (1.0 + 1e-9) else 0.0)
     linear_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
     _time_axis(axes, transition, 5)
     axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
-
-
-def _band(spectrum: Spectrum) -> tuple[float, float]:
-    """Lowest and highest frequency with a fifth of the largest amplitude at any time, edges of the record apart, with room for names below
-    and a third of an octave above."""
-    clear = spectrum.frequencies[:, None] > spectrum.cone[None, :]
-    inside = np.where(clear, spectrum.amplitudes, 0.0) if clear.any() else spectrum.amplitudes
-    seen = np.flatnonzero(inside.max(axis=1) >= SHARE * inside.max())
-    last = len(spectrum.frequencies) - 1
-    if not len(seen):
-        return float(spectrum.frequencies[0]), float(spectrum.frequencies[last])
-    high = float(spectrum.frequencies[min(last, int(seen[-1]) + max(1, round(1.0 / (3.0 * spectrum.octaves))))])
-    low = float(spectrum.frequencies[max(0, int(seen[0]) - 1)])
-    return max(float(spectrum.frequencies[0]), low - 0.1 * (high - low)), high
 
 
 def _frequency_axis(axes: Axes, band: tuple[float, float], words: str, symbol: str) -> None:
@@ -213,8 +207,7 @@ def _shading(largest: float) -> dict[str, Any]:
     return {"cmap": shades, "vmin": 0.0, "vmax": largest if largest > 0.0 else 1.0, "rasterized": True}
 
 
-def _draw_spectrum(axes: Axes, transition: Transition, band: tuple[float, float], largest: float) -> Any:
-    spectrum = transition.spectrum
+def _draw_spectrum(axes: Axes, transition: Transition, spectrum: Spectrum, band: tuple[float, float], largest: float) -> Any:
     few = slice(None, None, max(1, len(spectrum.times) // _COLUMNS))
     times = spectrum.times[few]
     edges = np.concatenate([[times[0]], 0.5 * (times[1:] + times[:-1]), [times[-1]]])
@@ -231,9 +224,8 @@ def _draw_spectrum(axes: Axes, transition: Transition, band: tuple[float, float]
     return mesh
 
 
-def _draw_over_energy(axes: Axes, transition: Transition, band: tuple[float, float], largest: float) -> None:
-    spectrum, record = transition.spectrum, transition.record
-    energies = np.interp(spectrum.times, record.times, record.energy)
+def _draw_over_energy(axes: Axes, transition: Transition, spectrum: Spectrum, band: tuple[float, float], largest: float) -> None:
+    energies = gradual_energy(transition.record, spectrum.times)
     kept = energies > _DEEP * energies.max()
     limits = logarithmic_limits(energies[kept], 0.04)
     edges = np.geomspace(*limits, _INTERVALS + 1)
@@ -244,7 +236,7 @@ def _draw_over_energy(axes: Axes, transition: Transition, band: tuple[float, flo
     _frequency_axis(axes, band, "frequency index", r"m\,2\pi/T")
 
 
-def _draw_families(axes: Axes, atlas: Atlas) -> None:
+def _draw_families(axes: Axes, atlas: Atlas, followed: set[str]) -> None:
     curves = _named(atlas)
     modes = [mode for mode in atlas.thresholds if mode.h > axes.get_xlim()[0]]
     limits = axes.get_xlim(), axes.get_ylim()
@@ -256,7 +248,8 @@ def _draw_families(axes: Axes, atlas: Atlas) -> None:
     whole = np.zeros(19, dtype=bool)
     named = [Named(None, np.geomspace(left, mode.h, 20), np.full(20, mode.frequency), whole, mode.label) for mode in modes]
     lines = [curve.path() for curve in (*curves, *named)]
-    named += names_of(curves, axes)
+    names = [name for name in names_of(curves, axes) if name.text or name.key in followed]
+    named += sorted(names, key=lambda name: name.key not in followed)
     label_curves(axes, named, lines, mark_boxes(axes, modes, None), most=_MOST_NAMES)
 
 
@@ -266,28 +259,42 @@ def _letters(stages: Sequence[Stage]) -> list[str]:
 
 
 def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
-    """A line where a stage begins or ends, and its letter where there is room."""
+    """A line where a stage begins or ends, and its letter over its middle, lower where that of another stage is in the way."""
     to_points = 72 / axes.figure.dpi
     for time in sorted({time for stage in stages for time in (stage.start, stage.end)}):
         axes.axvline(time, color=GREEN, linewidth=0.6, linestyle=(0, (4, 2)), zorder=3)
     if not letters:
         return
+    right = [-np.inf] * _LETTER_ROWS  # how far the letters reach in each row
+    bounds = np.array(axes.bbox.intervalx) * to_points
     for stage, letter in zip(stages, _letters(stages), strict=True):
-        ends = axes.transData.transform([(stage.start, 0.0), (stage.end, 0.0)])[:, 0] * to_points
-        if ends[1] - ends[0] >= _LETTER_ROOM * len(letter):
-            at = (0.5 * (stage.start + stage.end), 1.0)
-            axes.annotate(
-                letter, at, (0, -3), xycoords=("data", "axes fraction"), textcoords="offset points", ha="center", va="top", fontsize=SMALL,
-                color=BLACK, zorder=6, bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
-            )  # fmt: skip
+        half = 0.5 * _LETTER_ROOM * len(letter)
+        middle = 0.5 * (stage.start + stage.end)
+        place = float(axes.transData.transform((middle, axes.get_ylim()[1]))[0]) * to_points
+        shown = float(np.clip(place, bounds[0] + half, bounds[1] - half))
+        row = next((row for row, end in enumerate(right) if shown - half >= end), None)
+        if row is None:
+            continue
+        right[row] = shown + half
+        axes.annotate(
+            letter, (middle, 1.0), (shown - place, -3 - _LETTER_HIGH * row), xycoords=("data", "axes fraction"),
+            textcoords="offset points", ha="center", va="top", fontsize=SMALL, color=BLACK, zorder=6,
+            bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+        )  # fmt: skip
 
 
-def _below(figure: Figure, stages: Sequence[Stage], caption: str) -> None:
+def _short_ids(transition: Transition, atlas: Atlas | None) -> dict[str, str]:
+    """Short texts for the families that are drawn or followed."""
+    families = [] if atlas is None else [curve.family for curve in atlas.curves]
+    return short_ids(dict.fromkeys([*families, *(stage.follows.family for stage in transition.stages if stage.follows is not None)]))
+
+
+def _below(figure: Figure, stages: Sequence[Stage], caption: str, short: Mapping[str, str]) -> None:
     """Below the picture: its caption, and what each stage follows."""
     from matplotlib.lines import Line2D
 
     texts = [
-        f"{letter}  {stage.start:.4g}\N{EN DASH}{stage.end:.4g}  {_follows(stage)}"
+        f"{letter}  {stage.start:.4g}\N{EN DASH}{stage.end:.4g}  {_follows(stage, short)}"
         for stage, letter in zip(stages, _letters(stages), strict=True)
     ]
     if len(texts) > _MOST_LETTERS:
@@ -312,16 +319,16 @@ def _stabilities(axes: Axes, atlas: Atlas | None) -> None:
 
 
 def _named(atlas: Atlas) -> list[Named]:
-    return [Named(curve, curve.h, *frequency_of(curve, "index")) for curve in atlas.curves]
+    return [frequency_curve(curve, "index") for curve in atlas.curves]
 
 
-def _follows(stage: Stage) -> str:
+def _follows(stage: Stage, short: Mapping[str, str]) -> str:
     from branches.labels import latex, parse
 
     if stage.follows is None:
         return rf"$\omega$ = {stage.frequency:.3g}, no family"
     follows = stage.follows
-    name = follows.family
+    name = f"{follows.family.partition(':')[0]} {short[follows.family]}"
     if follows.label:
         try:
             name = latex(parse(follows.label), short=True)

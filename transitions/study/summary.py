@@ -26,8 +26,8 @@ class Bins:
     Attributes
     ----------
     edges : (k + 1,) ndarray
-        Of the bins, ascending; in a grid half-way between the values, and the first and the last value at the ends, so that nothing beyond
-        what was run is covered. A single value has a twentieth of itself on each side.
+        Of the bins, ascending; in a grid half-way between the values, and as far beyond the first and the last one, so that a map has cells
+        of full size at its borders. A single value has a twentieth of itself on each side.
     centres : (k,) ndarray
         The values of a grid; else the middles.
     which : (N,) int64 ndarray
@@ -64,8 +64,10 @@ def bins_of(study: Study, axis: Axis, most: int) -> Bins:
         if len(centres) == 1:
             half = _SINGLE * abs(centres[0]) or 1.0
             return Bins(np.array([centres[0] - half, centres[0] + half]), centres, which)
-        between = np.sqrt(centres[1:] * centres[:-1]) if logarithmic else 0.5 * (centres[1:] + centres[:-1])
-        return Bins(np.concatenate([centres[:1], between, centres[-1:]]), centres, which)
+        places = np.log(centres) if logarithmic else centres
+        between = 0.5 * (places[1:] + places[:-1])
+        edges = np.concatenate([[2.0 * places[0] - between[0]], between, [2.0 * places[-1] - between[-1]]])
+        return Bins(np.exp(edges) if logarithmic else edges, centres, which)
     low, high = (np.log([axis.low, axis.high]) if logarithmic else (axis.low, axis.high))
     places = np.log(values) if logarithmic else values
     edges = np.linspace(low, high, most + 1)

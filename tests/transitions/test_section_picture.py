@@ -1,0 +1,95 @@
+"""What the picture of a section draws of its points. Oracles: symmetries of the motion, the renderer's own ink, numbers by hand."""
+
+import io
+
+import numpy as np
+import pytest
+from matplotlib.text import Text
+
+from bvp.system import vibro_impact_nes
+from transitions.diagram.section_picture import section_figure
+from transitions.diagram.section_points import has_images, robust_limits
+from transitions.section import section
+from transitions.section_marks import Mark
+from transitions.section_plane import SectionPlane
+from transitions.section_rotation import Rotations, rotations
+from transitions.section_view import SectionView
+
+
+def by_gid(axes, name):
+    return axes.findobj(lambda artist: artist.get_gid() == name)
+
+
+@pytest.mark.parametrize("energy", [0.06, 1.0])
+def test_the_mirrored_start_has_the_mirrored_points(energy):
+    """Oracle: the motion from (-x, y) followed backwards: u to -u with time reversed. From the image of the last point on, the crossings
+    are the images of those before it, in reverse order."""
+    system = vibro_impact_nes()
+    found = section(system, energy, starts=[[0.31, 0.6]], crossings=12)
+    back = section(system, energy, starts=(found.points[0, -1:] * (-1.0, 1.0)).tolist(), crossings=12)
+    np.testing.assert_allclose(back.points[0, :6], (found.points[0] * (-1.0, 1.0))[::-1][:6], atol=1e-7)
+    assert has_images(SectionPlane(system, energy)) and not has_images(SectionPlane(vibro_impact_nes(rho=0.9), energy))
+
+
+def test_each_motion_is_drawn_with_its_image():
+    """Oracle: the points of the section and their images; of a system that loses energy the points alone."""
+    for rho, images in ((1.0, True), (0.8, False)):
+        found = section(vibro_impact_nes(rho=rho), 0.3, orbits=4, crossings=30)
+        (line,) = by_gid(section_figure([SectionView(found)]).axes[0], "section0-points")
+        points = found.points.reshape(-1, 2)
+        wanted = np.concatenate([points, points * (-1.0, 1.0)]) if images else points
+        np.testing.assert_array_equal(np.sort(line.get_xydata(), axis=0), np.sort(wanted, axis=0))
+
+
+def test_motions_do_not_merge_into_solid_ink():
+    """Oracle: the dark part of the rendered axes of a section with four times the motions of the gallery's; what is left out is said."""
+    found = section(vibro_impact_nes(), 20.0, orbits=600, crossings=400)
+    figure = section_figure([SectionView(found), SectionView(found)])
+    figure.savefig(io.BytesIO(), format="png")
+    axes = figure.axes[0]
+    left, bottom, right, top = (int(edge) for edge in axes.transData.transform([(-0.95, -18.0), (0.95, 18.0)]).ravel())
+    shade = np.asarray(figure.canvas.buffer_rgba())[::-1][bottom:top, left:right, 0]
+    assert 0.1 < np.mean(shade < 128) < 0.6
+    words = axes.get_title().split("(")[2]
+    assert words.endswith("of 600 motions drawn)") and 20 < int(words.split()[0]) < 500
+
+
+def test_few_motions_are_all_drawn():
+    """Oracle: the number of points, and no word of what is left out."""
+    found = section(vibro_impact_nes(), 0.06, orbits=5, crossings=100)
+    figure = section_figure([SectionView(found)])
+    (line,) = by_gid(figure.axes[0], "section0-points")
+    assert len(line.get_xydata()) == 1000 and "motions drawn" not in figure.legends[0].get_title().get_text()
+
+
+def test_a_few_outliers_do_not_set_the_range_of_colours():
+    """Oracle: rotation numbers by hand; the bar ends in a tip where the outlier lies."""
+    found = section(vibro_impact_nes(), 0.06, orbits=12, crossings=30)
+    numbers = np.array([*np.linspace(0.30, 0.34, 11), 0.97])
+    view = SectionView(found, rotations=Rotations(numbers, np.zeros(12, dtype=int), rotations(found).centres))
+    figure = section_figure([view], colour="rotation")
+    (dots,) = by_gid(figure.axes[0], "section0-points")
+    assert (dots.norm.vmin, dots.norm.vmax) == pytest.approx((0.30, 0.34))
+    assert dots.get_array().max() == 0.97 and figure.axes[1]._colorbar.extend == "max"
+    assert robust_limits(numbers[:11]) == (0.30, 0.34)
+
+
+def test_a_section_that_loses_energy_is_coloured_by_energy():
+    """Oracle: the energies at the crossings; the scale is logarithmic, and the bar names it."""
+    found = section(vibro_impact_nes(lam=0.01, rho=0.9), 2.0, orbits=8, crossings=60)
+    figure = section_figure([SectionView(found)], colour="energy")
+    (dots,) = by_gid(figure.axes[0], "section0-points")
+    np.testing.assert_array_equal(dots.get_array(), found.energies[~np.isnan(found.times)])
+    assert type(dots.norm).__name__ == "LogNorm" and "energy" in figure.axes[1].get_ylabel()
+
+
+def test_names_on_points_have_a_ground_and_a_readable_sign():
+    """Oracle: the renderer's extents: the ground covers the raised sign too, which is at least 6 points large; seven tenths of a name."""
+    found = section(vibro_impact_nes(), 0.3, orbits=60, crossings=200)
+    figure = section_figure([SectionView(found, (Mark("f", "S13O00+", 1, 1.0, 2, "own", np.array([[0.1, 0.2]])),))])
+    (name,) = [text for text in figure.axes[0].findobj(Text) if "S13" in text.get_text()]
+    figure.draw_without_rendering()
+    ground = name.get_bbox_patch()
+    assert ground.get_alpha() >= 0.9 and 0.7 * name.get_fontsize() >= 6.0
+    box, text = ground.get_window_extent(), name.get_window_extent()
+    assert box.x0 < text.x0 and box.y1 > text.y1 and box.x1 > text.x1
