@@ -216,7 +216,7 @@ def walk(
                 point = plain[-1]
                 step = point.step
                 for k in range(max(0, count - 3), count):
-                    oldest, older, values = older, values, steps[k].tests  # type: ignore[assignment]
+                    oldest, older, values = older, values, steps[k].tests
                     length_older, length_old = length_old, float(marched.lengths[k])
                 arclength = point.arclength
                 position = step.position
