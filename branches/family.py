@@ -18,7 +18,7 @@ from branches.grazing_notes import describe_merging, describe_touch, describe_va
 from branches.kernels.march import Block, march
 from branches.labels import ImpossibleLabelError, Label, label_of
 from branches.marched import MarchedSteps, step_of
-from branches.markers import COMMON, NOISE, common_tests, is_orbit, planar_tests
+from branches.markers import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, planar_tests
 from bvp.kernels import segment as kernel
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
@@ -244,7 +244,8 @@ class Family:
         a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]
         if not np.isfinite(phi).all():
             return [math.nan] * (5 if self._kind == "quarter" else 4)
-        level = NOISE * float(np.max(np.abs(phi)))
+        pivot = abs(float(solution["branching"]))
+        level = (NOISE + PIVOT_NOISE / pivot) * float(np.max(np.abs(phi))) if pivot > 0.0 else math.inf
         speeds = float(solution["speeds"])  # see `branches.markers.planar_tests`
         out = []
         for block in (b, a, d):

@@ -35,7 +35,7 @@ from bvp.kernels.result import (
     WAVES_PRIMARY,
 )
 
-__all__ = ["COMMON", "NOISE", "common_tests", "is_orbit", "planar_tests"]
+__all__ = ["COMMON", "NOISE", "PIVOT_NOISE", "common_tests", "is_orbit", "planar_tests"]
 
 COMMON = 11
 """Test functions that every family has, whatever its degrees of freedom."""
@@ -49,6 +49,14 @@ NOISE = 2e-13
 its noise is no event."""
 
 
+PIVOT_NOISE = 1e-14
+"""Noise of the half map's entries, as a part of the largest one, times the smallest pivot: near a branch point an orbit is uncertain by
+rounding over the pivot, in the direction of the other family."""
+
+TANGENT_NOISE = 3e-14
+"""Noise of the slope times the square of the smallest pivot: so the tangent turns with that uncertainty."""
+
+
 def is_orbit(result: Any) -> bool:
     """Whether the result entries are those of an accurate orbit of which everything could be found out."""
     return result[CONVERGED] == 1.0 and result[RESIDUAL] < _ACCURATE and not result[GAVE_UP] == 1.0
@@ -58,8 +66,9 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> No
     """The first `COMMON` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's logarithm (low, high)
     and of the quarter period's, impulsive orbits, and the key that stands for the label."""
     level = math.log(result[ENERGY])
-    out[0] = result[SLOPE]
-    out[1] = result[BRANCHING]
+    pivot = result[BRANCHING]
+    out[0] = result[SLOPE] if abs(result[SLOPE]) * pivot * pivot > TANGENT_NOISE else math.nan
+    out[1] = pivot
     out[2] = result[CLEARANCE] if result[CLEARANCE] < _CLEAR else _CLEAR
     out[3] = result[SPEED]
     out[4] = result[FLIGHT]
@@ -88,7 +97,8 @@ def planar_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
     for entry in (b, c, d):
         if abs(entry) > largest:
             largest = abs(entry)
-    noise = NOISE * largest
+    pivot = abs(result[BRANCHING])
+    noise = largest * (NOISE + PIVOT_NOISE / pivot) if pivot > 0.0 else math.inf
     if abs(a) < noise:
         a = math.nan
     if abs(b) < noise:

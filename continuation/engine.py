@@ -21,6 +21,9 @@ from continuation.points import PlainPoints
 from continuation.problem import Event, Point, Problem, Step
 from continuation.settings import Settings
 
+LEAP = 100.0
+"""A leap over a branch point is at most this many times as long as the step that was refused."""
+
 _LEVEL = 1e-8  # a smaller |slope| at the start is no direction
 
 StopWhen = Callable[[Point], "bool | str"]
@@ -179,6 +182,7 @@ def walk(
     length_old = length_older = 0.0
     ds = settings.initial_step
     closure = None if goal is None else Closure(problem, settings, *goal)
+    fallback = 0.0  # length of the next try if a leap fails; inf when it has failed
     trial: Step | None = None  # the step of length ds where it was tried already
 
     while True:
@@ -194,6 +198,7 @@ def walk(
             steps = marched.steps
             count = len(steps)
             if count:
+                fallback = 0.0
                 if closure is None:
                     closure = Closure(problem, settings, first, np.asarray(steps[0].position) - np.asarray(first.position))
                 arclengths = np.cumsum([arclength, *marched.lengths])[1:]
@@ -272,7 +277,12 @@ def walk(
                             ds *= 0.75
                             continue
         if cause:
-            ds *= 0.5
+            # Beside a branch point the corrector fails where a step lands too near to it: try the point as far behind it as this one is before.
+            leap = 2.0 * finder.distance_to_branch_point(older, values, length_old)
+            if fallback == 0.0 and shortest < leap < LEAP * ds:
+                fallback, ds = 0.5 * ds, leap
+                continue
+            ds, fallback = (fallback, math.inf) if 0.0 < fallback < math.inf else (0.5 * ds, fallback)
             if ds < shortest:
                 words = f"{cause} at arclength {arclength:.6g}"
                 failure = getattr(problem, "failure", None)
@@ -283,6 +293,7 @@ def walk(
             continue
 
         accepted += 1
+        fallback = 0.0
         for event in found:
             s = arclength_between(position, event.location.step)
             guard = problem.tests[event.index].kind == "guard"

@@ -107,6 +107,15 @@ class EventFinder:
         """Whether a point is so near to a branch point, seen from the one before it, that the signs of its test functions are rounding."""
         return any(abs(b) < min(level, PART * abs(a)) for a, b, level in zip(old, new, self._singular, strict=True))
 
+    def distance_to_branch_point(self, older: Sequence[float], old: Sequence[float], before: float) -> float:
+        """Arclength from the last point to where the line through the last two values of a test for branch points is zero; inf if it is
+        behind."""
+        ahead = math.inf
+        for a, b, level in zip(older, old, self._singular, strict=True):
+            if level and (b > 0.0) is (a > b) and a != b and b != 0.0:
+                ahead = min(ahead, before * b / (a - b))
+        return ahead
+
     def _zeros(
         self, tests: list[int], locator: Locator, resolution: Resolution, limit: float, before: Point, ds: float
     ) -> list[tuple[int, Location]]:
@@ -129,31 +138,31 @@ class EventFinder:
                     if locator.is_at_an_end(found):
                         continue
                     found = self._refined(index, found, before, ds)
+                    if found.kind == "interrupted" and found.between[1] - found.between[0] > self._settings.coincidence_tolerance:
+                        raise StepRefused(found.reason)
                     located.append((index, found))
                     if test.singular:
                         resolution.exclude(index, test, *done[index][-1])
                         break
-        return [pair for pair in located if not self._touches(pair, located, locator, resolution, limit)]
+        return [pair for index in tests for pair in self._crossed(index, [found for i, found in located if i == index], locator)]
 
-    def _touches(
-        self, pair: tuple[int, Location], located: list[tuple[int, Location]], locator: Locator, resolution: Resolution, limit: float
-    ) -> bool:
-        """Whether a test function only touches zero: between this zero and the next one, or around it, its values are rounding."""
-        index, location = pair
-        values = [(s, float(step.tests[index])) for s, step in locator.taken() if s <= limit and step.tests[index] == step.tests[index]]
-        noise = _ROUNDING * max(abs(value) for _, value in values)
-        zeros = sorted({other.s for i, other in located if i == index})
-        at = zeros.index(location.s)
-        around = [s for s in (*zeros[max(0, at - 1) : at], location.s, *zeros[at + 1 : at + 2])]
-        for low, high in pairwise(around) if len(around) > 1 else ((location.s, location.s),):
-            inside = [value for s, value in values if low <= s <= high]
-            if inside and max(map(abs, inside)) <= noise:
-                outside = [value > 0.0 for s, value in values if (s < low or s > high) and abs(value) > noise]
-                before = [value > 0.0 for s, value in values if s < low and abs(value) > noise]
-                after = outside[len(before) :]
-                if before and after and before[-1] is after[0]:
-                    return True
-        return False
+    def _crossed(self, index: int, zeros: list[Location], locator: Locator) -> list[tuple[int, Location]]:
+        """The zeros where a test function changes sign, without those where it only touches zero.
+
+        A zero around which the sign is the same is a touch, and so are two between which the function is rounding."""
+        values = [(s, float(step.tests[index])) for s, step in locator.taken() if step.tests[index] == step.tests[index]]
+        noise = _ROUNDING * max((abs(value) for _, value in values), default=0.0)
+        crossed: list[tuple[int, Location]] = []
+        for found in sorted(zeros, key=lambda found: found.s):
+            low, high = found.between
+            if (locator.value(index, low) > 0.0) is (locator.value(index, high) > 0.0):
+                continue
+            if crossed and found.s - crossed[-1][1].s <= self._settings.coincidence_tolerance:
+                if all(abs(value) <= noise for s, value in values if crossed[-1][1].s <= s <= found.s):
+                    crossed.pop()
+                    continue
+            crossed.append((index, found))
+        return crossed
 
     def _guards(
         self, guards: list[int], locator: Locator, resolution: Resolution, ds: float
@@ -237,7 +246,7 @@ class EventFinder:
         if not 0.0 < s < ds:
             return location
         margin = self._settings.location_tolerance
-        return Location("zero", "located", s, step, abs(float(step.tests[index])), step, step, margin=margin)
+        return Location("zero", "located", s, step, abs(float(step.tests[index])), step, step, margin=margin, between=location.between)
 
     def _changes(self, locator: Locator, index: int, limit: float) -> list[Location]:
         """The changes of a key inside a step."""

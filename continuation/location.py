@@ -300,14 +300,19 @@ class Locator:
         Raises
         ------
         StepRefused
-            The steps between fail, in a bracket wider than the coincidence tolerance: then the long step is not to be trusted.
+            The steps between fail, in a bracket wider than the coincidence tolerance: then the long step is not to be trusted. With a
+            `size`, as at a branch point, the wide bracket is given.
         """
         value_low, value_high = self.value(index, low), self.value(index, high)
         scale = max(abs(value_low), abs(value_high))
         tolerance, coincidence = self._settings.location_tolerance, self._settings.coincidence_tolerance
         found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance, coincidence)
-        if found.interrupted and found.high - found.low > coincidence:
+        if found.interrupted and found.high - found.low > coincidence and not size:
             raise StepRefused(found.interrupted)
+        if found.interrupted and not guard:
+            line = self._polished(index, found)
+            if line.root != found.root and math.isnan(float(self.step(line.root).tests[index])):
+                found = line._replace(interrupted="")  # undefined there for being rounding: a zero
         if guard and found.value < 0.0:
             found = self._within(index, found)
         residual = abs(found.value)

@@ -11,7 +11,7 @@ import pytest
 
 from branches.family import RESONANCES, half_multiplication, multiplication
 from branches.markers import COMMON, common_tests, planar_tests
-from bvp.kernels.result import ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
+from bvp.kernels.result import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
 HALF_TARGETS = [level for p, q in RESONANCES for level in half_multiplication(p, q)]
@@ -26,6 +26,7 @@ def test_traces_are_those_of_the_return_map(seed):
     result = np.zeros(len(RESULT))
     result[[HALF_A, HALF_B, HALF_C, HALF_D]] = phi.ravel()
     result[SPEEDS] = SPEED
+    result[BRANCHING] = 0.1
     reversal = np.diag([1.0, -1.0])
     closed = reversal @ np.linalg.inv(phi) @ reversal @ phi
     half, quarter = np.zeros(14 + len(TARGETS)), np.zeros(15 + len(HALF_TARGETS))

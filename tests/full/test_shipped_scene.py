@@ -16,14 +16,6 @@ SCENE = saltus.load_scene()
 COMPLETE = SCENE.complete
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    """The catalogue's path and the report of its build."""
-    folder = tmp_path_factory.mktemp("shipped")
-    code = main(["build", "--workers", "2", "--catalogue", str(folder / "lee2009.sqlite"), "--json", str(folder / "report.json")])
-    return folder / "lee2009.sqlite", json.loads((folder / "report.json").read_text()), code
-
-
 def test_it_is_settled_and_nothing_failed(built):
     """Oracle: the build's own account. Of over 20,000 events a few symmetry breakings give no new family: beside crossings where tau is 2
     within 1e-11 all along, where rounding makes a sign change."""
