@@ -277,7 +277,7 @@ def walk(
                             ds *= 0.75
                             continue
         if cause:
-            # Beside a branch point the corrector fails where a step lands too near to it: try the point as far behind it as this one is before.
+            # The corrector fails if a step lands too near to a branch point: try the point as far behind it as this one is before.
             leap = 2.0 * finder.distance_to_branch_point(older, values, length_old)
             if fallback == 0.0 and shortest < leap < LEAP * ds:
                 fallback, ds = 0.5 * ds, leap

@@ -307,12 +307,12 @@ class Locator:
         scale = max(abs(value_low), abs(value_high))
         tolerance, coincidence = self._settings.location_tolerance, self._settings.coincidence_tolerance
         found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance, coincidence)
-        if found.interrupted and found.high - found.low > coincidence and not size:
-            raise StepRefused(found.interrupted)
         if found.interrupted and not guard:
             line = self._polished(index, found)
             if line.root != found.root and math.isnan(float(self.step(line.root).tests[index])):
-                found = line._replace(interrupted="")  # undefined there for being rounding: a zero
+                found = line._replace(interrupted="")  # undefined for being rounding: a zero, and the bracket is its error bar
+        if found.interrupted and found.high - found.low > coincidence and not size:
+            raise StepRefused(found.interrupted)
         if guard and found.value < 0.0:
             found = self._within(index, found)
         residual = abs(found.value)

@@ -26,6 +26,9 @@ _MOST = 256
 _FLOOR = 10.0
 """Intervals shorter than this many location tolerances are not divided further."""
 
+_CORES = 2.0
+"""A test function that is undefined in an interval is sampled towards that gap until this many times its width is left on either side."""
+
 _APART = 0.05
 """Least distance of a neighbouring sample, as a part of the interval: a second difference over less is rounding."""
 
@@ -104,7 +107,7 @@ class Resolution:
         """
         while True:
             samples, gaps = self._samples(index, limit)
-            place = self._unresolved(samples, gaps, [zone for zone in self.zones if zone.hides(self._tests[index])], guard)
+            place = self._unresolved(samples, gaps, guard)
             if place is None:
                 break
             self._take(*place)
@@ -155,21 +158,32 @@ class Resolution:
         return None
 
     def _samples(self, index: int, limit: float) -> tuple[list[_Sample], list[float]]:
-        """The samples where a test function is to be trusted, and the places where it is undefined."""
+        """The samples where a test function is to be trusted, and the places in order where it is not."""
         known = [_Sample(s, float(values[index])) for s, values in self._history]
         known += [_Sample(s, float(step.tests[index])) for s, step in self._locator.taken() if s <= limit]
         zones = [zone for zone in self.zones if zone.hides(self._tests[index])]
-        known = [sample for sample in known if not any(zone.low < sample.s < zone.high for zone in zones)]
-        defined = [sample for sample in known if sample.value == sample.value]
-        return defined, [sample.s for sample in known if sample.value != sample.value]
 
-    def _unresolved(self, samples: list[_Sample], gaps: list[float], zones: list[Zone], guard: bool) -> tuple[float, float, float] | None:
+        def is_certain(sample: _Sample) -> bool:
+            return sample.value == sample.value and not any(zone.low < sample.s < zone.high for zone in zones)
+
+        defined = [sample for sample in known if is_certain(sample)]
+        gaps = [sample.s for sample in known if not is_certain(sample)]
+        return defined, gaps
+
+    def _unresolved(self, samples: list[_Sample], gaps: list[float], guard: bool) -> tuple[float, float, float] | None:
         """The first interval that is to be divided, and where."""
         for j, (a, b) in enumerate(pairwise(samples)):
             length = b.s - a.s
-            if a.s < 0.0 or length <= self._floor or (a.value > 0.0) is not (b.value > 0.0) or (guard and not a.value > 0.0):
+            if a.s < 0.0 or length <= self._floor or (guard and not a.value > 0.0):
                 continue
-            if any(a.s < gap < b.s for gap in gaps) or any(a.s <= zone.low and zone.high <= b.s for zone in zones):
+            inside = [gap for gap in gaps if a.s < gap < b.s]
+            if inside:
+                core = max(inside[-1] - inside[0], self._floor)
+                for low, high in ((a.s, inside[0]), (inside[-1], b.s)):
+                    if high - low > _CORES * core:
+                        return low, high, 0.5
+                continue
+            if (a.value > 0.0) is not (b.value > 0.0):
                 continue
             bends = self._bends(samples, j)
             if len(bends) < 2:
