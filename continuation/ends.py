@@ -10,6 +10,7 @@ class EndReason(Enum):
     """Why a family was followed no further. The value is a text for the user."""
 
     CLOSED = "the family closes on itself: it is back at its first point; nothing is left to follow"
+    REPEATED = "the family repeats itself: it passes one branch point for the third time; what follows are images of what was followed"
     EVENT = "the family ends at this event; to go on, start the neighbouring family from the last point"
     STOP_AT = "an event of a type to stop at was reached; start again from the last point to go on"
     STOP_WHEN = "the stop condition held; start again from the last point to go on"

@@ -21,6 +21,9 @@ from continuation.points import PlainPoints
 from continuation.problem import Event, Point, Problem, Step
 from continuation.settings import Settings
 
+REPEATED = 1e-9
+"""Relative difference of the parameter at one branch point that is passed again."""
+
 LEAP = 100.0
 """A leap over a branch point is at most this many times as long as the step that was refused."""
 
@@ -182,6 +185,7 @@ def walk(
     length_old = length_older = 0.0
     ds = settings.initial_step
     closure = None if goal is None else Closure(problem, settings, *goal)
+    met: list[float] = []  # the parameter at the branch points so far
     fallback = 0.0  # length of the next try if a leap fails; inf when it has failed
     trial: Step | None = None  # the step of length ds where it was tried already
 
@@ -261,7 +265,8 @@ def walk(
             tests = new.tests
             if type(tests) is not list:
                 tests = _floats(tests)
-            if scan(oldest, older, values, tests, length_older, length_old, length):
+            leaping = 0.0 < fallback < math.inf
+            if leaping or scan(oldest, older, values, tests, length_older, length_old, length):
                 history = [(-length_old - length_older, oldest), (-length_old, older)]
                 try:
                     found = finder.find(history, point, Point(index + 1, arclength + length, new, ds), ds)
@@ -269,7 +274,10 @@ def walk(
                     jumped += 1
                     cause = f"{refused} (inside a step of {ds:.3g})"
                 else:
-                    if not closed and ds > 4 * max(tolerance, shortest):
+                    if leaping and not any(problem.tests[event.index].singular for event in found):
+                        jumped += 1
+                        cause = "a leap meets no branch point"
+                    elif not closed and ds > 4 * max(tolerance, shortest):
                         # an accepted point on an event, or beside a branch point, would have test functions of undecided sign
                         if finder.is_near_branch_point(values, tests) or any(
                             ds - event.location.s <= tolerance and not event.details.terminal for event in found
@@ -313,6 +321,11 @@ def walk(
             if special.terminal:
                 yield End(EndReason.EVENT, f"{special.code} at arclength {special.arclength:.9g}", tally)
                 return
+            if problem.tests[event.index].singular:
+                met.append(special.point.parameter)
+                if sum(abs(value - met[-1]) <= REPEATED * abs(met[-1]) for value in met) > 2:
+                    yield End(EndReason.REPEATED, f"{special.code} at arclength {special.arclength:.9g}", tally)
+                    return
             if special.code in stop_at:
                 yield End(EndReason.STOP_AT, f"{special.code} at arclength {special.arclength:.9g}", tally)
                 return

@@ -97,9 +97,10 @@ class EventFinder:
             return arclength_between(before.step.position, location.step), location.s, index
 
         classified = self._classified(sorted(located, key=place), before, after)
+        near = self._settings.coincidence_tolerance
         for zone in resolution.zones:
             for i, event in enumerate(classified):
-                if zone.found and self._tests[event.index] is zone.test and zone.low <= event.location.s <= zone.high:
+                if zone.found and self._tests[event.index] is zone.test and zone.low - near <= event.location.s <= zone.high + near:
                     classified[i] = replace(event, absorbed=(*event.absorbed, *zone.found))
         return classified
 
@@ -218,10 +219,8 @@ class EventFinder:
             elif test.kind == "crossing" and ((a > 0) is not (b > 0)) is not (count % 2 == 1):
                 residual = abs(float(step.tests[index]))
                 residual = 0.0 if math.isnan(residual) else residual  # rounding
-                if residual <= max(abs(a), abs(b)):
+                if residual <= PART * max(abs(a), abs(b)):
                     located.append((index, Location("zero", "located", 0.0, step, residual, step, step)))
-                else:
-                    located.append((index, Location("pole", "bracketed", 0.0, step, residual, step, step)))
         return self._classified(located, before, after)
 
     def _classified(self, located: list[tuple[int, Location]], before: Point, after: Point) -> list[Found]:

@@ -199,7 +199,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
 
 def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
     """1 for a family that is cut where its own image goes on, else 0; and what is said of its ends that are cut elsewhere."""
-    cut = [i for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED")]
+    cut = [i for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED", "REPEATED")]
     failed = [i for i in cut if not is_half(branch, i)]
     told = tuple(f"{branch.id}: {branch.ended[i].reason}: {branch.ended[i].text}" for i in failed)
     return int(len(failed) < len(cut)), told
