@@ -313,8 +313,9 @@ class Locator:
                 found = line._replace(interrupted="")  # undefined for being rounding: a zero, and the bracket is its error bar
         if found.interrupted and found.high - found.low > coincidence and not size:
             raise StepRefused(found.interrupted)
-        if guard and found.value < 0.0:
-            found = self._within(index, found)
+        if guard:
+            found = found if found.interrupted else self._polished(index, found)
+            found = self._within(index, found) if found.value < 0.0 else found
         residual = abs(found.value)
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
         if residual > max(size, JUMP_RATIO * scale, _STEEP * (found.high - found.low) / (high - low) * scale):
@@ -363,7 +364,7 @@ class Locator:
 
     def _within(self, index: int, found: RootBracket) -> RootBracket:
         """The root of a guard moved to the nearest step tried where its value is not negative, inside the same bracket."""
-        valid = found.low if found.root == found.high else found.high
+        valid = found.low if self.value(index, found.low) >= 0.0 else found.high
         away = 2 * math.ulp(found.root)
         while away < abs(valid - found.root):
             s = found.root + math.copysign(away, valid - found.root)

@@ -229,13 +229,13 @@ def test_work_is_done_once(tmp_path):
     path = tmp_path / "work.sqlite"
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
         assert catalogue.add_work([("b", {"h": 1.0}), ("a", [1, 2])]) == 2
-        assert catalogue.add_work([("b", None), ("c", None)]) == 1
+        assert catalogue.add_work([("b", [3]), ("c", [4])]) == 1
         with catalogue.transaction():
             catalogue.add(real()[0])
             catalogue.finish("b")
         catalogue.note("settled", {"energy": [0.05, 1.0]})
     with saltus.Catalogue(path) as catalogue:
-        assert catalogue.work() == [("a", [1, 2]), ("c", None)]
+        assert catalogue.work() == [("a", [1, 2]), ("c", [4])]
         assert catalogue.counts() == {
             "families": 1, "points": len(real()[0]), "events": len(real()[0].events), "edges": 0, "pending": 2
         }  # fmt: skip
