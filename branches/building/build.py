@@ -53,6 +53,8 @@ _RANGE = 1e-6
 
 _UNFOLDED = "unfolded "
 
+_COUNTED_LATER = ("digits", "missed")
+
 _NOT_FOLLOWED = "only families without a reversal meet this one here, and they meet none with one: they are not followed"
 
 _LOST = "the family that is born here could not be told from this one: next to the event they are nearer than rounding lets one see"
@@ -232,10 +234,11 @@ class _Build:
             return False
         with readable(self.catalogue.path, "what its build has come to"):
             noted = self.catalogue.progress("told")
-            # a build that an older version began lacks what that did not count
-            if any(type(value) is not type(self.told[name]) for name, value in noted.items()):
+            # a build that an older version began lacks what that version did not count
+            whole = {name: value for name, value in self.told.items() if name in _COUNTED_LATER} | noted
+            if {name: type(value) for name, value in whole.items()} != {name: type(value) for name, value in self.told.items()}:
                 raise TypeError
-            self.told |= noted
+            self.told = whole
         for row in self.catalogue.families():
             self._remember(row.id, self.catalogue.branch(row.id))
         with readable(self.catalogue.path, "what its build has unfolded"):

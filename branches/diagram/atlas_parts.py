@@ -193,7 +193,7 @@ def other_entries(atlas: Atlas, modes: Sequence[Any], stars: bool) -> list[Any]:
     if stars:
         entries += star_entry()
     if atlas.bounds:
-        text = "regimes; their bounds are ours, not the paper's:\n" + "\n".join(f"{b.below}/{b.above}: {b.what}" for b in atlas.bounds)
+        text = "regimes (bounds are ours, not the paper's):\n" + "\n".join(f"{b.below}/{b.above}: {b.what}" for b in atlas.bounds)
         entries.append(Line2D([], [], label=text, **_BOUND))
     return entries
 

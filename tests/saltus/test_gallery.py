@@ -52,7 +52,7 @@ def test_figures_with_their_data(capsys, tmp_path):
     for figure in PAPER.chosen(["fig16", "fig17"]):
         assert figure.caption in page and f"({figure.name}.svg)" in page
         made = json.loads((place / f"{figure.name}.json").read_text())
-        code, out, _ = run(capsys, *figure.words, "--json", "-", "--samples", "4000")
+        code, out, _ = run(capsys, *figure.words, "--stages", "--json", "-", "--samples", "4000")
         assert code == 0 and made == json.loads(out)
         assert "last at" in (place / f"{figure.name}.txt").read_text()
         picture = (place / f"{figure.name}.svg").read_text()

@@ -188,7 +188,7 @@ def test_a_killed_build_goes_on(tiny, tmp_path):
             assert {row.id for row in catalogue.families()} <= {id for id, _ in content(tiny[0])[0]}
             assert len(catalogue) < len(content(tiny[0])[0])
     report = built(path, Serial())
-    assert report == tiny[1]
+    assert report["digits"].pop("seconds") > 0.0 and report == {**tiny[1], "digits": {"orbits": tiny[1]["digits"]["orbits"]}}
     assert [id for id, _ in content(path)[0]] == [id for id, _ in content(tiny[0])[0]]
     assert content(path)[2] == content(tiny[0])[2]
 
