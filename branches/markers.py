@@ -30,6 +30,7 @@ from bvp.kernels.result import (
     SLOPE,
     SPEED,
     SPEEDS,
+    STEEPNESS,
     TRACE,
     WAVES_ABSORBER,
     WAVES_PRIMARY,
@@ -53,8 +54,9 @@ PIVOT_NOISE = 1e-14
 """Noise of the half map's entries, as a part of the largest one, times the smallest pivot: near a branch point an orbit is uncertain by
 rounding over the pivot, in the direction of the other family."""
 
-TANGENT_NOISE = 3e-14
-"""Noise of the slope times the square of the smallest pivot: so the tangent turns with that uncertainty."""
+TANGENT_NOISE = 2e-13
+"""Noise of the slope times the square of the smallest pivot over the steepness: so the tangent turns with that uncertainty. The steepness
+is the change of the scaled unknowns for a unit of arclength."""
 
 
 def is_orbit(result: Any) -> bool:
@@ -67,7 +69,7 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> No
     and of the quarter period's, impulsive orbits, and the key that stands for the label."""
     level = math.log(result[ENERGY])
     pivot = result[BRANCHING]
-    out[0] = result[SLOPE] if abs(result[SLOPE]) * pivot * pivot > TANGENT_NOISE else math.nan
+    out[0] = result[SLOPE] if abs(result[SLOPE]) * pivot * pivot > TANGENT_NOISE * result[STEEPNESS] else math.nan
     out[1] = pivot
     out[2] = result[CLEARANCE] if result[CLEARANCE] < _CLEAR else _CLEAR
     out[3] = result[SPEED]

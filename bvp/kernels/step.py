@@ -15,6 +15,7 @@ from bvp.kernels.result import (
     QUARTER_PERIOD,
     RESIDUAL,
     SLOPE,
+    STEEPNESS,
     TURN,
 )
 from bvp.kernels.segment import sized_rows, start_state, unpack
@@ -51,6 +52,7 @@ def tangent_at(segment, y, factor, sign, smallest, old_direction, metric, tangen
     result[SLOPE] = change * flip
     result[TURN] = 1.0 if first else turn
     result[BRANCHING] = sign * smallest
+    result[STEEPNESS] = 1.0 / length
 
 
 @part
