@@ -41,7 +41,7 @@ SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, ta
 
 _I = RESULT_INDEX
 _BRANCHING = 1
-_SINGULAR = 1e-6
+_SINGULAR = 1e-5
 """Smallest pivot, relative to its column, below which signs are rounding: the error of a tangent is rounding over its square."""
 
 _SHORT = 1e-3

@@ -15,6 +15,7 @@ from continuation.resolution import PART, History, Resolution
 from continuation.settings import Settings
 
 _ROUNDING = 1e-12  # part of its largest value in a step up to which a test function is rounding
+_LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
@@ -133,10 +134,10 @@ class EventFinder:
                 for low, high in resolution.changes(index, limit):
                     if any(first <= low and high <= last for first, last in done[index]) or resolution.absorbed(test, low, high):
                         continue
-                    found = locator.crossing(index, low, high, size=test.singular)
+                    found = locator.crossing(index, low, high, size=_LEFT * test.singular)
                     done[index].append(found.between)
                     searching = True
-                    if locator.is_at_an_end(found):
+                    if locator.is_at_an_end(found) or self._is_branch_point(index, found.step, resolution):
                         continue
                     found = self._refined(index, found, before, ds)
                     if found.kind == "interrupted" and found.between[1] - found.between[0] > self._settings.coincidence_tolerance:
@@ -146,6 +147,13 @@ class EventFinder:
                         resolution.exclude(index, test, *done[index][-1])
                         break
         return [pair for index in tests for pair in self._crossed(index, [found for i, found in located if i == index], locator)]
+
+    def _is_branch_point(self, index: int, step: Step, resolution: Resolution) -> bool:
+        """Whether a zero is rounding beside a branch point of the same step, which absorbs it."""
+        if not math.isnan(step.tests[index]):
+            return False
+        zones = [zone for zone in resolution.zones if zone.hides(self._tests[index])]
+        return any(abs(step.tests[self._tests.index(zone.test)]) < _LEFT * zone.test.singular for zone in zones)
 
     def _crossed(self, index: int, zeros: list[Location], locator: Locator) -> list[tuple[int, Location]]:
         """The zeros where a test function changes sign, without those where it only touches zero.

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
-TOLERANCE = 1e-9
-"""Relative difference of the energies, and of the quarter periods, of one event in two runs."""
+TOLERANCE, LABEL = 1e-9, 1e-8
+"""Relative difference of the energies, and of the quarter periods, of one event in two runs: a zero of a test function, and a change of
+the label, which is bisected to the width of a bracket."""
 
 MARGIN = 1e-4
 """Distance from an end of the common piece, relative to its length, within which an event may be on one side or the other."""
@@ -79,4 +80,5 @@ def _unmatched(ones, others):
 
 
 def _same(one, other):
-    return one[:2] == other[:2] and all(abs(a - b) <= TOLERANCE * abs(a) for a, b in zip(one[2:], other[2:], strict=True))
+    tolerance = LABEL if one[0] == "LB" else TOLERANCE
+    return one[:2] == other[:2] and all(abs(a - b) <= tolerance * abs(a) for a, b in zip(one[2:], other[2:], strict=True))
