@@ -239,3 +239,19 @@ def test_no_heavy_import():
     code = "import sys, continuation.run, continuation.generic, continuation.switching; "
     code += f"print([name for name in {heavy} if name in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+class Wave(Line):
+    """The line whose reported parameter is cos(s): it passes +-1 again and again."""
+
+    def step(self, y, tangent, ds):
+        step = super().step(y, tangent, ds)
+        return step._replace(parameter=math.cos(step.parameter))
+
+
+def test_a_family_that_repeats_itself_ends_at_the_third_passage_of_a_branch_point():
+    """Oracle: branch points at the multiples of pi, where the parameter is -1, 1, -1, 1, -1."""
+    wave = Wave((Marker("BP", "crossing", singular=1e-6), math.sin))
+    points, events, (end,) = parts(follow(wave, np.array([0.3]), settings=Settings(maximum_points=5000)))
+    assert end.reason is EndReason.REPEATED
+    assert [event.point.y[0] for event in events] == pytest.approx([k * math.pi for k in range(1, 6)], abs=1e-9)
