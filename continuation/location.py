@@ -33,9 +33,6 @@ _OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)
 # of the least distances that the bracket asks for, on its far side first.
 _BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)
 
-# How far before the end of a family its last point is taken, as parts of the way to the valid end of the bracket.
-_BEFORE_END = (0.005, 0.05, 0.2, 0.5)
-
 # So often the best place is given up, before a bracket that is narrow enough is taken as it stands.
 _REFUSALS = 3
 
@@ -316,8 +313,8 @@ class Locator:
                 found = line._replace(interrupted="")  # undefined for being rounding: a zero, and the bracket is its error bar
         if found.interrupted and found.high - found.low > coincidence and not size:
             raise StepRefused(found.interrupted)
-        if guard:
-            found = self._before_end(index, found)
+        if guard and found.value < 0.0:
+            found = self._within(index, found)
         residual = abs(found.value)
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
         if residual > max(size, JUMP_RATIO * scale, _STEEP * (found.high - found.low) / (high - low) * scale):
@@ -364,19 +361,19 @@ class Locator:
             value = 0.0
         return found._replace(root=s, value=value) if abs(value) < abs(found.value) else found
 
-    def _before_end(self, index: int, found: RootBracket) -> RootBracket:
-        """The root of a guard moved to where its value is not negative, by a small part of the bracket: at the very end of a family it is
-        rounding on which side of a stop an orbit lies."""
-        valid = found.low if self.value(index, found.low) >= 0.0 else found.high
-        line = found if found.interrupted else self._polished(index, found)
-        for part in _BEFORE_END:
-            s = line.root + part * (valid - line.root)
+    def _within(self, index: int, found: RootBracket) -> RootBracket:
+        """The root of a guard moved to the nearest step tried where its value is not negative, inside the same bracket."""
+        valid = found.low if found.root == found.high else found.high
+        away = 2 * math.ulp(found.root)
+        while away < abs(valid - found.root):
+            s = found.root + math.copysign(away, valid - found.root)
             try:
                 value = self.value(index, s)
             except StepRefused:
                 break
             if value >= 0.0:
                 return found._replace(root=s, value=value)
+            away *= 2
         return found._replace(root=valid, value=self.value(index, valid))
 
     def change(self, index: int, low: float, high: float, terminal: bool) -> tuple[Location, float]:
