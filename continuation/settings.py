@@ -29,7 +29,7 @@ class Settings:
     maximum_growth         2.0       a step is at most this many times as long as the one before
     maximum_points         1000      points in total, event points and the start counted; reaching it is an end
     location_tolerance     1e-10     width in arclength of the interval in which an event is bracketed
-    coincidence_tolerance  1e-6      events nearer than this may be one event; also how near the start is the start
+    coincidence_tolerance  1e-6      events nearer than this may be one event; also how near to its start a family closes
     ====================== ========= =====================================================================
 
     Raises

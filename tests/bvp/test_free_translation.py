@@ -1,0 +1,69 @@
+"""Systems that can move as a whole, and the ends that do not hold their place.
+
+Oracles: the definition (no spring, no stop resists); the rank of the Jacobian by numpy's singular values.
+"""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from branches.tracing import follow_family
+from bvp.drift import free_translation
+from bvp.ends import EndsError
+from bvp.multipoint import MultipointProblem
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp.twins import chain
+
+MASSES, SPRINGS = [1.0, 2.0, 1.5], [3.0, 1.0]
+ENDS = [("rest", "rest"), ("rest", "stop+"), ("stop-", "rest"), ("stop+", "stop-"), ("periodic", "periodic")]
+
+
+def test_a_free_translation_is_resisted_by_nothing():
+    """Oracle: K d = 0 and c . d = 0, on springs and gap rows that are scaled at random."""
+    random = np.random.default_rng(4)
+    for n in (2, 3, 5):
+        scale = np.exp(random.normal(size=n))
+        free = chain(np.exp(random.normal(size=n)), np.exp(random.normal(size=n - 1)))
+        stiffness = free.stiffness / np.outer(scale, scale)
+        row = np.array(free.stops[0].gap) / scale
+        system = ImpactSystem(free.mass, np.zeros((n, n)), stiffness, (Stop(tuple(row), -1.0, 1.0),))
+        direction = free_translation(system)
+        assert np.allclose(direction, scale / scale.max())
+        assert np.max(np.abs(stiffness @ direction)) < 1e-12 * np.max(np.abs(stiffness)) and abs(row @ direction) < 1e-9
+
+
+def test_what_is_held_has_none():
+    """Oracle: a spring to the ground, a stop to the ground; the free flight of a mass in a cavity is felt by its stop."""
+    assert free_translation(chain(MASSES, SPRINGS, ground=0.1)) is None
+    assert free_translation(chain(MASSES, SPRINGS, stops=(Stop((1.0, 0.0, 0.0), -1.0, 1.0),))) is None
+    assert free_translation(vibro_impact_nes(sigma=0.0)) is None
+
+
+@pytest.mark.parametrize("ends", ENDS)
+def test_ends_that_do_not_hold_the_place_are_refused(ends):
+    """Oracle: the text names the motion and what holds it; a grounded chain has these ends."""
+    word = ("+", "-")
+    with pytest.raises(EndsError, match="u1, u2 and u3 by the same amount; expected an origin end, or a spring to the ground") as caught:
+        MultipointProblem(chain(MASSES, SPRINGS), ends, word).refuse_drift()
+    assert "\n" not in str(caught.value)
+    MultipointProblem(chain(MASSES, SPRINGS, ground=0.2), ends, word).refuse_drift()
+    problem = MultipointProblem(chain(MASSES, SPRINGS), ends, word)
+    for use in (problem.solve, partial(follow_family, problem)):
+        with pytest.raises(EndsError, match="free to drift"):
+            use(np.ones(problem.unknowns))
+
+
+@pytest.mark.parametrize("ends", [*ENDS[:-1], ("origin", "rest"), ("origin", "origin"), ("origin", "stop+")])
+def test_the_rank_is_missing_where_they_are_refused(ends):
+    """Oracle: singular values of the dense Jacobian at random unknowns: the last one vanishes just where the ends are refused."""
+    random = np.random.default_rng(1)
+    problem = MultipointProblem(chain(MASSES, SPRINGS), ends, ("+", "-"))
+    singular = np.linalg.svd(problem.jacobian(random.uniform(0.2, 1.5, problem.unknowns)), compute_uv=False)
+    assert bool(singular[-1] < 1e-12 * singular[0]) is ("origin" not in ends)
+
+
+def test_one_sided_systems_are_told_to_use_the_ground():
+    """Oracle: an origin end is not offered where there is none."""
+    with pytest.raises(EndsError, match="expected a spring to the ground$"):
+        MultipointProblem(chain(MASSES, SPRINGS, stops=(Stop((1.0, -1.0, 0.0), upper=1.0),)), ("rest", "rest"), ("+",)).refuse_drift()
