@@ -45,6 +45,7 @@ _SINGULAR = 1e-5
 """Smallest pivot, relative to its column, below which signs are rounding: the error of a tangent is rounding over its square."""
 
 _SHORT = 1e-3
+_ALONG = 0.9  # cosine of the angle up to which two directions of the unknowns are one
 
 _GRAZING = (
     (Test("GR", "guard", True, "a flight touches a stop"), "touches", describe_touch),
@@ -98,6 +99,10 @@ def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
     problem._factor.before[:] = problem.end_states(y)
     set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
     return problem._factor.scale.copy()
+
+
+def _is_along(one: np.ndarray, other: np.ndarray) -> bool:
+    return bool(one @ other > _ALONG * np.linalg.norm(one) * np.linalg.norm(other))
 
 
 class Family:
@@ -272,12 +277,30 @@ class Family:
         if index != _BRANCHING:
             return None
         y = refine_branch_point(self, at.y, scales_of(self.problem, at.y))
+        return None if y is None else self._branch_point(y, at)
+
+    def _branch_point(self, y: np.ndarray, near: Step) -> Step | None:
+        """A branch point as it stands: where the equations are singular a corrector has nothing to hold on to, nor has a tangent."""
+        solution = self.problem.step(y, near.tangent, 0.0, maximum=0)
+        found = self._step(None if solution is None else replace(solution, tangent=near.tangent))
+        return found._replace(turn=near.turn) if found.converged else None
+
+    def beyond(self, at: Step) -> tuple[Step, Step] | None:
+        """See `continuation.Problem`. The point behind the branch point begins as the image of the one before it."""
+        scale = scales_of(self.problem, at.y)
+        y = refine_branch_point(self, at.y, scale)
         if y is None:
             return None
-        # As it stands: where the equations are singular a corrector has nothing to hold on to, nor has a tangent.
-        solution = self.problem.step(y, at.tangent, 0.0, maximum=0)
-        found = self._step(None if solution is None else replace(solution, tangent=at.tangent))
-        return found._replace(turn=at.turn) if found.converged else None
+        ahead = (y - at.y) / scale
+        point, after = self._branch_point(y, at), self.begin(2.0 * y - at.y)
+        if point is None or not after.converged or not _is_along(at.tangent[: y.size] / scale, ahead):
+            return None
+        behind = (after.y - y) / scale
+        if not _is_along(ahead, behind) or not 0.5 < np.linalg.norm(behind) / np.linalg.norm(ahead) < 2.0:
+            return None
+        if after.tangent[: y.size] / scale @ behind < 0.0:
+            after = self.step(after.y, -after.tangent, 0.0)
+        return (point, after) if after.converged else None
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the energy and the quarter period reached."""

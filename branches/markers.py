@@ -50,7 +50,7 @@ NOISE = 2e-13
 its noise is no event."""
 
 
-PIVOT_NOISE = 1e-14
+PIVOT_NOISE = 5e-14
 """Noise of the half map's entries, as a part of the largest one, times the smallest pivot: near a branch point an orbit is uncertain by
 rounding over the pivot, in the direction of the other family."""
 

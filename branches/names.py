@@ -140,11 +140,12 @@ def _select(name: Name, families: list[tuple[Found, Branch]]) -> list[tuple[Foun
     chosen: list[tuple[float, Found, Branch]] = []
     for found, branch in families:
         orbits = branch.orbits_at(energy=name.h) if name.h is not None else branch.orbits_at(alpha=name.alpha)
-        for orbit in orbits:
-            miss = abs(orbit.alpha / name.alpha - 1.0) if name.h is not None and name.alpha is not None else 0.0
-            if miss < PIN_TOLERANCE:
-                chosen.append((miss, Found(orbit.problem, orbit.solution, found.label), branch))
-                break
+        if not orbits:
+            continue
+        misses = [abs(orbit.alpha / name.alpha - 1.0) if name.h is not None and name.alpha is not None else 0.0 for orbit in orbits]
+        miss, orbit = min(zip(misses, orbits, strict=True), key=lambda pair: pair[0])
+        if miss < PIN_TOLERANCE:
+            chosen.append((miss, Found(orbit.problem, orbit.solution, found.label), branch))
     if name.h is not None and name.alpha is not None and chosen:
         best = min(miss for miss, _, _ in chosen)
         chosen = [item for item in chosen if item[0] <= best + 1e-9]

@@ -178,7 +178,7 @@ def watch(kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: A
             continue
         if oldest[i] != oldest[i] or older[i] != older[i]:
             return True
-        if abs(b) < singular[i] and abs(b) < 0.1 * abs(a):
+        if singular[i] > 0.0 and abs(b) < 0.1 * abs(a):
             return True
         rise = (a - older[i]) / before
         bend = ((b - a) / last - rise) / (before + last)

@@ -27,6 +27,9 @@ REPEATED = 1e-9
 LEAP = 100.0
 """A leap over a branch point is at most this many times as long as the step that was refused."""
 
+AFTER = 64.0
+"""Length of the first step behind a branch point that no step led past, in shortest steps."""
+
 _LEVEL = 1e-8  # a smaller |slope| at the start is no direction
 
 StopWhen = Callable[[Point], "bool | str"]
@@ -291,14 +294,21 @@ def walk(
                 fallback, ds = 0.5 * ds, leap
                 continue
             ds, fallback = (fallback, math.inf) if 0.0 < fallback < math.inf else (0.5 * ds, fallback)
-            if ds < shortest:
+            passed = finder.passed(point) if ds < shortest else None
+            if passed is not None:
+                found, new = [passed[0]], passed[1]
+                at = passed[0].location
+                ds, tests = AFTER * shortest, _floats(new.tests)
+                length = at.s + arclength_of(distance(at.step.position, new.position), 1.0)
+            elif ds < shortest:
                 words = f"{cause} at arclength {arclength:.6g}"
                 failure = getattr(problem, "failure", None)
                 if failure is not None:
                     words += f"; {failure(step.y, step.tangent, 2 * ds)}"
                 yield End(EndReason.MINIMUM_STEP, words, Tally(accepted, not_converged, slow, turned, jumped))
                 return
-            continue
+            else:
+                continue
 
         accepted += 1
         fallback = 0.0

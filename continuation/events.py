@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from continuation.control import arclength_of, distance, kinds_of, may_hide, watch
 from continuation.location import Location, Locator, StepRefused
 from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
@@ -16,6 +18,8 @@ from continuation.settings import Settings
 
 _ROUNDING = 1e-12  # part of its largest value in a step up to which a test function is rounding
 _LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
+_BESIDE = 3  # so many points on either side of a zero show the noise of its test function
+_SURE = 8.0  # so many times the noise that is seen there a value is at least where it is not noise
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
@@ -52,6 +56,8 @@ class EventFinder:
         self.undefined = [math.nan] * len(self._tests)
         """Test functions of the point before the first: not known."""
         self._refine: Callable[[int, Step], Step | None] | None = getattr(problem, "refined", None)
+        absorbed = {code for test in self._tests if test.singular for code in test.absorbs}
+        self._at_branch_points = [bool(test.singular) or test.code in absorbed for test in self._tests]
         self._absorbing = any(test.absorbs for test in self._tests)
 
     def scan(
@@ -106,17 +112,36 @@ class EventFinder:
         return classified
 
     def is_near_branch_point(self, old: Sequence[float], new: Sequence[float]) -> bool:
-        """Whether a point is so near to a branch point, seen from the one before it, that the signs of its test functions are rounding."""
-        return any(abs(b) < min(level, PART * abs(a)) for a, b, level in zip(old, new, self._singular, strict=True))
+        """Whether a point is far nearer to a branch point than the one before it: rounding is larger there, and can hide signs."""
+        return any(level and abs(b) < PART * abs(a) for a, b, level in zip(old, new, self._singular, strict=True))
 
     def distance_to_branch_point(self, older: Sequence[float], old: Sequence[float], before: float) -> float:
-        """Arclength from the last point to where the line through the last two values of a test for branch points is zero; inf if it is
-        behind."""
+        """Arclength from the last point to where a branch point may be; inf if none is ahead: the line through the last two values of a
+        test function that marks branch points, or is zero at them, is zero there."""
         ahead = math.inf
-        for a, b, level in zip(older, old, self._singular, strict=True):
-            if level and (b > 0.0) is (a > b) and a != b and b != 0.0:
+        for a, b, is_zero in zip(older, old, self._at_branch_points, strict=True):
+            if is_zero and a == a and b == b and (b > 0.0) is (a > b) and a != b and b != 0.0:
                 ahead = min(ahead, before * b / (a - b))
         return ahead
+
+    def passed(self, before: Point) -> tuple[Found, Step] | None:
+        """The branch point just ahead, and the point behind it, where the problem can tell them and nothing else happens between."""
+        beyond = getattr(self._problem, "beyond", None)
+        pair = None if beyond is None else beyond(before.step)
+        if pair is None:
+            return None
+        at, after = pair
+        for test, is_zero, *values in zip(self._tests, self._at_branch_points, before.tests, at.tests, after.tests, strict=True):
+            known = [value for value in values if value == value]
+            same = len(set(known)) < 2 if test.kind == "change" else all((value > 0.0) is (known[0] > 0.0) for value in known)
+            if not is_zero and not same:
+                return None
+        index = next(index for index, level in enumerate(self._singular) if level)
+        s = arclength_between(before.step.position, at)
+        margin = self._settings.location_tolerance
+        location = Location("zero", "located", s, at, abs(float(at.tests[index])), at, at, margin=margin, between=(s, s))
+        found = self._classified([(index, location)], before, Point(before.index + 1, before.arclength + 2.0 * s, after, 2.0 * s))
+        return (found[0], after) if found else None
 
     def _zeros(
         self, tests: list[int], locator: Locator, resolution: Resolution, limit: float, before: Point, ds: float
@@ -158,20 +183,48 @@ class EventFinder:
     def _crossed(self, index: int, zeros: list[Location], locator: Locator) -> list[tuple[int, Location]]:
         """The zeros where a test function changes sign, without those where it only touches zero.
 
-        A zero around which the sign is the same is a touch, and so are two between which the function is rounding."""
-        values = [(s, float(step.tests[index])) for s, step in locator.taken() if step.tests[index] == step.tests[index]]
-        noise = _ROUNDING * max((abs(value) for _, value in values), default=0.0)
+        Neighbouring zeros between which the function is rounding are one, and a touch if the sign around them is the same."""
         crossed: list[tuple[int, Location]] = []
-        for found in sorted(zeros, key=lambda found: found.s):
+        for found in self._apart(index, sorted(zeros, key=lambda found: found.s), locator):
             low, high = found.between
-            if (locator.value(index, low) > 0.0) is (locator.value(index, high) > 0.0):
-                continue
-            if crossed and found.s - crossed[-1][1].s <= self._settings.coincidence_tolerance:
-                if all(abs(value) <= noise for s, value in values if crossed[-1][1].s <= s <= found.s):
-                    crossed.pop()
-                    continue
-            crossed.append((index, found))
+            if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
+                crossed.append((index, found))
         return crossed
+
+    def _apart(self, index: int, zeros: list[Location], locator: Locator) -> list[Location]:
+        """Zeros in order, of which those that rounding does not tell apart are one, with the bracket of all."""
+        apart: list[Location] = []
+        for found in zeros:
+            if apart and found.s - apart[-1].s <= self._settings.coincidence_tolerance:
+                last = apart[-1]
+                noise = self._noise(index, found.s, locator)
+                certain = [s for s, step in locator.taken() if abs(float(step.tests[index])) > noise]
+                low = max((s for s in certain if s < last.s), default=last.between[0])
+                high = min((s for s in certain if s > found.s), default=found.between[1])
+                if not any(low < s < high for s in certain):
+                    best = min(last, found, key=lambda zero: zero.residual)
+                    ends = locator.step(low), locator.step(high)
+                    apart[-1] = best._replace(kind="zero", status="located", low=ends[0], high=ends[1], between=(low, high))
+                    continue
+            apart.append(found)
+        return apart
+
+    def _noise(self, index: int, s: float, locator: Locator) -> float:
+        """Size up to which a test function is rounding near a place: its distance from a straight line over a few bracket widths."""
+        values = [float(step.tests[index]) for _, step in locator.taken()]
+        least = _ROUNDING * max((abs(value) for value in values if value == value), default=0.0)
+        width = self._settings.location_tolerance
+        near = []
+        for k in range(-_BESIDE, _BESIDE + 1):
+            try:
+                near.append((float(k), locator.value(index, s + k * width)))
+            except StepRefused:
+                continue
+        if len(near) <= _BESIDE:
+            return math.inf
+        places, around = np.array(near).T
+        line = np.polynomial.Polynomial.fit(places, around, 1)
+        return max(least, _SURE * float(np.max(np.abs(around - line(places)))))
 
     def _guards(
         self, guards: list[int], locator: Locator, resolution: Resolution, ds: float
@@ -210,7 +263,7 @@ class EventFinder:
         Parameters
         ----------
         before, after : Point
-            The accepted points on either side of `start`, all three oriented alike.
+            The accepted points on either side of `start`, all three oriented alike; at an event if there are no others.
         known : collection of Event
             The events reported between these.
         """
@@ -220,7 +273,8 @@ class EventFinder:
             a, b = float(before.tests[index]), float(after.tests[index])
             count = sum(event.test == index for event in known)
             absorbed = any(test.code in event.details.get("absorbed", ()) for event in known)
-            if test.kind == "guard" or a != a or b != b or absorbed:
+            own = any(point.event is not None and point.event.test == index for point in (before, after))
+            if test.kind == "guard" or a != a or b != b or absorbed or own:
                 continue
             if test.kind == "change" and a != b and not count:
                 located.append((index, Location("change", "located", 0.0, step, 0.0, step, step)))
@@ -242,15 +296,19 @@ class EventFinder:
         return self._absorb(found) if self._absorbing else found
 
     def _refined(self, index: int, location: Location, before: Point, ds: float) -> Location:
-        """The event where the problem has it to full accuracy, if it can tell."""
-        if self._refine is None or location.kind not in ("interrupted", "zero"):
+        """The event where the problem has it to full accuracy, if it can tell.
+
+        Of a jump it has none, but where the steps inside fail beside the zero, a zero looks like a jump."""
+        if self._refine is None or location.kind not in ("interrupted", "zero", "jump"):
             return location
         step = self._refine(index, location.step)
         if step is None:
             return location
         apart = arclength_between(before.step.position, step) - arclength_between(before.step.position, location.step)
         s = location.s + apart
-        if not 0.0 < s < ds:
+        low, high = location.between
+        near = self._settings.coincidence_tolerance
+        if not 0.0 < s < ds or (location.kind == "jump" and not low - near < s < high + near):
             return location
         margin = self._settings.location_tolerance
         return Location("zero", "located", s, step, abs(float(step.tests[index])), step, step, margin=margin, between=location.between)

@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from bisect import bisect
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
+
+import numpy as np
 
 from continuation.problem import Point, Problem, Status, Step
 from continuation.settings import Settings
-
-if TYPE_CHECKING:
-    import numpy as np
 
 FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
 
@@ -32,6 +31,9 @@ _OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)
 # A function that cannot be evaluated at its root (at a branch point the tangent turns by a right angle) is tried beside it: at this many
 # of the least distances that the bracket asks for, on its far side first.
 _BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)
+
+# So much of its length the direction of the unknowns may differ from that between its neighbours, besides what these differ by.
+_ASIDE = 0.2
 
 # So often the best place is given up, before a bracket that is narrow enough is taken as it stands.
 _REFUSALS = 3
@@ -257,8 +259,33 @@ class Locator:
             raise StepRefused("a shorter step does not converge")
         if not step.turn >= self._least_turn:
             raise StepRefused(f"the tangent of a shorter step turns too far (cosine {step.turn:.3g})")
+        if self._leaves(s, step):
+            raise StepRefused("a shorter step goes over to another family")
         self._taken[s] = step
         return step
+
+    def _leaves(self, s: float, step: Step) -> bool:
+        """Whether the unknowns change in another direction than at the known steps on both sides.
+
+        Near a branch point two families are so near to each other that the corrector can go over. They differ in direction, in the
+        unknowns even where they do not in the metric.
+        """
+        places = sorted(self._taken)
+        at = bisect(places, s)
+        if not 0 < at < len(places):
+            return False
+        low, high = places[at - 1], places[at]
+        part = (s - low) / (high - low)
+        (_, slope), (_, other) = self._cubic(low), self._cubic(high)
+        own = step.tangent[: step.y.size] / step.turn
+        expected = slope + part * (other - slope)
+        away = float(np.linalg.norm(own - expected))
+        return away > float(np.linalg.norm(other - slope)) + _ASIDE * float(np.linalg.norm(expected))
+
+    def bends(self, low: float, high: float) -> bool:
+        """Whether the unknowns change in another direction at one of two known steps than at the other: they are of two families."""
+        (_, slope), (_, other) = self._cubic(low), self._cubic(high)
+        return float(np.linalg.norm(other - slope)) > _ASIDE * float(np.linalg.norm(slope) + np.linalg.norm(other))
 
     def _corrected(self, s: float) -> Step:
         """The step of length s, corrected from the cubic through the known steps on both sides of it if the problem allows it. Near a

@@ -277,6 +277,8 @@ class Problem(Protocol):
     ``step_near(y, tangent, ds, guess) -> Step``, the step of duty 3 with its corrector started at the unknowns `guess`;
     ``refined(index, at) -> Step | None``, the event of test `index` to full accuracy, where steps bring it no nearer than the step
     `at` (whose tangent and turn it has), None where that is as near as it gets;
+    ``beyond(at) -> (Step, Step)``, the branch point just ahead of the step `at` and the point of the family that is as far behind it, None
+    where there is none, for runs that no step leads past it;
     ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.
     """
 

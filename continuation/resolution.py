@@ -124,13 +124,21 @@ class Resolution:
         return False
 
     def exclude(self, index: int, test: Test, low: float, high: float) -> None:
-        """Make a zone around a branch point between the steps of length low and high, which its test function marked."""
+        """Make a zone around a branch point between the steps of length low and high, which its test function marked.
+
+        Raises
+        ------
+        StepRefused
+            The steps on its two sides are of two families.
+        """
         samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken()]
         level = min(test.singular, PART * max(value for _, value in samples))
         before = [pair for pair in reversed(samples) if pair[0] <= low]
         after = [pair for pair in samples if pair[0] >= high]
-        ends = self._zone_end(index, before, level, high), self._zone_end(index, after, level, low)
-        self.zones.append(Zone(-math.inf if ends[0] is None else ends[0], math.inf if ends[1] is None else ends[1], test, []))
+        first, last = self._zone_end(index, before, level, high), self._zone_end(index, after, level, low)
+        if level == test.singular and first is not None and last is not None and self._locator.bends(first, last):
+            raise StepRefused("a step goes over to another family")
+        self.zones.append(Zone(-math.inf if first is None else first, math.inf if last is None else last, test, []))
 
     def exclude_start(self, index: int, test: Test) -> None:
         """Make a zone at the start of the step if a branch point is so near to it."""

@@ -295,5 +295,6 @@ def _with_events_at(place: int, problem: Problem, settings: Settings, points: Po
 
 
 def _regular(points: Points, places: range) -> Point | None:
-    """The first point at these places that no event was met at."""
-    return next((point for point in map(points.__getitem__, places) if point.event is None), None)
+    """The first point at these places that no event was met at, or the first at all; None where there is none."""
+    first = points[places[0]] if places else None
+    return next((point for point in map(points.__getitem__, places) if point.event is None), first)

@@ -115,14 +115,21 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
                 axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
         entries = legend_entries(seen((axes[panel.name], runs[panel.name]) for panel in panels), kinds)
         columns = -(-len(entries) // -(-len(entries) // 6))
-        figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)
+        legend = figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)
+        if kinds:
+            legend.set_title(" ")  # room for the words below
         settle_layout(figure)
+        left_out = names_in_all = 0
         for panel in panels:
             draw_curve(axes[panel.name], runs[panel.name], panel.name)
             draw_events(axes[panel.name], kinds, event_energies, panel.event_values, panel.name)
             names = [event.id for event in branch.events]
             drawn = curves[panel.name]
-            label_events(axes[panel.name], names, kinds, event_energies, panel.event_values, (drawn.x, drawn.y, drawn.breaks))
+            line = drawn.x, drawn.y, drawn.breaks
+            missing, count = label_events(axes[panel.name], names, kinds, event_energies, panel.event_values, line)
+            left_out, names_in_all = left_out + missing, names_in_all + count
+        if left_out:
+            legend.set_title(f"{left_out} of {names_in_all} names have no room")
     return figure
 
 

@@ -128,8 +128,8 @@ def label_events(
     x: np.ndarray,
     y: np.ndarray,
     curve: tuple[np.ndarray, np.ndarray, np.ndarray],
-) -> None:
-    """Write the special points' names where they overlap nothing; those without room are counted on its axis.
+) -> tuple[int, int]:
+    """Write the special points' names where they overlap nothing. Returns how many have no room, and how many there are.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def label_events(
     to_points = 72 / figure.dpi
     shown = [i for i in range(len(names)) if np.isfinite(x[i]) and np.isfinite(y[i])]
     if not shown:
-        return
+        return 0, 0
     anchors = axes.transData.transform(np.stack([x[shown], y[shown]], axis=1)) * to_points
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
     radii = np.array([event_style(kinds[i]).size for i in shown], dtype=float) / 2 + 0.5
@@ -166,9 +166,7 @@ def label_events(
             tip = (place.leader[0] - anchors[row, 0], place.leader[1] - anchors[row, 1])
             arrow = {"arrowstyle": "-", "linewidth": 0.4, "color": GREY, "shrinkA": 0.8, "shrinkB": 0}
             axes.annotate("", at, tip, textcoords="offset points", arrowprops=arrow, zorder=3)
-    missing = sum(place is None for place in places)
-    if missing:
-        axes.set_xlabel(f"{axes.get_xlabel()} (no room for {missing} of {len(places)} names)")
+    return sum(place is None for place in places), len(places)
 
 
 def crowds(names: Sequence[str], kinds: Sequence[str], anchors: np.ndarray) -> list[tuple[int, str]]:

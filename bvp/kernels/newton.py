@@ -9,6 +9,9 @@ from bvp.kernels.segment import start_state
 
 __all__ = ["correct", "factorise", "null_vector", "set_scale", "solve"]
 
+RESIDUAL_ROUNDING = 2e-15
+"""Scaled residual that is nothing but rounding: 9 eps, for states at the ends of flights of size 1."""
+
 
 @inlined
 def set_scale(segment, y, factor):
@@ -164,10 +167,11 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     """Newton's corrections of y, in place, held on row . y = target (row all zero: least-norm corrections), and the factorisation at the
     solution.
 
-    The factorisation is kept while a correction with it shrinks the update tenfold. Ends when the update stagnates at rounding level, or
-    when the residual is there and the next update, by the ratio of the last two, would be far below it; with no iterations allowed, y
-    is only looked at. Returns (converged, iterations, worst ratio of successive updates, scaled residual, sign and smallest pivot of
-    `factorise` at the solution); the `null_vector` there is in factor.work[4]."""
+    The factorisation is kept while a correction with it shrinks the update tenfold. Ends when the update stagnates at rounding level (what
+    comes of a residual that was rounding is rounding, however large the equations' condition makes it), or when the residual is there
+    and the next update, by the ratio of the last two, would be far below it; with no iterations allowed, y is only looked at. Returns
+    (converged, iterations, worst ratio of successive updates, scaled residual, sign and smallest pivot of `factorise` at the solution);
+    the `null_vector` there is in factor.work[4]."""
     unknowns = y.shape[0]
     z = factor.work[2]
     update = factor.work[3]
@@ -193,6 +197,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
         # one loop, so that each of these functions is compiled in one place
         evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
         if iteration > 0:
+            noise = worst <= RESIDUAL_ROUNDING
             worst = scaled_residual(segment, residual, displacement, velocity)
             ratio = length / previous
             fresh = False
@@ -200,11 +205,11 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                 good = True
                 ended = True
             elif iteration > 1:
-                if ratio > 0.5 and length < 1e-9:
+                if ratio > 0.5 and (length < 1e-9 or noise):
                     good = worst < 1e-12
                     ended = True
                 else:
-                    if length > 1e-12:
+                    if length > 1e-12 and not noise:
                         contraction = max(contraction, ratio)
                     if worst <= 1e-15 and ratio <= 0.1 and ratio * length <= 0.1 * rounding:
                         good = True
@@ -214,7 +219,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                 fresh = ratio > 0.1
             previous = length
             if iteration == maximum and not ended:
-                good = worst < 1e-12 and previous < 1e-9
+                good = worst < 1e-12 and (previous < 1e-9 or noise)
                 ended = True
             if ended and not good:
                 break

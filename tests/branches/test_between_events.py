@@ -176,6 +176,14 @@ def test_an_event_that_was_missed_beside_an_end_is_found(decided):
     assert decided([-1, -1, -1, -1, 0, 0], [-1, 1, 1, 1, 0, 0], at("SN", 0))[0] == [-1, 1, 1, 1, 0, 0]
 
 
+def test_neighbours_that_differ_are_decided_in_fifty_digits(decided):
+    """Oracle: by hand: of two that differ one is wrong, or both are right and an event was missed."""
+    assert decided([1, 1, 0, 1, 1], [1] * 5) == ([1] * 5, [1, 2, 3])
+    assert decided([0, 1, 1, 0, 0], [0, 0, 0, 0, 0]) == ([0] * 5, [0, 1, 2, 3])
+    assert decided([0, 0, 1, 1], [0, 0, 1, 1]) == ([0, 0, 1, 1], [1, 2])
+    assert decided([0, 0, 1, 1], [-1] * 4) == ([0, 0, 1, 1], [1, 2])
+
+
 def test_orbits_next_to_an_event_that_fifty_digits_do_not_decide_are_as_those_further_on(decided):
     """Oracle: by hand."""
     assert decided([-1] + [-1] * 9 + [1], [-1] * 4 + [1] * 7, at("BP", 0))[0] == [-1] + [1] * 10

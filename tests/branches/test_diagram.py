@@ -345,11 +345,17 @@ def test_more_names_than_room_are_counted_in_the_picture():
         kinds = [("SN", "BP", "SB", "PD", "RT", "NS", "GR")[k % 7] for k in range(60)]
         x, y = np.linspace(0.05, 0.95, 60), 0.5 + 0.4 * np.sin(np.arange(60.0))
         draw_events(axes, kinds, x, y, "small")
-        label_events(axes, [f"{kind}{k}" for k, kind in enumerate(kinds)], kinds, x, y, (x, y, np.zeros(59, dtype=bool)))
+        left_out = label_events(axes, [f"{kind}{k}" for k, kind in enumerate(kinds)], kinds, x, y, (x, y, np.zeros(59, dtype=bool)))
     assert_texts_apart(figure, "svg")
     written = sum(1 for t in axes.texts if t.get_text())
     assert 5 < written < 60
-    assert axes.get_xlabel() == f"energy (no room for {60 - written} of 60 names)"
+    assert left_out == (60 - written, 60) and axes.get_xlabel() == "energy"
+
+
+def test_a_picture_says_below_how_many_names_have_no_room(monkeypatch):
+    monkeypatch.setattr("branches.diagram.branch_picture.label_events", lambda *arguments: (2, 9))
+    (legend,) = branch_figure(make_branch(IN_PHASE, events=[("SN", 40)])).legends
+    assert legend.get_title().get_text() == "6 of 27 names have no room"
 
 
 def test_title_names_the_family_and_the_system():

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from branches.missed import missed_events
+from branches.switching import births
 from branches.tracing import SETTINGS, follow_family, trace
 from bvp.system import vibro_impact_nes
 from tests.branches.building.pieces import differences
@@ -24,6 +26,15 @@ def test_eight_resonances_within_one_step_are_found(family):
     assert found == pytest.approx(RESONANCES, abs=6e-7)
 
 
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_suffix_chooses_between_two_orbits_of_one_energy(family, place):
+    """Oracle: the two orbits themselves; their quarter periods differ by 0.02 per cent."""
+    low, high = sorted(orbit.alpha for orbit in family.orbits_at(energy=2.55))
+    wanted = (low, high)[place]
+    start = trace(f"origin-stop+:-++:b8ea1bf0@h=2.55,alpha={wanted}", SYSTEM, energy=(2.5499, 2.5501))
+    assert start.points["alpha"][start.start] == pytest.approx(wanted, rel=1e-9) and high / low > 1.0001
+
+
 @pytest.mark.parametrize("part", [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95])
 @pytest.mark.parametrize("longest", [0.01, 0.025, 0.1])
 def test_events_do_not_depend_on_the_start_or_the_steps(family, part, longest):
@@ -33,3 +44,31 @@ def test_events_do_not_depend_on_the_start_or_the_steps(family, part, longest):
     settings = replace(SETTINGS, maximum_step=longest, initial_step=0.3 * longest, target_turn=2.0 * longest)
     run = follow_family(family.problem, family.unknowns(start), energy=(2.0, 3.8), settings=settings)
     assert differences(family, start, run) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("parent", "energy"),
+    [
+        ("origin-rest:+----:98efd23d", 2.8332488493508),  # unknowns change 2000 times as fast as the metric coordinates
+        ("origin-origin:++++---+++:f15c85e2", 85.116314855647),  # rounding leaves 1e-8 of the unknowns open
+        ("origin-origin:+++---+++:e0d57d1d", 97.545081181853),  # the smallest pivot is another one until the branch point is very near
+        ("stop+-stop-:+--+-+:9ee1b097", 4.000100907963),
+        ("rest-rest:+--+++-:f8535360", 11.389625320605),  # steps inside a step go over to the parent
+        ("stop+-stop-:++++--++:f7d69f88", 4.488862331302),
+    ],
+)
+def test_a_family_passes_the_branch_point_that_it_is_born_at(parent, energy):
+    """Oracle: the family's image under the parent's symmetry is the family itself, seen from the branch point: it has one such point, at
+    the parent's energy, and every event twice, at one energy."""
+    around = (0.999 * energy, 1.001 * energy)
+    parents = trace(f"{parent}@h={energy}", SYSTEM, energy=around)
+    (breaking,) = [event for event in parents.events if event.type == "SB" and abs(event.h / energy - 1.0) < 1e-9]
+    (birth,) = births(parents, breaking)
+    born = follow_family(birth.problem, birth.step.y, energy=around)
+    (crossing,) = [event for event in born.events if event.type == "BP"]
+    assert crossing.h == pytest.approx(breaking.h, rel=1e-9)
+    others = [event for event in born.events if event.type not in ("BP", "LB", "IO")]
+    before, after = ([event for event in others if (event.arclength < crossing.arclength) is side] for side in (True, False))
+    assert [event.type for event in before] == [event.type for event in reversed(after)]
+    assert [event.h for event in before] == pytest.approx([event.h for event in reversed(after)], rel=1e-8)
+    assert missed_events(born) == []

@@ -317,6 +317,81 @@ def test_a_function_that_touches_zero_makes_no_event():
         assert events == []
 
 
+def rounded(s):
+    """A number between -1 and 1 that changes without order from one s to the next."""
+    return math.fmod(s * 1e15 * math.pi, 2.0) - 1.0
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-4, 1e-3])
+@pytest.mark.parametrize("place", [1.05, 1.0871, 2.0234, 3.0])
+def test_a_zero_in_rounding_is_one_event_whose_bracket_tells_the_rounding(noise, place):
+    """Oracle: the zero of a function that is steep, with noise added: over 2 noise / steepness it has many zeros."""
+    _, events, _ = run(Line((Marker("A", "crossing"), lambda s: 1e6 * math.sin(s - place) + noise * rounded(s))))
+    (event,) = [event for event in events if abs(event.arclength - place) < 1e-3]
+    low, high = event.bracket
+    assert low - 1e-6 * noise <= place <= high + 1e-6 * noise and high - low <= 4e-6 * noise + 1e-9
+
+
+@pytest.mark.parametrize("place", [1.05, 1.0871, 2.0234])
+def test_a_function_that_touches_zero_in_rounding_makes_no_event(place):
+    _, events, _ = run(Line((Marker("A", "crossing"), lambda s: 1e10 * (s - place) ** 2 + 1e-9 * rounded(s))))
+    assert events == []
+
+
+class Hopping(Line):
+    """Two lines that cross at s = 1, told apart by a second unknown that the metric does not see: z = 0 and z = s - 1.
+
+    Steps to a place in `hops` are corrected onto the other one."""
+
+    def __init__(self, *tests, hops):
+        super().__init__(*tests)
+        self._hops = hops
+
+    def step(self, y, tangent, ds):
+        step = super().step(y[:1], tangent[:1], ds)
+        s = float(step.y[0])
+        hops = self._hops(s) and ds != 0.0
+        sense = float(tangent[0])
+        tests = [-value for value in step.tests] if hops else step.tests
+        return step._replace(y=np.array([s, s - 1.0 if hops else 0.0]), tangent=np.array([sense, sense * hops]), tests=tests)
+
+
+class Bridged(Line):
+    """A line whose corrector fails around s = 1; the problem knows the point there, and the one behind it."""
+
+    def beyond(self, at):
+        ahead = (1.0 - at.y[0]) * at.tangent[0]
+        return tuple(self.step(np.array([s]), at.tangent, 0.0) for s in (1.0, 2.0 - at.y[0])) if ahead > 0.0 else None
+
+    def step(self, y, tangent, ds):
+        step = super().step(y, tangent, ds)
+        return step._replace(converged=True) if ds == 0.0 else step
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("other", [0.5, 0.9, 1.1])
+def test_a_run_that_no_step_leads_past_a_branch_point_goes_on_behind_it(direction, other):
+    """Oracle: the zeros. Where another event lies in the gap (here at 1 +- 1e-4), the run ends: it could be met on either side."""
+    tests = (Marker("BP", "crossing", singular=1e-9), lambda s: s - 1.0), (Marker("A", "crossing"), lambda s: s - other)
+    gap = lambda s: 0.0 < abs(s - 1.0) < 1e-3  # noqa: E731
+    _, events, ends = parts(follow(Bridged(*tests, broken=gap), np.array([1.0 - direction]), direction, SHORT))
+    assert sorted(event.point.parameter for event in events) == pytest.approx(sorted((1.0, other)), abs=1e-9)
+    assert ends[0].reason is EndReason.POINTS
+    hidden = (Marker("B", "crossing"), lambda s: abs(s - 1.0) - 1e-4)
+    _, events, ends = parts(follow(Bridged(*tests, hidden, broken=gap), np.array([1.0 - direction]), direction, SHORT))
+    assert ends[0].reason is EndReason.MINIMUM_STEP and all(event.code == "A" for event in events)
+
+
+@pytest.mark.parametrize("width", [3e-2, 1e-2, 1e-3])
+@pytest.mark.parametrize("start", [0.0, 0.013, 0.031])
+def test_steps_inside_that_go_over_to_another_family_are_not_used(width, start):
+    """Oracle: one zero at s = 1. On the other family the function has the other sign, so the hops make two zeros more."""
+    problem = Hopping((Marker("A", "crossing", singular=1e-8), lambda s: s - 1.0), hops=lambda s: 1e-9 < 1.0 - s < width)
+    points, events, ends = parts(follow(problem, np.array([start, 0.0]), settings=SHORT))
+    assert [event.arclength for event in events] == pytest.approx([1.0 - start], abs=1e-9)
+    assert all(point.y[1] == 0.0 for point in points) and ends[0].reason is EndReason.POINTS
+
+
 def test_a_dip_that_stays_above_zero_is_no_event_and_costs_few_steps():
     plain, dipping = Line(), Line((Marker("A", "crossing"), lambda s: (s - 2.05) ** 2 + 1e-6))
     run(plain)

@@ -224,3 +224,16 @@ def test_a_guard_is_not_negative_at_its_event(place, power, direction):
     run = trace(Line(guard), np.array([0.0]), SHORT, direction=direction, both=False)
     assert run.points[-1].event is not None and run.points[-1].tests[0] >= 0.0
     assert direction * (bound - run.points[-1].parameter) >= 0.0 and run.points[-1].parameter == pytest.approx(bound, abs=1e-10)
+
+
+@pytest.mark.parametrize("place", [1.0, 0.0, 1e-11])
+def test_an_event_at_the_start_is_found_where_all_other_points_are_events(place):
+    """Oracle: the zeros themselves; the two ends are met in the first step on either side."""
+    tests = (
+        (Marker("A", "crossing"), lambda s: s - place),
+        (Marker("B", "crossing"), lambda s: s - place - 0.01),
+        (Marker("END", "guard", terminal=True), lambda s: 0.03 - abs(s - place)),
+    )
+    run = trace(Line(*tests), np.array([place]), Settings(initial_step=0.1, maximum_step=0.1))
+    assert [event.code for event in run.events] == ["END", "A", "B", "END"]
+    assert [event.point.parameter for event in run.events] == pytest.approx([place - 0.03, place, place + 0.01, place + 0.03], abs=1e-10)
