@@ -280,11 +280,10 @@ def walk(
                     if leaping and not any(problem.tests[event.index].singular for event in found):
                         jumped += 1
                         cause = "a leap meets no branch point"
-                    elif not closed and ds > 4 * max(tolerance, shortest):
+                    elif not closed:
                         # an accepted point on an event, or beside a branch point, would have test functions of undecided sign
-                        if finder.is_near_branch_point(values, tests) or any(
-                            ds - event.location.s <= tolerance and not event.details.terminal for event in found
-                        ):
+                        on_event = any(ds - event.location.s <= tolerance and not event.details.terminal for event in found)
+                        if (on_event and ds > 4 * tolerance) or (ds > 4 * shortest and finder.is_near_branch_point(values, tests)):
                             ds *= 0.75
                             continue
         if cause:
