@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from continuation.control import arclength_of, distance, kinds_of, may_hide, watch
-from continuation.location import Location, Locator, StepRefused
+from continuation.location import JUMP_RATIO, Location, Locator, StepRefused
 from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
 from continuation.resolution import PART, History, Resolution
 from continuation.settings import Settings
@@ -244,6 +244,9 @@ class EventFinder:
                 continue
             for low, high in resolution.changes(index, limit, guard=True):
                 found = locator.crossing(index, low, high, guard=True)
+                jumps = found.residual > JUMP_RATIO * max(abs(locator.value(index, low)), abs(locator.value(index, high)))
+                if jumps and any(locator.falls(other, *found.between) for other in guards if other != index):
+                    continue  # another one has its zero there
                 located.append((index, found))
                 if test.terminal:
                     limit = found.s

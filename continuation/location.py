@@ -346,8 +346,6 @@ class Locator:
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
         if residual > max(size, JUMP_RATIO * scale, _STEEP * (found.high - found.low) / (high - low) * scale):
             kind = "pole" if residual > scale else "jump"
-        if guard and kind == "zero":
-            self._ends.append((found.low, found.high))
         if kind == "zero" and not guard:
             found = self._polished(index, found)
             residual = abs(found.value)
@@ -358,11 +356,17 @@ class Locator:
             between = max(low, found.root - 0.5 * tolerance), min(high, found.root + 0.5 * tolerance)
             for s in between:
                 self.step(s)
+        if guard and kind == "zero":
+            self._ends.append(between)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted, between=between)
 
     def ends_with_another(self, index: int) -> bool:
         """Whether a guard is violated first where another one has its zero: then that is the end, and this one tells no more of it."""
-        return any(self.value(index, low) > 0.0 >= self.value(index, high) for low, high in self._ends)
+        return any(self.falls(index, low, high) for low, high in self._ends)
+
+    def falls(self, index: int, low: float, high: float) -> bool:
+        """Whether a test function is positive at one step, and not any more at the other."""
+        return self.value(index, low) > 0.0 >= self.value(index, high)
 
     def is_at_an_end(self, location: Location) -> bool:
         """Whether an event is as near to the zero of a guard that was located as brackets are wide: the steps on either side of it then lie

@@ -356,6 +356,17 @@ class Hopping(Line):
         return step._replace(y=np.array([s, s - 1.0 if hops else 0.0]), tangent=np.array([sense, sense * hops]), tests=tests)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_guard_that_jumps_where_another_one_is_zero_is_not_the_end(order):
+    """Oracle: the guard with the zero. The other one is large before it and negative behind, as a clearance is where an impact vanishes."""
+    tests = (
+        (Marker("ZERO", "guard", terminal=True), lambda s: 1.03 - s),
+        (Marker("JUMP", "guard", terminal=True), lambda s: 1e3 if s < 1.03 else -1e-3 * (s - 1.02)),
+    )
+    _, events, _ = run(Line(*tests[::order]))
+    assert [event.code for event in events] == ["ZERO"] and events[0].status == "located"
+
+
 class Bridged(Line):
     """A line whose corrector fails around s = 1; the problem knows the point there, and the one behind it."""
 
