@@ -166,7 +166,8 @@ class Branch:
         # The saved orbit is taken as it stands where its residual allows: at a branch point the equations are singular, and Newton
         # would move it. Where the nodes of a long unstable segment have lost digits by propagation, they are corrected.
         saved = self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0)
-        return Orbit(self.problem, self.problem.solve(y, energy=float(self.points["h"][i])) if saved is None else saved)
+        solution = self.problem.solve(y, energy=float(self.points["h"][i])) if saved is None else saved
+        return Orbit(self.problem, solution, on_family=self._stable_at(i, i))
 
     def orbit_between(self, i: int, part: float, **asked: float) -> Orbit | None:
         """The orbit between points i and i + 1 at an energy or a quarter period; None where the corrector fails.
@@ -181,9 +182,14 @@ class Branch:
         """
         guess = (1.0 - part) * self.unknowns(i) + part * self.unknowns(i + 1)
         try:
-            return Orbit(self.problem, self.problem.solve(guess, **asked))
+            return Orbit(self.problem, self.problem.solve(guess, **asked), on_family=self._stable_at(i, i + 1))
         except NotConverged:
             return None
+
+    def _stable_at(self, i: int, j: int) -> bool | None:
+        """The stability that two neighbouring points share; None where they differ or it is undecided."""
+        first, second = (int(self.points["stable"][k]) for k in (i, j))
+        return bool(first) if first == second and first >= 0 else None
 
     def orbits_at(self, *, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
         """All orbits of the branch at an energy or at a quarter period, in order of arclength.

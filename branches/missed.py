@@ -143,9 +143,9 @@ def _crossings(branch: Branch, level: _Level) -> Iterator[Missed]:
 
 
 def _is_hidden(first: Orbit, second: Orbit) -> bool:
-    """Whether rounding hides a change of stability between two orbits: neither is decided, and no pivot changes its sign."""
+    """Whether rounding hides a change of stability between two orbits: neither alone is decided, and no pivot changes its sign."""
     pivots = first.solution["branching"] * second.solution["branching"]
-    return first.stable is None and second.stable is None and pivots > 0.0
+    return pivots > 0.0 and all(int(orbit.described.columns["stable"][0]) < 0 for orbit in (first, second))
 
 
 # -- turning points of the energy ---------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -35,6 +35,8 @@ class Orbit:
     ----------
     problem : MultipointProblem
     solution : Solution
+    on_family : bool, optional
+        Stability of the family between the events around the orbit, where it is known: it decides where the orbit alone does not.
 
     Examples
     --------
@@ -49,6 +51,7 @@ class Orbit:
 
     problem: MultipointProblem
     solution: Solution
+    on_family: bool | None = field(default=None, kw_only=True)
 
     @property
     def system(self) -> ImpactSystem:
@@ -126,9 +129,9 @@ class Orbit:
 
     @property
     def stable(self) -> bool | None:
-        """Whether it is linearly stable; None where that is not decided by more than its own error."""
+        """Whether it is linearly stable; None where neither it nor the family around it decides that by more than its own error."""
         code = int(self._get("stable"))
-        return None if code < 0 else bool(code)
+        return self.on_family if code < 0 else bool(code)
 
     @property
     def quality(self) -> dict[str, Any]:

@@ -296,9 +296,9 @@ def walk(
             passed = finder.passed(point) if ds < shortest else None
             if passed is not None:
                 found, new = [passed[0]], passed[1]
-                at = passed[0].location
+                crossing = passed[0].location
                 ds, tests = AFTER * shortest, _floats(new.tests)
-                length = at.s + arclength_of(distance(at.step.position, new.position), 1.0)
+                length = crossing.s + arclength_of(distance(crossing.step.position, new.position), 1.0)
             elif ds < shortest:
                 words = f"{cause} at arclength {arclength:.6g}"
                 failure = getattr(problem, "failure", None)
@@ -311,10 +311,10 @@ def walk(
 
         accepted += 1
         fallback = 0.0
-        for event in found:
-            s = arclength_between(position, event.location.step)
-            guard = problem.tests[event.index].kind == "guard"
-            if not guard and (arclength + s <= exact or (closed and length - s <= exact)):
+        for stride, at, event in _places(found, ds, new):
+            s = length if at is new else arclength_between(position, at)
+            guard = event is not None and problem.tests[event.index].kind == "guard"
+            if event is not None and not guard and (arclength + s <= exact or (closed and length - s <= exact)):
                 continue  # at the start
             while allowance.points <= 0:
                 yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
@@ -322,39 +322,28 @@ def walk(
                     return
             index += 1
             allowance.points -= 1
-            special = make_event(event, position, arclength, index)
-            at_event = Point(index, special.arclength, event.location.step, event.location.s, special)
-            yield at_event
-            yield special
             tally = Tally(accepted, not_converged, slow, turned, jumped)
-            if special.terminal:
-                yield End(EndReason.EVENT, f"{special.code} at arclength {special.arclength:.9g}", tally)
-                return
-            if problem.tests[event.index].singular:
-                met.append(special.point.parameter)
-                if sum(abs(value - met[-1]) <= REPEATED * abs(met[-1]) for value in met) > 2:
-                    yield End(EndReason.REPEATED, f"{special.code} at arclength {special.arclength:.9g}", tally)
+            special = None if event is None else make_event(event, position, arclength, index)
+            point = Point(index, arclength + s if special is None else special.arclength, at, stride, special)
+            yield point
+            if special is not None:
+                yield special
+                if special.terminal:
+                    yield End(EndReason.EVENT, f"{special.code} at arclength {special.arclength:.9g}", tally)
                     return
-            if special.code in stop_at:
-                yield End(EndReason.STOP_AT, f"{special.code} at arclength {special.arclength:.9g}", tally)
-                return
-            words = _stopped(stop_when, at_event)
+                if problem.tests[special.test].singular:
+                    met.append(special.point.parameter)
+                    if sum(abs(value - met[-1]) <= REPEATED * abs(met[-1]) for value in met) > 2:
+                        yield End(EndReason.REPEATED, f"{special.code} at arclength {special.arclength:.9g}", tally)
+                        return
+                if special.code in stop_at:
+                    yield End(EndReason.STOP_AT, f"{special.code} at arclength {special.arclength:.9g}", tally)
+                    return
+            words = _stopped(stop_when, point)
             if words is not None:
                 yield End(EndReason.STOP_WHEN, words, tally)
                 return
-        while allowance.points <= 0:
-            yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
-            if not allowance.resume:
-                return
-        index += 1
-        allowance.points -= 1
         arclength += length
-        point = Point(index, arclength, new, ds)
-        yield point
-        words = _stopped(stop_when, point)
-        if words is not None:
-            yield End(EndReason.STOP_WHEN, words, Tally(accepted, not_converged, slow, turned, jumped))
-            return
         if closed:
             yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(accepted, not_converged, slow, turned, jumped))
             return
@@ -365,6 +354,15 @@ def walk(
         oldest, older, values = older, values, tests
         length_older, length_old = length_old, length
         ds = next_step(ds, new.turn, new.contraction, control)
+
+
+def _places(found: list[Found], ds: float, new: Step) -> Iterator[tuple[float, Step, Found | None]]:
+    """What a step of length ds leads to, in order: events, the points between them, the new point. Length, step and event of each."""
+    for event in found:
+        if event.between is not None:
+            yield *event.between, None
+        yield event.location.s, event.location.step, event
+    yield ds, new, None
 
 
 def _stopped(stop_when: StopWhen | None, point: Point) -> str | None:

@@ -31,12 +31,14 @@ def arclength_between(start: Any, step: Step) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """An event of a step: which test, where, what the problem says it is, and the codes that it absorbed."""
+    """An event of a step: which test, where, what the problem says it is, the codes that it absorbed, and a point between it and the event
+    before it in the same step (the length of a step, and the step)."""
 
     index: int
     location: Location
     details: EventDetails
     absorbed: tuple[str, ...] = ()
+    between: tuple[float, Step] | None = None
 
 
 class EventFinder:
@@ -109,7 +111,21 @@ class EventFinder:
             for i, event in enumerate(classified):
                 if zone.found and self._tests[event.index] is zone.test and zone.low - near <= event.location.s <= zone.high + near:
                     classified[i] = replace(event, absorbed=(*event.absorbed, *zone.found))
-        return classified
+        return self._parted(classified, locator)
+
+    def _parted(self, found: list[Found], locator: Locator) -> list[Found]:
+        """The events with a point between each two: what is known at points only, like stability, is known there too."""
+        parted = found[:1]
+        for before, after in pairwise(found):
+            low, high = before.location.s, after.location.s
+            if high - low > self._settings.coincidence_tolerance:
+                s = 0.5 * (low + high)
+                try:
+                    after = replace(after, between=(s, locator.step(s)))
+                except StepRefused:
+                    pass
+            parted.append(after)
+        return parted
 
     def is_near_branch_point(self, old: Sequence[float], new: Sequence[float]) -> bool:
         """Whether a point is far nearer to a branch point than the one before it: rounding is larger there, and can hide signs."""

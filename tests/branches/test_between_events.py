@@ -73,6 +73,19 @@ def test_what_is_decided_between_events_is_so_in_fifty_digits(name):
     assert settled >= 4
 
 
+@pytest.mark.parametrize("name", ["U8344-", *MIDDLE])
+def test_an_orbit_of_a_branch_has_the_stability_that_the_family_decides(name):
+    """Oracle: the points of the branch; between two that agree the family is as at both."""
+    branch = branch_of(name)
+    new = np.flatnonzero((in_double_precision(branch) < 0) & (branch.points["stable"] >= 0))
+    events = {event.point for event in branch.events}
+    for i in new[:: max(1, len(new) // 8)].tolist():
+        assert branch.orbit(i).stable == (branch.points["stable"][i] == 1)
+        if {i, i + 1}.isdisjoint(events) and i + 1 in new:
+            middle = branch.orbit_between(i, 0.5, energy=float(0.5 * (branch.points["h"][i] + branch.points["h"][i + 1])))
+            assert middle.stable == (branch.points["stable"][i] == 1)
+
+
 @pytest.mark.parametrize("name", ["S11-", "U8344-", "U(15)578-", "U4122-", "S73O33-", "S31O11-", *MIDDLE])
 def test_what_stays_undecided_is_at_an_event_or_grazes(name):
     """Oracle: the events of the branch."""
