@@ -67,10 +67,10 @@ def _inside(events, piece):
 
 
 def _unmatched(ones, others):
-    """Those of one list that have no partner in the other."""
+    """Those of one list that have no partner in the other. A family can have an event twice: those certainly on the piece come first."""
     left = [key for key, _ in others]
     out = []
-    for key, certain in ones:
+    for key, certain in sorted(ones, key=lambda pair: not pair[1]):
         partner = next((other for other in left if _same(key, other)), None)
         if partner is None:
             out.append((key, certain))
