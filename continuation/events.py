@@ -20,6 +20,7 @@ _ROUNDING = 1e-12  # part of its largest value in a step up to which a test func
 _LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
 _BESIDE = 3  # so many points on either side of a zero show the noise of its test function
 _SURE = 8.0  # so many times the noise that is seen there a value is at least where it is not noise
+_NEAR = 100.0  # a zero is near a branch point where the test for those is this many times its `singular` value or less
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
@@ -187,7 +188,8 @@ class EventFinder:
                     if test.singular:
                         resolution.exclude(index, test, *done[index][-1])
                         break
-        return [pair for index in tests for pair in self._crossed(index, [found for i, found in located if i == index], locator)]
+        zeros = {index: [found for i, found in located if i == index] for index in tests}
+        return [pair for index in tests for pair in self._crossed(index, zeros[index], locator, resolution)]
 
     def _is_branch_point(self, index: int, step: Step, resolution: Resolution) -> bool:
         """Whether a zero is rounding beside a branch point of the same step, which absorbs it."""
@@ -196,34 +198,55 @@ class EventFinder:
         zones = [zone for zone in resolution.zones if zone.hides(self._tests[index])]
         return any(abs(step.tests[self._tests.index(zone.test)]) < _LEFT * zone.test.singular for zone in zones)
 
-    def _crossed(self, index: int, zeros: list[Location], locator: Locator) -> list[tuple[int, Location]]:
+    def _crossed(
+        self, index: int, zeros: list[Location], locator: Locator, resolution: Resolution
+    ) -> list[tuple[int, Location]]:
         """The zeros where a test function changes sign, without those where it only touches zero.
 
-        Neighbouring zeros between which the function is rounding are one, and a touch if the sign around them is the same."""
+        Neighbouring zeros between which the function is rounding are one, and a touch if the sign around them is the same. Beside a branch
+        point, where rounding is large, so is a single one; if the branch point is inside, it is part of it."""
         crossed: list[tuple[int, Location]] = []
         for found in self._apart(index, sorted(zeros, key=lambda found: found.s), locator):
+            if self._is_doubtful(index, found, resolution):
+                found = self._around(index, found, found, self._noise(index, found.s, locator), locator)
+                if resolution.absorbed(self._tests[index], *found.between):
+                    continue
             low, high = found.between
             if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
                 crossed.append((index, found))
         return crossed
+
+    def _is_doubtful(self, index: int, found: Location, resolution: Resolution) -> bool:
+        """Whether a zero lies near a branch point, of a test function that is zero there too."""
+        if self._singular[index] or not self._at_branch_points[index]:
+            return False
+        near = self._settings.coincidence_tolerance
+        return any(zone.low - near < found.s < zone.high + near for zone in resolution.zones) or any(
+            abs(float(value)) < _NEAR * level for value, level in zip(found.step.tests, self._singular, strict=True) if level
+        )
 
     def _apart(self, index: int, zeros: list[Location], locator: Locator) -> list[Location]:
         """Zeros in order, of which those that rounding does not tell apart are one, with the bracket of all."""
         apart: list[Location] = []
         for found in zeros:
             if apart and found.s - apart[-1].s <= self._settings.coincidence_tolerance:
-                last = apart[-1]
                 noise = self._noise(index, found.s, locator)
-                certain = [s for s, step in locator.taken() if abs(float(step.tests[index])) > noise]
-                low = max((s for s in certain if s < last.s), default=last.between[0])
-                high = min((s for s in certain if s > found.s), default=found.between[1])
-                if not any(low < s < high for s in certain):
-                    best = min(last, found, key=lambda zero: zero.residual)
-                    ends = locator.step(low), locator.step(high)
-                    apart[-1] = best._replace(kind="zero", status="located", low=ends[0], high=ends[1], between=(low, high))
+                both = self._around(index, apart[-1], found, noise, locator)
+                low, high = both.between
+                if not any(abs(float(step.tests[index])) > noise for s, step in locator.taken() if low < s < high):
+                    apart[-1] = both
                     continue
             apart.append(found)
         return apart
+
+    def _around(self, index: int, first: Location, last: Location, noise: float, locator: Locator) -> Location:
+        """Two zeros, or one, as one, with the bracket up to the next steps at which the test function is more than rounding."""
+        values = [(s, float(step.tests[index])) for s, step in locator.taken() if step.tests[index] == step.tests[index]]
+        certain = [s for s, value in values if abs(value) > noise]
+        low = max((s for s in certain if s < first.s), default=values[0][0])
+        high = min((s for s in certain if s > last.s), default=values[-1][0])
+        best = min(first, last, key=lambda zero: zero.residual)
+        return best._replace(kind="zero", status="located", low=locator.step(low), high=locator.step(high), between=(low, high))
 
     def _noise(self, index: int, s: float, locator: Locator) -> float:
         """Size up to which a test function is rounding near a place: its distance from a straight line over a few bracket widths."""
