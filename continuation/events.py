@@ -20,7 +20,6 @@ _ROUNDING = 1e-12  # part of its largest value in a step up to which a test func
 _LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
 _BESIDE = 3  # so many points on either side of a zero show the noise of its test function
 _SURE = 8.0  # so many times the noise that is seen there a value is at least where it is not noise
-_NEAR = 100.0  # a zero is near a branch point where the test for those is this many times its `singular` value or less
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
@@ -203,11 +202,12 @@ class EventFinder:
     ) -> list[tuple[int, Location]]:
         """The zeros where a test function changes sign, without those where it only touches zero.
 
-        Neighbouring zeros between which the function is rounding are one, and a touch if the sign around them is the same. Beside a branch
-        point, where rounding is large, so is a single one; if the branch point is inside, it is part of it."""
+        Neighbouring zeros between which the function is rounding are one, and a touch if the sign around them is the same. Of a function
+        that is zero at branch points, beside which rounding is large, each zero is looked at: if the branch point lies between the
+        nearest certain signs, it is part of it."""
         crossed: list[tuple[int, Location]] = []
         for found in self._apart(index, sorted(zeros, key=lambda found: found.s), locator):
-            if self._is_doubtful(index, found, resolution):
+            if self._at_branch_points[index] and not self._singular[index]:
                 found = self._around(index, found, found, self._noise(index, found.s, locator), locator)
                 if resolution.absorbed(self._tests[index], *found.between):
                     continue
@@ -215,15 +215,6 @@ class EventFinder:
             if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
                 crossed.append((index, found))
         return crossed
-
-    def _is_doubtful(self, index: int, found: Location, resolution: Resolution) -> bool:
-        """Whether a zero lies near a branch point, of a test function that is zero there too."""
-        if self._singular[index] or not self._at_branch_points[index]:
-            return False
-        near = self._settings.coincidence_tolerance
-        return any(zone.low - near < found.s < zone.high + near for zone in resolution.zones) or any(
-            abs(float(value)) < _NEAR * level for value, level in zip(found.step.tests, self._singular, strict=True) if level
-        )
 
     def _apart(self, index: int, zeros: list[Location], locator: Locator) -> list[Location]:
         """Zeros in order, of which those that rounding does not tell apart are one, with the bracket of all."""
