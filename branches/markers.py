@@ -14,6 +14,7 @@ from bvp.kernels.result import (
     ABSORBER_START,
     BRANCHING,
     CLEARANCE,
+    CONDITIONING,
     CONVERGED,
     ENERGY,
     FIRST_QUARTER,
@@ -58,6 +59,12 @@ TANGENT_NOISE = 2e-12
 """Noise of the slope times the square of the smallest pivot over the steepness: so the tangent turns with that uncertainty. The steepness
 is the change of the scaled unknowns for a unit of arclength."""
 
+CONDITION_NOISE = 5e-17
+"""Noise of the slope, as a part of the energy, times the square of the conditioning over the steepness, at most."""
+
+_CLEAR_SLOPE = 1e-3
+"""Part of the energy up to which the noise of a slope does not count here: it is measured where a zero is (`continuation.events`)."""
+
 
 def is_orbit(result: Any) -> bool:
     """Whether the result entries are those of an accurate orbit of which everything could be found out."""
@@ -69,7 +76,12 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> No
     and of the quarter period's, impulsive orbits, and the key that stands for the label."""
     level = math.log(result[ENERGY])
     pivot = result[BRANCHING]
-    out[0] = result[SLOPE] if abs(result[SLOPE]) * pivot * pivot > TANGENT_NOISE * result[STEEPNESS] else math.nan
+    slope = abs(result[SLOPE])
+    square = result[CONDITIONING] * result[CONDITIONING]
+    doubt = CONDITION_NOISE * result[STEEPNESS]
+    certain = slope * pivot * pivot > TANGENT_NOISE * result[STEEPNESS]
+    certain = certain and (doubt < _CLEAR_SLOPE * square or slope * square > doubt * result[ENERGY])
+    out[0] = result[SLOPE] if certain else math.nan
     out[1] = pivot
     out[2] = result[CLEARANCE] if result[CLEARANCE] < _CLEAR else _CLEAR
     out[3] = result[SPEED]

@@ -7,7 +7,7 @@ from bvp.kernels.elimination import apply_reflectors, eliminate, forward
 from bvp.kernels.multipoint import evaluate, fill
 from bvp.kernels.segment import start_state
 
-__all__ = ["correct", "factorise", "null_vector", "set_scale", "solve"]
+__all__ = ["conditioning", "correct", "factorise", "null_vector", "set_scale", "solve"]
 
 RESIDUAL_ROUNDING = 2e-15
 """Scaled residual that is nothing but rounding: 9 eps, for states at the ends of flights of size 1."""
@@ -121,6 +121,23 @@ def solve(segment, factor, right, out):
     apply_reflectors(k, rows, segment.start_map.shape[1] + 1, factor.window, factor.closing, factor.factor, out)
     for j in range(unknowns):
         out[j] *= factor.scale[j]
+
+
+@inlined
+def conditioning(segment, factor, right):
+    """Size of the smallest singular value of the last factorised Jacobian, its equations scaled to length 1: from the growth of two right
+    sides of unit entries with irregular signs. `right` is overwritten."""
+    rows = segment.matrix.shape[1] + 1
+    norms = factor.work[1]
+    largest = 0.0
+    for pattern in range(2):
+        for j in range(right.shape[0]):
+            size = math.sqrt(norms[j])
+            right[j] = size if (j * (7 + 4 * pattern) + j * j * (3 - pattern)) % 5 < 3 - pattern else -size
+        forward(segment.shape[0], rows, factor.window, factor.closing, factor.diagonal, right)
+        for j in range(right.shape[0]):
+            largest = max(largest, abs(right[j]))
+    return 1.0 / largest if largest > 0.0 else 1.0
 
 
 @inlined

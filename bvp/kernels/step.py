@@ -5,9 +5,10 @@ from bvp.kernels.compiled import kernel, part, sized
 from bvp.kernels.flight import flow_state
 from bvp.kernels.metric import Metric, constraint_row, locate, metric_direction
 from bvp.kernels.multipoint import sized_factor
-from bvp.kernels.newton import correct
+from bvp.kernels.newton import conditioning, correct
 from bvp.kernels.result import (
     BRANCHING,
+    CONDITIONING,
     CONTRACTION,
     CONVERGED,
     ENERGY,
@@ -92,6 +93,7 @@ def _orbit_step(segment, factor, y, tangent, ds, target, most, metric, out, out_
     result[RESIDUAL] = worst
     if not good:
         return
+    result[CONDITIONING] = conditioning(segment, factor, residual)
     tangent_at(segment, out, factor, sign, smallest, old.direction, new, out_tangent[:unknowns], result)
     for j in range(unknowns):
         out_tangent[unknowns + j] = (out_tangent[j] - along[j]) / ds if ds != 0.0 else 0.0

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from branches.family import scales_of
 from bvp.cycle import cycle_of
 from bvp.ends import EndsError
 from bvp.kernels.multipoint import evaluate, make_factor
@@ -159,6 +160,17 @@ def test_null_vector_and_energy_gradient(case):
         step[j] = 1.0
         difference = (problem.energy(y + step) - problem.energy(y - step)) / 2.0
         assert abs(gradient[j] - difference) < 1e-12 * (1.0 + abs(difference)) * (1.0 + np.max(np.abs(y)))
+
+
+@pytest.mark.parametrize("index", range(0, 40, 3))
+def test_the_conditioning_is_the_smallest_singular_value(index):
+    """Oracle: numpy's singular values of the Jacobian in scaled unknowns, its rows of length 1. The growth of n unit entries is sqrt(n) over
+    the smallest one at most, and less as the signs and its singular vector have less in common."""
+    orbit = collection()[index]
+    jacobian = orbit.problem.jacobian(orbit.solution.y) * scales_of(orbit.problem, orbit.solution.y)
+    jacobian /= np.linalg.norm(jacobian, axis=1)[:, None]
+    smallest = np.linalg.svd(jacobian)[1][-1]
+    assert smallest / np.sqrt(len(jacobian)) * (1.0 - 1e-6) < orbit.solution["conditioning"] < 30.0 * smallest
 
 
 @pytest.mark.parametrize("mu, sigma", [(0.1, 0.1), (0.37, 0.81), (1.7, 0.2), (0.05, 1.9), (0.8, 0.0)])

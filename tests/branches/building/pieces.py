@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-TOLERANCE, LABEL = 1e-9, 1e-8
+TOLERANCE, LABEL = 1e-9, 1e-7
 """Relative difference of the energies, and of the quarter periods, of one event in two runs: a zero of a test function, and a change of
-the label, which is bisected to the width of a bracket."""
+the label. That is where a velocity gets a double zero, which rounding shows to its square root, 1.5e-8."""
 
 MARGIN = 1e-4
 """Distance from an end of the common piece, relative to its length, within which an event may be on one side or the other."""
