@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = [
     "add_arguments",
     "add_file",
-    "add_json",
     "default_path",
     "from_arguments",
     "given",
@@ -44,11 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:
     """Add ``--catalogue`` alone, for a command that does not need one."""
     parser.add_argument("--catalogue", metavar="FILE", help=meaning)
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json``."""
-    parser.add_argument("--json", metavar="FILE", help="write all data as JSON; - is standard output, which then carries nothing else")
 
 
 def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:
