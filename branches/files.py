@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from bvp.shown import shown
+
 __all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "read_input", "reason", "replacing", "write_text"]
 
 DATABASE = "it is an SQLite file, as catalogues are; expected another file"
@@ -100,7 +102,7 @@ def is_special(path: str | os.PathLike[str]) -> bool:
     (False, False, False, True)
     """
     if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"a path is text; received {path!r}, expected the name of a file")
+        raise TypeError(f"a path is text; received {shown(path)}, expected the name of a file")
     path = Path(path)
     return path.exists() and not path.is_file() and not path.is_dir()
 

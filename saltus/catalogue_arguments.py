@@ -76,12 +76,18 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
     ------
     BadInput
         Where there is none.
+    ValueError
+        For a scene that loses energy: it has no families, and no catalogue.
     CatalogueError
         For a file that is none, or that belongs to another system than the scene that is named, with the parameters that are given.
     """
     parameters = scene_arguments.parameters(arguments)
     path = default_path(arguments.scene, parameters) if arguments.catalogue is None else Path(arguments.catalogue)
     scene = scene_arguments.from_arguments(arguments) if arguments.scene is not None or parameters else None
+    if scene is not None:
+        from branches.discovery.scope import require_conservative
+
+        require_conservative(scene.system, "families of periodic orbits")
     if arguments.catalogue is None and not path.exists():
         raise BadInput(
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"

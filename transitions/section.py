@@ -19,6 +19,7 @@ from bvp.kernels import motion as motion_kernels
 from bvp.kernels.compiled import address_of
 from bvp.kernels.phase import CLOCK, COUNTS, PASSES
 from bvp.pace import Pace
+from bvp.shown import shown
 from transitions.kernels import section as kernels
 from transitions.section_plane import SectionPlane
 
@@ -172,7 +173,7 @@ def section(
     plane = SectionPlane(system, energy)
     for name, value in (("orbits", orbits), ("crossings", crossings)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-            raise ValueError(f"{name} is a whole number above 0; received {value!r}")
+            raise ValueError(f"{name} is a whole number above 0; received {shown(value)}")
     points = plane.starts(orbits) if starts is None else np.atleast_2d(np.asarray(starts, dtype=float))
     parts: list[Section] = []
     interrupted = False
