@@ -65,7 +65,7 @@ CALLS = [
     (lambda branch: saltus.Catalogue(DIGITS), f"a path is text; received {LONG}, expected the name of a catalogue"),
     (lambda branch: saltus.trace(DIGITS), f"a name is text such as S13O00+ or U8353-@h=1.9; received {LONG}"),
     (lambda branch: saltus.trace("S13O00+", direction=DIGITS), f"direction {LONG}: expected up, down or both"),
-    (lambda branch: saltus.section(system(), 1.0, crossings=DIGITS), f"crossings is a whole number above 0; received {LONG}"),
+    (lambda branch: saltus.section(system(), 1.0, crossings=DIGITS), f"crossings is a whole number from 1 to 1000000000; received {LONG}"),
     # bytes and text for numbers
     (lambda branch: system(mu=b"0.1"), "mu is a number; received b'0.1'"),
     (lambda branch: saltus.Stop((b"1",), 0.0), "the gap row of a stop is a list of numbers; received (b'1',)"),
