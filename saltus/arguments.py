@@ -40,7 +40,7 @@ class OneLineParser(argparse.ArgumentParser):
         """Raise for a word, of those of the command line, that is no option and no argument of this parser."""
         option = word.partition("=")[0]
         if "--" in words and word.startswith("-") and word not in words[: words.index("--")]:
-            after = "" if word == "--" else f" after --, where nothing is an option: expected {option} before --, or --OPTION=VALUE"
+            after = "" if word == "--" else f" after --, where nothing is an option: expected {option} before --"
             raise BadInput(f"unexpected argument {word!r}{after} (see {self.prog} --help)")
         if not option.startswith("-"):
             raise BadInput(f"unexpected argument {word!r} (see {self.prog} --help)")
