@@ -146,9 +146,9 @@ class Branch:
         try:
             i = operator.index(i)
         except TypeError:
-            raise TypeError(f"a point is a whole number; received {i!r}, expected 0 to {len(self) - 1}") from None
+            raise TypeError(f"a point is a whole number; received {shown(i)}, expected 0 to {len(self) - 1}") from None
         if not -len(self) <= i < len(self):
-            raise IndexError(f"point {i} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
+            raise IndexError(f"point {shown(i)} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         problem = self.problem
         start = problem.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
         times = self.points["flight_times"][i].copy()
@@ -317,7 +317,7 @@ class Branch:
         if isinstance(name, BranchEvent):
             return name
         if not isinstance(name, str):
-            raise TypeError(f"an event is one of branch.events or its id; received {name!r}")
+            raise TypeError(f"an event is one of branch.events or its id; received {shown(name)}")
         known = {item.id: item for item in self.events}
         if name not in known:
             raise ValueError(f"no event {name!r} on this branch; it has {', '.join(known) or 'none'}")

@@ -7,9 +7,12 @@ import os
 import select
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from bvp.shown import shown
 
 __all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "read_input", "reason", "replacing", "write_text"]
 
@@ -23,7 +26,7 @@ MOST_BYTES = 1 << 30
 """Size of the largest file that is read: longer ones are no input, but a pipe or a file by mistake."""
 
 PATIENCE = 5.0
-"""Seconds until a pipe that nobody has opened to write is refused."""
+"""Seconds until a pipe that nobody has opened at its other end is refused."""
 
 _WORDS = {
     errno.ENOSPC: "no space is left on the device",
@@ -99,7 +102,7 @@ def is_special(path: str | os.PathLike[str]) -> bool:
     (False, False, False, True)
     """
     if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"a path is text; received {path!r}, expected the name of a file")
+        raise TypeError(f"a path is text; received {shown(path)}, expected the name of a file")
     path = Path(path)
     return path.exists() and not path.is_file() and not path.is_dir()
 
@@ -164,6 +167,36 @@ def _await_writer(pipe: int) -> None:
 
 
 @contextmanager
+def _with_reader(path: Path) -> Iterator[None]:
+    """Wait for somebody who reads from what may be a pipe, at most for a while; it stays open to write within the block.
+
+    Raises
+    ------
+    OSError
+        Where nobody has opened it to read.
+    """
+    if not path.is_fifo():
+        yield
+        return
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            pipe = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError as error:
+            if error.errno != errno.ENXIO:
+                raise
+            if time.monotonic() > end:
+                raise OSError(f"it is a pipe, and nobody has opened it to read for {PATIENCE:g} seconds") from error
+            time.sleep(0.02)
+        else:
+            break
+    try:
+        yield
+    finally:
+        os.close(pipe)
+
+
+@contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary file beside `path`, which takes its place when the block ends without an error.
 
@@ -171,7 +204,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     The temporary file has the suffix of `path`, the mode of the file it replaces (else the user's default mode), and is on
     disk before it is moved. A link is followed. What is not a regular file (a pipe, ``/dev/null``) cannot be replaced: the
-    block then gets `path` itself.
+    block then gets `path` itself, and a pipe is waited for until somebody reads from it, at most for `PATIENCE` seconds.
 
     Parameters
     ----------
@@ -200,7 +233,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     try:
         if is_special(path):
-            yield Path(path)
+            with _with_reader(Path(path)):
+                yield Path(path)
             return
         target = Path(os.path.realpath(path))
         if target.is_dir():

@@ -9,6 +9,7 @@ from typing import NoReturn
 
 from branches.label import Label
 from branches.words import WordSyntaxError, split_family_id
+from bvp.shown import shown
 
 __all__ = ["LabelSyntaxError", "Name", "parse", "parse_name"]
 
@@ -99,7 +100,7 @@ def parse_name(text: str) -> Name:
     'origin-stop+:+-:03fa9c1e'
     """
     if not isinstance(text, str):
-        raise TypeError(f"a name is text such as S13O00+ or U8353-@h=1.9; received {text!r}")
+        raise TypeError(f"a name is text such as S13O00+ or U8353-@h=1.9; received {shown(text)}")
     reader = _Reader(text)
     head = text.partition("@")[0]
     family, fields = None, None

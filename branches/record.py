@@ -19,6 +19,7 @@ import numpy as np
 
 from branches.check import RecordError, check_branch
 from branches.files import one_line, read_input, reason
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -222,7 +223,7 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
         holds something of another type.
     """
     if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"a path is text; received {path!r}, expected the name of a JSON file")
+        raise TypeError(f"a path is text; received {shown(path)}, expected the name of a JSON file")
     try:
         text = read_input(path).decode("utf-8")
     except OSError as error:

@@ -104,7 +104,7 @@ def trace(
             raise TypeError(f"unknown option {option!r}; expected {', '.join(near)}")
     for what, value in (("pins", pins), ("bounds", bounds)):
         if value is not None and not isinstance(value, Mapping):
-            raise TypeError(f"{what} = {value!r}: expected a mapping")
+            raise TypeError(f"{what} = {shown(value)}: expected a mapping")
     limits = search_bounds(bounds)
     energy = check_energy(energy if energy is not None else limits.energy)
     found, rising = resolve(name, system, pins=pins or {}, limits=limits, energy=energy)
@@ -177,14 +177,14 @@ def follow_family(
     """
     energy = check_energy(energy)
     if direction not in _SIGNS:
-        raise TraceError(f"direction {direction!r}: expected up, down or both")
+        raise TraceError(f"direction {shown(direction)}: expected up, down or both")
     if stop_at is not None and stop_at not in EVENT_TYPES:
-        raise TraceError(f"stop_at {stop_at!r}: expected one of {', '.join(EVENT_TYPES)}")
+        raise TraceError(f"stop_at {shown(stop_at)}: expected one of {', '.join(EVENT_TYPES)}")
     if stop_when is not None and not callable(stop_when):
-        raise TraceError(f"stop_when = {stop_when!r}: expected a function of an orbit")
+        raise TraceError(f"stop_when = {shown(stop_when)}: expected a function of an orbit")
     if points is not None:
         if isinstance(points, bool) or not isinstance(points, int | np.integer):
-            raise TraceError(f"points = {points!r}: expected a whole number, at least 1")
+            raise TraceError(f"points = {shown(points)}: expected a whole number, at least 1")
         if not 1 <= points < 1 << 63:
             raise TraceError(f"points = {shown(points)}: expected at least 1")
         settings = Settings(**{**_fields(settings), "maximum_points": points})

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from bvp.numerics import EPSILON
+from bvp.shown import shown
 
 __all__ = [
     "InvalidSystem",
@@ -33,24 +34,6 @@ them, stay inside floats. A stiffness or damping may be as small as it likes."""
 
 class InvalidSystem(ValueError):
     """The description of a system cannot be: the message says in one line what was received and what was expected."""
-
-
-def shown(value: Any) -> str:
-    """A value as messages show it: in one line, the middle left out where it is long.
-
-    Examples
-    --------
-    >>> shown(10**400), shown([0.1])
-    ('a whole number of 1329 bits, beyond all floats', '[0.1]')
-    """
-    if isinstance(value, int) and value.bit_length() > 1024:
-        return f"a whole number of {value.bit_length()} bits, beyond all floats"
-    try:
-        text = " ".join(repr(value).split())
-    except ValueError:
-        # Python writes no whole number of more than some thousand digits, nor a list with one.
-        return f"a {type(value).__name__} with a whole number beyond all floats"
-    return text if len(text) <= 200 else f"{text[:120]} ... {text[-40:]}"
 
 
 def real(value: Any) -> float:
@@ -174,7 +157,7 @@ def refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -
     for key in given:
         if key not in known:
             near = get_close_matches(str(key), known, 1, 0.0)
-            raise InvalidSystem(f"unknown key {key!r} in {where}; nearest known: {near[0] if near else ', '.join(known)}")
+            raise InvalidSystem(f"unknown key {shown(key)} in {where}; nearest known: {near[0] if near else ', '.join(known)}")
 
 
 def require_system(system: Any) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.modes import Modes
@@ -49,7 +50,7 @@ def parse_end(system: ImpactSystem, end: str) -> tuple[int, int]:
     match = re.fullmatch(r"(origin|rest|periodic|stop)([a-z]?[+-])?", end)
     if match is None or (match[1] == "stop") != (match[2] is not None):
         letters = system.modes.contact_letters
-        raise EndsError(f"unknown end {end!r}; expected origin, rest, periodic or one of " + ", ".join("stop" + s for s in letters))
+        raise EndsError(f"unknown end {shown(end)}; expected origin, rest, periodic or one of " + ", ".join("stop" + s for s in letters))
     if match[1] == "origin" and not system.has_odd_symmetry:
         raise EndsError(
             "an origin end needs odd symmetry (two-sided stops with equal gaps); this system has "

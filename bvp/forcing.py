@@ -171,7 +171,7 @@ def forcing_of(forces: Any, n: int) -> Forcing:
     if isinstance(forces, Constant | Harmonic | Record):
         forces = (forces,)
     if not isinstance(forces, Sequence) or not all(isinstance(force, Constant | Harmonic | Record) for force in forces):
-        raise ValueError(f"forces is a list of Constant, Harmonic and Record loads; received {forces!r}")
+        raise ValueError(f"forces is a list of Constant, Harmonic and Record loads; received {shown(forces)}")
     count = len(forces)
     records = [force for force in forces if isinstance(force, Record)]
     breaks = np.unique(np.concatenate([[0.0], *(record.times[record.times > 0.0] for record in records)]))

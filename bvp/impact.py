@@ -88,7 +88,7 @@ def next_impact(system: ImpactSystem, u: Any, v: Any, horizon: float, leaving: s
     modes = system.modes
     state = checked_state(system, u, v)
     if not (isinstance(horizon, (int, float, np.number)) and 0.0 <= horizon < np.inf):
-        raise ValueError(f"horizon is a finite time of 0 or more; received {horizon!r}")
+        raise ValueError(f"horizon is a finite time of 0 or more; received {shown(horizon)}")
     z = modes.from_state @ state
     work = kernels.work_array(len(z), len(modes.contact_side))
     status, contact, time = kernels.next_impact(
@@ -157,5 +157,5 @@ def contact_index(system: ImpactSystem, letter: str | None) -> int:
     letters = system.modes.contact_letters
     if letter not in letters:
         near = get_close_matches(str(letter), letters, 1, 0.0)
-        raise ValueError(f"no contact {letter!r}; nearest: {near[0]!r}, all: {', '.join(letters)}")
+        raise ValueError(f"no contact {shown(letter)}; nearest: {near[0]!r}, all: {', '.join(letters)}")
     return letters.index(letter)

@@ -15,6 +15,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from bvp.expression_size import TooLarge, limited, require_small, size_of_text
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -118,12 +119,12 @@ def _system(
     stiffness = _quadratic(names, potential, "the potential energy", "coordinates")
     damping = _quadratic(names, dissipation, "the dissipation", "velocities")
     if isinstance(gaps, (str, bytes)) or not isinstance(gaps, Sequence):
-        raise LagrangianError(f"gaps is a list of (expression, lower, upper, restitution); received {gaps!r}")
+        raise LagrangianError(f"gaps is a list of (expression, lower, upper, restitution); received {shown(gaps)}")
     stops = []
     for k, gap in enumerate(gaps):
         what = f"gap {k + 1}"
         if isinstance(gap, (str, bytes)) or not isinstance(gap, Sequence) or len(gap) not in (3, 4):
-            raise LagrangianError(f"{what} is (expression, lower, upper), with a restitution if it is not 1; received {gap!r}")
+            raise LagrangianError(f"{what} is (expression, lower, upper), with a restitution if it is not 1; received {shown(gap)}")
         row, constant = _linear(names, gap[0], what)
         bounds = [
             float(side) if isinstance(side, float) else float(side - constant)
@@ -154,7 +155,7 @@ class _Names:
         from sympy.core.function import AppliedUndef
 
         if isinstance(coordinates, (str, bytes)) or not isinstance(coordinates, Sequence) or not coordinates:
-            raise LagrangianError(f"coordinates is a list of at least one name or symbol; received {coordinates!r}")
+            raise LagrangianError(f"coordinates is a list of at least one name or symbol; received {shown(coordinates)}")
         functions = [item for item in coordinates if isinstance(item, AppliedUndef)]
         for item in functions:
             if len(item.args) != 1 or not item.args[0].is_Symbol:
@@ -168,7 +169,7 @@ class _Names:
         if velocities is None:
             velocities = [item.diff() if item in functions else name for item, name in zip(coordinates, dotted, strict=True)]
         if isinstance(velocities, (str, bytes)) or not isinstance(velocities, Sequence) or len(velocities) != len(dotted):
-            raise LagrangianError(f"velocities is a list of {len(dotted)} names or symbols; received {velocities!r}")
+            raise LagrangianError(f"velocities is a list of {len(dotted)} names or symbols; received {shown(velocities)}")
         derivatives = {item: name for item, name in zip(velocities, dotted, strict=True) if isinstance(item, sympy.Derivative)}
         self.velocities = tuple(derivatives[item] if item in derivatives else _name(item, "velocity") for item in velocities)
         # derivatives first: replacing the functions inside them would leave derivatives of symbols
@@ -187,7 +188,7 @@ class _Names:
         if not isinstance(place, str):
             return place
         if place not in self.coordinates:
-            raise LagrangianError(f"{what} {place!r} is none of the coordinates {', '.join(self.coordinates)}")
+            raise LagrangianError(f"{what} {shown(place)} is none of the coordinates {', '.join(self.coordinates)}")
         return self.coordinates.index(place)
 
     def read(self, expression: Any, what: str, allowed: Sequence[str]) -> Any:
@@ -200,7 +201,7 @@ class _Names:
         try:
             expression = sympy.sympify(expression, strict=True)
         except sympy.SympifyError:
-            raise LagrangianError(f"{what} is neither an expression, text nor a number; received {expression!r}") from None
+            raise LagrangianError(f"{what} is neither an expression, text nor a number; received {shown(expression)}") from None
         if not isinstance(expression, sympy.Expr):
             raise LagrangianError(f"{what} is no expression; received {expression}")
         if expression.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I):
@@ -320,7 +321,7 @@ def _name(item: Any, what: str) -> str:
 
     name = item.name if isinstance(item, sympy.Symbol) else item
     if not isinstance(name, str) or (isinstance(item, str) and not _is_plain(name)):
-        raise LagrangianError(f"{what} {item!r} is neither a name nor a symbol")
+        raise LagrangianError(f"{what} {shown(item)} is neither a name nor a symbol")
     return name
 
 
@@ -333,7 +334,7 @@ def _exact(value: Any, what: str) -> Any:
     import sympy
 
     if isinstance(value, (bool, str)):
-        raise LagrangianError(f"{what} is a finite real number; received {value!r}")
+        raise LagrangianError(f"{what} is a finite real number; received {shown(value)}")
     if isinstance(value, sympy.Rational):
         return value
     if isinstance(value, int):

@@ -231,18 +231,15 @@ class Motion:
     def stretches(self) -> tuple[Stretch, ...]:
         """The motion as stretches of free flights and of contacts held."""
         letters = self.system.modes.contact_letters
-        held = [int(self.phases.held[f]) for f in self.numbers[:, 2]]
+        held = np.asarray(self.phases.held)[self.numbers[:, 2]]
         for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
             held[row] = held[row - 1]
-        out: list[Stretch] = []
-        for k, bits in enumerate(held):
-            names = tuple(letter for c, letter in enumerate(letters) if bits >> c & 1)
-            end = float(self.times[k + 1]) if k + 1 < len(held) else self.duration
-            if out and out[-1].held == names:
-                out[-1] = Stretch(out[-1].begin, end, names)
-            else:
-                out.append(Stretch(float(self.times[k]), end, names))
-        return tuple(out)
+        first = np.flatnonzero(np.concatenate([[True], held[1:] != held[:-1]]))
+        ends = [*self.times[first[1:]].tolist(), self.duration]
+        return tuple(
+            Stretch(float(self.times[k]), end, tuple(letter for c, letter in enumerate(letters) if int(held[k]) >> c & 1))
+            for k, end in zip(first, ends, strict=True)
+        )
 
     def sample(self, times: Any) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities at any times of the motion, after the event at the time of an event.

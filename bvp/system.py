@@ -58,7 +58,7 @@ class Stop:
     def __post_init__(self) -> None:
         label = f"stop {self.name}" if self.name else "a stop"
         if not isinstance(self.name, str) or (self.name and not (len(self.name) == 1 and "a" <= self.name <= "z")):
-            raise InvalidSystem(f"the name of a stop is one lower-case letter a to z; received {self.name!r}")
+            raise InvalidSystem(f"the name of a stop is one lower-case letter a to z; received {shown(self.name)}")
         try:
             gap = tuple(real(x) for x in self.gap)
         except (TypeError, ValueError):
@@ -150,7 +150,7 @@ class ImpactSystem:
         for key in ("absorber", "primary"):
             index = getattr(self, key)
             if index is not None and (isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < n):
-                raise InvalidSystem(f"{key} is the index of a coordinate, 0 to {n - 1}; received {index!r}")
+                raise InvalidSystem(f"{key} is the index of a coordinate, 0 to {n - 1}; received {shown(index)}")
         if self.absorber is not None and self.absorber == self.primary:
             raise InvalidSystem(f"absorber and primary are two coordinates; both are {coordinates[self.absorber]}")
 
@@ -303,15 +303,15 @@ class ImpactSystem:
             known = coordinates or tuple(f"u{k + 1}" for k in range(size))
             if isinstance(value, str):
                 if value not in known:
-                    raise InvalidSystem(f"{key} {value!r} is none of the coordinates {', '.join(known)}")
+                    raise InvalidSystem(f"{key} {shown(value)} is none of the coordinates {', '.join(known)}")
                 value = known.index(value)
             index[key] = value
         if isinstance(given["stops"], (str, Mapping)) or not isinstance(given["stops"], Sequence):
-            raise InvalidSystem(f"stops is a list of tables; received {given['stops']!r}")
+            raise InvalidSystem(f"stops is a list of tables; received {shown(given['stops'])}")
         stops = []
         for entry in given["stops"]:
             if not isinstance(entry, Mapping):
-                raise InvalidSystem(f"a stop is a table with c, lower, upper, restitution; received {entry!r}")
+                raise InvalidSystem(f"a stop is a table with c, lower, upper, restitution; received {shown(entry)}")
             refuse_unknown(entry, ("c", "lower", "upper", "restitution", "name"), "a stop")
             if "c" not in entry:
                 raise InvalidSystem("a stop lacks its gap row 'c'")
@@ -385,11 +385,11 @@ MODELS = {"vibro_impact_nes": (vibro_impact_nes, ("mu", "sigma", "lam", "rho"))}
 def _coordinate_names(names: Any, n: int) -> tuple[str, ...]:
     """The names given, or u1, u2, ... where none are."""
     if isinstance(names, str) or not isinstance(names, Sequence):
-        raise InvalidSystem(f"coordinates is a list of {n} names; received {names!r}")
+        raise InvalidSystem(f"coordinates is a list of {n} names; received {shown(names)}")
     names = tuple(names) or tuple(f"u{k + 1}" for k in range(n))
     for name in names:
         if not isinstance(name, str) or not name:
-            raise InvalidSystem(f"the name of a coordinate is a string that is not empty; received {name!r}")
+            raise InvalidSystem(f"the name of a coordinate is a string that is not empty; received {shown(name)}")
     if len(names) != n:
         raise InvalidSystem(f"the system has {n} coordinates, each with a name; received {len(names)}: {', '.join(names)}")
     for k, name in enumerate(names):

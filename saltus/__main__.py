@@ -130,7 +130,7 @@ def _command(words: list[str]) -> int:
         parser.print_help()
         return DONE
     if unknown:
-        getattr(arguments, "parser", asked_parser).refuse(unknown[0])
+        getattr(arguments, "parser", asked_parser).refuse(unknown[0], words)
     return importlib.import_module(COMMANDS[asked][0]).run(arguments)
 
 

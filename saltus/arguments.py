@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from saltus.errors import BadInput, nearest
@@ -36,9 +36,12 @@ class OneLineParser(argparse.ArgumentParser):
         """Return the options that the help shows."""
         return sorted(set(re.findall(r"--[a-z][a-z-]*", self.format_help())))
 
-    def refuse(self, word: str) -> NoReturn:
-        """Raise for a word that is no option and no argument of this parser."""
+    def refuse(self, word: str, words: Sequence[str]) -> NoReturn:
+        """Raise for a word, of those of the command line, that is no option and no argument of this parser."""
         option = word.partition("=")[0]
+        if "--" in words and word.startswith("-") and word not in words[: words.index("--")]:
+            after = "" if word == "--" else f" after --, where nothing is an option: expected {option} before --"
+            raise BadInput(f"unexpected argument {word!r}{after} (see {self.prog} --help)")
         if not option.startswith("-"):
             raise BadInput(f"unexpected argument {word!r} (see {self.prog} --help)")
         raise BadInput(f"unknown option {option} of {self.prog}{nearest(option, self.options())}")

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = [
     "add_arguments",
     "add_file",
-    "add_json",
     "default_path",
     "from_arguments",
     "given",
@@ -44,11 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:
     """Add ``--catalogue`` alone, for a command that does not need one."""
     parser.add_argument("--catalogue", metavar="FILE", help=meaning)
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json``."""
-    parser.add_argument("--json", metavar="FILE", help="write all data as JSON; - is standard output, which then carries nothing else")
 
 
 def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:
@@ -82,12 +76,18 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
     ------
     BadInput
         Where there is none.
+    ValueError
+        For a scene that loses energy: it has no families, and no catalogue.
     CatalogueError
         For a file that is none, or that belongs to another system than the scene that is named, with the parameters that are given.
     """
     parameters = scene_arguments.parameters(arguments)
     path = default_path(arguments.scene, parameters) if arguments.catalogue is None else Path(arguments.catalogue)
     scene = scene_arguments.from_arguments(arguments) if arguments.scene is not None or parameters else None
+    if scene is not None:
+        from branches.discovery.scope import require_conservative
+
+        require_conservative(scene.system, "families of periodic orbits")
     if arguments.catalogue is None and not path.exists():
         raise BadInput(
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,9 +13,26 @@ from branches.files import DATABASE, WriteFailure, is_database, is_special, reas
 from saltus.errors import BadInput, nearest
 from saltus.printing import outlast, plain_stream
 
-__all__ = ["STANDARD_OUTPUT", "WriteFailure", "check_picture", "check_writable", "output_folder", "replacing", "write_data"]
+__all__ = ["STANDARD_OUTPUT", "WriteFailure", "check_picture", "check_writable", "output_folder", "output_path", "replacing", "write_data"]
 
 STANDARD_OUTPUT = "-"
+
+
+def output_path(path: str) -> str:
+    """The path of an option; ``-`` for one that leads to the pipe or terminal that is standard output, as ``/dev/stdout`` does.
+
+    Examples
+    --------
+    >>> output_path("branch.json"), output_path("-"), output_path(os.devnull) == os.devnull
+    ('branch.json', '-', True)
+    """
+    try:
+        there = os.stat(path)
+        same = os.path.samestat(there, os.fstat(1)) and not stat.S_ISREG(there.st_mode)
+        # What goes to the null device does not mix there.
+        return STANDARD_OUTPUT if same and not os.path.samestat(there, os.stat(os.devnull)) else path
+    except (OSError, ValueError):
+        return path
 
 
 def check_writable(path: str, *, database: bool = False) -> None:

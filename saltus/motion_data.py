@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -19,15 +22,23 @@ if TYPE_CHECKING:
     from saltus.scene import Scene
     from transitions.empirical import Modes
 
+ImpactTable = dict[str, np.ndarray]
+
 __all__ = ["impact_table", "json_text", "motion_record", "sample_table"]
 
 SCHEMA = 1
+
+AT_ONCE = 1 << 16
+"""Impacts that are made text at once, between two looks at whether there is a hurry."""
+
+PATIENCE = 2.0
+"""Seconds after an interrupt in which impacts are still made text."""
 
 
 def motion_record(
     told: Told, scene: Scene, start: Start, units: Units, locked: Told | None = None, modes: Modes | None = None
 ) -> dict[str, Any]:
-    """The motion as JSON has it."""
+    """The motion as JSON has it; its impacts are in `impact_table`."""
     from transitions.stage import stages_as_data
 
     motion, t, e = told.motion, units.time, units.energy
@@ -46,7 +57,6 @@ def motion_record(
         },
         "duration": motion.duration * t,
         "ended": {"reason": motion.status.name, "text": motion.status.value},
-        "impacts": _impacts(told, units),
         "chatter": _chatter(told, units),
         "sticking": [{"begin": s.begin * t, "end": s.end * t, "stops": list(s.held)} for s in motion.stretches if s.held],
         "sticking_time": motion.held_time * t,
@@ -70,17 +80,48 @@ def motion_record(
     }
 
 
-def json_text(record: dict[str, Any], samples: Table | None = None) -> str:
-    """The JSON text of a record, an impact a line; with the samples where they are given, a list for each column."""
+def json_text(record: dict[str, Any], impacts: ImpactTable, samples: Table | None = None, hurry: Callable[[], bool] = lambda: False) -> str:
+    """The JSON text of a record and its impacts, an impact a line; with the samples where they are given, a list for each column.
+
+    Once `hurry` is true, the impacts end after `PATIENCE` seconds, and a note says where."""
     from branches.export.table_files import plain_columns
 
+    listed, count, hurried = [], len(impacts["time"]), math.inf
+    for first in range(0, count, AT_ONCE):
+        if hurry():
+            now = time.monotonic()
+            hurried = min(hurried, now)
+            if now > hurried + PATIENCE:
+                break
+        listed.append(_rows_text(impacts, slice(first, first + AT_ONCE)))
     whole = record if samples is None else {**record, "samples": plain_columns(samples)}
     lines = []
     for key, value in whole.items():
         rows = isinstance(value, list) and len(value) > 0 and isinstance(value[0], dict)
-        listed = "[\n    " + ",\n    ".join(json.dumps(row, allow_nan=False) for row in value) + "\n  ]" if rows else ""
-        lines.append(f"  {json.dumps(key)}: {listed or json.dumps(value, allow_nan=False)}")
+        text = _listed([json.dumps(row, allow_nan=False) for row in value]) if rows else json.dumps(value, allow_nan=False)
+        lines.append(f"  {json.dumps(key)}: {text}")
+        if key == "ended":
+            lines.append(f'  "impacts": {_listed(listed)}')
+            if len(listed) * AT_ONCE < count:
+                note = f"the first {len(listed) * AT_ONCE} of {count}: the program was interrupted"
+                lines.append(f'  "impacts_note": {json.dumps(note)}')
     return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _listed(rows: Sequence[str]) -> str:
+    """A list in JSON, a row a line."""
+    return "[\n    " + ",\n    ".join(rows) + "\n  ]" if rows else "[]"
+
+
+def _rows_text(columns: ImpactTable, part: slice) -> str:
+    """Some rows of a table in JSON, a row a line."""
+    texts = []
+    for values in columns.values():
+        if values.dtype.kind == "f" and not np.all(np.isfinite(values[part])):
+            raise ValueError("a value of an impact is not finite, which JSON cannot express")
+        texts.append(map(json.dumps if values.dtype.kind == "U" else repr, values[part].tolist()))
+    row = "{" + ", ".join(f"{json.dumps(name)}: %s" for name in columns) + "}"
+    return ",\n    ".join(map(row.__mod__, zip(*texts, strict=True)))
 
 
 def sample_table(told: Told, samples: int, units: Units) -> Table:
@@ -98,33 +139,22 @@ def sample_table(told: Told, samples: int, units: Units) -> Table:
     }
 
 
-def impact_table(told: Told, units: Units) -> Table:
+def impact_table(told: Told, units: Units) -> ImpactTable:
     """The impacts, a column each of their entries."""
-    rows = _impacts(told, units)
-    names = ("time", "stop", "speed", "speed_after", "energy_lost")
-    return {f"impact_{name}": np.array([row[name] for row in rows], dtype=str if name == "stop" else float) for name in names}
-
-
-def _impacts(told: Told, units: Units) -> list[dict[str, Any]]:
     from bvp.motion import EventKind
 
     motion = told.motion
     modes = motion.system.modes
-    rows = np.flatnonzero(motion.kinds == EventKind.IMPACT.value).tolist()
-    out = []
-    for k in rows:
-        contact = int(motion.contacts[k])
-        speed = float(motion.speeds[k]) * units.speed
-        out.append(
-            {
-                "time": float(motion.times[k]) * units.time,
-                "stop": modes.contact_letters[contact],
-                "speed": speed,
-                "speed_after": float(modes.contact_restitution[contact]) * speed,
-                "energy_lost": float(motion.losses[k]) * units.energy,
-            }
-        )
-    return out
+    rows = np.flatnonzero(motion.kinds == EventKind.IMPACT.value)
+    contacts = motion.contacts[rows]
+    speeds = motion.speeds[rows] * units.speed
+    return {
+        "time": motion.times[rows] * units.time,
+        "stop": np.array(modes.contact_letters, dtype=str)[contacts],
+        "speed": speeds,
+        "speed_after": np.asarray(modes.contact_restitution, dtype=float)[contacts] * speeds,
+        "energy_lost": motion.losses[rows] * units.energy,
+    }
 
 
 def _left(told: Told, start: Start, units: Units) -> dict[str, Any] | None:
@@ -133,7 +163,9 @@ def _left(told: Told, start: Start, units: Units) -> dict[str, Any] | None:
 
     if start.kind != "orbit" or start.on is None:
         return None
-    found = leaving([(i.time, i.stop) for i in start.on.impacts], [(row["time"], row["stop"]) for row in _impacts(told, units)])
+    impacts = impact_table(told, units)
+    hits = list(zip(impacts["time"].tolist(), impacts["stop"].tolist(), strict=True))
+    found = leaving([(i.time, i.stop) for i in start.on.impacts], hits)
     return None if found is None else found._asdict()
 
 
@@ -160,8 +192,10 @@ def _mark(told: Told, mark: Any, units: Units) -> dict[str, float | None]:
     return {"time": mark.time * units.time, "nes": nes / told.reference, "lo": lo / told.reference}
 
 
-def _peaks(told: Told, units: Units) -> dict[str, dict[str, dict[str, float]]]:
-    """Peak, its time and root mean square, of displacements, gaps and drifts."""
+def _peaks(told: Told, units: Units) -> dict[str, dict[str, dict[str, float]]] | None:
+    """Peak, its time and root mean square, of displacements, gaps and drifts; None where an interrupt came before."""
+    if told.watched is None:
+        return None
     found = told.watched.extents
 
     def entry(k: int) -> dict[str, float]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from saltus.units import Units
-
 if TYPE_CHECKING:
     from bvp.motion import Motion
+    from saltus.motion_data import ImpactTable
     from saltus.motion_start import Start
     from saltus.motions import Told
 
@@ -18,7 +17,7 @@ SHOWN = 12
 """Impacts that are listed; the files hold all."""
 
 
-def describe(told: Told, start: Start, record: dict[str, Any], units: Units) -> Iterator[str]:
+def describe(told: Told, start: Start, record: dict[str, Any], impacts: ImpactTable) -> Iterator[str]:
     """The lines that tell a motion.
 
     Parameters
@@ -27,11 +26,12 @@ def describe(told: Told, start: Start, record: dict[str, Any], units: Units) -> 
     start : Start
     record : dict
         `saltus.motion_data.motion_record` of it.
-    units : Units
+    impacts : ImpactTable
+        `saltus.motion_data.impact_table` of it.
     """
     initial, motion = record["initial"], told.motion
     yield f"start    {start.text}, energy {initial['energy']:.10g}"
-    yield from (f"leaves   {text}" for text in of_the_start(start, record))
+    yield from (f"leaves   {text}" for text in of_the_start(start, record, len(impacts["time"])))
     yield f"state    u = {_numbers(initial['u'])}  v = {_numbers(initial['v'])}"
     yield f"ended    {motion.status.value}, at time {record['duration']:.10g}"
     last = f", the last at {record['last_impact']:.10g}" if record["last_impact"] is not None else ""
@@ -54,17 +54,20 @@ def describe(told: Told, start: Start, record: dict[str, Any], units: Units) -> 
                 yield f"{name + ' %':>6}  {'not reached':>14}"
             else:
                 yield f"{name + ' %':>6}  {at['time']:>14.10g}  {at['nes']:>9.4%}  {at['lo']:>9.4%}"
-    yield f"{'':<24}  {'peak':>14}  {'at time':>14}  {'rms':>14}"
-    for group in ("displacements", "gaps", "drifts"):
-        for name, entry in record["peaks"][group].items():
-            yield f"{name:<24}  {entry['peak']:>14.8g}  {entry['time']:>14.8g}  {entry['rms']:>14.8g}"
-    yield from _impact_lines(record["impacts"])
+    if record["peaks"] is None:
+        yield "peaks    not computed: interrupted"
+    else:
+        yield f"{'':<24}  {'peak':>14}  {'at time':>14}  {'rms':>14}"
+        for entries in record["peaks"].values():
+            for name, entry in entries.items():
+                yield f"{name:<24}  {entry['peak']:>14.8g}  {entry['time']:>14.8g}  {entry['rms']:>14.8g}"
+    yield from _impact_lines(impacts)
     yield from _stage_lines(told, record)
 
 
-def of_the_start(start: Start, record: dict[str, Any]) -> list[str]:
+def of_the_start(start: Start, record: dict[str, Any], count: int) -> list[str]:
     """How long the motion keeps the impact sequence of the orbit that it starts on, in at most one line: a stage may follow another family
-    from the first impact on."""
+    from the first impact on. `count`: of the impacts."""
     if start.kind != "orbit" or start.on is None:
         return []
     name = start.on.label or "the family of its start"
@@ -73,7 +76,7 @@ def of_the_start(start: Start, record: dict[str, Any]) -> list[str]:
         where = f"impact {left['impact']} is at stop {left['stop']}, that of the orbit at stop {left['expected']}"
         return [f"{name} at {left['time']:.6g}: {where}"]
     last = "" if record["last_impact"] is None else f", the last at {record['last_impact']:.6g}"
-    return [f"{name} at no impact: all {len(record['impacts'])} are in its impact sequence{last}"]
+    return [f"{name} at no impact: all {count} are in its impact sequence{last}"]
 
 
 def comparison(record: dict[str, Any]) -> Iterator[str]:
@@ -100,15 +103,17 @@ def _turnover(record: dict[str, Any], motion: Motion) -> str:
     return f"{of}; work of the loads {record['work']:.10g}"
 
 
-def _impact_lines(impacts: list[dict[str, Any]]) -> Iterator[str]:
-    if not impacts:
+def _impact_lines(impacts: ImpactTable) -> Iterator[str]:
+    count = len(impacts["time"])
+    if not count:
         return
     yield f"{'impact':>6}  {'time':>16}  stop  {'speed':>14}  {'after':>14}  {'energy lost':>14}"
-    for k, row in enumerate(impacts[:SHOWN], 1):
+    for k in range(min(count, SHOWN)):
+        row = {name: values[k] for name, values in impacts.items()}
         numbers = f"{row['speed']:>14.8g}  {row['speed_after']:>14.8g}  {row['energy_lost']:>14.8g}"
-        yield f"{k:>6}  {row['time']:>16.12g}  {row['stop']:<4}  {numbers}"
-    if len(impacts) > SHOWN:
-        yield f"{'...':>6}  and {len(impacts) - SHOWN} more, which --json lists"
+        yield f"{k + 1:>6}  {row['time']:>16.12g}  {row['stop']:<4}  {numbers}"
+    if count > SHOWN:
+        yield f"{'...':>6}  and {count - SHOWN} more, which --json lists"
 
 
 def _stage_lines(told: Told, record: dict[str, Any]) -> Iterator[str]:

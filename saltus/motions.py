@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -31,6 +32,9 @@ still shows what moves, and else stages as far as these go."""
 NOT_ASKED = "expected --stages, --catalogue FILE or --plot FILE for them"
 """Why there are no stages where nobody asked for them."""
 
+MOST_IN_A_HURRY = 500_000
+"""Events of the longest motion whose peaks are computed after an interrupt, which takes about a second."""
+
 FINEST = 64
 """How many times more samples than by default are tried where the record is too coarse."""
 
@@ -58,7 +62,8 @@ class Told:
     Attributes
     ----------
     sharing : Sharing
-    watched : Watched
+    watched : Watched or None
+        None where an interrupt came before it was computed.
     reference : float
         The energy that shares are fractions of: the initial one; where there was none, what came in.
     shown : transitions.transition.Transition or None
@@ -69,10 +74,15 @@ class Told:
 
     motion: Motion
     sharing: Sharing
-    watched: Watched
+    watched: Watched | None
     reference: float
     shown: Transition | None = None
     why_no_stages: str = ""
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether an interrupt came before all was computed but the stages."""
+        return self.watched is None or self.motion.status.name == "INTERRUPTED"
 
     @property
     def stages(self) -> Sequence[Stage] | None:
@@ -146,9 +156,8 @@ def _told(
 ) -> Told:
     from bvp.motion import MotionStatus
     from bvp.run import run
-    from transitions.drifts import drift_rows
-    from transitions.extents import extents
 
+    watched = None
     try:
         motion = run(
             system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=shared.dampers, on_progress=on_progress
@@ -158,18 +167,28 @@ def _told(
         if not hasattr(error, "motion"):
             raise
         motion = replace(error.motion, status=MotionStatus.INTERRUPTED)
+    if motion.status is not MotionStatus.INTERRUPTED or len(motion.times) <= MOST_IN_A_HURRY:
+        with contextlib.suppress(KeyboardInterrupt):
+            watched = _watched(motion, nes)
+    came_in = math.fsum([*motion.dissipated.values(), motion.energy])
+    return Told(motion, shared, watched, motion.initial_energy if motion.initial_energy > 0.0 else came_in)
+
+
+def _watched(motion: Motion, nes: tuple[int, ...]) -> Watched:
+    from transitions.drifts import drift_rows
+    from transitions.extents import extents
+
+    system = motion.system
     gap_rows = {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops}
     drifts = drift_rows(system, nes)
     rows = np.array([*np.eye(system.degrees_of_freedom), *gap_rows.values(), *drifts.values()])
     n, m = system.degrees_of_freedom, len(gap_rows)
-    watched = Watched(
+    return Watched(
         {name: k for k, name in enumerate(system.coordinates)},
         {name: n + k for k, name in enumerate(gap_rows)},
         {name: n + m + k for k, name in enumerate(drifts)},
         extents(motion, rows),
     )
-    came_in = math.fsum([*motion.dissipated.values(), motion.energy])
-    return Told(motion, shared, watched, motion.initial_energy if motion.initial_energy > 0.0 else came_in)
 
 
 def tell_stages(

@@ -11,10 +11,10 @@ from typing import IO, TextIO
 
 from bvp.interrupts import Held, held
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say, say_and_code
-from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, replacing, write_data
+from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, output_path, replacing, write_data
 from saltus.printing import words_stream
 
-__all__ = ["NotDrawn", "Outputs", "add_arguments", "after", "apart", "from_arguments"]
+__all__ = ["NotDrawn", "Outputs", "add_arguments", "add_json", "after", "apart", "from_arguments"]
 
 ARRAYS = ("npz", "mat")
 """Kinds of files of arrays."""
@@ -174,7 +174,7 @@ class Outputs:
 
 def after(interrupt: Held, code: int) -> int:
     """The exit code after work that an interrupt had to wait for."""
-    if interrupt.came:
+    if interrupt.came and code != INTERRUPTED:
         say("interrupted; what was computed is written")
         return INTERRUPTED
     return code
@@ -184,10 +184,15 @@ def _suffix(path: str) -> str:
     return Path(path).suffix[1:].lower()
 
 
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json``."""
+    parser.add_argument("--json", metavar="FILE", type=output_path, help=f"write all data as JSON{_HYPHEN}")
+
+
 def add_arguments(parser: argparse.ArgumentParser, *, arrays: bool = False) -> None:
     """Add ``--json``, ``--csv`` and ``--plot``; and ``--npz`` and ``--mat``, for a command that has arrays."""
-    parser.add_argument("--json", metavar="FILE", help=f"write all data as JSON{_HYPHEN}")
-    parser.add_argument("--csv", metavar="FILE", help=f"write all data as CSV{_HYPHEN}")
+    add_json(parser)
+    parser.add_argument("--csv", metavar="FILE", type=output_path, help=f"write all data as CSV{_HYPHEN}")
     if arrays:
         parser.add_argument("--npz", metavar="FILE", help="write all data as arrays of numpy")
         parser.add_argument("--mat", metavar="FILE", help="write all data as arrays of Matlab")

@@ -114,21 +114,45 @@ class StandardOutput:
                 raise WriteFailure(self.failure) from error
 
 
+class StandardError:
+    """A text stream over standard error that never fails: what cannot be printed there can be printed nowhere.
+
+    Parameters
+    ----------
+    stream : text stream or None
+        Standard error; None where it is closed.
+    """
+
+    def __init__(self, stream: TextIO | None) -> None:
+        # Where a stream is None, `print` writes to standard output instead.
+        self.stream = stream or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Print, if that is possible."""
+        with contextlib.suppress(OSError):
+            self.stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, if that is possible."""
+        with contextlib.suppress(OSError):
+            self.stream.flush()
+
+
 @contextlib.contextmanager
 def standard_output() -> Iterator[StandardOutput]:
-    """Make `sys.stdout` a `StandardOutput` inside the block."""
-    if sys.stderr is None:
-        # Where a stream is None, `print` writes to standard output instead.
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
-    before = sys.stdout
-    stream = StandardOutput(before)
-    with contextlib.redirect_stdout(cast(Any, stream)):
+    """Make `sys.stdout` a `StandardOutput`, and `sys.stderr` a `StandardError`, inside the block."""
+    stream = StandardOutput(sys.stdout)
+    with contextlib.redirect_stdout(cast(Any, stream)), contextlib.redirect_stderr(cast(Any, StandardError(sys.stderr))):
         yield stream
 
 
 def words_stream(data: bool) -> TextIO:
     """The stream for what is printed: standard error where standard output carries data."""
-    if not data or sys.stderr is None:
+    if not data:
         return sys.stdout
     stream = StandardOutput(sys.stderr)
     stream.outlasts = True

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bvp.frozen import Frozen
+from bvp.shown import shown
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene_coordinates import described, marked
 from saltus.scene_loads import read_loads
@@ -171,7 +172,7 @@ def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) 
     shipped = _shipped()
     folder: Path | Traversable = resources.files("catalogues")
     if path is not None and (not isinstance(path, str | os.PathLike) or not os.fspath(path)):
-        raise BadInput(f"scene {path!r}: expected a TOML file or the name of a scene that ships: {', '.join(sorted(shipped))}")
+        raise BadInput(f"scene {shown(path)}: expected a TOML file or the name of a scene that ships: {', '.join(sorted(shipped))}")
     if path is None:
         where, text = DEFAULT, shipped[DEFAULT]
     elif Path(path).exists() or os.fspath(path) not in shipped:

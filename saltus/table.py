@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from bvp.shown import shown
 from saltus.errors import BadInput, nearest
 
 __all__ = ["Table"]
@@ -51,7 +52,7 @@ class Table:
 
     def wrong(self, key: str, received: object, expected: str) -> BadInput:
         """Return the error for an entry that is not what was expected."""
-        return BadInput(f"{self.where}: {key} = {received!r}, expected {expected}")
+        return BadInput(f"{self.where}: {key} = {shown(received)}, expected {expected}")
 
     def _get(self, key: str, expected: str, default: Any = _REQUIRED) -> Any:
         if key in self._content:

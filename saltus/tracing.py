@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from bvp.checks import require_system
+from bvp.shown import shown
 from saltus.errors import BadInput
 from saltus.scene import Scene, load_scene
 
@@ -72,7 +73,7 @@ def trace(
     require_system(system)
     for option in ("pins", "bounds"):
         if not isinstance(options.get(option, {}), Mapping):
-            raise BadInput(f"{option} = {options[option]!r}: expected a mapping")
+            raise BadInput(f"{option} = {shown(options[option])}: expected a mapping")
     energy = scene.energy if energy is None else energy
     pins = {**scene.pins_for(system), **options.pop("pins", {})}
     bounds = {**scene.bounds, **options.pop("bounds", {})}

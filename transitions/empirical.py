@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from bvp.shown import shown
+
 __all__ = ["Modes", "NotInstalled", "decompose", "orthogonality_index", "sifting"]
 
 
@@ -98,7 +100,7 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
 
     times, signal, step = checked(times, signal)
     if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
-        raise ValueError(f"most is a whole number of 1 or more; received {most!r}")
+        raise ValueError(f"most is a whole number of 1 or more; received {shown(most)}")
     # EMD-signal stops at absolute ranges and sums, fit for signals of size 1.
     size = float(np.ptp(signal)) or 1.0
     sifter = sifting()

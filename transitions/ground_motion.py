@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bvp.shown import shown
+
 __all__ = ["Ground", "envelope", "filtered", "record_text", "synthetic_record"]
 
 
@@ -28,7 +30,7 @@ class Ground:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not 0.0 < value < np.inf:
-                raise ValueError(f"{name} of the ground is a finite number above 0; received {value!r}")
+                raise ValueError(f"{name} of the ground is a finite number above 0; received {shown(value)}")
 
 
 def filtered(noise: np.ndarray, step: float, ground: Ground) -> np.ndarray:
@@ -115,7 +117,7 @@ def synthetic_record(
     named = {"duration": duration, "step": step, "peak": peak, "rise": rise, "decay_from": decay_from, "decay": decay}
     for name, value in named.items():
         if not 0.0 < value < np.inf:
-            raise ValueError(f"{name} of a record is a finite number above 0; received {value!r}")
+            raise ValueError(f"{name} of a record is a finite number above 0; received {shown(value)}")
     count = round(duration / step)
     if count < 1:
         raise ValueError(f"a record of {duration:g} in steps of {step:g} has one sample; expected two at least")

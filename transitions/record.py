@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from bvp.shown import shown
+
 __all__ = ["Record"]
 
 _UNIFORM = 1e-6  # of a step: differences of times that rounding of long records makes are far below
@@ -60,7 +62,7 @@ class Record:
             try:
                 values = np.array(getattr(self, item.name), dtype=float)
             except (TypeError, ValueError):
-                raise ValueError(f"{item.name} of a record are numbers; received {getattr(self, item.name)!r}") from None
+                raise ValueError(f"{item.name} of a record are numbers; received {shown(getattr(self, item.name))}") from None
             if not np.isfinite(values).all():
                 raise ValueError(f"{item.name} of a record are finite; number {int(np.argmax(~np.isfinite(values.ravel()))) + 1} is not")
             values.setflags(write=False)

@@ -19,6 +19,7 @@ from bvp.kernels import motion as motion_kernels
 from bvp.kernels.compiled import address_of
 from bvp.kernels.phase import CLOCK, COUNTS, PASSES
 from bvp.pace import Pace
+from bvp.shown import shown
 from transitions.kernels import section as kernels
 from transitions.section_plane import SectionPlane
 
@@ -30,6 +31,9 @@ __all__ = ["Section", "SectionEnd", "follow", "section"]
 
 SETTLING = 0.1
 """Part of an orbit's crossings that its Lyapunov exponent leaves out: the perturbation turns to its fastest direction there."""
+
+MOST = 10**9
+"""Orbits, and crossings of each, that can be asked for."""
 
 _BATCH = 32
 _PERIODS = 8.0
@@ -171,8 +175,8 @@ def section(
     """
     plane = SectionPlane(system, energy)
     for name, value in (("orbits", orbits), ("crossings", crossings)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-            raise ValueError(f"{name} is a whole number above 0; received {value!r}")
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 < value <= MOST:
+            raise ValueError(f"{name} is a whole number from 1 to {MOST}; received {shown(value)}")
     points = plane.starts(orbits) if starts is None else np.atleast_2d(np.asarray(starts, dtype=float))
     parts: list[Section] = []
     interrupted = False

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from bvp.shown import shown
 from transitions.transform import PER_ENVELOPE, amplitude_rows, envelope
 
 __all__ = ["Spectrum", "SpectrumRows", "TooCoarse", "Wavelet", "checked", "morlet_rows", "morlet_spectrum"]
@@ -47,7 +48,7 @@ class Wavelet:
     def __post_init__(self) -> None:
         for name in ("bandwidth", "centre"):
             if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f"the {name} of a wavelet is a finite number above 0; received {getattr(self, name)!r}")
+                raise ValueError(f"the {name} of a wavelet is a finite number above 0; received {shown(getattr(self, name))}")
         if self.sharpness < 5.0:
             raise ValueError(
                 f"a wavelet with bandwidth {self.bandwidth:g} and centre {self.centre:g} has no zero mean: "
@@ -212,7 +213,7 @@ def morlet_rows(
     wavelet = wavelet or Wavelet()
     times, signal, step = checked(times, signal)
     if isinstance(per_octave, bool) or not isinstance(per_octave, int) or per_octave < 1:
-        raise ValueError(f"per_octave is a whole number of 1 or more; received {per_octave!r}")
+        raise ValueError(f"per_octave is a whole number of 1 or more; received {shown(per_octave)}")
     span = (float(times[0]), float(times[-1]))
     size = _power_of_two(signal)
     signal = signal / size  # so that no square of it leaves the range of doubles

@@ -20,6 +20,7 @@ from branches.catalogue.opening import open_settled, open_to_read, open_to_write
 from branches.catalogue.rows import crc_of
 from branches.catalogue.scene import SceneRecord, difference
 from branches.files import WriteFailure
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -37,7 +38,9 @@ class CatalogueFile:
         self, path: str | os.PathLike[str], mode: str = "r", *, scene: Any = None, provenance: Mapping[str, Any] | None = None
     ) -> None:
         if mode not in ("r", "a"):
-            raise ValueError(f"the mode of a catalogue is {mode!r}, expected r (read) or a (add)")
+            raise ValueError(f"the mode of a catalogue is {shown(mode)}, expected r (read) or a (add)")
+        if not isinstance(path, str | os.PathLike):
+            raise TypeError(f"a path is text; received {shown(path)}, expected the name of a catalogue")
         self.path = Path(path)
         self._lock: WriterLock | None = None
         self._depth = 0

@@ -14,6 +14,7 @@ from branches.crossings import nearest_crossing, reaches
 from branches.labels import Label, LabelSyntaxError, Name, matches, nearest, nearest_labels, parse, parse_name
 from branches.name_errors import AmbiguousName, NameNotFound, several_turns
 from branches.name_pins import fits_otherwise, note, pin_of
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from branches.catalogue.store import Catalogue
@@ -65,7 +66,7 @@ def chosen(
         known = {row.ends for row in families}
         known |= {_SIDE.sub("", name) for name in known}
         if ends not in known and families:
-            raise CatalogueError(f"no family has the ends {ends!r}; expected one of {', '.join(sorted(known))}")
+            raise CatalogueError(f"no family has the ends {shown(ends)}; expected one of {', '.join(sorted(known))}")
 
     def keep(row: FamilyRow) -> bool:
         if ends is not None and ends not in (row.ends, _SIDE.sub("", row.ends)):

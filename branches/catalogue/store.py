@@ -22,6 +22,7 @@ from branches.catalogue.rows import (
     no_nan,
 )
 from branches.catalogue.work import WorkQueue
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     import networkx
@@ -126,7 +127,7 @@ class Catalogue(WorkQueue):
             from branches.labels import nearest
 
             near = ", ".join(nearest(id, [row.id for row in self._families])) or "none, it holds no family"
-            raise CatalogueError(f"{self.path} has no family {id!r}; nearest: {near}")
+            raise CatalogueError(f"{self.path} has no family {shown(id)}; nearest: {near}")
         return self._family(rows[0])
 
     def __contains__(self, id: object) -> bool:

@@ -34,6 +34,7 @@ from branches.diagram.insets import Inset, draw_insets, place_insets
 from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
+from bvp.shown import shown as in_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,7 +87,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         For another frequency, nothing to draw, or an inset outside the picture.
     """
     if frequency not in FREQUENCIES:
-        raise ValueError(f"unknown frequency {frequency!r}: expected index or fundamental")
+        raise ValueError(f"unknown frequency {in_words(frequency)}: expected index or fundamental")
     curves = [frequency_curve(curve, frequency) for curve in atlas.curves]
     impulsive = atlas.impulsive
     stars = None if impulsive is None else (impulsive.h, impulsive.frequency if frequency == "fundamental" else impulsive.frequency_index)

@@ -16,6 +16,7 @@ import numpy as np
 from branches.diagram.cut import cut
 from branches.diagram.pinned import pinned_names
 from branches.labels import spelled
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -295,7 +296,7 @@ def rescaled(atlas: Atlas, clearance: float = 1.0, natural_frequency: float = 1.
     """
     for name, value in (("clearance", clearance), ("natural_frequency", natural_frequency)):
         if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} = {value!r}: expected a number above 0")
+            raise ValueError(f"{name} = {shown(value)}: expected a number above 0")
     if (atlas.clearance, atlas.natural_frequency) != (1.0, 1.0):
         raise ValueError(f"the data have a clearance of {atlas.clearance:g} already; scale dimensionless data")
     speed = clearance * natural_frequency

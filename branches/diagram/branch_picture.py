@@ -14,6 +14,7 @@ from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis
 from branches.diagram.smooth import Curve, smooth
 from branches.diagram.style import new_figure, picture_settings, settle_layout
 from branches.diagram.titles import family_text, symbol_of, system_text, velocity_symbol
+from bvp.shown import shown as in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,7 +85,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
         For another frequency, a branch without points, and energies that a logarithmic axis cannot show.
     """
     if frequency not in FREQUENCIES:
-        raise ValueError(f"unknown frequency {frequency!r}: expected index or fundamental")
+        raise ValueError(f"unknown frequency {in_words(frequency)}: expected index or fundamental")
     energies = np.asarray(branch.points["h"], dtype=float)
     if not len(energies):
         raise ValueError("the branch has no points to draw")

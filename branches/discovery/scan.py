@@ -9,8 +9,9 @@ import numpy as np
 
 from branches.discovery.starts import INSET, Curve, Path
 from bvp.kernels.follow import COLUMNS, CONTACT, DURATION, TIME, follow
-from bvp.kernels.intervals import COUNTS, scan_interval
+from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
 from bvp.kernels.segment import ORIGIN, REST, STOP
+from bvp.pace import Pace
 
 __all__ = ["Opening", "Passage", "follow_start", "scan"]
 
@@ -88,6 +89,8 @@ def scan(curve: Curve, limits: Mapping[str, tuple[float, int | None]], budget: i
     total = np.zeros(len(COUNTS), dtype=np.int64)
     passages: list[Passage] = []
     open_ones: list[Opening] = []
+    state = np.zeros(STATE, dtype=np.int64)
+    pace = Pace()
     pieces = PIECES if curve.before is None else PIECES_RESUMED
     edges = np.linspace(curve.low, curve.high, pieces + 1)
     for i in range(pieces):
@@ -101,9 +104,15 @@ def scan(curve: Curve, limits: Mapping[str, tuple[float, int | None]], budget: i
         while True:
             counts = np.zeros(len(COUNTS), dtype=np.int64)
             left = max(1, budget - int(total[0]))
-            found, opened = scan_interval(
-                curve.flow, low, high, ends, times, impacts, longest, most, records, levels, stack, candidates, openings, left, counts, work
-            )
+            begin_interval(curve.flow, low, high, ends, longest, most, records, levels, stack, counts, state, work)
+            done = False
+            while not done:
+                with pace:
+                    done = scan_interval(
+                        curve.flow, times, impacts, longest, most, records, levels, stack, candidates, openings, left, counts, pace.passes,
+                        state, work,
+                    )  # fmt: skip
+            found, opened = int(state[CANDIDATES]), int(state[OPENINGS])
             if found <= len(candidates) and opened <= len(openings):
                 break
             candidates = np.zeros((max(2 * found, len(candidates)), 8))

@@ -146,6 +146,8 @@ def discover(
     check(system, energy, quarter_period, impacts, ends)
     if budget is None:
         budget = math.ceil(BUDGET / max(1.0, fastest_turn(system, quarter_period) / LONG))
+    if isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63:
+        raise ValueError(f"the most starts is {shown(budget)}, expected a whole number above 0 and below 2^63")
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
     collector = Collector(system, energy)
     counts: Counter[str] = Counter()
@@ -255,15 +257,15 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
             f"searched, expected {LONGEST:g} or less: a quarter period up to {LONGEST / turn * quarter_period:.3g} can be searched"
         )
     if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or impacts < 0):
-        raise ValueError(f"the most impacts of half a period is {impacts!r}, expected a whole number, 0 or more")
+        raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected a whole number, 0 or more")
     if impacts is not None and impacts > MOST_BOUND:
-        raise ValueError(f"the most impacts of half a period is {impacts}, expected {MOST_BOUND} or less, or no bound")
+        raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected {MOST_BOUND} or less, or no bound")
     if not ends:
         raise ValueError(f"no ends are given, expected some of {', '.join(CLASSES)}")
     for name in ends:
         if name not in CLASSES:
-            near = nearest(str(name), CLASSES, 1)
-            raise ValueError(f"unknown ends {name!r}, expected some of {', '.join(CLASSES)}; nearest: {near[0]}")
+            near = nearest(shown(name), CLASSES, 1)
+            raise ValueError(f"unknown ends {shown(name)}, expected some of {', '.join(CLASSES)}; nearest: {near[0]}")
         if name.startswith("origin") and not system.has_odd_symmetry:
             raise ValueError(
                 f"the ends {name} need odd symmetry (a two-sided stop with equal gaps and no constant load), which this system lacks: "

@@ -26,11 +26,18 @@ from bvp.kernels.passages import refine_zero
 from bvp.kernels.places import place, unplace
 from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, GRAZED, JUMP, SPLIT, flight_verdict, touching
 
-__all__ = ["COUNTS", "scan_interval"]
+__all__ = ["CANDIDATES", "COUNTS", "OPENINGS", "STATE", "begin_interval", "scan_interval"]
 
 COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget")
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
 
+STATE = 5
+"""Length of the state of a scan between two calls: intervals on the stack, starts used, candidates, openings, and whether the uppermost
+interval is closed for some of its flights."""
+(TOP, USED, CANDIDATES, OPENINGS, WITHIN) = range(STATE)
+
+FIRST_SPARE = 2
+"""The first record that is not of one of the ends."""
 
 COARSE = 10.0
 """Where rounding of the starts hides more of a grazing than this many times what the tolerance of contacts does, the rest is left open."""
@@ -182,29 +189,38 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
     return one, two, theta_1, theta_2, edge_1, edge_2, coarse, followed
 
 
-@allocating
-def scan_interval(flow, low, high, ends, times, impacts, longest, most, records, levels, stack, candidates, openings, budget, counts, work):
-    """Scan the starts between two parameters.
+@kernel
+def begin_interval(flow, low, high, ends, longest, most, records, levels, stack, counts, state, work):
+    """Begin the scan of the starts between two parameters, which `scan_interval` goes on with.
 
     ends (3,): those between which `place` maps, and its kind: where the curve of starts itself ends at a stop, its end is one of them.
+    state (STATE,): filled. Else as of `scan_interval`."""
+    levels[0] = follow(flow, low, longest, most, records[0], work)
+    levels[1] = follow(flow, high, longest, most, records[1], work)
+    counts[STARTS] += 2
+    state[:] = 0
+    state[TOP] = push_between(stack, 0, ends[0], ends[1], ends[2], low, high, 0, 1, 0, 0, SPLIT)
+
+
+@allocating
+def scan_interval(flow, times, impacts, longest, most, records, levels, stack, candidates, openings, budget, counts, passes, state, work):
+    """Scan on in an interval of starts, until about as many flights are followed as `passes` says.
+
     times, impacts (3,): see `flight_verdict`. records (3 D + 3, K + 2, COLUMNS), levels (3 D + 3,), stack (2 D, 10): room for D halvings.
     candidates (C, 8): kind, inner impacts, theta, time in the last flight, miss, converged, low and high end of the interval.
     openings (O, 4): theta, width, flight and reason of what stays open, GRAZED where that is as narrow as rounding about a grazing.
-    counts (7,): see COUNTS, added to. Returns (candidates, openings);
-    more than their room says that there was too little of it."""
+    counts (7,): see COUNTS, added to. state (STATE,): see there; more candidates or openings than their room say that there was too little
+    of it. Returns whether the interval is done."""
     found = np.empty((3, 8))
     count = np.zeros(3, np.int64)
     out = np.empty(3)
-    candidate = 0
-    opening = 0
+    candidate = state[CANDIDATES]
+    opening = state[OPENINGS]
+    top = state[TOP]
+    used = state[USED]
+    flights = 0
     depth_limit = levels.shape[0] // 3 - 1
-    levels[0] = follow(flow, low, longest, most, records[0], work)
-    levels[1] = follow(flow, high, longest, most, records[1], work)
-    spare = 2
-    counts[STARTS] += 2
-    top = push_between(stack, 0, ends[0], ends[1], ends[2], low, high, 0, 1, 0, 0, SPLIT)
-    used = 0
-    while top > 0:
+    while top > 0 and flights < passes:
         top -= 1
         map_low = stack[top, 0]
         map_high = stack[top, 1]
@@ -220,7 +236,9 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
         theta_b, jac_b = place(map_low, map_high, kind, x_b)
         theta_m, _ = place(map_low, map_high, kind, x_m)
         grain = 4.5e-16 * max(abs(theta_a), abs(theta_b), 1.0)
-        if theta_b - theta_a <= 8.0 * grain or depth >= depth_limit or used >= budget:
+        within = state[WITHIN] == 1
+        state[WITHIN] = 0
+        if not within and (theta_b - theta_a <= 8.0 * grain or depth >= depth_limit or used >= budget):
             jumped = stack[top, 9] == JUMP
             if k < levels[i_a] and k < levels[i_b]:
                 jumped = jumped or records[i_a, k, CONTACT] != records[i_b, k, CONTACT]
@@ -233,10 +251,12 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             continue
         x_m = unplace(map_low, map_high, kind, theta_m)
         _, jac_m = place(map_low, map_high, kind, x_m)
-        i_m = spare + 3 * depth
-        levels[i_m] = follow(flow, theta_m, longest, most, records[i_m], work)
-        counts[STARTS] += 1
-        used += 1
+        i_m = FIRST_SPARE + 3 * depth
+        if not within:
+            levels[i_m] = follow(flow, theta_m, longest, most, records[i_m], work)
+            counts[STARTS] += 1
+            used += 1
+            flights += levels[i_m]
         r = 0.5 * (x_b - x_a)
         root_a = (kind == 1 or kind == 3) and x_a <= 1e-3
         root_b = (kind == 2 or kind == 3) and x_b >= 1.0 - 1e-3
@@ -244,6 +264,9 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
         beyond_b = SLIVER if root_b else 8.0 * grain
         verdict = CLOSED
         while verdict == CLOSED:
+            if flights >= passes:
+                break
+            flights += 1
             verdict = flight_verdict(
                 flow, k, records[i_a], records[i_b], records[i_m], levels[i_a], levels[i_b], levels[i_m], jac_a, jac_b, jac_m, r, grain,
                 times, impacts, longest, most, found, count, work,
@@ -259,6 +282,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                     )  # fmt: skip
                     counts[STARTS] += steps
                     used += steps
+                    flights += steps * (k + 1)
                     if not converged and theta_b - theta_a > 1e6 * grain:
                         verdict = SPLIT
                         continue
@@ -280,6 +304,12 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
                 candidate = first
                 break
             k += 1
+        if verdict == CLOSED:
+            # The next call closes it for the flights that are left.
+            stack[top, 7] = k
+            top += 1
+            state[WITHIN] = 1
+            break
         if verdict == DONE:
             counts[CLOSURES] += 1
             continue
@@ -294,6 +324,7 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             counts[GRAZINGS] += 1
             counts[STARTS] += followed
             used += followed
+            flights += followed * (k + 1)
             if edge_2 - edge_1 > 64.0 * grain:
                 opening = leave_open(openings, opening, edge_1, edge_2 - edge_1, k, JUMP, counts)
             elif coarse and k > 0:
@@ -313,4 +344,8 @@ def scan_interval(flow, low, high, ends, times, impacts, longest, most, records,
             continue
         top = push(stack, top, map_low, map_high, kind, x_m, x_b, i_m, i_b, k, depth + 1, verdict)
         top = push(stack, top, map_low, map_high, kind, x_a, x_m, i_a, i_m, k, depth + 1, verdict)
-    return candidate, opening
+    state[TOP] = top
+    state[USED] = used
+    state[CANDIDATES] = candidate
+    state[OPENINGS] = opening
+    return top == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, scene_arguments
+from saltus import catalogue_arguments, outputs, scene_arguments
 from saltus.arguments import energy_range, positive, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, say
 from saltus.files import STANDARD_OUTPUT, check_writable, write_data
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="processes that work (default: one a core)")
     parser.add_argument("--dask", metavar="ADDRESS", help="work on a Dask cluster in place of processes")
     catalogue_arguments.add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
-    catalogue_arguments.add_json(parser)
+    outputs.add_json(parser)
     scene_arguments.add_arguments(parser)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from saltus import catalogue_arguments
+from saltus import outputs
 from saltus.errors import DONE, FAILED
 from saltus.files import check_writable
 from saltus.wording import counted
@@ -18,7 +18,7 @@ THINGS = {"families": "family", "points": "point", "events": "event", "edges": "
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("file", metavar="FILE", help="the catalogue")
-    catalogue_arguments.add_json(parser)
+    outputs.add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from saltus import catalogue_arguments, scene_arguments
 from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE
 from saltus.events_table import stability_word
-from saltus.outputs import Outputs
+from saltus.outputs import Outputs, add_json
 from saltus.wording import counted
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole_above_zero,
         help="most starts followed (default: a million; fewer where a mode is fast)",
     )
-    parser.add_argument("--json", metavar="FILE", help="write all data as JSON; - is standard output, which then carries nothing else")
+    add_json(parser)
     catalogue_arguments.add_file(parser, "tell which family of this catalogue each orbit lies on")
     scene_arguments.add_arguments(parser)
 

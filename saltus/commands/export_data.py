@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from saltus import catalogue_arguments, family_filters
 from saltus.arguments import whole_above_zero
 from saltus.errors import DONE, BadInput, nearest
-from saltus.files import STANDARD_OUTPUT, check_writable, replacing, write_data
+from saltus.files import STANDARD_OUTPUT, check_writable, output_path, replacing, write_data
 from saltus.wording import counted
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ FORMATS = {"graph": GRAPHS, "points": TABLES, "orbits": TABLES}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("names", metavar="NAME", nargs="*", help="orbits: S13O00+@h=1, an id with @h=..; points: the families' names")
-    parser.add_argument("--out", metavar="FILE", required=True, help="the suffix tells the format; - is standard output")
+    parser.add_argument("--out", metavar="FILE", type=output_path, required=True, help="the suffix tells the format; - is standard output")
     parser.add_argument("--format", metavar="FORMAT", help="in place of the suffix")
     parser.add_argument("--columns", metavar="A,B", help="points: columns, in this order (default: all but the states)")
     parser.add_argument("--samples", metavar="N", type=whole_above_zero, help="orbits: the motion at N times over a period")

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterator
 
-from saltus import catalogue_arguments, family_filters
+from saltus import catalogue_arguments, family_filters, outputs
 from saltus.errors import DONE
 from saltus.wording import counted
 
@@ -16,7 +16,7 @@ __all__ = ["add_arguments", "run"]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     family_filters.add_arguments(parser)
-    catalogue_arguments.add_json(parser)
+    outputs.add_json(parser)
     catalogue_arguments.add_arguments(parser)
 
 

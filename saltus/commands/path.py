@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments
+from saltus import catalogue_arguments, outputs
 from saltus.errors import DONE, FAILED, say
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     for name, place in (("first", "A"), ("last", "B")):
         parser.add_argument(name, metavar=place, help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
-    catalogue_arguments.add_json(parser)
+    outputs.add_json(parser)
     catalogue_arguments.add_arguments(parser)
 
 

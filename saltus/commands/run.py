@@ -78,12 +78,15 @@ def run(arguments: argparse.Namespace) -> int:
         locked = modes = None
         code = DONE if told.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED
         try:
-            if told.motion.status.name == "INTERRUPTED":
+            if told.interrupted:
                 raise KeyboardInterrupt
             with interrupt.released():
                 if arguments.locked:
                     with ProgressBar(100, "% of the locked motion") as bar:
                         locked = run_locked(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
+                    if locked.interrupted:
+                        locked = None
+                        raise KeyboardInterrupt
                 if arguments.stages or arguments.emd or arguments.plot is not None or catalogue is not None:
                     with ProgressBar(100, "% of the stages") as bar:
                         told = tell_stages(told, scene, start, catalogue, _percent(bar, told.motion.duration))
@@ -93,13 +96,22 @@ def run(arguments: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             told = replace(told, why_no_stages=told.why_no_stages or "interrupted")
             code = INTERRUPTED
+            # Another one ends the program.
+            interrupt.came = True
             say("interrupted; the motion is written, without what was to be computed from it")
-        code = max(code, _write(arguments, files, scene, start, told, locked, modes))
+        code = max(code, _write(arguments, files, scene, start, told, locked, modes, lambda: interrupt.came))
     return outputs.after(interrupt, code)
 
 
 def _write(
-    arguments: argparse.Namespace, files: outputs.Outputs, scene: Scene, start: Start, told: Told, locked: Told | None, modes: Modes | None
+    arguments: argparse.Namespace,
+    files: outputs.Outputs,
+    scene: Scene,
+    start: Start,
+    told: Told,
+    locked: Told | None,
+    modes: Modes | None,
+    hurry: Callable[[], bool],
 ) -> int:
     """Print and write what was computed; return the exit code."""
     from saltus.motion_data import impact_table, json_text, motion_record, sample_table
@@ -109,7 +121,8 @@ def _write(
 
     scale = units.from_arguments(arguments)
     record = motion_record(told, scene, start, scale, locked, modes)
-    for line in describe(told, start, record, scale):
+    impacts = impact_table(told, scale)
+    for line in describe(told, start, record, impacts):
         print(line, file=files.words)
     if arguments.emd:
         for line in mode_lines(record):
@@ -123,20 +136,21 @@ def _write(
     samples = arguments.samples or SAMPLES
 
     def text() -> str:
-        return json_text(record, None if arguments.samples is None else sample_table(told, samples, scale))
+        return json_text(record, impacts, None if arguments.samples is None else sample_table(told, samples, scale), hurry)
 
     def series() -> str:
         return csv_text(sample_table(told, samples, scale))
 
     def arrays(kind: str, file: IO[bytes]) -> None:
-        table = {**sample_table(told, samples, scale), **impact_table(told, scale), **mode_table(modes, scale)}
-        about = {key: value for key, value in record.items() if key not in ("impacts", "forces")}
+        of_impacts = {f"impact_{name}": values for name, values in impacts.items()}
+        table = {**sample_table(told, samples, scale), **of_impacts, **mode_table(modes, scale)}
+        about = {key: value for key, value in record.items() if key != "forces"}
         write_binary(table, kind, file, about=json.dumps(about, allow_nan=False))
 
     def picture(path: Path) -> None:
         if told.shown is None:
             raise outputs.NotDrawn(f"cannot draw {files.plot}: {told.why_no_stages}")
-        leaves = [f"The motion leaves {text}." for text in of_the_start(start, record)]
+        leaves = [f"The motion leaves {text}." for text in of_the_start(start, record, len(impacts["time"]))]
         draw(told.shown, catalogue, start.branch, path, " ".join([*filter(None, [arguments.caption]), *leaves]))
         if (scale.length, scale.frequency) != (1.0, 1.0):
             print("note   the picture is in natural units", file=files.words)

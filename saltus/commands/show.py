@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from saltus import catalogue_arguments
 from saltus.errors import DONE, BadInput
 from saltus.files import STANDARD_OUTPUT, check_picture, replacing
-from saltus.outputs import apart
+from saltus.outputs import add_json, apart
 from saltus.printing import words_stream
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
     parser.add_argument("--orbit", metavar="FILE", help="draw the orbit that the name's suffix selects: FILE.png, FILE.pdf or FILE.svg")
-    catalogue_arguments.add_json(parser)
+    add_json(parser)
     catalogue_arguments.add_arguments(parser)
 
 

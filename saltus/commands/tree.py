@@ -7,7 +7,7 @@ import sys
 from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from saltus import catalogue_arguments
+from saltus import catalogue_arguments, outputs
 from saltus.arguments import whole_above_zero
 from saltus.errors import DONE
 
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
     parser.add_argument("--depth", metavar="N", type=whole_above_zero, default=DEPTH, help=f"events away from NAME (default: {DEPTH})")
-    catalogue_arguments.add_json(parser)
+    outputs.add_json(parser)
     catalogue_arguments.add_arguments(parser)
 
 

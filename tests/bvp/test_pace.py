@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import branches.discovery.scan
 import bvp.kernels.phase
 import bvp.pace
+from branches.discovery.search import discover
 from bvp.damped import Mover
 from bvp.forcing import Constant, Harmonic
 from bvp.kernels import motion as kernels
@@ -83,6 +85,41 @@ def test_a_section_does_not_depend_on_the_calls_that_it_takes(rho, slow):
         slow()
     same(*found, SECTION)
     assert found[0].ends == found[1].ends
+
+
+@pytest.mark.parametrize("bounds", [{"quarter_period": 5.0}, {"quarter_period": 3.0, "ends": ("stop-stop", "rest-rest"), "budget": 40}])
+def test_a_search_does_not_depend_on_the_calls_that_it_takes(bounds, slow, monkeypatch):
+    """Oracle: the same search in few calls, bit for bit. The calls that take least end inside an interval, between two of its flights."""
+    scan_interval, calls, found = branches.discovery.scan.scan_interval, [], []
+
+    def counted(*arguments):
+        calls[-1] += 1
+        return scan_interval(*arguments)
+
+    monkeypatch.setattr(branches.discovery.scan, "scan_interval", counted)
+    for _ in range(2):
+        calls.append(0)
+        found.append(discover(vibro_impact_nes(), 0.6, **bounds))
+        slow()
+    one, other = found
+    assert one.counts == other.counts and one.open == other.open and calls[1] > one.counts["starts"] / 2 > calls[0]
+    assert [(o.label, o.word, o.alpha, o.tau) for o in one.orbits] == [(o.label, o.word, o.alpha, o.tau) for o in other.orbits]
+
+
+def test_a_call_follows_as_many_flights_as_it_may(slow, monkeypatch):
+    """Oracle: the starts that each call follows: each has a flight at least. What is begun is ended: one start, its orbits, one grazing."""
+    scan_interval, starts = branches.discovery.scan.scan_interval, []
+
+    def counted(*arguments):
+        before = arguments[11][0]
+        done = scan_interval(*arguments)
+        starts.append(int(arguments[11][0] - before))
+        return done
+
+    monkeypatch.setattr(branches.discovery.scan, "scan_interval", counted)
+    slow(50)
+    discover(vibro_impact_nes(), 20.0, quarter_period=10.0, impacts=60, budget=20_000)
+    assert sum(starts) > 10_000 and max(starts) <= 50 + 300
 
 
 def test_a_call_passes_as_many_events_as_it_may(slow, monkeypatch):

@@ -7,11 +7,15 @@ import pickle
 
 import numpy as np
 import pytest
+from sympy import Integer
 
 import saltus
 from bvp.damped import Mover
 
 HUGE = 10**400
+DIGITS = 10**5000
+"""More digits than Python writes."""
+LONG = "a whole number of 16610 bits, beyond all floats"
 BEYOND = "a whole number of 1329 bits, beyond all floats"
 
 
@@ -46,6 +50,22 @@ CALLS = [
     (lambda branch: saltus.Harmonic(HUGE, [1.0]), f"(a load of frequency 0 is Constant); received {BEYOND}"),
     (lambda branch: saltus.Constant([HUGE]), "load is a list of numbers; received [1000"),
     (lambda branch: branch.orbits_at(energy=HUGE), f"the energy h is a number; received {BEYOND}"),
+    (lambda branch: saltus.discover(system(), 1.0, impacts=DIGITS), f"half a period is {LONG}, expected 10000 or less, or no bound"),
+    (lambda branch: saltus.discover(system(), 1.0, budget=DIGITS), f"the most starts is {LONG}, expected a whole number above 0"),
+    (lambda branch: saltus.discover(system(), 1.0, ends=(DIGITS,)), f"unknown ends {LONG}, expected some of origin-origin"),
+    (lambda branch: branch.orbit(DIGITS), f"point {LONG} does not exist: the branch has"),
+    (lambda branch: branch.orbit(Integer(DIGITS)), f"point {LONG} does not exist: the branch has"),
+    (lambda branch: branch.trace(-DIGITS), f"point {LONG} does not exist: the branch has"),
+    (lambda branch: branch.orbit(0).sample([DIGITS]), "times are numbers; received a list with a whole number beyond all floats"),
+    (lambda branch: branch.orbit(0).sample(HUGE), f"times are numbers; received {BEYOND}"),
+    (lambda branch: branch.neighbours(DIGITS), f"an event is one of branch.events or its id; received {LONG}"),
+    (lambda branch: branch.save(DIGITS), f"a path is text; received {LONG}, expected the name of a file"),
+    (lambda branch: saltus.load_scene(DIGITS), f"scene {LONG}: expected a TOML file or the name of a scene that ships"),
+    (lambda branch: saltus.read_branch(DIGITS), f"a path is text; received {LONG}, expected the name of a JSON file"),
+    (lambda branch: saltus.Catalogue(DIGITS), f"a path is text; received {LONG}, expected the name of a catalogue"),
+    (lambda branch: saltus.trace(DIGITS), f"a name is text such as S13O00+ or U8353-@h=1.9; received {LONG}"),
+    (lambda branch: saltus.trace("S13O00+", direction=DIGITS), f"direction {LONG}: expected up, down or both"),
+    (lambda branch: saltus.section(system(), 1.0, crossings=DIGITS), f"crossings is a whole number from 1 to 1000000000; received {LONG}"),
     # bytes and text for numbers
     (lambda branch: system(mu=b"0.1"), "mu is a number; received b'0.1'"),
     (lambda branch: saltus.Stop((b"1",), 0.0), "the gap row of a stop is a list of numbers; received (b'1',)"),
@@ -78,7 +98,7 @@ CALLS = [
 def test_a_bad_call_is_one_line(branch, tmp_path, monkeypatch, call, expected):
     """Oracle: the argument."""
     monkeypatch.chdir(tmp_path)
-    with pytest.raises((ValueError, TypeError)) as caught:
+    with pytest.raises((ValueError, TypeError, IndexError)) as caught:
         call(branch)
     assert expected in str(caught.value) and "\n" not in str(caught.value) and len(str(caught.value)) < 400
     assert not list(tmp_path.iterdir())

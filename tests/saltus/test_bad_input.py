@@ -205,6 +205,14 @@ def options_of(command):
     return sorted({name for item in (parser, *inner) for action in item._actions for name in action.option_strings if action.nargs != 0})
 
 
+def test_what_stands_after_two_hyphens_is_no_option(capsys):
+    """Oracle: the word that is not expected there, and where it is; of several, the first one."""
+    words = ("continue", "S13O00+", "--", "--energy", "0.3:0.4")
+    error = refused(run(capsys, *words), "unexpected argument '--energy' after --", "expected --energy before --")
+    assert "nearest" not in error
+    refused(run(capsys, "continue", "S13O00+", "--enrgy=1:2", "--", "x"), "unknown option --enrgy", "nearest: --energy")
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_two_hyphens_are_no_value_of_an_option(capsys, tmp_path, monkeypatch, command):
     """Oracle: argparse reads --option=-- as an empty list, whatever kind the option has."""

@@ -236,6 +236,8 @@ def test_no_catalogue_yet(monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     code, _, err = run(capsys, "list")
     assert code == 2 and str(default_path()) in err and "--save" in err
+    code, _, err = run(capsys, "list", "--rho", "0.7")
+    assert code == 2 and "restitution 0.7 of stop a loses energy; its motion is for saltus run" in err and "--save" not in err
     code, _, err = run(capsys, "list", "--catalogue", tmp_path)
     assert code == 2 and err == f"saltus: cannot read {tmp_path}: it is a directory, expected the file of a catalogue\n"
     code, _, err = run(capsys, "check", tmp_path / "none.sqlite")

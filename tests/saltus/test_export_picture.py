@@ -88,6 +88,7 @@ def test_regimes_are_told_by_all_families(catalogue, tmp_path):
         ("export fep --out - --branches 0.json", ["'-'"]),
         ("export fep --branches 0.json", ["--out"]),
         ("export fep --out a.png", ["there is no catalogue", "saltus continue NAME --save"]),
+        ("export fep --out a.png --rho 0.7", ["restitution 0.7", "conservative", "saltus run"]),
         ("export fep --out a.png --branches 0.json --data b.npz", ["one of"]),
         ("export fep --out a.png --branches {folder}/none.json", ["none.json", "no such file"]),
         ("export fep --out a.png --data {folder}/none.csv", ["none.csv", "no such file"]),

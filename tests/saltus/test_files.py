@@ -17,6 +17,7 @@ from saltus.errors import BadInput
 from saltus.files import check_picture, check_writable, write_data
 from saltus.scene_loads import read_record
 from saltus.study_file import read_study_file
+from tests.saltus.running import run
 
 PRIVILEGED = hasattr(os, "geteuid") and os.geteuid() == 0
 
@@ -220,6 +221,36 @@ def test_a_pipe_is_read_to_its_end(monkeypatch, pipe, late):
         os.close(other)
     writer.join()
     assert found == text
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
+@pytest.mark.parametrize("option", ["--json", "--csv", "--plot"])
+def test_a_pipe_that_nobody_reads_is_no_output(capsys, monkeypatch, tmp_path, option):
+    """Oracle: a pipe without a reader, which a plain write waits for without an end; the other file is written."""
+    monkeypatch.setattr("branches.files.PATIENCE", 0.05)
+    pipe, other = tmp_path / "pipe.png", tmp_path / "other.npz"
+    os.mkfifo(pipe)
+    code, out, err = run(capsys, "run", "--impulse", "0.5", "--duration", "8", option, pipe, "--npz", other)
+    assert (code, err) == (2, f"saltus: cannot write {pipe}: it is a pipe, and nobody has opened it to read for 0.05 seconds\n")
+    assert other.exists() and f"wrote  {other}" in out and pipe.is_fifo()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
+@pytest.mark.parametrize("late", [False, True])
+def test_a_pipe_is_written_to_its_end(monkeypatch, pipe, late):
+    """Oracle: the text read; `late`: its reader comes when the writer waits for one already."""
+    monkeypatch.setattr("branches.files.PATIENCE", 30.0)
+    text, found = 100_000 * "abc", []
+
+    def read():
+        time.sleep(0.2 if late else 0.0)
+        found.append(pipe.read_text())
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    write_data(str(pipe), text)
+    reader.join()
+    assert found == [text]
 
 
 def test_what_has_no_end_is_refused(monkeypatch, tmp_path):

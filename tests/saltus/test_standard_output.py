@@ -1,6 +1,7 @@
 """Standard output that fails, interrupts, and what the operating system refuses: the files are written, one line says what is wrong."""
 
 import gzip
+import importlib
 import json
 import os
 import signal
@@ -55,13 +56,38 @@ def test_a_closed_standard_error_does_not_mix_with_data():
 @POSIX
 def test_pipes_are_written_by_their_path(tmp_path):
     """Oracle: the data that another program reads at the end of the pipe."""
-    done = shell(f"{SALTUS} {QUICK} --json /dev/stdout 2>/dev/null | cat")
-    assert '"schema": 1' in done.stdout and "wrote  /dev/stdout" in done.stdout
     packed = tmp_path / "a.gz"
     done = shell(f"{SALTUS} {QUICK} --csv >(gzip > {packed}) --json >(cat > {tmp_path}/a.json); wait $!; sleep 0.2")
     assert done.returncode == 0, done.stderr
     assert gzip.decompress(packed.read_bytes()).startswith(b"h,alpha,")
     assert len(json.loads((tmp_path / "a.json").read_text())["points"]) == 5
+
+
+@POSIX
+@pytest.mark.parametrize(
+    "words",
+    [f"{QUICK} --json", "list --catalogue {catalogue} --json", "export points --catalogue {catalogue} --format json --out"],
+)
+def test_the_path_of_standard_output_is_standard_output(catalogue, words):
+    """Oracle: what comes with -; as for that, a second result has no place there."""
+    command = f"{SALTUS} {words.format(catalogue=catalogue)}"
+    by_path, by_hyphen = (shell(f"{command} {place} | cat").stdout for place in ("/dev/stdout", "-"))
+    assert by_path == by_hyphen and json.loads(by_path)["schema"] == 1
+    done = shell(f"({SALTUS} {QUICK} --json /dev/stdout --csv -; echo $?) | cat")
+    assert done.stdout == "2\n" and done.stderr == "saltus: --json and --csv both go to standard output: expected a place for each\n"
+    done = shell(f"{SALTUS} {QUICK} --json {os.devnull} --csv {os.devnull} >{os.devnull}")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@POSIX
+@pytest.mark.parametrize("words", ["list --catalogue nope.sqlite", "continue S99 --energy 0.3:0.4", "list --nope"])
+@pytest.mark.parametrize("error", ["2>/dev/full", "2>&-", "2>&- <&-", "2>&1 | true; exit ${PIPESTATUS[0]}"])
+def test_bad_input_ends_with_2_where_standard_error_fails(words, error):
+    """Oracle: the exit code; nothing on standard output."""
+    if "full" in error and not os.path.exists("/dev/full"):
+        pytest.skip("needs a device that is full")
+    done = shell(f"{SALTUS} {words} {error}")
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", "")
 
 
 @POSIX
@@ -140,8 +166,6 @@ def test_an_interrupt_while_a_branch_is_finished_comes_with_the_branch(monkeypat
 @pytest.mark.parametrize("place", ["saltus.motions.tell_stages", "saltus.motion_data.motion_record"])
 def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, place):
     """Oracle: the impacts of an undisturbed run; the exit code 130, whether it comes before the stages or after them."""
-    import importlib
-
     words = ["run", "--impulse", "0.5", "--duration", "8", "--stages", "--json"]
     assert main([*words, str(tmp_path / "whole.json")]) == 0
     module, name = place.rsplit(".", 1)
@@ -203,3 +227,65 @@ def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, m
     assert 100 < count < len(whole["impacts"]) and cut["impacts"] == whole["impacts"][:count]
     assert cut["ended"]["reason"] == "INTERRUPTED" and cut["energy_balance_error"] < 1e-12
     assert cut["duration"] <= whole["impacts"][count]["time"]
+
+
+def interrupting(monkeypatch, place):
+    """Let an interrupt come when a function is first called."""
+    module, name = place.rsplit(".", 1)
+    asked, sent = getattr(importlib.import_module(module), name), []
+
+    def interrupted(*arguments, **options):
+        if not sent:
+            sent.append(name)
+            signal.raise_signal(signal.SIGINT)
+        return asked(*arguments, **options)
+
+    monkeypatch.setattr(place, interrupted)
+
+
+@POSIX
+@pytest.mark.parametrize(("option", "place"), [("--json", "transitions.extents.extents"), ("--locked", "transitions.locked.lock")])
+def test_an_interrupt_after_the_motion_writes_it_without_what_is_not_yet_computed(capsys, tmp_path, monkeypatch, option, place):
+    """Oracle: the impacts of an undisturbed run, which ends as before; null for what was to be computed from them."""
+    words = ["run", "--impulse", "0.5", "--duration", "8", *([] if option == "--json" else [option]), "--json"]
+    assert main([*words, str(tmp_path / "whole.json")]) == 0
+    interrupting(monkeypatch, place)
+    capsys.readouterr()
+    code, _, err = run(capsys, *words, tmp_path / "cut.json")
+    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "cut"))
+    assert code == 130 and err.startswith("saltus: interrupted; the motion is written") and err.count("\n") == 1
+    assert cut["impacts"] == whole["impacts"] and cut["ended"] == whole["ended"] and cut["locked"] is None
+    assert (cut["peaks"] is None) == (option == "--json")
+
+
+@POSIX
+def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeypatch):
+    """Oracle: with no time left, one part of the impacts, and a note of how many there are; no peaks of a motion of many events."""
+    words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80", "--stages", "--json"]
+    assert main([*words[:-2], "--json", str(tmp_path / "whole.json")]) == 0
+    monkeypatch.setattr("saltus.motion_data.PATIENCE", 0.0)
+    monkeypatch.setattr("saltus.motion_data.AT_ONCE", 64)
+    monkeypatch.setattr("saltus.motions.MOST_IN_A_HURRY", 100)
+    interrupting(monkeypatch, "saltus.motions.tell_stages")
+    assert main([*words, str(tmp_path / "late.json")]) == 130
+    monkeypatch.undo()
+    monkeypatch.setattr("saltus.motions.MOST_IN_A_HURRY", 100)
+    monkeypatch.setattr("saltus.first_run.prepare_motion", lambda: None)
+    interrupting(monkeypatch, "bvp.kernels.motion.move")
+    capsys.readouterr()
+    code, out, _ = run(capsys, *words, tmp_path / "early.json")
+    whole, late, early = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "late", "early"))
+    count = len(late["impacts"])
+    assert 0 < count < len(whole["impacts"]) and count % 64 == 0 and late["impacts"] == whole["impacts"][:count]
+    assert late["impacts_note"] == f"the first {count} of {len(whole['impacts'])}: the program was interrupted"
+    assert code == 130 and early["peaks"] is None and "peaks    not computed: interrupted\n" in out
+    assert late["peaks"] == whole["peaks"] and "impacts_note" not in early and "impacts_note" not in whole
+
+
+@POSIX
+def test_a_second_interrupt_ends_the_program(capsys, tmp_path, monkeypatch):
+    """Oracle: the exit code; no file, where the first interrupt would have waited for it."""
+    interrupting(monkeypatch, "saltus.motions.tell_stages")
+    interrupting(monkeypatch, "saltus.motion_data.motion_record")
+    code, _, err = run(capsys, "run", "--impulse", "0.5", "--duration", "8", "--stages", "--json", tmp_path / "cut.json")
+    assert code == 130 and err.splitlines()[-1] == "saltus: interrupted; nothing more is written" and not list(tmp_path.iterdir())

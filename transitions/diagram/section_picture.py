@@ -15,6 +15,7 @@ from branches.diagram.files import draw
 from branches.diagram.scales import linear_axis, linear_limits, linear_ticks, logarithmic_ticks, mark_axis
 from branches.diagram.style import BLACK, BLUE, GREY, NORMAL, ORANGE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
 from branches.diagram.titles import symbol_of, system_text, velocity_symbol
+from bvp.shown import shown
 from transitions.diagram.mark_room import with_room
 from transitions.diagram.section_points import has_images, robust_limits, with_ink_left
 from transitions.section_marks import Mark
@@ -91,7 +92,7 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
         For another colour, or nothing to draw.
     """
     if colour not in COLOURS:
-        raise ValueError(f"unknown colour {colour!r}: expected {', '.join(COLOURS)}")
+        raise ValueError(f"unknown colour {shown(colour)}: expected {', '.join(COLOURS)}")
     if not views:
         raise ValueError("there is nothing to draw: no section")
     plate = len(views) > 1

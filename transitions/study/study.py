@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from branches.files import one_line, reason, write_text
+from bvp.shown import shown
 from transitions.study.axes import Axis
 from transitions.study.blocks import DamagedBlock, block_path, read_block
 from transitions.study.endings import Ending
@@ -179,7 +180,7 @@ class Study:
         if name == "left_share":
             return 1.0 - self._columns["nes_share"] - self._columns["lo_share"]
         if name not in results_of(self.plan):
-            raise KeyError(f"no result {name!r}; expected one of {', '.join(self.names)}")
+            raise KeyError(f"no result {shown(name)}; expected one of {', '.join(self.names)}")
         values = self._columns[name]
         return self.clearance * values if name.startswith("peak_") else values
 
