@@ -18,7 +18,7 @@ from branches.name_pins import fits_otherwise, note, pin_of
 if TYPE_CHECKING:
     from branches.catalogue.store import Catalogue
 
-__all__ = ["Match", "chosen", "find"]
+__all__ = ["Match", "chosen", "find", "is_part_of_id"]
 
 _WILD = re.compile(r"[*?\[]")
 _PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic).*")
@@ -103,13 +103,24 @@ def _label_test(text: str) -> Callable[[str], bool]:
 # -- names --------------------------------------------------------------------------------------------------------------------
 
 
+def is_part_of_id(text: str) -> bool:
+    """Whether a text can be the beginning of an id or of its hash, or an id that a table has shortened.
+
+    Examples
+    --------
+    >>> [is_part_of_id(text) for text in ("87dd6282", "rest-st", "origin-o…:d777f141", "S13+")]
+    [True, True, True, False]
+    """
+    return (_PART_OF_ID.fullmatch(text) or _SHORTENED.fullmatch(text)) is not None
+
+
 def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]]) -> Match:
     """What a name stands for in a catalogue: see `Catalogue.find`."""
     families = catalogue.families()
     head, at, _ = text.partition("@")
     by_id = [row for row in families if row.id == head]
-    shortened = _SHORTENED.fullmatch(head)
-    if not by_id and (shortened or _PART_OF_ID.fullmatch(head)):
+    if not by_id and is_part_of_id(head):
+        shortened = _SHORTENED.fullmatch(head)
         if shortened:
             by_id = [row for row in families if row.id.startswith(shortened[1]) and row.id.endswith(shortened[2])]
         else:
