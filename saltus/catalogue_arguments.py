@@ -155,7 +155,7 @@ def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
     else:
         return text
     places = [open_file(arguments.catalogue, scene)] if _is_given_to_read(arguments) else _with_ids(arguments, scene)
-    unknown: ValueError = BadInput(f"{id} is a part of an id, and no catalogue is there to look it up; expected --catalogue FILE or all of it")
+    unknown: ValueError = BadInput(f"{id} is a part of an id, and no catalogue is there to look it up: expected --catalogue FILE")
     for catalogue in places:
         with catalogue:
             try:
@@ -170,7 +170,7 @@ def _is_given_to_read(arguments: argparse.Namespace) -> bool:
 
 
 def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue]:
-    """The catalogues in which an id is looked up where none is given to read: that to save in, and the scene's own, as far as they exist."""
+    """The catalogues in which an id is looked up where none is given to read: that to save in, and the scene's own, where they exist."""
     # Damping and restitution change no family: those of a damped run are of the system without.
     changed = {key: value for key, value in scene_arguments.parameters(arguments).items() if key not in ("lam", "rho")}
     for place in (arguments.catalogue, default_path(arguments.scene, changed)):

@@ -113,6 +113,24 @@ def test_orbits_without_a_label_are_listed_by_id(capsys, scene, branches, kept):
     refused(run(capsys, "orbit", id, *asked), f"nearest: {id}@h=1,alpha={alpha:.6g}")
 
 
+def test_a_search_without_a_catalogue_names_orbits_that_have_no_label(capsys, scene, branches):
+    """Oracle: the ids of the branches; the family that is followed by that name passes through the orbit."""
+    code, out, err = run(capsys, "discover", "--energy", "1", "--max-impacts", "1", "--scene", scene, "--json", "-")
+    data = json.loads(out)
+    assert code == 0 and {orbit["family"] for orbit in data["orbits"]} == set(branches) and all(id in err for id in branches)
+    orbit = data["orbits"][0]
+    selected = ("--energy", "1", "--alpha", repr(orbit["alpha"]))
+    code, out, err = run(capsys, "orbit", orbit["family"], *selected, "--scene", scene, "--json", "-")
+    assert code == 0 and json.loads(out)["orbit"]["alpha"] == pytest.approx(orbit["alpha"], rel=1e-10), err
+
+
+@pytest.mark.parametrize("name", ["L11+", "S13O00+"])
+def test_a_scene_without_labels_expects_no_label(capsys, scene, name):
+    """Oracle: labels need an origin, which a gap bounded on one side does not have; its families have ids."""
+    err = refused(run(capsys, "continue", name, "--scene", scene), name, "expected the id of a family", "saltus discover")
+    assert "S11O00" not in err
+
+
 def test_an_id_that_no_family_has_is_answered_with_those_that_exist(capsys, scene, branches):
     """Oracle: the ids with the same ends and sequence."""
     there = [id for id in branches if "stop" in id]
