@@ -14,7 +14,7 @@ from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
-from bvp.checks import real, shown
+from bvp.checks import reals, shown
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
 from continuation.points import PlainPoints, Points
@@ -246,7 +246,7 @@ def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
         Otherwise.
     """
     try:
-        low, high = (real(value) for value in energy)
+        low, high = reals(energy).tolist()
     except (TypeError, ValueError):
         raise TraceError(f"energy range {shown(energy)}: expected two numbers (LO, HI)") from None
     if not (0.0 <= low < high):

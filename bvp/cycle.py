@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from bvp.checks import reals, shown
 from bvp.kernels.cycle import count_impacts, unfold
 from bvp.kernels.flight import flow_state, sample_flights
 from bvp.multipoint import MultipointProblem
@@ -80,9 +81,9 @@ class Cycle:
         """
         modes = self.system.modes
         try:
-            times = np.atleast_1d(np.asarray(times, float))
+            times = np.atleast_1d(reals(times))
         except (TypeError, ValueError):
-            raise TypeError(f"times are numbers; received {times!r}") from None
+            raise TypeError(f"times are numbers; received {shown(times)}") from None
         if times.ndim != 1:
             raise ValueError(f"times are a list of numbers; received an array of shape {times.shape}")
         if not np.isfinite(times).all():

@@ -27,7 +27,11 @@ from bvp.shares import split_damping
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Mover"]
+__all__ = ["BeyondStop", "Mover"]
+
+
+class BeyondStop(ValueError):
+    """A start beyond a stop: the message names the stop, its gap and its bounds."""
 
 
 class Mover:
@@ -94,13 +98,24 @@ class Mover:
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
         on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
-        """The motion from (u, v); see `bvp.run.run`."""
+        """The motion from (u, v); see `bvp.run.run`.
+
+        Raises
+        ------
+        BeyondStop
+        ValueError, KeyboardInterrupt
+            As `bvp.run.run`.
+        """
         with held() as interrupt:
             motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
         if interrupt.came:
             error = KeyboardInterrupt()
             error.motion = motion  # type: ignore[attr-defined]
             raise error
+        if motion.status is MotionStatus.OUTSIDE:
+            gaps = [(float(np.dot(stop.gap, motion.start[: len(stop.gap)])), stop) for stop in self.system.stops]
+            w, stop = max(gaps, key=lambda pair: max(pair[0] - pair[1].upper, pair[1].lower - pair[0]))
+            raise BeyondStop(f"the start lies beyond stop {stop.name}: its gap is {w:g}, expected {stop.lower:g} to {stop.upper:g}")
         return motion
 
     def _run(

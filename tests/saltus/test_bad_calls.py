@@ -1,5 +1,6 @@
 """Bad input from Python: one line that says what was received and what was expected; what objects hand out cannot be changed."""
 
+import array
 import copy
 import dataclasses
 import math
@@ -18,6 +19,11 @@ BEYOND = "a whole number of 1329 bits, beyond all floats"
 def system(**changes):
     """The reference system."""
     return saltus.vibro_impact_nes(**changes)
+
+
+def spring(k):
+    """An oscillator from its energies, with the parameter k."""
+    return saltus.ImpactSystem.from_lagrangian("x_dot**2/2", "k*x**2/2", ["x"], gaps=[("x", -1, 1)], parameters={"k": k})
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +64,28 @@ CALLS = [
     (lambda branch: saltus.section(system(), "1"), "the energy of a section is a finite number above 0; received '1'"),
     (lambda branch: saltus.Constant([b"1"]), "load is a list of numbers; received [b'1']"),
     (lambda branch: branch.orbits_at(energy=b"1"), "the energy h is a number; received b'1'"),
+    # buffers and booleans for numbers
+    (lambda branch: saltus.trace("S13O00+", energy=b"12"), "energy range b'12': expected two numbers (LO, HI)"),
+    (lambda branch: saltus.trace("S13O00+", energy=(False, True)), "energy range (False, True): expected two numbers (LO, HI)"),
+    (lambda branch: saltus.Stop(b"12", -1.0, 1.0), "the gap row of a stop is a list of numbers; received b'12'"),
+    (lambda branch: saltus.Stop(bytearray(b"12"), -1.0, 1.0), "the gap row of a stop is a list of numbers; received bytearray(b'12')"),
+    (lambda branch: system(mu=memoryview(b"1")), "mu is a number; received <memory at"),
+    (lambda branch: system(mu=np.array(b"1")), "mu is a number; received array(b'1'"),
+    (lambda branch: system(mu=np.array(True)), "mu is a number; received array(True)"),
+    (lambda branch: system(mu=array.array("b", b"1")), "mu is a number; received array('b', [49])"),
+    (lambda branch: spring(b"1"), "parameter k is a finite real number; received b'1'"),
+    (lambda branch: spring(memoryview(b"1")), "parameter k is a finite real number; received <memory at"),
+    (lambda branch: spring(True), "parameter k is a finite real number; received True"),
+    (lambda branch: branch.orbit(0).sample(b"12"), "times are numbers; received b'12'"),
+    (lambda branch: branch.orbit(0).sample(memoryview(b"12")), "times are numbers; received <memory at"),
+    (lambda branch: branch.orbit(0).sample([0.5, True]), "times are numbers; received [0.5, True]"),
+    (lambda branch: Mover(system()).run([False, True], [0, 0], 1.0), "u is a list of 2 numbers; received [False, True]"),
+    (lambda branch: Mover(system()).run([0.5, True], [0, 0], 1.0), "u is a list of 2 numbers; received [0.5, True]"),
+    (lambda branch: Mover(system()).run(memoryview(b"12"), [0, 0], 1.0), "u is a list of 2 numbers; received <memory at"),
+    (lambda branch: Mover(system()).run_many([bytearray(b"1234")], 1.0), "expected numbers; received bytearray(b'1234')"),
+    (lambda branch: Mover(system()).run([0, 0], [0, 0], 1.0, marks=b"1"), "expected numbers; received b'1'"),
+    (lambda branch: saltus.section(system(), 1.0, starts=b"12"), "starts is an array of numbers of shape (m, 2); received b'12'"),
+    (lambda branch: saltus.section(system(), 1.0, orbits=1, longest=b"1"), "longest is a finite time above 0; received b'1'"),
     # another kind of object
     (lambda branch: branch.neighbours(None), "an event is one of branch.events or its id; received None"),
     (lambda branch: branch.switch(3), "an event is one of branch.events or its id; received 3"),
@@ -69,6 +97,7 @@ CALLS = [
     (lambda branch: saltus.trace("S13O00+", scene=dataclasses.replace(saltus.load_scene(), loads=("forces",))), "the scene has [[forces]]"),
     # states and files
     (lambda branch: saltus.run(system(), [2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
+    (lambda branch: Mover(system()).run([2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
     (lambda branch: branch.save("x.mat"), "cannot save a branch as 'x.mat': expected a name that ends in .json or .csv"),
     (lambda branch: branch.save("x"), "cannot save a branch as 'x': expected a name that ends in .json or .csv"),
 ]
