@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
+from branches.catalogue.errors import CatalogueDamaged, CatalogueError, not_taken, translated
 from branches.catalogue.rows import (
     EDGE_COLUMNS,
     EVENT_COLUMNS,
@@ -108,6 +108,13 @@ class Catalogue(WorkQueue):
         Returns
         -------
         list of FamilyRow
+
+        Raises
+        ------
+        LabelSyntaxError
+            For a label that cannot be read and has no wildcard.
+        CatalogueError
+            For ends that no family has, and for what is no label or no number.
         """
         from branches.catalogue.find import chosen
 
@@ -121,6 +128,8 @@ class Catalogue(WorkQueue):
         CatalogueError
             For an id that it does not have; the nearest is named.
         """
+        if not isinstance(id, str):
+            raise not_taken("a family is named by its id, such as origin-stop+::44db5a75", id)
         rows = self._select("families", ("number", *FAMILY_COLUMNS), "WHERE id = ?", (id,))
         if not rows:
             from branches.labels import nearest
@@ -130,6 +139,8 @@ class Catalogue(WorkQueue):
         return self._family(rows[0])
 
     def __contains__(self, id: object) -> bool:
+        if not isinstance(id, str):
+            return False
         with translated(self.path):
             return self._connection.execute("SELECT 1 FROM families WHERE id = ?", (id,)).fetchone() is not None
 
@@ -194,6 +205,8 @@ class Catalogue(WorkQueue):
         Raises
         ------
         NameNotFound, AmbiguousName, LabelSyntaxError, ImpossibleLabelError
+        CatalogueError
+            For what is no text.
         """
         from branches.catalogue.find import find
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import saltus
+from branches.catalogue.errors import CatalogueError
 from bvp.damped import Mover
 
 HUGE = 10**400
@@ -113,7 +114,49 @@ def test_a_bad_call_is_one_line(branch, tmp_path, monkeypatch, call, expected):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.scene])
+CATALOGUE_CALLS = [
+    (lambda catalogue: catalogue.find(None), "a name is text such as S13O00+, U83@h=1.9 or an id; received None"),
+    (lambda catalogue: catalogue.find(b"S13O00+"), "a name is text such as S13O00+, U83@h=1.9 or an id; received b'S13O00+'"),
+    (lambda catalogue: catalogue.branch(None), "a family is named by its id, such as origin-stop+::44db5a75; received None"),
+    (lambda catalogue: catalogue.points(None), "a family is named by its id, such as origin-stop+::44db5a75; received None"),
+    (lambda catalogue: catalogue.events(3), "a family is named by its id, such as origin-stop+::44db5a75; received 3"),
+    (lambda catalogue: catalogue.families(energy=b"1"), "the energy of families is a finite number; received b'1'"),
+    (lambda catalogue: catalogue.families(energy=math.nan), "the energy of families is a finite number; received nan"),
+    (lambda catalogue: catalogue.families(label=3), "the label of families is text; received 3"),
+    (lambda catalogue: catalogue.families(ends=["origin"]), "the ends of families is text; received ['origin']"),
+    (lambda catalogue: catalogue.families(impacts=3), "the impacts of families are two numbers, the least and the most; received 3"),
+    (lambda catalogue: saltus.Catalogue(None), "a catalogue is the name of a file; received None"),
+    (lambda catalogue: saltus.Catalogue(3, "r"), "a catalogue is the name of a file; received 3"),
+    (lambda catalogue: saltus.Catalogue(b"a.sqlite", "a"), "a catalogue is the name of a file; received b'a.sqlite'"),
+]
+
+
+@pytest.mark.parametrize(("call", "expected"), CATALOGUE_CALLS, ids=[words[:60] for _, words in CATALOGUE_CALLS])
+def test_a_bad_call_of_a_catalogue_is_one_line(tmp_path, branch, call, expected):
+    """Oracle: the argument; the kind of the errors of catalogues."""
+    with saltus.Catalogue(tmp_path / "a.sqlite", "a", scene=saltus.load_scene()) as catalogue:
+        catalogue.add(branch)
+        with pytest.raises(CatalogueError) as caught:
+            call(catalogue)
+        assert expected == str(caught.value)
+        assert None not in catalogue and [] not in catalogue
+
+
+@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.find("S13O00+")])
+@pytest.mark.parametrize("mode", ["r", "a"])
+def test_a_catalogue_that_was_read_before_it_was_closed_says_so(tmp_path, branch, mode, use):
+    """Oracle: the state that it is in."""
+    path = tmp_path / "a.sqlite"
+    with saltus.Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
+        catalogue.add(branch)
+    catalogue = saltus.Catalogue(path, mode)
+    assert catalogue.families() and catalogue.find("S13O00+")
+    catalogue.close()
+    with pytest.raises(CatalogueError, match=r"the catalogue .*a\.sqlite is closed; expected one that is open"):
+        use(catalogue)
+
+
+@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.__enter__()])
 @pytest.mark.parametrize("mode", ["r", "a"])
 def test_a_closed_catalogue_says_so(tmp_path, mode, use):
     """Oracle: the state that it is in."""
