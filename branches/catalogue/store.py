@@ -149,15 +149,17 @@ class Catalogue(WorkQueue):
             return int(self._connection.execute("SELECT count(*) FROM families").fetchone()[0])
 
     def points(self, id: str) -> dict[str, np.ndarray]:
-        """The columns of a family's points, as `branches.branch.Branch.points` has them.
+        """The columns of a family's points, as `branches.branch.Branch.points` has them; they cannot be written to.
 
         Raises
         ------
         CatalogueDamaged
             Where a checksum does not fit.
         """
+        from bvp.frozen import Frozen
+
         row = self.family(id)
-        return self._points(row, self._problem(row))
+        return Frozen(self._points(row, self._problem(row)))
 
     def track(self, row: FamilyRow) -> list[tuple[float, float, str]]:
         """Energy, quarter period and label at each point of a family, without arrays; checksums are not compared."""
