@@ -35,6 +35,7 @@ class Orbit:
     ----------
     problem : MultipointProblem
     solution : Solution
+        Its arrays cannot be written to.
 
     Examples
     --------
@@ -49,6 +50,9 @@ class Orbit:
 
     problem: MultipointProblem
     solution: Solution
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "solution", self.solution.frozen())
 
     @property
     def system(self) -> ImpactSystem:

@@ -190,7 +190,9 @@ def follow_family(
         settings = Settings(**{**_fields(settings), "maximum_points": points})
     problem.refuse_drift()
     family = Family(problem, energy, quarter_period)
-    begin = start if isinstance(start, Step) else family.begin(np.asarray(start, dtype=float))
+    if not isinstance(start, Step):
+        start = np.array(start, dtype=float)
+    begin = start if isinstance(start, Step) else family.begin(start)
     beyond = unphysical(problem, begin.extra) if begin.converged else None
     if beyond is not None:
         raise TraceError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")

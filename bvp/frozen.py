@@ -6,7 +6,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-__all__ = ["Frozen", "read_only"]
+__all__ = ["Frozen", "changeable", "read_only"]
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
@@ -24,6 +24,18 @@ def read_only(array: np.ndarray) -> np.ndarray:
     if isinstance(array.base, memoryview) and not array.flags.writeable:
         return array
     return np.asarray(memoryview(array).toreadonly())  # type: ignore[arg-type]
+
+
+def changeable(array: np.ndarray) -> np.ndarray:
+    """The array, contiguous, as kernels are compiled for: a copy where it cannot be written to.
+
+    Examples
+    --------
+    >>> changeable(read_only(np.zeros(2))).flags.writeable
+    True
+    """
+    array = np.ascontiguousarray(array)
+    return array if array.flags.writeable else array.copy()
 
 
 class Frozen(dict[str, Any]):

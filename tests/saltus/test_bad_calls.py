@@ -3,15 +3,20 @@
 import array
 import copy
 import dataclasses
+import gc
 import math
 import pickle
 
 import numpy as np
 import pytest
+from numba.core.registry import CPUDispatcher
 
 import saltus
 from branches.catalogue.errors import CatalogueError
+from branches.tracing import follow_family
+from bvp.cycle import cycle_of
 from bvp.damped import Mover
+from bvp.stability import stability
 
 HUGE = 10**400
 BEYOND = "a whole number of 1329 bits, beyond all floats"
@@ -173,20 +178,70 @@ def test_scenes_and_branches_can_be_copied(branch, twin):
     """Oracle: what the copy computes."""
     scene = saltus.load_scene()
     copied = twin(scene)
-    assert copied.pins == scene.pins and copied.complete == scene.complete and copied.system.describe() == scene.system.describe()
+    assert copied == scene and copied.pins == scene.pins and copied.system.describe() == scene.system.describe()
     assert saltus.trace("S13O00+", scene=copied, energy=(0.3, 0.5)).points["h"].tolist() == branch.points["h"].tolist()
     assert twin(branch).points["h"].tolist() == branch.points["h"].tolist() and twin(branch).id == branch.id
 
 
+def shaken(force=0.5):
+    """A scene with a load."""
+    return dataclasses.replace(saltus.load_scene(), forces=(saltus.Harmonic(2.0, [0.0, force]),))
+
+
+def test_scenes_with_the_same_content_are_equal():
+    """Oracle: the same file read twice; one number that differs, in each part."""
+    scene = saltus.load_scene()
+    assert saltus.load_scene() == scene and shaken() == shaken() and scene != "lee2009"
+    others = [saltus.load_scene(mu=0.2), shaken(), dataclasses.replace(scene, pins={}), dataclasses.replace(scene, energy=(0.1, 1.0))]
+    assert not any(other == scene for other in others) and shaken(0.6) != shaken()
+
+
+def lent(array):
+    """Whether numpy refuses to write to an array, and to make it or what it is a view of writable."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+            array.setflags(write=True)
+        array = array.base
+    return True
+
+
+def test_kernels_are_not_compiled_again_for_arrays_that_cannot_be_changed(branch):
+    """Oracle: how many versions of each kernel there are."""
+
+    def versions():
+        return {id(item): len(item.overloads) for item in gc.get_objects() if isinstance(item, CPUDispatcher)}
+
+    y, tangent = (np.array(values) for values in (branch.orbit(2).solution.y, branch.orbit(2).solution.tangent))
+    problem = branch.problem
+    for writable in (True, False):
+        if not writable:
+            before = versions()
+            y, tangent = branch.orbit(2).solution.y, branch.orbit(2).solution.tangent
+            assert not y.flags.writeable
+        problem.step(y, tangent, 1e-3), problem.residual(y), problem.jacobian(y), problem.end_states(y), cycle_of(problem, y)
+        stability(problem, problem.step(y, tangent, 0.0)), follow_family(problem, y, points=3)
+    assert versions() == before
+
+
 def test_what_objects_hand_out_cannot_be_changed(branch, tmp_path):
-    """Oracle: numpy's own flag, and the saved branch; a copy can be changed."""
+    """Oracle: numpy's own flag, which stays; a copy can be changed."""
     orbit = branch.orbit(2)
     twins = branch, pickle.loads(pickle.dumps(branch)), copy.deepcopy(branch)
     arrays = {f"{k}.{name}": values for k, item in enumerate(twins) for name, values in item.points.items()}
     arrays |= {f"orbit.{name}": getattr(orbit, name) for name in ("multipliers", "velocities", "impact_speeds")}
     arrays |= {f"described.{name}": values for name, values in orbit.described.columns.items()}
+    arrays |= {f"solution.{name}": getattr(orbit.solution, name) for name in ("y", "tangent", "position", "ends", "result")}
+    arrays |= {"whole.h": branch.whole.h, "whole.alpha": branch.whole.alpha}
+    motion = saltus.run(system(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 1.0], 20.0)
+    arrays |= {f"motion.{name}": values for name, values in vars(motion).items() if isinstance(values, np.ndarray)}
+    arrays |= {"motion.after": motion.after, "motion.peaks": motion.peaks}
+    with saltus.Catalogue(tmp_path / "a.sqlite", "a", scene=saltus.load_scene()) as catalogue:
+        arrays |= {f"catalogue.{name}": values for name, values in catalogue.points(catalogue.add(branch)).items()}
     for name, values in arrays.items():
-        assert not values.flags.writeable, name
+        assert lent(values), name
+    assert motion.impacts > 0
     scene = saltus.load_scene()
     for mapping in (branch.points, scene.pins, scene.complete, next(iter(scene.pins.values()))):
         for change in (
