@@ -17,9 +17,10 @@ from branches.events import BranchEvent, Ended
 from branches.orbit import Orbit
 from branches.stability import describe
 from branches.words import format_word, parse_word
-from bvp.checks import real, shown
+from bvp.checks import real
 from bvp.frozen import Frozen
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from branches.grazing import Neighbour

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["AmbiguousName", "Limits", "NameNotFound", "from_other_end", "passes", "resolve", "search_bounds"]
 
 
-_BY_ID = "expected the id of a family, which saltus build finds and saltus list shows"
+_BY_ID = "expected the id of a family, which saltus discover or saltus build finds"
 
 
 def resolve(
@@ -66,7 +66,7 @@ def resolve(
     except EndsError as error:
         raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
     search = Search(system, name, limits, energy)
-    if name.label is not None and system.has_odd_symmetry and (system.absorber is None or system.primary is None):
+    if name.label is not None and not _has_labels(system):
         raise NameNotFound(
             f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
             "expected absorber and primary (in a scene NES and LO under [coordinates])"
@@ -87,15 +87,21 @@ def resolve(
     return found_orbit, bool(branch.points["h"][0] <= branch.points["h"][-1])
 
 
+def _has_labels(system: ImpactSystem) -> bool:
+    """Whether orbits of a system have labels: these count half-waves of an absorber and a primary from an origin on."""
+    return system.has_odd_symmetry and system.absorber is not None and system.primary is not None
+
+
 def _linear_mode(system: ImpactSystem, label: Label) -> str:
     modes = system.modes
     k = 0 if label.sign == "+" else 1
     w, b = modes.frequencies[k], modes.contact_gap[0, k]
     stop = system.stops[0]
     reach = min(abs(stop.lower), abs(stop.upper))
+    expected = "expected the name of an impacting family such as S13O00+ or S11O00-" if _has_labels(system) else _BY_ID
     return (
         f"{label} is a linear mode of frequency {w:.10g}: it has no impacts, and grazes the stops at h = "
-        f"{0.5 * (w * reach / b) ** 2:.10g}; expected the name of an impacting family such as S13O00+ or S11O00-"
+        f"{0.5 * (w * reach / b) ** 2:.10g}; {expected}"
     )
 
 

@@ -35,6 +35,7 @@ class Orbit:
     ----------
     problem : MultipointProblem
     solution : Solution
+        Its arrays cannot be written to.
     on_family : bool, optional
         Stability of the family between the events around the orbit, where it is known: it decides where the orbit alone does not.
 
@@ -52,6 +53,9 @@ class Orbit:
     problem: MultipointProblem
     solution: Solution
     on_family: bool | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "solution", self.solution.frozen())
 
     @property
     def system(self) -> ImpactSystem:

@@ -14,9 +14,10 @@ from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
-from bvp.checks import real, shown
+from bvp.checks import reals
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
+from bvp.shown import shown
 from continuation.points import PlainPoints, Points
 from continuation.problem import Event, Point, Step
 from continuation.run import trace as follow_both
@@ -190,7 +191,9 @@ def follow_family(
         settings = Settings(**{**_fields(settings), "maximum_points": points})
     problem.refuse_drift()
     family = Family(problem, energy, quarter_period)
-    begin = start if isinstance(start, Step) else family.begin(np.asarray(start, dtype=float))
+    if not isinstance(start, Step):
+        start = np.array(start, dtype=float)
+    begin = start if isinstance(start, Step) else family.begin(start)
     beyond = unphysical(problem, begin.extra) if begin.converged else None
     if beyond is not None:
         raise TraceError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
@@ -246,7 +249,7 @@ def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
         Otherwise.
     """
     try:
-        low, high = (real(value) for value in energy)
+        low, high = reals(energy).tolist()
     except (TypeError, ValueError):
         raise TraceError(f"energy range {shown(energy)}: expected two numbers (LO, HI)") from None
     if not (0.0 <= low < high):

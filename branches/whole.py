@@ -24,6 +24,7 @@ from branches.identity import Mark, canonical_orbit, digests, is_solved_as_it_is
 from branches.marched import MarchedSteps, solutions_of
 from branches.passing import Runs, one_family
 from branches.words import canonical, join_family_id
+from bvp.frozen import read_only
 from bvp.kernels.result import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.ends import EndReason
@@ -82,6 +83,10 @@ class Whole:
     others: tuple[Piece, ...]
     h: np.ndarray
     alpha: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("h", "alpha"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     def reach(self, energy: tuple[float, float], quarter_period: float) -> tuple[tuple[float, float], float] | None:
         """The limits within which the family hangs together, where it leaves those given and comes back into them.

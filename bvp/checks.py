@@ -22,7 +22,6 @@ __all__ = [
     "reals",
     "refuse_unknown",
     "require_system",
-    "shown",
     "square",
     "symmetric",
 ]
@@ -42,7 +41,7 @@ def real(value: Any) -> float:
     Raises
     ------
     TypeError, ValueError
-        For what is no number, such as text, bytes and booleans, and for a number beyond floats.
+        For what is no number, such as text, bytes and other buffers, and booleans; for a number beyond floats.
 
     Examples
     --------
@@ -50,8 +49,14 @@ def real(value: Any) -> float:
     Traceback (most recent call last):
     ValueError: beyond all floats
     """
-    if isinstance(value, (str, bytes, bytearray, bool, np.bool_)):
-        raise TypeError("no number")
+    kind = type(value)
+    if kind is float:
+        return value
+    # float() also reads text and buffers, which have no __float__ of their own.
+    if isinstance(value, (str, bool)) or not (hasattr(kind, "__float__") or hasattr(kind, "__index__")):
+        raise TypeError(f"expected a number; received {shown(value)}")
+    if isinstance(value, (np.generic, np.ndarray)) and value.dtype.kind not in "iufO":
+        raise TypeError(f"expected a number; received {shown(value)}")
     try:
         return float(value)
     except OverflowError:
@@ -73,13 +78,41 @@ def is_finite(value: Any) -> bool:
 
 
 def reals(value: Any) -> np.ndarray:
-    """Numbers, in nested lists or an array, as a new array of floats; errors as for `real`."""
+    """Numbers, in nested lists or an array, as a new array of floats; errors as for `real`.
+
+    Examples
+    --------
+    >>> reals([[1, 2]])
+    array([[1., 2.]])
+    >>> reals([0.0, True])
+    Traceback (most recent call last):
+    TypeError: expected numbers; received True
+    """
+    if not isinstance(value, np.ndarray):
+        _refuse_bytes_and_booleans(value)
     array = np.asarray(value)
-    if array.dtype.kind not in "biufO":
-        raise TypeError("no numbers")
+    if array.dtype.kind not in "iufO":
+        raise TypeError(f"expected numbers; received {shown(value)}")
     if array.dtype.kind == "O":
-        return np.array([real(entry) for entry in array.ravel()]).reshape(array.shape)
+        return np.array([real(entry) for entry in array.ravel()], dtype=float).reshape(array.shape)
     return np.array(array, dtype=float)
+
+
+def _refuse_bytes_and_booleans(value: Any) -> None:
+    """Refuse what numpy would take for numbers, at any depth of lists: bytes of a buffer, and booleans beside numbers."""
+    if isinstance(value, (list, tuple)):
+        for entry in value:
+            if type(entry) is not float:
+                _refuse_bytes_and_booleans(entry)
+    elif isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"expected numbers; received {shown(value)}")
+    elif not isinstance(value, (int, float, np.generic, np.ndarray)):
+        try:
+            kind = memoryview(value).format
+        except (TypeError, BufferError):
+            return
+        if kind in ("B", "b", "c", "?"):
+            raise TypeError(f"expected numbers; received {shown(value)}")
 
 
 def number(value: Any, what: str) -> float:

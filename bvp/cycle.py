@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from bvp.checks import reals
+from bvp.frozen import changeable
 from bvp.kernels.cycle import count_impacts, unfold
 from bvp.kernels.flight import flow_state, sample_flights
 from bvp.multipoint import MultipointProblem
@@ -137,7 +138,7 @@ def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     after = np.empty((count, size))
     duration = np.empty(count)
     row = np.empty(count, dtype=np.int64)
-    y = np.ascontiguousarray(y)
+    y = changeable(y)
     _, lead = unfold(problem.segment, y, problem.end_states(y), before, after, duration, row, np.empty((2, size)))
     modes = problem.system.modes
     contact = problem.contacts[row].copy()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import checked_damper, is_finite, reals, require_system, shown
+from bvp.checks import checked_damper, is_finite, reals, require_system
 from bvp.forcing import forcing_of
 from bvp.impact import checked_state, contact_index
 from bvp.interrupts import Held, held
@@ -23,11 +23,16 @@ from bvp.motion import STATUS, Batch, Mark, Motion, MotionStatus
 from bvp.pace import Pace
 from bvp.phase_table import PhaseTable
 from bvp.shares import split_damping
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Mover"]
+__all__ = ["BeyondStop", "Mover"]
+
+
+class BeyondStop(ValueError):
+    """A start beyond a stop: the message names the stop, its gap and its bounds."""
 
 
 class Mover:
@@ -94,13 +99,24 @@ class Mover:
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
         on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
-        """The motion from (u, v); see `bvp.run.run`."""
+        """The motion from (u, v); see `bvp.run.run`.
+
+        Raises
+        ------
+        BeyondStop
+        ValueError, KeyboardInterrupt
+            As `bvp.run.run`.
+        """
         with held() as interrupt:
             motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
         if interrupt.came:
             error = KeyboardInterrupt()
             error.motion = motion  # type: ignore[attr-defined]
             raise error
+        if motion.status is MotionStatus.OUTSIDE:
+            gaps = [(float(np.dot(stop.gap, motion.start[: len(stop.gap)])), stop) for stop in self.system.stops]
+            w, stop = max(gaps, key=lambda pair: max(pair[0] - pair[1].upper, pair[1].lower - pair[0]))
+            raise BeyondStop(f"the start lies beyond stop {stop.name}: its gap is {w:g}, expected {stop.lower:g} to {stop.upper:g}")
         return motion
 
     def _run(

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from bvp.checks import is_finite, reals, shown
+from bvp.checks import is_finite, reals
+from bvp.shown import shown
 
 __all__ = ["Constant", "Force", "Forcing", "Harmonic", "Record", "forcing_of", "ground_load"]
 

@@ -6,21 +6,36 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-__all__ = ["Frozen", "read_only"]
+__all__ = ["Frozen", "changeable", "read_only"]
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """A view of an array that cannot be written to.
+    """The same numbers as an array that cannot be written to, nor be made so: not a copy, its memory is lent by a read-only buffer.
 
     Examples
     --------
     >>> read_only(np.zeros(2))[0] = 1.0
     Traceback (most recent call last):
     ValueError: assignment destination is read-only
+    >>> read_only(np.zeros(2)).setflags(write=True)
+    Traceback (most recent call last):
+    ValueError: cannot set WRITEABLE flag to True of this array
     """
-    view = array.view()
-    view.setflags(write=False)
-    return view
+    if isinstance(array.base, memoryview) and not array.flags.writeable:
+        return array
+    return np.asarray(memoryview(array).toreadonly())  # type: ignore[arg-type]
+
+
+def changeable(array: np.ndarray) -> np.ndarray:
+    """The array, contiguous, as kernels are compiled for: a copy where it cannot be written to.
+
+    Examples
+    --------
+    >>> changeable(read_only(np.zeros(2))).flags.writeable
+    True
+    """
+    array = np.ascontiguousarray(array)
+    return array if array.flags.writeable else array.copy()
 
 
 class Frozen(dict[str, Any]):

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import reals, shown
+from bvp.checks import reals
 from bvp.kernels import impact as kernels
 from bvp.kernels.flight import flow_state
 from bvp.kernels.restitution import restitute as restitute_modes
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

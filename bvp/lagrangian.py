@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
+from bvp.checks import real
 from bvp.expression_size import TooLarge, limited, require_small, size_of_text
 from bvp.shown import shown
 
@@ -333,20 +334,18 @@ def _exact(value: Any, what: str) -> Any:
     """A finite real number as an exact rational."""
     import sympy
 
-    if isinstance(value, (bool, str)):
-        raise LagrangianError(f"{what} is a finite real number; received {shown(value)}")
     if isinstance(value, sympy.Rational):
         return value
-    if isinstance(value, int):
+    if isinstance(value, int) and not isinstance(value, bool):
         return sympy.Integer(value)
     return sympy.Rational(_finite(value, what))
 
 
 def _finite(value: Any, what: str) -> float:
     try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise LagrangianError(f"{what} is a finite real number; received {value}") from None
+        number = real(value)
+    except (TypeError, ValueError):
+        raise LagrangianError(f"{what} is a finite real number; received {shown(value)}") from None
     if not math.isfinite(number):
         raise LagrangianError(f"{what} is a finite real number; received {value}")
     return number

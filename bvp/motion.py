@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import reals, shown
+from bvp.checks import reals
+from bvp.frozen import read_only
 from bvp.kernels import motion as kernels
 from bvp.kernels import phase as places
 from bvp.kernels.impact import work_array
@@ -19,6 +20,7 @@ from bvp.kernels.motions import raise_peaks, sample, spent, states_after
 from bvp.kernels.peaks import PEAK_ROWS
 from bvp.kernels.phase import Phases
 from bvp.pace import Pace
+from bvp.shown import shown
 from bvp.stop_events import StopEvents
 
 if TYPE_CHECKING:
@@ -92,7 +94,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a motion recorded: k events, each the begin of a flight (row 0 is the start).
+    """What a motion recorded: k events, each the begin of a flight (row 0 is the start). Its arrays cannot be written to.
 
     Attributes
     ----------
@@ -162,6 +164,12 @@ class Motion:
     phases: Phases
     """The phases of contact that `numbers` counts."""
 
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                object.__setattr__(self, field.name, read_only(value))
+
     @property
     def work(self) -> float:
         """Work done by the loads."""
@@ -194,7 +202,7 @@ class Motion:
         """(u, v) just after each event, (k, 2n)."""
         out = np.empty((len(self.times), len(self.start)))
         states_after(self.phases, self.numbers, self.states, out)
-        return out
+        return read_only(out)
 
     @cached_property
     def stop_events(self) -> StopEvents:
@@ -220,7 +228,7 @@ class Motion:
         for part in Pace().blocks(len(self.times)):
             if not raise_peaks(self.phases, *self.flights(part), *scratch, peaks):
                 raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
-        return peaks
+        return read_only(peaks)
 
     def flights(self, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         """Begins, numbers and states of some of the flights, and the end of the last of them, as the kernels take them."""

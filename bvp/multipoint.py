@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from bvp.drift import free_translation, translation_text
 from bvp.ends import EndsError, contact_of, end_condition, parse_end, start_states
+from bvp.frozen import changeable, read_only
 from bvp.kernels.compiled import address_of
 from bvp.kernels.multipoint import evaluate, fill, make_factor
 from bvp.kernels.observe import orbit_observe, planar_orbit_observe
@@ -59,6 +60,10 @@ class Solution:
     position: np.ndarray
     ends: np.ndarray
     result: np.ndarray
+
+    def frozen(self) -> Solution:
+        """The same, with arrays that cannot be written to."""
+        return Solution(*(read_only(array) for array in (self.y, self.tangent, self.position, self.ends, self.result)))
 
     def __getitem__(self, name: str) -> float:
         return float(self.result[RESULT_INDEX[name]])
@@ -209,7 +214,7 @@ class MultipointProblem:
     def shoot(self, start: np.ndarray, flight_times: np.ndarray) -> np.ndarray:
         """Unknowns y (u,) from the start state (N,) and the flight times (k + 1,): the node states by exact flight."""
         nodes = np.empty((self.inner, self.size))
-        start, times = np.ascontiguousarray(start, dtype=float), np.ascontiguousarray(flight_times, dtype=float)
+        start, times = changeable(np.asarray(start, dtype=float)), changeable(np.asarray(flight_times, dtype=float))
         nodes_by_flight(self.segment, start, times, self._work[0, : self.size].copy(), nodes)
         return self.pack(start, nodes, times)
 
@@ -239,7 +244,7 @@ class MultipointProblem:
     def end_states(self, y: np.ndarray) -> np.ndarray:
         """State at the end of each flight, before the impact there, (k + 1, N)."""
         out = np.empty((self.inner + 1, self.size))
-        end_states(self.segment, np.ascontiguousarray(y), self._work, out)
+        end_states(self.segment, changeable(y), self._work, out)
         return out
 
     # -- equations ------------------------------------------------------------------------------------------------------------
@@ -248,13 +253,13 @@ class MultipointProblem:
         """F(y), (u - 1,)."""
         residual = np.empty(self.unknowns - 1)
         factor = self._factor
-        evaluate(self.segment, np.ascontiguousarray(y), factor.before, factor.flights, self._work[0, : self.size].copy(), residual)
+        evaluate(self.segment, changeable(y), factor.before, factor.flights, self._work[0, : self.size].copy(), residual)
         return residual
 
     def jacobian(self, y: np.ndarray) -> np.ndarray:
         """F'(y), dense (u - 1, u): for switching and for tests; Newton's steps use the block structure."""
         factor = self._factor
-        y = np.ascontiguousarray(y)
+        y = changeable(y)
         self.residual(y)
         factor.scale[:] = 1.0
         fill(self.segment, y, factor)
@@ -341,7 +346,7 @@ class MultipointProblem:
         result = np.full(_ENTRIES, np.nan)
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
-        self._take(*packed, factor, y, tangent, ds, math.nan, maximum, metric, out, out_tangent, result)
+        self._take(*packed, factor, changeable(y), changeable(tangent), ds, math.nan, maximum, metric, out, out_tangent, result)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from bvp.cycle import cycle_of
+from bvp.frozen import changeable
 from bvp.kernels.halfmap import half_map, half_map_scratch
 from bvp.kernels.segment import ORIGIN
 from bvp.multipliers import nearest_grazing, saddle_point_multipliers
@@ -161,7 +162,7 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
         entries = [[solution["a"], solution["b"]], [solution["c"], solution["d"]]]
         return np.array(entries), solution["magnified"]
     phi = np.zeros((2 * (problem.half - 1),) * 2)
-    y, ends = np.ascontiguousarray(solution.y), np.ascontiguousarray(solution.ends)
+    y, ends = changeable(solution.y), changeable(solution.ends)
     magnified = half_map(problem.segment, y, ends, *half_map_scratch(problem.size), phi)
     return phi, float(magnified)
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, real, reals, refuse_unknown, shown, square, symmetric
+from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, reals, refuse_unknown, square, symmetric
 from bvp.same_stops import check_same_stops
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.modes import Modes
@@ -60,7 +61,7 @@ class Stop:
         if not isinstance(self.name, str) or (self.name and not (len(self.name) == 1 and "a" <= self.name <= "z")):
             raise InvalidSystem(f"the name of a stop is one lower-case letter a to z; received {shown(self.name)}")
         try:
-            gap = tuple(real(x) for x in self.gap)
+            gap = tuple(reals(self.gap).tolist())
         except (TypeError, ValueError):
             raise InvalidSystem(f"the gap row of {label} is a list of numbers; received {shown(self.gap)}") from None
         if not gap or not all(math.isfinite(x) for x in gap):

@@ -26,6 +26,7 @@ __all__ = [
     "from_arguments",
     "given",
     "lookup",
+    "named",
     "open_file",
     "opened",
     "place_to_save",
@@ -119,23 +120,66 @@ def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager
 def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
     """The catalogue where a name is looked up: that which is given, unless it is given to save in. An id is looked up in that one too, then
     in the scene's own."""
-    saves = getattr(arguments, "save", False)
-    if arguments.catalogue is not None and not saves:
+    if _is_given_to_read(arguments):
         return open_file(arguments.catalogue, scene)
     id = name.partition("@")[0]
-    if ":" in id:
-        # Damping and restitution change no family: those of a damped run are of the system without.
-        changed = {key: value for key, value in scene_arguments.parameters(arguments).items() if key not in ("lam", "rho")}
-        for place in (arguments.catalogue, default_path(arguments.scene, changed)):
-            try:
-                catalogue = None if place is None else open_file(place, scene)
-            except ValueError:
-                continue
-            if catalogue is not None:
-                if id in catalogue:
-                    return catalogue
-                catalogue.close()
+    for catalogue in _with_ids(arguments, scene) if ":" in id else ():
+        if id in catalogue:
+            return catalogue
+        catalogue.close()
     return nullcontext()
+
+
+def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
+    """A name with the whole id in place of a part of one: its beginning, the beginning of its hash, or as a table shortens it. Any other
+    name as it is. The catalogues are those of `lookup`.
+
+    Raises
+    ------
+    LabelSyntaxError, ImpossibleLabelError
+        For what is no name.
+    NameNotFound, AmbiguousName, BadInput
+        For a part of no id, or of several; where there is no catalogue to look it up in.
+    """
+    from branches.labels import LabelSyntaxError, parse_name
+    from branches.name_errors import NameNotFound
+
+    try:
+        parse_name(text)
+    except LabelSyntaxError:
+        from branches.catalogue.find import is_part_of_id
+
+        id, at, suffix = text.partition("@")
+        if not is_part_of_id(id):
+            raise
+    else:
+        return text
+    places = [open_file(arguments.catalogue, scene)] if _is_given_to_read(arguments) else _with_ids(arguments, scene)
+    unknown: ValueError = BadInput(f"{id} is a part of an id, and no catalogue is there to look it up: expected --catalogue FILE")
+    for catalogue in places:
+        with catalogue:
+            try:
+                return catalogue.find(id).id + at + suffix
+            except NameNotFound as error:
+                unknown = error
+    raise unknown
+
+
+def _is_given_to_read(arguments: argparse.Namespace) -> bool:
+    return arguments.catalogue is not None and not getattr(arguments, "save", False)
+
+
+def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue]:
+    """The catalogues in which an id is looked up where none is given to read: that to save in, and the scene's own, where they exist."""
+    # Damping and restitution change no family: those of a damped run are of the system without.
+    changed = {key: value for key, value in scene_arguments.parameters(arguments).items() if key not in ("lam", "rho")}
+    for place in (arguments.catalogue, default_path(arguments.scene, changed)):
+        try:
+            catalogue = None if place is None else open_file(place, scene)
+        except ValueError:
+            continue
+        if catalogue is not None:
+            yield catalogue
 
 
 def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from saltus import catalogue_arguments
 from saltus.arguments import number, positive
 from saltus.errors import BadInput
 from saltus.orbit_choice import TOLERANCE, agreed, family_of, select
@@ -47,9 +48,14 @@ class Start:
     branch: Branch | None = None
 
     @property
+    def name(self) -> str:
+        """The label of the orbit that it is on, or the id of its family; empty where it is on none."""
+        return "" if self.on is None or self.branch is None else self.on.label or self.branch.id
+
+    @property
     def text(self) -> str:
         """What it is, in words."""
-        where = "" if self.on is None else f"{self.on.label or self.on.word} at h = {self.on.h:.10g}, alpha = {self.on.alpha:.10g}"
+        where = "" if self.on is None else f"{self.name} at h = {self.on.h:.10g}, alpha = {self.on.alpha:.10g}"
         return {
             "orbit": f"on {where}",
             "impulsive": "impulsive: the oscillator's velocity alone" + (f", on {where}" if where else ""),
@@ -158,11 +164,12 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
     """A start on an orbit of a family of the undamped elastic system."""
     from branches.labels import parse_name
 
-    name = parse_name(arguments.on)
+    text = catalogue_arguments.named(arguments.on, arguments, scene)
+    name = parse_name(text)
     energy = agreed(arguments.on, "h", name.h, "--energy", arguments.energy)
     if energy is None and name.alpha is None and not arguments.impulsive:
         raise BadInput(f"which orbit of {name}? expected --energy H, or {arguments.on}@alpha=A")
-    branch = family_of(arguments.on, scene, energy, arguments)
+    branch = family_of(text, scene, energy, arguments)
     if arguments.impulsive:
         h, alpha = _impulsive_orbit(branch, name, energy)
         return Start("impulsive", np.zeros(scene.system.degrees_of_freedom), _impulsive(scene, h), None, _nearest(branch, h, alpha), branch)

@@ -70,7 +70,7 @@ def of_the_start(start: Start, record: dict[str, Any], count: int) -> list[str]:
     from the first impact on. `count`: of the impacts."""
     if start.kind != "orbit" or start.on is None:
         return []
-    name = start.on.label or "the family of its start"
+    name = start.name
     left = record["initial"]["left"]
     if left is not None:
         where = f"impact {left['impact']} is at stop {left['stop']}, that of the orbit at stop {left['expected']}"

@@ -66,10 +66,11 @@ def select(branch: Branch, name: Name, energy: float | None, alpha: float | None
     if wish is not None:
         nearest = min(found, key=lambda orbit: abs(getattr(orbit, other) - wish))
         if abs(getattr(nearest, other) - wish) > TOLERANCE * wish:
-            raise BadInput(f"no orbit of {name} has {key} = {value:.10g} and {other} = {wish:.10g}; nearest: {list_orbits([nearest])}")
+            near = list_orbits([nearest], branch)
+            raise BadInput(f"no orbit of {name} has {key} = {value:.10g} and {other} = {wish:.10g}; nearest: {near}")
         return nearest
     if len(found) > 1:
-        raise BadInput(f"{len(found)} orbits of {name} have {key} = {value:.10g}, expected one of {list_orbits(found)}")
+        raise BadInput(f"{len(found)} orbits of {name} have {key} = {value:.10g}, expected one of {list_orbits(found, branch)}")
     return found[0]
 
 
@@ -99,10 +100,10 @@ def _has_label(orbit: Orbit, name: Name) -> bool:
     return name.label is not None and bool(orbit.label) and matches(name.label, parse(orbit.label))
 
 
-def list_orbits(orbits: list[Orbit]) -> str:
-    """Name orbits with the suffix that selects each, with as many digits as tell them apart."""
+def list_orbits(orbits: list[Orbit], branch: Branch) -> str:
+    """Name orbits of a branch by label, or else by its id, with the suffix that selects each: with as many digits as tell them apart."""
     for digits in range(6, 18):
         suffixes = {f"@h={orbit.h:.{digits}g},alpha={orbit.alpha:.{digits}g}" for orbit in orbits}
         if len(suffixes) == len(orbits):
             break
-    return " ".join(f"{orbit.label}@h={orbit.h:.{digits}g},alpha={orbit.alpha:.{digits}g}" for orbit in orbits)
+    return " ".join(f"{orbit.label or branch.id}@h={orbit.h:.{digits}g},alpha={orbit.alpha:.{digits}g}" for orbit in orbits)

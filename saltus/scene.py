@@ -14,12 +14,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from bvp.frozen import Frozen
 from bvp.shown import shown
@@ -40,9 +42,9 @@ LOADS = {"ground": "[ground]", "forces": "[[forces]]"}
 """Tables of a scene that drive its motion, as messages name them."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
-    """A system with its bounds and names.
+    """A system with its bounds and names. Two scenes with the same content are equal.
 
     Attributes
     ----------
@@ -94,6 +96,17 @@ class Scene:
         pins = {name: Frozen(point) for name, point in self.pins.items()}
         object.__setattr__(self, "pins", Frozen(pins))
         object.__setattr__(self, "complete", Frozen(self.complete))
+
+    def __eq__(self, other: object) -> bool:
+        return self._content() == other._content() if isinstance(other, Scene) else NotImplemented
+
+    def _content(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        forces = [
+            (type(force), {item.name: np.asarray(getattr(force, item.name)).tolist() for item in fields(force)}) for force in self.forces
+        ]
+        content = {item.name: getattr(self, item.name) for item in fields(self)}
+        return content | {"system": self.system.describe(), "forces": forces}
 
     @property
     def underlying(self) -> Scene:

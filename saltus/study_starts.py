@@ -114,7 +114,7 @@ def find_starts(seed: FamilySeed) -> Found:
         if energy not in known:
             found = orbits_of(branch, name, energy)
             if len(found) > 1 and name.alpha is None:
-                listed = list_orbits(found)
+                listed = list_orbits(found, branch)
                 return Found(states, tuple(leaving), f"{len(found)} orbits of {seed.name} have h = {energy:.10g}, expected one of {listed}")
             known[energy] = _state(_nearest(found, name), n)
         states[k], leaving[k] = known[energy]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.checks import is_finite
 from bvp.damped import Mover
 from bvp.kernels import motion as motion_kernels
 from bvp.kernels.compiled import address_of
@@ -21,7 +22,7 @@ from bvp.kernels.phase import CLOCK, COUNTS, PASSES
 from bvp.pace import Pace
 from bvp.shown import shown
 from transitions.kernels import section as kernels
-from transitions.section_plane import SectionPlane
+from transitions.section_plane import SectionPlane, checked_points
 
 if TYPE_CHECKING:
     from bvp.kernels.phase import Log, Phases, Scratch
@@ -177,7 +178,9 @@ def section(
     for name, value in (("orbits", orbits), ("crossings", crossings)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 < value <= MOST:
             raise ValueError(f"{name} is a whole number from 1 to {MOST}; received {shown(value)}")
-    points = plane.starts(orbits) if starts is None else np.atleast_2d(np.asarray(starts, dtype=float))
+    if longest is not None and not (is_finite(longest) and longest > 0.0):
+        raise ValueError(f"longest is a finite time above 0; received {shown(longest)}")
+    points = plane.starts(orbits) if starts is None else checked_points(starts, "starts")
     parts: list[Section] = []
     interrupted = False
     try:
@@ -208,7 +211,7 @@ def follow(
     if directions is None:
         low, high = plane.reach
         directions = np.tile([0.5 * (high - low), plane.height(min(max(0.0, low), high))], (count, 1))
-    changes = plane.tangents(starts, np.asarray(directions, dtype=float))
+    changes = plane.tangents(starts, checked_points(directions, "directions"))
     times, energies, growths = (np.full((count, crossings), math.nan) for _ in range(3))
     points, tangents = (np.full((count, crossings, 2), math.nan) for _ in range(2))
     counts, impacts, statuses = (np.zeros(count, dtype=np.int64) for _ in range(3))

@@ -16,17 +16,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import is_finite, require_system, shown
+from bvp.checks import is_finite, reals, require_system
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.kernels.phase import Phases
     from bvp.system import ImpactSystem
 
-__all__ = ["SectionPlane"]
+__all__ = ["SectionPlane", "checked_points"]
 
 _PLASTIC = 1.32471795724474602596
 """Root of x^3 = x + 1: its powers spread points over a square evenly (Roberts, The unreasonable effectiveness of quasirandom
 sequences, 2018)."""
+
+
+def checked_points(points: Any, what: str) -> np.ndarray:
+    """Points or directions as an array (m, 2) of floats.
+
+    Raises
+    ------
+    ValueError
+        For what is no array of numbers of that shape.
+    """
+    try:
+        array = np.atleast_2d(reals(points))
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"{what} is an array of numbers of shape (m, 2); received {shown(points)}")
+    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,9 +196,9 @@ class SectionPlane:
         ValueError
             For a point outside.
         """
-        points = np.atleast_2d(np.asarray(points, dtype=float))
-        if points.ndim != 2 or points.shape[1] != 2 or not np.all(self.holds(points)):
-            inside = self.holds(points) if points.ndim == 2 and points.shape[1] == 2 else np.zeros(1, dtype=bool)
+        points = checked_points(points, "starts")
+        inside = self.holds(points)
+        if not np.all(inside):
             wrong = points[int(np.argmin(inside))].tolist()
             raise ValueError(f"starts are points inside the bounding curve of the section at h = {self.energy:g}; received {wrong}")
         own, joint, stiffness, coupled = self._constants

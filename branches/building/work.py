@@ -21,7 +21,7 @@ from branches.building.seeds import Answer, Grazing, Link, Seed
 from branches.catalogue.closures import kept_orbit, orbit_of_event, presented, unknowns_of
 from branches.catalogue.packing import pack
 from branches.catalogue.rows import EventOrbit
-from branches.discovery.search import discover
+from branches.discovery.search import WITHOUT_ORIGIN, discover
 from branches.family import RESONANCES
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.grazing.touching import touching
@@ -117,8 +117,7 @@ def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:
 
 def ends_of(system: ImpactSystem) -> tuple[str, ...]:
     """All pairs of ends between which a system's symmetric orbits are searched."""
-    reversed_ = ("rest-rest", "rest-stop", "stop-stop")
-    return ("origin-origin", *reversed_) if system.has_odd_symmetry else reversed_
+    return ("origin-origin", *WITHOUT_ORIGIN) if system.has_odd_symmetry else WITHOUT_ORIGIN
 
 
 def _at_mode(system: ImpactSystem, source: Seed) -> Answer:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from branches.files import WriteFailure
 
-__all__ = ["CatalogueDamaged", "CatalogueError", "CatalogueInUse", "readable", "translated"]
+__all__ = ["CatalogueDamaged", "CatalogueError", "CatalogueInUse", "not_taken", "readable", "translated"]
 
 _REFUSED = {
     "SQLITE_IOERR_WRITE": "the system refused to write into it, or into the files -wal and -shm that belong to it",
@@ -30,6 +30,20 @@ class CatalogueDamaged(CatalogueError):
 
 class CatalogueInUse(CatalogueError):
     """A catalogue that another process is writing; the message names it."""
+
+
+def not_taken(expected: str, value: object) -> CatalogueError:
+    """The error for an argument of another kind than is expected.
+
+    Examples
+    --------
+    >>> print(not_taken("a catalogue is the name of a file", 3))
+    a catalogue is the name of a file; received 3
+    """
+    # Loaded here, for it loads numpy, which browsing does without.
+    from bvp.shown import shown
+
+    return CatalogueError(f"{expected}; received {shown(value)}")
 
 
 @contextmanager

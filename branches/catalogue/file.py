@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from branches.catalogue import schema
-from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
+from branches.catalogue.errors import CatalogueDamaged, CatalogueError, not_taken, translated
 from branches.catalogue.lock import WriterLock
 from branches.catalogue.opening import open_settled, open_to_read, open_to_write, settle
 from branches.catalogue.rows import crc_of
@@ -40,7 +40,7 @@ class CatalogueFile:
         if mode not in ("r", "a"):
             raise ValueError(f"the mode of a catalogue is {shown(mode)}, expected r (read) or a (add)")
         if not isinstance(path, str | os.PathLike):
-            raise TypeError(f"a path is text; received {shown(path)}, expected the name of a catalogue")
+            raise not_taken("a catalogue is the name of a file", path)
         self.path = Path(path)
         self._lock: WriterLock | None = None
         self._depth = 0
@@ -74,6 +74,8 @@ class CatalogueFile:
             raise
 
     def __enter__(self) -> Self:
+        with translated(self.path):
+            _ = self._connection.total_changes  # refused where it is closed
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
@@ -83,6 +85,7 @@ class CatalogueFile:
         """Leave one single file behind. A process that was forked from the writer's does nothing."""
         if os.getpid() != self._process:
             return
+        self._changed()
         if self._lock is None:
             self._connection.close()
             return
@@ -186,7 +189,7 @@ class CatalogueFile:
             connection.close()
 
     def _changed(self) -> None:
-        """Forget what was read before a transaction."""
+        """Forget what was read before a transaction, or before it was closed."""
 
     def _writable(self) -> None:
         if self._lock is None:

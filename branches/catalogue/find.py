@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
-from branches.catalogue.errors import CatalogueError
+from branches.catalogue.errors import CatalogueError, not_taken
 from branches.catalogue.rows import FamilyRow, crosses
 from branches.crossings import nearest_crossing, reaches
 from branches.labels import Label, LabelSyntaxError, Name, matches, nearest, nearest_labels, parse, parse_name
@@ -19,7 +19,7 @@ from bvp.shown import shown
 if TYPE_CHECKING:
     from branches.catalogue.store import Catalogue
 
-__all__ = ["Match", "chosen", "find"]
+__all__ = ["Match", "chosen", "find", "is_part_of_id"]
 
 _WILD = re.compile(r"[*?\[]")
 _PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic).*")
@@ -58,8 +58,21 @@ def chosen(
     LabelSyntaxError
         For a label that cannot be read and has no wildcard.
     CatalogueError
-        For ends that no family has; those that exist are named.
+        For ends that no family has; those that exist are named. For what is no label or no number.
     """
+    for what, text in (("label", label), ("ends", ends)):
+        if text is not None and not isinstance(text, str):
+            raise not_taken(f"the {what} of families is text", text)
+    if energy is not None or impacts is not None:
+        # Loaded here, for it loads numpy, which browsing does without.
+        from bvp.checks import is_finite, reals
+
+        if energy is not None and not is_finite(energy):
+            raise not_taken("the energy of families is a finite number", energy)
+        try:
+            least, most = (0.0, 0.0) if impacts is None else reals(impacts).tolist()
+        except (TypeError, ValueError):
+            raise not_taken("the impacts of families are two numbers, the least and the most", impacts) from None
     families = list(families)
     fits = None if label is None else _label_test(label)
     if ends is not None:
@@ -71,7 +84,7 @@ def chosen(
     def keep(row: FamilyRow) -> bool:
         if ends is not None and ends not in (row.ends, _SIDE.sub("", row.ends)):
             return False
-        if impacts is not None and not impacts[0] <= row.impacts <= impacts[1]:
+        if impacts is not None and not least <= row.impacts <= most:
             return False
         if energy is not None and not crosses(row.h, energy):
             return False
@@ -104,13 +117,26 @@ def _label_test(text: str) -> Callable[[str], bool]:
 # -- names --------------------------------------------------------------------------------------------------------------------
 
 
+def is_part_of_id(text: str) -> bool:
+    """Whether a text can be the beginning of an id or of its hash, or an id that a table has shortened.
+
+    Examples
+    --------
+    >>> [is_part_of_id(text) for text in ("87dd6282", "rest-st", "origin-o…:d777f141", "S13+")]
+    [True, True, True, False]
+    """
+    return (_PART_OF_ID.fullmatch(text) or _SHORTENED.fullmatch(text)) is not None
+
+
 def find(catalogue: Catalogue, text: str, pins: Mapping[str, Mapping[str, float]]) -> Match:
     """What a name stands for in a catalogue: see `Catalogue.find`."""
+    if not isinstance(text, str):
+        raise not_taken("a name is text such as S13O00+, U83@h=1.9 or an id", text)
     families = catalogue.families()
     head, at, _ = text.partition("@")
     by_id = [row for row in families if row.id == head]
-    shortened = _SHORTENED.fullmatch(head)
-    if not by_id and (shortened or _PART_OF_ID.fullmatch(head)):
+    if not by_id and is_part_of_id(head):
+        shortened = _SHORTENED.fullmatch(head)
         if shortened:
             by_id = [row for row in families if row.id.startswith(shortened[1]) and row.id.endswith(shortened[2])]
         else:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
+from branches.catalogue.errors import CatalogueDamaged, CatalogueError, not_taken, translated
 from branches.catalogue.rows import (
     EDGE_COLUMNS,
     EVENT_COLUMNS,
@@ -109,6 +109,13 @@ class Catalogue(WorkQueue):
         Returns
         -------
         list of FamilyRow
+
+        Raises
+        ------
+        LabelSyntaxError
+            For a label that cannot be read and has no wildcard.
+        CatalogueError
+            For ends that no family has, and for what is no label or no number.
         """
         from branches.catalogue.find import chosen
 
@@ -122,6 +129,8 @@ class Catalogue(WorkQueue):
         CatalogueError
             For an id that it does not have; the nearest is named.
         """
+        if not isinstance(id, str):
+            raise not_taken("a family is named by its id, such as origin-stop+::44db5a75", id)
         rows = self._select("families", ("number", *FAMILY_COLUMNS), "WHERE id = ?", (id,))
         if not rows:
             from branches.labels import nearest
@@ -131,6 +140,8 @@ class Catalogue(WorkQueue):
         return self._family(rows[0])
 
     def __contains__(self, id: object) -> bool:
+        if not isinstance(id, str):
+            return False
         with translated(self.path):
             return self._connection.execute("SELECT 1 FROM families WHERE id = ?", (id,)).fetchone() is not None
 
@@ -139,15 +150,17 @@ class Catalogue(WorkQueue):
             return int(self._connection.execute("SELECT count(*) FROM families").fetchone()[0])
 
     def points(self, id: str) -> dict[str, np.ndarray]:
-        """The columns of a family's points, as `branches.branch.Branch.points` has them.
+        """The columns of a family's points, as `branches.branch.Branch.points` has them; they cannot be written to.
 
         Raises
         ------
         CatalogueDamaged
             Where a checksum does not fit.
         """
+        from bvp.frozen import Frozen
+
         row = self.family(id)
-        return self._points(row, self._problem(row))
+        return Frozen(self._points(row, self._problem(row)))
 
     def track(self, row: FamilyRow) -> list[tuple[float, float, str]]:
         """Energy, quarter period and label at each point of a family, without arrays; checksums are not compared."""
@@ -195,6 +208,8 @@ class Catalogue(WorkQueue):
         Raises
         ------
         NameNotFound, AmbiguousName, LabelSyntaxError, ImpossibleLabelError
+        CatalogueError
+            For what is no text.
         """
         from branches.catalogue.find import find
 

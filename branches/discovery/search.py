@@ -18,14 +18,15 @@ from branches.discovery.starts import Path, curves
 from branches.labels import nearest
 from branches.orbit import Orbit
 from branches.words import impacts_per_period, segments_per_period
-from bvp.checks import is_finite, require_system, shown
+from bvp.checks import is_finite, require_system
 from bvp.kernels.follow import TURN_LIMIT
 from bvp.kernels.verdict import GRAZED
+from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLASSES", "Discovery", "discover"]
+__all__ = ["CLASSES", "WITHOUT_ORIGIN", "Discovery", "discover"]
 
 CLASSES = {
     "origin-origin": ("origin-origin", "origin-rest", "origin-stop"),
@@ -36,6 +37,9 @@ CLASSES = {
     "stop-stop": ("stop-stop", "origin-stop"),
 }
 """Pairs of ends that can be asked for, each with the classes of more symmetry inside it, which are listed as such."""
+
+WITHOUT_ORIGIN = ("rest-rest", "rest-stop", "stop-stop")
+"""Pairs of ends that every reversible system has: an origin end needs odd symmetry."""
 
 BUDGET = 1_000_000
 """Starts followed at most in one search; where they do not do, the rest stays open and the search is not settled."""
@@ -107,7 +111,7 @@ def discover(
     *,
     quarter_period: float = 10.0,
     impacts: int | None = None,
-    ends: Sequence[str] = ("origin-origin",),
+    ends: Sequence[str] | None = None,
     budget: int | None = None,
 ) -> Discovery:
     """Find every primitive symmetric orbit at an energy, within bounds.
@@ -122,8 +126,9 @@ def discover(
         Longest quarter period.
     impacts : int, optional
         Most impacts in half a period; None: not bounded.
-    ends : sequence of str
-        Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them.
+    ends : sequence of str, optional
+        Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them. In a system
+        without odd symmetry, which has no such orbits, it is `WITHOUT_ORIGIN`.
     budget : int, optional
         Starts followed at most. The default is a million, and less where the fastest mode turns more than `LONG` within a segment.
 
@@ -144,6 +149,8 @@ def discover(
     (True, ['S11O00-', 'U2111-', 'S13O00+'])
     """
     check(system, energy, quarter_period, impacts, ends)
+    if ends is None:
+        ends = ("origin-origin",) if system.has_odd_symmetry else WITHOUT_ORIGIN
     if budget is None:
         budget = math.ceil(BUDGET / max(1.0, fastest_turn(system, quarter_period) / LONG))
     if isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63:
@@ -241,7 +248,7 @@ def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
     return 2.0 * quarter_period * math.sqrt(max(0.0, float(np.max(system.modes.squares))))
 
 
-def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str]) -> None:
+def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str] | None) -> None:
     """Refuse what cannot be searched, in one line."""
     require_system(system)
     require_conservative(system, "families of periodic orbits")
@@ -260,6 +267,8 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
         raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected a whole number, 0 or more")
     if impacts is not None and impacts > MOST_BOUND:
         raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected {MOST_BOUND} or less, or no bound")
+    if ends is None:
+        return
     if not ends:
         raise ValueError(f"no ends are given, expected some of {', '.join(CLASSES)}")
     for name in ends:

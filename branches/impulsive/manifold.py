@@ -11,6 +11,7 @@ import numpy as np
 
 from branches.impulsive.spectrum import WINDOW, dominant_frequency
 from branches.impulsive.start import check_system, impulsive_state, oscillator_period
+from branches.tracing import check_energy
 from bvp.motion import MotionStatus
 from bvp.run import run
 
@@ -95,7 +96,7 @@ def impulsive_manifold(
         A jump is a change by more than a power law of exponent one allows, and by more than one line of the spectrum.
     """
     check_system(system)
-    low, high = (float(value) for value in energy)
+    low, high = check_energy(energy)
     if not 0.0 < low < high < math.inf:
         raise ValueError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 < LO < HI")
     levels = np.geomspace(low, high, max(2, math.ceil(density * math.log10(high / low)) + 1))

@@ -20,6 +20,7 @@ from branches.identity import turns
 from branches.impulsive.scan import FLOOR, Bracket, Scan, scan_energies
 from branches.impulsive.trails import Trails
 from branches.orbit import Orbit
+from branches.tracing import check_energy
 from bvp.kernels.trail import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
@@ -139,7 +140,7 @@ def impulsive_orbits(
     >>> [(orbit.label, round(orbit.h, 9)) for orbit in found.orbits], found.settled
     ([('U4122-', 2.987367315)], True)
     """
-    low, high = (float(value) for value in energy)
+    low, high = check_energy(energy)
     if not 0.0 < low < high < math.inf:
         raise ValueError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 < LO < HI")
     if not 0.0 < quarter_period < math.inf:

@@ -38,7 +38,7 @@ FAILURES = ("MINIMUM_STEP", "NO_START")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, or a family's id")
+    parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, a family's id or a part of it")
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
     parser.add_argument("--points", metavar="N", type=whole_above_zero, help="end when there are N points in total")
     parser.add_argument(
@@ -66,12 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     files = outputs.from_arguments(arguments)
-
-    from branches.labels import parse_name
-
-    if arguments.save or arguments.catalogue is None:
-        parse_name(arguments.name)
     scene = scene_arguments.from_arguments(arguments)
+    arguments.name = catalogue_arguments.named(arguments.name, arguments, scene)
     if arguments.model:
         from saltus.model import explain
 

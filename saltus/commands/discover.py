@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
@@ -29,9 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ends",
         metavar="PAIRS",
-        default="origin-origin",
-        help="kinds of orbits, as pairs of ends with commas between: origin-origin (default; includes the symmetric orbits, "
-        "origin-rest and origin-stop), rest-rest, rest-stop, stop-stop",
+        help="kinds of orbits, as pairs of ends with commas between: origin-origin (includes the symmetric orbits, origin-rest and "
+        "origin-stop), rest-rest, rest-stop, stop-stop (default: origin-origin; the others in a system without odd symmetry)",
     )
     parser.add_argument(
         "--max-starts",
@@ -58,19 +58,21 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.discovery.search import check
 
     longest = scene.quarter_period if arguments.max_quarter_period is None else arguments.max_quarter_period
-    options: dict[str, Any] = {"quarter_period": longest, "impacts": arguments.max_impacts, "ends": tuple(arguments.ends.split(","))}
+    ends = None if arguments.ends is None else tuple(arguments.ends.split(","))
+    options: dict[str, Any] = {"quarter_period": longest, "impacts": arguments.max_impacts, "ends": ends}
     check(scene.system, arguments.energy, **options)
     if arguments.max_starts is not None:
         options["budget"] = arguments.max_starts
 
-    from saltus.discovery import discover
+    from saltus.discovery import discover, ids_without_labels
     from saltus.first_run import prepare
     from saltus.listing import width_of, wrapped
 
     with catalogue_arguments.given(arguments, scene) as catalogue:
         prepare(discovery=True)
         found = discover(scene.system, arguments.energy, catalogue=catalogue, **options)
-    _print_table(found, files.words)
+    families = found.families or ids_without_labels(found)
+    _print_table(found, families, files.words)
     for line in wrapped(summary(found), width_of(files.words), 9):
         print(line, file=files.words, flush=True)
     if arguments.json is None:
@@ -78,26 +80,26 @@ def run(arguments: argparse.Namespace) -> int:
 
     from branches.discovery.record import to_json
 
-    return files.write(json=lambda: to_json(found), csv=str, draw=lambda path: None)
+    return files.write(json=lambda: to_json(replace(found, families=families)), csv=str, draw=lambda path: None)
 
 
-def _print_table(found: Discovery, stream: Any) -> None:
+def _print_table(found: Discovery, families: tuple[str | None, ...], stream: Any) -> None:
     """Print the orbits as a table that fits the terminal."""
     from branches.discovery.record import half_period_impacts
     from saltus.listing import listing, width_of
 
     rows = []
-    for orbit, family in zip(found.orbits, found.families or repeat(None), strict=False):
+    for orbit, family in zip(found.orbits, families or repeat(None), strict=False):
         velocities = orbit.velocities
         rows.append(
             (
                 orbit.label, " ".join(orbit.ends), orbit.word, f"{half_period_impacts(orbit):g}", f"{orbit.alpha:.8g}",
                 "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities), f"{min(orbit.impact_speeds):.4g}",
-                f"{orbit.tau:.6g}", stability_word(orbit.stable), *([family or "-"] if found.families else []),
+                f"{orbit.tau:.6g}", stability_word(orbit.stable), *([family or "-"] if families else []),
             )
         )  # fmt: skip
     head = ("label", "ends", "word", "impacts", "alpha", "velocities", "slowest impact", "tau", "stable", "family")
-    for line in listing(head[: 9 + bool(found.families)], rows, width=width_of(stream), columns="lllrrrrrli"):
+    for line in listing(head[: 9 + bool(families)], rows, width=width_of(stream), columns="lllrrrrrli"):
         print(line, file=stream, flush=True)
 
 

@@ -21,7 +21,7 @@ __all__ = ["add_arguments", "run"]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, or a family's id")
+    parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, a family's id or a part of it")
     parser.add_argument("--energy", metavar="H", type=positive, help="the orbit at this energy h")
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
     parser.add_argument(
@@ -50,25 +50,27 @@ def run(arguments: argparse.Namespace) -> int:
 
     from branches.labels import parse_name
 
-    name = parse_name(arguments.name)
+    scene = scene_arguments.from_arguments(arguments)
+    text = catalogue_arguments.named(arguments.name, arguments, scene)
+    name = parse_name(text)
     energy = agreed(arguments.name, "h", name.h, "--energy", arguments.energy)
     alpha = agreed(arguments.name, "alpha", name.alpha, "--alpha", arguments.alpha)
     if energy is None and alpha is None:
         raise BadInput(f"which orbit of {name}? expected --energy H or --alpha A")
-    scene = scene_arguments.from_arguments(arguments)
     if arguments.model:
         from saltus.model import explain
 
-        for line in explain(scene.system, arguments.name):
+        for line in explain(scene.system, text):
             print(f"model  {line}", file=files.words, flush=True)
-    orbit = select(family_of(arguments.name, scene, energy, arguments), name, energy, alpha)
+    branch = family_of(text, scene, energy, arguments)
+    orbit = select(branch, name, energy, alpha)
     if arguments.method == "nstt":
         from bvp.nonsmooth_time import TOLERANCE
         from saltus.nonsmooth_time import approximate
 
         exact = orbit
         orbit = approximate(exact, arguments.tolerance or TOLERANCE)
-    for line in describe(orbit):
+    for line in describe(orbit, orbit.label or branch.id):
         print(line, file=files.words, flush=True)
     if arguments.method == "nstt":
         print(f"exact    h = {exact.h:.15g}: off by {orbit.h - exact.h:.1e}", file=files.words, flush=True)
@@ -83,12 +85,14 @@ def run(arguments: argparse.Namespace) -> int:
     return files.write(json=lambda: orbit_to_json(orbit), csv=lambda: orbit_to_csv(orbit), draw=draw)
 
 
-def describe(orbit: Orbit) -> list[str]:
-    """Return the lines that tell an orbit.
+def describe(orbit: Orbit, name: str) -> list[str]:
+    """Return the lines that report an orbit.
 
     Parameters
     ----------
     orbit : branches.orbit.Orbit
+    name : str
+        Its label, or the id of its family.
 
     Returns
     -------
@@ -100,7 +104,7 @@ def describe(orbit: Orbit) -> list[str]:
     values = {"tau": orbit.tau, "tau_half": orbit.tau_half}
     traces = "".join(f"  {name} = {value:.10g}" for name, value in values.items() if math.isfinite(value))
     lines = [
-        f"orbit    {orbit.label}  ends {orbit.ends[0]} {orbit.ends[1]}  word {orbit.word or '(none)'}",
+        f"orbit    {name}  ends {orbit.ends[0]} {orbit.ends[1]}  word {orbit.word or '(none)'}",
         f"energy   h = {orbit.h:.15g}",
         f"period   T = {orbit.period:.15g}  alpha = T/4 = {orbit.alpha:.15g}",
         f"stable   {stability_word(orbit.stable)}{traces}",

@@ -152,4 +152,4 @@ def _draw(catalogue: Catalogue, match: Match, path: str) -> str:
         orbit = min(found, key=lambda item: abs(item.alpha - alpha)) if found else orbit
     with replacing(path) as beside:
         draw_orbit(orbit, beside)
-    return f"the orbit {list_orbits([orbit])}"
+    return f"the orbit {list_orbits([orbit], branch)}"

@@ -312,7 +312,7 @@ CASES = [
     (dict(ends=("origin-sop",)), "unknown ends 'origin-sop'.*nearest: origin-stop"),
     (dict(ends=()), "no ends"),
     (dict(system=saltus.vibro_impact_nes(rho=0.5)), "restitution 0.5"),
-    (dict(system=one_sided()), "odd symmetry"),
+    (dict(system=one_sided(), ends=("origin-origin",)), "odd symmetry"),
     (dict(system=ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), -1.0, 1.0),))), "two degrees of freedom; this system has 1"),
     (
         dict(system=ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), (Stop((1.0, 0.0), -1, 1), Stop((0.0, 1.0), -1, 1)))),
@@ -327,6 +327,14 @@ def test_what_cannot_be_searched(given, message):
     options = {"system": SYSTEM, "energy": 1.0, "quarter_period": 2.0, "impacts": 2} | given
     with pytest.raises(ValueError, match=message):
         discover(options.pop("system"), options.pop("energy"), **options)
+
+
+def test_a_system_without_odd_symmetry_is_searched_between_all_the_ends_that_it_has():
+    """Oracle: the same search with these ends named."""
+    given = {"ends": ("rest-rest", "rest-stop", "stop-stop")}
+    default, named = (discover(one_sided(), 1.0, quarter_period=3.0, impacts=2, **ends) for ends in ({}, given))
+    assert default.ends == named.ends and default.orbits
+    assert [orbit.solution.y.tobytes() for orbit in default.orbits] == [orbit.solution.y.tobytes() for orbit in named.orbits]
 
 
 def test_problems_kept_from_other_searches_change_nothing():

@@ -325,5 +325,9 @@ def test_bad_input_is_refused(call, words):
 
 
 def test_a_start_beyond_a_stop_is_said():
-    motion = Mover(vibro_impact_nes()).run([1.5, 0.0], [0.0, 0.0], 1.0)
-    assert motion.status is MotionStatus.OUTSIDE and motion.duration == 0.0
+    """Oracle: the gap and its bounds; of many starts each has a status of its own."""
+    mover = Mover(vibro_impact_nes())
+    with pytest.raises(ValueError, match=r"the start lies beyond stop a: its gap is 1\.5, expected -1 to 1"):
+        mover.run([1.5, 0.0], [0.0, 0.0], 1.0)
+    batch = mover.run_many([[1.5, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]], 1.0)
+    assert batch.status == (MotionStatus.OUTSIDE, MotionStatus.DURATION_REACHED) and batch.duration[0] == 0.0

@@ -164,8 +164,8 @@ def test_null_vector_and_energy_gradient(case):
 
 @pytest.mark.parametrize("index", range(0, 40, 3))
 def test_the_conditioning_is_the_smallest_singular_value(index):
-    """Oracle: numpy's singular values of the Jacobian in scaled unknowns, its rows of length 1. The growth of n unit entries is sqrt(n) over
-    the smallest one at most, and less as the signs and its singular vector have less in common."""
+    """Oracle: numpy's singular values of the Jacobian in scaled unknowns, its rows of length 1. The growth of n unit entries is sqrt(n)
+    over the smallest one at most, and less as the signs and its singular vector have less in common."""
     orbit = collection()[index]
     jacobian = orbit.problem.jacobian(orbit.solution.y) * scales_of(orbit.problem, orbit.solution.y)
     jacobian /= np.linalg.norm(jacobian, axis=1)[:, None]

@@ -1,16 +1,23 @@
 """Bad input from Python: one line that says what was received and what was expected; what objects hand out cannot be changed."""
 
+import array
 import copy
 import dataclasses
+import gc
 import math
 import pickle
 
 import numpy as np
 import pytest
+from numba.core.registry import CPUDispatcher
 from sympy import Integer
 
 import saltus
+from branches.catalogue.errors import CatalogueError
+from branches.tracing import follow_family
+from bvp.cycle import cycle_of
 from bvp.damped import Mover
+from bvp.stability import stability
 
 HUGE = 10**400
 DIGITS = 10**5000
@@ -22,6 +29,11 @@ BEYOND = "a whole number of 1329 bits, beyond all floats"
 def system(**changes):
     """The reference system."""
     return saltus.vibro_impact_nes(**changes)
+
+
+def spring(k):
+    """An oscillator from its energies, with the parameter k."""
+    return saltus.ImpactSystem.from_lagrangian("x_dot**2/2", "k*x**2/2", ["x"], gaps=[("x", -1, 1)], parameters={"k": k})
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +74,7 @@ CALLS = [
     (lambda branch: branch.save(DIGITS), f"a path is text; received {LONG}, expected the name of a file"),
     (lambda branch: saltus.load_scene(DIGITS), f"scene {LONG}: expected a TOML file or the name of a scene that ships"),
     (lambda branch: saltus.read_branch(DIGITS), f"a path is text; received {LONG}, expected the name of a JSON file"),
-    (lambda branch: saltus.Catalogue(DIGITS), f"a path is text; received {LONG}, expected the name of a catalogue"),
+    (lambda branch: saltus.Catalogue(DIGITS), f"a catalogue is the name of a file; received {LONG}"),
     (lambda branch: saltus.trace(DIGITS), f"a name is text such as S13O00+ or U8353-@h=1.9; received {LONG}"),
     (lambda branch: saltus.trace("S13O00+", direction=DIGITS), f"direction {LONG}: expected up, down or both"),
     (lambda branch: saltus.section(system(), 1.0, crossings=DIGITS), f"crossings is a whole number from 1 to 1000000000; received {LONG}"),
@@ -78,6 +90,28 @@ CALLS = [
     (lambda branch: saltus.section(system(), "1"), "the energy of a section is a finite number above 0; received '1'"),
     (lambda branch: saltus.Constant([b"1"]), "load is a list of numbers; received [b'1']"),
     (lambda branch: branch.orbits_at(energy=b"1"), "the energy h is a number; received b'1'"),
+    # buffers and booleans for numbers
+    (lambda branch: saltus.trace("S13O00+", energy=b"12"), "energy range b'12': expected two numbers (LO, HI)"),
+    (lambda branch: saltus.trace("S13O00+", energy=(False, True)), "energy range (False, True): expected two numbers (LO, HI)"),
+    (lambda branch: saltus.Stop(b"12", -1.0, 1.0), "the gap row of a stop is a list of numbers; received b'12'"),
+    (lambda branch: saltus.Stop(bytearray(b"12"), -1.0, 1.0), "the gap row of a stop is a list of numbers; received bytearray(b'12')"),
+    (lambda branch: system(mu=memoryview(b"1")), "mu is a number; received <memory at"),
+    (lambda branch: system(mu=np.array(b"1")), "mu is a number; received array(b'1'"),
+    (lambda branch: system(mu=np.array(True)), "mu is a number; received array(True)"),
+    (lambda branch: system(mu=array.array("b", b"1")), "mu is a number; received array('b', [49])"),
+    (lambda branch: spring(b"1"), "parameter k is a finite real number; received b'1'"),
+    (lambda branch: spring(memoryview(b"1")), "parameter k is a finite real number; received <memory at"),
+    (lambda branch: spring(True), "parameter k is a finite real number; received True"),
+    (lambda branch: branch.orbit(0).sample(b"12"), "times are numbers; received b'12'"),
+    (lambda branch: branch.orbit(0).sample(memoryview(b"12")), "times are numbers; received <memory at"),
+    (lambda branch: branch.orbit(0).sample([0.5, True]), "times are numbers; received [0.5, True]"),
+    (lambda branch: Mover(system()).run([False, True], [0, 0], 1.0), "u is a list of 2 numbers; received [False, True]"),
+    (lambda branch: Mover(system()).run([0.5, True], [0, 0], 1.0), "u is a list of 2 numbers; received [0.5, True]"),
+    (lambda branch: Mover(system()).run(memoryview(b"12"), [0, 0], 1.0), "u is a list of 2 numbers; received <memory at"),
+    (lambda branch: Mover(system()).run_many([bytearray(b"1234")], 1.0), "expected numbers; received bytearray(b'1234')"),
+    (lambda branch: Mover(system()).run([0, 0], [0, 0], 1.0, marks=b"1"), "expected numbers; received b'1'"),
+    (lambda branch: saltus.section(system(), 1.0, starts=b"12"), "starts is an array of numbers of shape (m, 2); received b'12'"),
+    (lambda branch: saltus.section(system(), 1.0, orbits=1, longest=b"1"), "longest is a finite time above 0; received b'1'"),
     # another kind of object
     (lambda branch: branch.neighbours(None), "an event is one of branch.events or its id; received None"),
     (lambda branch: branch.switch(3), "an event is one of branch.events or its id; received 3"),
@@ -89,6 +123,7 @@ CALLS = [
     (lambda branch: saltus.trace("S13O00+", scene=dataclasses.replace(saltus.load_scene(), loads=("forces",))), "the scene has [[forces]]"),
     # states and files
     (lambda branch: saltus.run(system(), [2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
+    (lambda branch: Mover(system()).run([2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
     (lambda branch: branch.save("x.mat"), "cannot save a branch as 'x.mat': expected a name that ends in .json or .csv"),
     (lambda branch: branch.save("x"), "cannot save a branch as 'x': expected a name that ends in .json or .csv"),
 ]
@@ -104,7 +139,49 @@ def test_a_bad_call_is_one_line(branch, tmp_path, monkeypatch, call, expected):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.scene])
+CATALOGUE_CALLS = [
+    (lambda catalogue: catalogue.find(None), "a name is text such as S13O00+, U83@h=1.9 or an id; received None"),
+    (lambda catalogue: catalogue.find(b"S13O00+"), "a name is text such as S13O00+, U83@h=1.9 or an id; received b'S13O00+'"),
+    (lambda catalogue: catalogue.branch(None), "a family is named by its id, such as origin-stop+::44db5a75; received None"),
+    (lambda catalogue: catalogue.points(None), "a family is named by its id, such as origin-stop+::44db5a75; received None"),
+    (lambda catalogue: catalogue.events(3), "a family is named by its id, such as origin-stop+::44db5a75; received 3"),
+    (lambda catalogue: catalogue.families(energy=b"1"), "the energy of families is a finite number; received b'1'"),
+    (lambda catalogue: catalogue.families(energy=math.nan), "the energy of families is a finite number; received nan"),
+    (lambda catalogue: catalogue.families(label=3), "the label of families is text; received 3"),
+    (lambda catalogue: catalogue.families(ends=["origin"]), "the ends of families is text; received ['origin']"),
+    (lambda catalogue: catalogue.families(impacts=3), "the impacts of families are two numbers, the least and the most; received 3"),
+    (lambda catalogue: saltus.Catalogue(None), "a catalogue is the name of a file; received None"),
+    (lambda catalogue: saltus.Catalogue(3, "r"), "a catalogue is the name of a file; received 3"),
+    (lambda catalogue: saltus.Catalogue(b"a.sqlite", "a"), "a catalogue is the name of a file; received b'a.sqlite'"),
+]
+
+
+@pytest.mark.parametrize(("call", "expected"), CATALOGUE_CALLS, ids=[words[:60] for _, words in CATALOGUE_CALLS])
+def test_a_bad_call_of_a_catalogue_is_one_line(tmp_path, branch, call, expected):
+    """Oracle: the argument; the kind of the errors of catalogues."""
+    with saltus.Catalogue(tmp_path / "a.sqlite", "a", scene=saltus.load_scene()) as catalogue:
+        catalogue.add(branch)
+        with pytest.raises(CatalogueError) as caught:
+            call(catalogue)
+        assert expected == str(caught.value)
+        assert None not in catalogue and [] not in catalogue
+
+
+@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.find("S13O00+")])
+@pytest.mark.parametrize("mode", ["r", "a"])
+def test_a_catalogue_that_was_read_before_it_was_closed_says_so(tmp_path, branch, mode, use):
+    """Oracle: the state that it is in."""
+    path = tmp_path / "a.sqlite"
+    with saltus.Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
+        catalogue.add(branch)
+    catalogue = saltus.Catalogue(path, mode)
+    assert catalogue.families() and catalogue.find("S13O00+")
+    catalogue.close()
+    with pytest.raises(CatalogueError, match=r"the catalogue .*a\.sqlite is closed; expected one that is open"):
+        use(catalogue)
+
+
+@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.__enter__()])
 @pytest.mark.parametrize("mode", ["r", "a"])
 def test_a_closed_catalogue_says_so(tmp_path, mode, use):
     """Oracle: the state that it is in."""
@@ -121,20 +198,70 @@ def test_scenes_and_branches_can_be_copied(branch, twin):
     """Oracle: what the copy computes."""
     scene = saltus.load_scene()
     copied = twin(scene)
-    assert copied.pins == scene.pins and copied.complete == scene.complete and copied.system.describe() == scene.system.describe()
+    assert copied == scene and copied.pins == scene.pins and copied.system.describe() == scene.system.describe()
     assert saltus.trace("S13O00+", scene=copied, energy=(0.3, 0.5)).points["h"].tolist() == branch.points["h"].tolist()
     assert twin(branch).points["h"].tolist() == branch.points["h"].tolist() and twin(branch).id == branch.id
 
 
+def shaken(force=0.5):
+    """A scene with a load."""
+    return dataclasses.replace(saltus.load_scene(), forces=(saltus.Harmonic(2.0, [0.0, force]),))
+
+
+def test_scenes_with_the_same_content_are_equal():
+    """Oracle: the same file read twice; one number that differs, in each part."""
+    scene = saltus.load_scene()
+    assert saltus.load_scene() == scene and shaken() == shaken() and scene != "lee2009"
+    others = [saltus.load_scene(mu=0.2), shaken(), dataclasses.replace(scene, pins={}), dataclasses.replace(scene, energy=(0.1, 1.0))]
+    assert not any(other == scene for other in others) and shaken(0.6) != shaken()
+
+
+def lent(array):
+    """Whether numpy refuses to write to an array, and to make it or what it is a view of writable."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return False
+        with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+            array.setflags(write=True)
+        array = array.base
+    return True
+
+
+def test_kernels_are_not_compiled_again_for_arrays_that_cannot_be_changed(branch):
+    """Oracle: how many versions of each kernel there are."""
+
+    def versions():
+        return {id(item): len(item.overloads) for item in gc.get_objects() if isinstance(item, CPUDispatcher)}
+
+    y, tangent = (np.array(values) for values in (branch.orbit(2).solution.y, branch.orbit(2).solution.tangent))
+    problem = branch.problem
+    for writable in (True, False):
+        if not writable:
+            before = versions()
+            y, tangent = branch.orbit(2).solution.y, branch.orbit(2).solution.tangent
+            assert not y.flags.writeable
+        problem.step(y, tangent, 1e-3), problem.residual(y), problem.jacobian(y), problem.end_states(y), cycle_of(problem, y)
+        stability(problem, problem.step(y, tangent, 0.0)), follow_family(problem, y, points=3)
+    assert versions() == before
+
+
 def test_what_objects_hand_out_cannot_be_changed(branch, tmp_path):
-    """Oracle: numpy's own flag, and the saved branch; a copy can be changed."""
+    """Oracle: numpy's own flag, which stays; a copy can be changed."""
     orbit = branch.orbit(2)
     twins = branch, pickle.loads(pickle.dumps(branch)), copy.deepcopy(branch)
     arrays = {f"{k}.{name}": values for k, item in enumerate(twins) for name, values in item.points.items()}
     arrays |= {f"orbit.{name}": getattr(orbit, name) for name in ("multipliers", "velocities", "impact_speeds")}
     arrays |= {f"described.{name}": values for name, values in orbit.described.columns.items()}
+    arrays |= {f"solution.{name}": getattr(orbit.solution, name) for name in ("y", "tangent", "position", "ends", "result")}
+    arrays |= {"whole.h": branch.whole.h, "whole.alpha": branch.whole.alpha}
+    motion = saltus.run(system(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 1.0], 20.0)
+    arrays |= {f"motion.{name}": values for name, values in vars(motion).items() if isinstance(values, np.ndarray)}
+    arrays |= {"motion.after": motion.after, "motion.peaks": motion.peaks}
+    with saltus.Catalogue(tmp_path / "a.sqlite", "a", scene=saltus.load_scene()) as catalogue:
+        arrays |= {f"catalogue.{name}": values for name, values in catalogue.points(catalogue.add(branch)).items()}
     for name, values in arrays.items():
-        assert not values.flags.writeable, name
+        assert lent(values), name
+    assert motion.impacts > 0
     scene = saltus.load_scene()
     for mapping in (branch.points, scene.pins, scene.complete, next(iter(scene.pins.values()))):
         for change in (

@@ -151,7 +151,7 @@ CASES = [
     ("discover --energy 1 --ends origin-origin,", ["unknown ends ''"]),
     ("discover --energy 1 --rho 0.7", ["restitution 0.7", "stop a"]),
     ("discover --energy 1 --scene {one_sided}", ["two degrees of freedom", "this system has 1"]),
-    ("discover --energy 1 --scene {uneven}", ["origin-origin", "odd symmetry", "rest-rest"]),
+    ("discover --energy 1 --ends origin-origin --scene {uneven}", ["origin-origin", "odd symmetry", "rest-rest"]),
     ("discover --energy 1 --json {missing}/a.json", ["cannot write", "does not exist"]),
     # words of the command line
     ("contnue S13O00+", ["'contnue'", "nearest: continue"]),

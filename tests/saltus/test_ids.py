@@ -69,6 +69,68 @@ def test_an_orbit_and_a_motion_of_a_one_sided_scene_are_named_by_id(capsys, scen
     assert code == 0 and json.loads(out)["initial"]["on"]["alpha"] == pytest.approx(alpha, rel=1e-10)
 
 
+@pytest.fixture(scope="module")
+def kept(scene, branches, tmp_path_factory):
+    """A catalogue of these families."""
+    path = tmp_path_factory.mktemp("one_sided") / "one.sqlite"
+    with saltus.Catalogue(path, "a", scene=saltus.load_scene(scene)) as catalogue:
+        for branch in branches.values():
+            catalogue.add(branch)
+    return path
+
+
+@pytest.mark.parametrize("command", [("orbit",), ("continue", "--points", "5"), ("run", "--duration", "1", "--on")])
+def test_a_part_of_an_id_names_the_family_for_every_command(capsys, scene, branches, kept, command):
+    """Oracle: what the command reports for the whole id."""
+    id = next(id for id, branch in branches.items() if not branch.label)
+    given = ["--energy", "0.9:1.1"] if "continue" in command else []
+
+    def report(name):
+        return run(capsys, *command, name, *given, "--scene", scene, "--catalogue", kept)
+
+    suffix = "@h=1"
+    whole = report(id + suffix)
+    assert whole[0] == 0 and id in whole[1], whole[2]
+    hash = id.rpartition(":")[2]
+    for part in (hash, hash[:4], id[:-4], f"{id[:6]}..:{hash}"):
+        assert report(part + suffix) == whole
+    refused(report("00000000@h=1"), str(kept), "begins with '00000000'", id)
+    refused(report("rest@h=1"), "3 families have an id that begins with 'rest'", id)
+
+
+def test_a_part_of_an_id_needs_a_catalogue(capsys, scene, monkeypatch, tmp_path):
+    """Oracle: the scene has no catalogue of its own."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    for words in (("orbit", "87dd6282"), ("continue", "87dd6282"), ("run", "--duration", "1", "--on", "87dd6282")):
+        refused(run(capsys, *words, "--scene", scene), "87dd6282 is a part of an id", "expected --catalogue FILE")
+
+
+def test_orbits_without_a_label_are_listed_by_id(capsys, scene, branches, kept):
+    """Oracle: the branch's quarter period at the energy, and at another one that does not exist."""
+    id, branch = next((id, branch) for id, branch in branches.items() if not branch.label)
+    alpha = branch.orbit_at(energy=1.0).alpha
+    asked = ("--energy", "1", "--alpha", repr(2 * alpha), "--scene", scene, "--catalogue", kept)
+    refused(run(capsys, "orbit", id, *asked), f"nearest: {id}@h=1,alpha={alpha:.6g}")
+
+
+def test_a_search_without_a_catalogue_names_orbits_that_have_no_label(capsys, scene, branches):
+    """Oracle: the ids of the branches; the family that is followed by that name passes through the orbit."""
+    code, out, err = run(capsys, "discover", "--energy", "1", "--max-impacts", "1", "--scene", scene, "--json", "-")
+    data = json.loads(out)
+    assert code == 0 and {orbit["family"] for orbit in data["orbits"]} == set(branches) and all(id in err for id in branches)
+    orbit = data["orbits"][0]
+    selected = ("--energy", "1", "--alpha", repr(orbit["alpha"]))
+    code, out, err = run(capsys, "orbit", orbit["family"], *selected, "--scene", scene, "--json", "-")
+    assert code == 0 and json.loads(out)["orbit"]["alpha"] == pytest.approx(orbit["alpha"], rel=1e-10), err
+
+
+@pytest.mark.parametrize("name", ["L11+", "S13O00+"])
+def test_a_scene_without_labels_expects_no_label(capsys, scene, name):
+    """Oracle: labels need an origin, which a gap bounded on one side does not have; its families have ids."""
+    err = refused(run(capsys, "continue", name, "--scene", scene), name, "expected the id of a family", "saltus discover")
+    assert "S11O00" not in err
+
+
 def test_an_id_that_no_family_has_is_answered_with_those_that_exist(capsys, scene, branches):
     """Oracle: the ids with the same ends and sequence."""
     there = [id for id in branches if "stop" in id]

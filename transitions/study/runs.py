@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.damped import Mover
+from bvp.damped import BeyondStop, Mover
 from bvp.motion import Batch, Motion, MotionStatus
 from bvp.swift import CLEARED, DECLINED, FULL_COUNT, swift_numbers, swift_runs, with_restitution
 from bvp.system import ImpactSystem
@@ -203,7 +203,11 @@ def _general(
             continue
         n = system.degrees_of_freedom
         for b in runs:
-            motion = mover.run(states[b, :n], states[b, n:], plan.duration, plan.impacts, contact, FRACTIONS)
+            try:
+                motion = mover.run(states[b, :n], states[b, n:], plan.duration, plan.impacts, contact, FRACTIONS)
+            except BeyondStop:
+                out["ended"][b] = Ending.OUTSIDE.code
+                continue
             _fill(plan, mover, made[k].sharing, _of_motion(motion), b, out)
 
 
