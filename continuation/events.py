@@ -305,7 +305,8 @@ class EventFinder:
         for index, test in enumerate(self._tests):
             a, b = float(before.tests[index]), float(after.tests[index])
             count = sum(event.test == index for event in known)
-            absorbed = any(test.code in event.details.get("absorbed", ()) for event in known)
+            # a branch point next to the start is a zero of this function too
+            absorbed = self._at_branch_points[index] and not self._singular[index] and any(self._singular[event.test] for event in known)
             own = any(point.event is not None and point.event.test == index for point in (before, after))
             if test.kind == "guard" or a != a or b != b or absorbed or own:
                 continue
