@@ -50,7 +50,8 @@ def motion_record(
         "units": {"clearance": units.length, "natural_frequency": units.frequency},
         "initial": {
             **start.record(),
-            "left": _left(told, start, units),
+            "follows": _follows(told, units),
+            "left": _left(told, units),
             "u": (motion.start[: len(start.u)] * units.length).tolist(),
             "v": (motion.start[len(start.u) :] * units.speed).tolist(),
             "energy": motion.initial_energy * e,
@@ -157,16 +158,31 @@ def impact_table(told: Told, units: Units) -> ImpactTable:
     }
 
 
-def _left(told: Told, start: Start, units: Units) -> dict[str, Any] | None:
+def _left(told: Told, units: Units) -> dict[str, Any] | None:
     """Where a motion that starts on an orbit leaves its impact sequence."""
-    from transitions.leaving import leaving
+    left = None if told.began is None else told.began.left
+    return None if left is None else {**left._asdict(), "time": left.time * units.time}
 
-    if start.kind != "orbit" or start.on is None:
+
+def _follows(told: Told, units: Units) -> dict[str, Any] | None:
+    """The family that a motion starts on, up to where it leaves the impact sequence, or impacts no more."""
+    began = told.began
+    if began is None:
         return None
-    impacts = impact_table(told, units)
-    hits = list(zip(impacts["time"].tolist(), impacts["stop"].tolist(), strict=True))
-    found = leaving([(i.time, i.stop) for i in start.on.impacts], hits)
-    return None if found is None else found._asdict()
+    # The first impact at another stop, and what it dissipates, is not of this time.
+    end = began.end if began.left is None else float(np.nextafter(began.end, 0.0))
+    energies = told.sharing.energies(told.motion, [0.0, end])[0]
+    nes, lo, _ = told.sharing.dissipated(told.motion, [end])
+    return {
+        "family": began.family,
+        "name": began.name,
+        "label": began.label,
+        "end": began.end * units.time,
+        "impacts": began.impacts,
+        "energies": sorted((energies * units.energy).tolist()),
+        "dissipated_nes": float(nes[0]) * units.energy,
+        "dissipated_lo": float(lo[0]) * units.energy,
+    }
 
 
 def _chatter(told: Told, units: Units) -> list[dict[str, Any]]:

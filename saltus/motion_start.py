@@ -38,6 +38,8 @@ class Start:
         The orbit that it is on.
     branch : Branch or None
         Its family.
+    name : str
+        What the family is called: the name that was asked for where that is a whole label, "" for its id.
     """
 
     kind: str
@@ -46,16 +48,15 @@ class Start:
     leaving: str | None = None
     on: Orbit | None = None
     branch: Branch | None = None
-
-    @property
-    def name(self) -> str:
-        """The label of the orbit that it is on, or the id of its family; empty where it is on none."""
-        return "" if self.on is None or self.branch is None else self.on.label or self.branch.id
+    name: str = ""
 
     @property
     def text(self) -> str:
         """What it is, in words."""
-        where = "" if self.on is None else f"{self.name} at h = {self.on.h:.10g}, alpha = {self.on.alpha:.10g}"
+        where = ""
+        if self.on is not None and self.branch is not None:
+            counted = f" (counted {self.on.label})" if self.on.label and self.on.label != self.name else ""
+            where = f"{self.name or self.branch.id}{counted} at h = {self.on.h:.10g}, alpha = {self.on.alpha:.10g}"
         return {
             "orbit": f"on {where}",
             "impulsive": "impulsive: the oscillator's velocity alone" + (f", on {where}" if where else ""),
@@ -68,7 +69,7 @@ class Start:
         """As JSON has it, without the state."""
         on = None
         if self.on is not None and self.branch is not None:
-            on = {"label": self.on.label, "family": self.branch.id, "h": self.on.h, "alpha": self.on.alpha}
+            on = {"name": self.name, "label": self.on.label, "family": self.branch.id, "h": self.on.h, "alpha": self.on.alpha}
         return {"kind": self.kind, "on": on}
 
 
@@ -172,13 +173,27 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
     branch = family_of(text, scene, energy, arguments)
     if arguments.impulsive:
         h, alpha = _impulsive_orbit(branch, name, energy)
-        return Start("impulsive", np.zeros(scene.system.degrees_of_freedom), _impulsive(scene, h), None, _nearest(branch, h, alpha), branch)
+        on = _nearest(branch, h, alpha)
+        rest = np.zeros(scene.system.degrees_of_freedom)
+        return Start("impulsive", rest, _impulsive(scene, h), None, on, branch, "" if on is None else _called(name, on))
     orbit = select(branch, name, energy, name.alpha)
+    called = _called(name, orbit)
     if orbit.velocities is not None:
-        return Start("orbit", np.zeros(len(orbit.velocities)), orbit.velocities, None, orbit, branch)
+        return Start("orbit", np.zeros(len(orbit.velocities)), orbit.velocities, None, orbit, branch, called)
     u, v = orbit.sample(np.zeros(1))
     first = orbit.impacts[0] if orbit.impacts and orbit.impacts[0].time == 0.0 else None
-    return Start("orbit", u[0], v[0], first.stop if first is not None else None, orbit, branch)
+    return Start("orbit", u[0], v[0], first.stop if first is not None else None, orbit, branch, called)
+
+
+def _called(name: Name, orbit: Orbit) -> str:
+    """What the family of a start is called: the label that was asked for; where that leaves something open, or an id was asked for, the
+    label of the orbit."""
+    from branches.labels import matches, parse
+
+    if name.label is None:
+        return orbit.label
+    open_fits = not name.label.is_complete and bool(orbit.label) and matches(name.label, parse(orbit.label))
+    return orbit.label if open_fits else str(name.label)
 
 
 def _impulsive_orbit(branch: Branch, name: Name, energy: float | None) -> tuple[float, float]:

@@ -31,7 +31,7 @@ def describe(told: Told, start: Start, record: dict[str, Any], impacts: ImpactTa
     """
     initial, motion = record["initial"], told.motion
     yield f"start    {start.text}, energy {initial['energy']:.10g}"
-    yield from (f"leaves   {text}" for text in of_the_start(start, record, len(impacts["time"])))
+    yield from (f"leaves   {text}" for text in of_the_start(told, record, len(impacts["time"])))
     yield f"state    u = {_numbers(initial['u'])}  v = {_numbers(initial['v'])}"
     yield f"ended    {motion.status.value}, at time {record['duration']:.10g}"
     last = f", the last at {record['last_impact']:.10g}" if record["last_impact"] is not None else ""
@@ -65,12 +65,12 @@ def describe(told: Told, start: Start, record: dict[str, Any], impacts: ImpactTa
     yield from _stage_lines(told, record)
 
 
-def of_the_start(start: Start, record: dict[str, Any], count: int) -> list[str]:
+def of_the_start(told: Told, record: dict[str, Any], count: int) -> list[str]:
     """How long the motion keeps the impact sequence of the orbit that it starts on, in at most one line: a stage may follow another family
     from the first impact on. `count`: of the impacts."""
-    if start.kind != "orbit" or start.on is None:
+    if told.began is None:
         return []
-    name = start.name
+    name = told.began.called
     left = record["initial"]["left"]
     if left is not None:
         where = f"impact {left['impact']} is at stop {left['stop']}, that of the orbit at stop {left['expected']}"
@@ -129,12 +129,20 @@ def _stage_lines(told: Told, record: dict[str, Any]) -> Iterator[str]:
     by = "  ".join(f"{'by ' + name:>8}" for name in told.sharing.names)
     yield f"{'stage':<5}  {'from':>9}  {'to':>9}  {'periods':>7}  {'frequency':>9}  {'energy':>19}  {by}  follows"
     scale = record["shares_of"]["energy"] or 1.0
-    for k, (stage, data) in enumerate(zip(told.stages, record["stages"], strict=True), 1):
+
+    def spent(data: dict[str, Any]) -> str:
         span = f"{data['energies'][1]:.4g} to {data['energies'][0]:.4g}"
-        shares = f"{data['dissipated_nes'] / scale:>8.3%}  {data['dissipated_lo'] / scale:>8.3%}"
+        return f"{span:>19}  {data['dissipated_nes'] / scale:>8.3%}  {data['dissipated_lo'] / scale:>8.3%}"
+
+    if told.began is not None:
+        data = record["initial"]["follows"]
+        head = f"{'start':<5}  {0.0:>9.5g}  {data['end']:>9.5g}  {'':>7}  {'':>9}"
+        yield f"{head}  {spent(data)}  follows {told.began.called}, where it starts: {told.began.kept}"
+    for k, (stage, data) in enumerate(zip(told.stages, record["stages"], strict=True), 1):
         head = f"{k:<5}  {data['start']:>9.5g}  {data['end']:>9.5g}  {data['periods']:>7.1f}  {data['frequency']:>9.5g}"
-        yield f"{head}  {span:>19}  {shares}  {stage.text}"
+        yield f"{head}  {spent(data)}  {stage.text}"
     if record["changes"]:
         yield f"{'change':<8}  {'at':>9}"
     for change in record["changes"]:
-        yield f"{change['kind']:<8}  {change['time']:>9.5g}  harmonic {change['harmonic']} of {change['label'] or change['family']}"
+        called = change["name"] or change["label"] or change["family"]
+        yield f"{change['kind']:<8}  {change['time']:>9.5g}  harmonic {change['harmonic']} of {called}"

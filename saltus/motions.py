@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from transitions.extents import Extents
     from transitions.sharing import Sharing
     from transitions.stage import Stage
+    from transitions.start_family import StartFamily
     from transitions.transition import Transition
 
 __all__ = ["NOT_ASKED", "Told", "Watched", "default_duration", "run_locked", "run_scene", "tell_stages"]
@@ -70,6 +71,8 @@ class Told:
         Its record and stages, where they can be told.
     why_no_stages : str
         Why they cannot, or not to the end.
+    began : transitions.start_family.StartFamily or None
+        The family that it starts on, and how long it keeps the impact sequence of that.
     """
 
     motion: Motion
@@ -78,6 +81,7 @@ class Told:
     reference: float
     shown: Transition | None = None
     why_no_stages: str = ""
+    began: StartFamily | None = None
 
     @property
     def interrupted(self) -> bool:
@@ -121,7 +125,22 @@ def run_scene(
     from transitions.sharing import sharing_of
 
     shared = sharing_of(scene.system, scene.nes, scene.lo)
-    return _told(scene.system, shared, scene.forces, start.u, start.v, duration, max_impacts, start.leaving, scene.nes, on_progress)
+    told = _told(scene.system, shared, scene.forces, start.u, start.v, duration, max_impacts, start.leaving, scene.nes, on_progress)
+    return replace(told, began=_began(start, told.motion))
+
+
+def _began(start: Start, motion: Motion) -> StartFamily | None:
+    """The family that a motion starts on, None where it starts on none."""
+    from bvp.motion import EventKind
+    from transitions.start_family import start_family
+
+    if start.on is None or start.branch is None:
+        return None
+    rows = np.flatnonzero(motion.kinds == EventKind.IMPACT.value).tolist()
+    letters = motion.system.modes.contact_letters
+    impacts = [(float(motion.times[k]), letters[int(motion.contacts[k])]) for k in rows]
+    end = motion.duration if motion.clear_from is None else None
+    return start_family(start.branch.id, start.name, start.on, (start.u, start.v), impacts, end)
 
 
 def run_locked(
@@ -216,8 +235,8 @@ def tell_stages(
     finest = FINEST * wanted / span  # a unit of time
     while True:
         try:
-            shown = Transition(scene.system, sampled(told.motion, told.sharing, samples, span), gap)
-            stages = stages_of(shown.record, gap, families, on_progress=on_progress)
+            shown = Transition(scene.system, sampled(told.motion, told.sharing, samples, span), gap, start=told.began)
+            stages = stages_of(shown.record, gap, families, start=told.began, on_progress=on_progress)
         except TooCoarse as error:
             # Twice as fine: with more samples, or, where these are as many as there can be, over half of the time.
             if 2.0 * samples / span > finest:

@@ -154,6 +154,11 @@ class Scene:
             return {}
         return {name: dict(point) for name, point in self.pins.items()}
 
+    def names_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
+        """Return all names that hold for a system, with their points as `pins_for`, or ``{}`` where a name needs none."""
+        pins = self.pins_for(system)
+        return {name: pins[name] if name in pins else {} for name in self.names} if system.describe() == self.system.describe() else {}
+
 
 def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) -> Scene:
     """Read a scene.

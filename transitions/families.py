@@ -133,6 +133,25 @@ class Family:
         """The label at a place of the family, an index of its points or between two."""
         return str(self.labels[round(point)])
 
+    def closest(
+        self, energies: np.ndarray, frequencies: np.ndarray, gap: tuple[float, ...]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The closest harmonic at energies and frequencies (j,): base-2 logarithm of the frequency of the orbit, harmonic, and the part of
+        the amplitude that it carries; NaN, 1 and 0 where no orbit has the energy."""
+        level, pitch = np.log(energies), np.log2(frequencies)
+        pitches = np.log2(0.5 * math.pi / self.alpha)
+        own, harmonic, place = np.full(len(level), np.nan), np.ones(len(level)), np.zeros(len(level))
+        least = np.full(len(level), np.inf)
+        for rising, index in self._strands:
+            at = np.interp(level, rising, index)
+            mine = np.interp(at, np.arange(len(pitches)), pitches)
+            near = np.clip(np.round(2.0 ** np.clip(pitch - mine, -1.0, 10.0)), 1.0, _HARMONICS)
+            away = np.abs(pitch - mine - np.log2(near))
+            better = (level >= rising[0]) & (level <= rising[-1]) & (away < least)
+            own[better], harmonic[better], place[better], least[better] = mine[better], near[better], at[better], away[better]
+        shares = self.shares_at(place, gap)[np.arange(len(level)), harmonic.astype(int) - 1]
+        return own, harmonic, np.where(np.isfinite(own), shares, 0.0)
+
     def meet(self, energies: np.ndarray, frequencies: np.ndarray, gap: tuple[float, ...]) -> list[Meeting]:
         """Its harmonics that carry a fifth of the orbit's amplitude and are within 0.05 octave, at energies and frequencies (j,)."""
         level, pitch = np.log(energies), np.log2(frequencies)

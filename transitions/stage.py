@@ -30,6 +30,8 @@ class Follows:
     others : tuple of str
         Ids of the other families that fit as well (`transitions.following.best_of` says what that means): by spectrum and impacts they are
         not told apart, and this one is named because it has the fewest impacts in a period.
+    name : str
+        What the family is called in place of its label: that of the start has one name in all stages.
     """
 
     family: str
@@ -40,6 +42,23 @@ class Follows:
     impacts: int
     harmonics: tuple[int, ...]
     others: tuple[str, ...]
+    name: str = ""
+
+    @property
+    def called(self) -> str:
+        """Its name, else its label, else its id.
+
+        Examples
+        --------
+        >>> Follows("a", "S55E22+", 5, 0.0, 0.5, 2, (5,), (), "S95E22-").called
+        'S95E22-'
+        """
+        return self.name or self.label or self.family
+
+    @property
+    def counted(self) -> str:
+        """The label, where the family is called otherwise."""
+        return self.label if self.name != self.label and self.name else ""
 
     @property
     def beside(self) -> str:
@@ -86,6 +105,8 @@ class Stage:
         Strongest first.
     follows : Follows or None
         None: it is at no harmonic of any family that carries a fifth of the orbit's amplitude, or no families were given.
+    why : str
+        Why it does not follow the family that the motion starts on; "" where it does, or the motion starts on none.
     """
 
     start: float
@@ -100,6 +121,7 @@ class Stage:
     impacts: int
     companions: tuple[Companion, ...]
     follows: Follows | None
+    why: str = ""
 
     @property
     def text(self) -> str:
@@ -110,22 +132,25 @@ class Stage:
         >>> Stage(0, 9, 3, 2.1, (2, 2.2), (1, 2), 0.9, 0, 0, 3, (), None).text
         'follows no family'
         """
+        why = f": {self.why}" if self.why else ""
         if self.follows is None:
-            return "follows no family"
-        which = f"harmonic {self.follows.harmonic} of {self.follows.label or self.follows.family}{self.follows.beside}"
+            return f"follows no family{why}"
+        counted = f" (counted {self.follows.counted} here)" if self.follows.counted else ""
+        which = f"harmonic {self.follows.harmonic} of {self.follows.called}{counted}{self.follows.beside}"
         count = len(self.follows.others)
-        return which + (f" ({count} other{'s fit' if count > 1 else ' fits'} as well)" if count else "")
+        return which + (f" ({count} other{'s fit' if count > 1 else ' fits'} as well)" if count else "") + why
 
 
 @dataclass(frozen=True)
 class Change:
-    """A family that is taken up or left: time, "capture" or "escape", id, label and harmonic."""
+    """A family that is taken up or left: time, "capture" or "escape", id, label and harmonic, and its name as of `Follows`."""
 
     time: float
     kind: str
     family: str
     label: str
     harmonic: int
+    name: str = ""
 
 
 def changes(stages: Sequence[Stage]) -> list[Change]:
@@ -138,7 +163,7 @@ def changes(stages: Sequence[Stage]) -> list[Change]:
         if stage.follows is None:
             continue
         name = stage.follows
-        what = (name.family, name.label, name.harmonic)
+        what = (name.family, name.label, name.harmonic, name.name)
         one = (name.family, name.harmonic)
         before = stages[i - 1].follows if i else None
         after = stages[i + 1].follows if i + 1 < len(stages) else None
@@ -175,4 +200,5 @@ def stage_from_data(data: dict[str, Any]) -> Stage:
         energies=(data["energies"][0], data["energies"][1]),
         companions=tuple(Companion(**item) for item in data["companions"]),
         follows=None if follows is None else Follows(**{**follows, **{name: tuple(follows[name]) for name in ("harmonics", "others")}}),
+        why=data.get("why", ""),
     )

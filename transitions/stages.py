@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -17,6 +17,7 @@ from transitions.record import Record
 from transitions.ridges import HOLDS, SHARE, Held, Ridge, amplitude_of_motion, beside, held, periods, ridges
 from transitions.spectrum import Spectrum, SpectrumRows, morlet_rows, morlet_spectrum
 from transitions.stage import Companion, Follows, Stage
+from transitions.start_family import StartFamily, why_another
 
 __all__ = ["spectrum_of", "stages_of"]
 
@@ -45,6 +46,7 @@ def stages_of(
     gap: Sequence[float],
     families: Families | None = None,
     *,
+    start: StartFamily | None = None,
     spectrum: SpectrumRows | None = None,
     on_progress: Callable[[float], object] | None = None,
 ) -> list[Stage]:
@@ -62,6 +64,8 @@ def stages_of(
         (1, -1) for u1 - u2.
     families : Families, optional
         As `transitions.families.families_of` gives them, for the same gap coordinate.
+    start : StartFamily, optional
+        The family that the motion starts on: stages have its name, and say why they do not follow it.
     spectrum : SpectrumRows, optional
         Of the gap coordinate; by default that of the default wavelet, of which a row at a time is kept.
     on_progress : callable, optional
@@ -88,7 +92,9 @@ def stages_of(
     found = ridges(spectrum, record.times, w)
     out: list[Stage] = []
     for interval in held(spectrum, found):
-        out += [_stage(record, spectrum, found, part) for part in _parts(record, w, spectrum, found, interval, families)]
+        for part in _parts(record, w, spectrum, found, interval, families):
+            stage = _stage(record, spectrum, found, part)
+            out.append(stage if start is None or families is None else _beside_start(stage, start, families, record, spectrum, part.held))
         if on_progress is not None:
             on_progress(float(spectrum.times[interval.last]))
     return out
@@ -233,6 +239,17 @@ def _stage(record: Record, spectrum: SpectrumRows, found: Sequence[Ridge], part:
         _companions(found, ridge, frequency),
         follows,
     )
+
+
+def _beside_start(
+    stage: Stage, start: StartFamily, families: Families, record: Record, spectrum: SpectrumRows, ridge: Held
+) -> Stage:
+    """The stage with the name of the family that the motion starts on, or with the reason why it does not follow that."""
+    if stage.follows is not None and stage.follows.family == start.family:
+        return replace(stage, follows=replace(stage.follows, name=start.name))
+    times = spectrum.times[ridge.first : ridge.last + 1]
+    why = why_another(start, families, record, times, ridge.frequencies, stage.impacts, stage.periods)
+    return replace(stage, why=why)
 
 
 def _impacts(record: Record, start: float, end: float) -> int:

@@ -14,6 +14,7 @@ from transitions.record import Record
 from transitions.spectrum import Spectrum, Wavelet
 from transitions.stage import Stage
 from transitions.stages import spectrum_of
+from transitions.start_family import StartFamily
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
@@ -45,6 +46,8 @@ class Transition:
     wavelet : Wavelet
     frequencies : (float, float) or None
         Range of the spectrum; None for the band of the signal.
+    start : StartFamily or None
+        The family that the motion starts on.
     """
 
     system: ImpactSystem
@@ -53,6 +56,7 @@ class Transition:
     stages: Sequence[Stage] = ()
     wavelet: Wavelet = Wavelet()
     frequencies: tuple[float, float] | None = None
+    start: StartFamily | None = None
 
     @cached_property
     def spectrum(self) -> Spectrum:
@@ -84,6 +88,7 @@ def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
 
     require_same(catalogue.system, transition.system)
     followed = {stage.follows.family for stage in transition.stages if stage.follows is not None}
+    followed |= set() if transition.start is None else {transition.start.family}
     rows = [row for row in catalogue.families() if row.impacts <= BACKBONE or row.id in followed]
     branches = [catalogue.branch(row.id) for row in rows]
     # A name without a cited point is for every family with the label: those that are followed are named first.

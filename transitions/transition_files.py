@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from branches.export.picture_data import Layout, read_data, told, write_data
@@ -42,6 +43,7 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
         "wavelet": {"bandwidth": transition.wavelet.bandwidth, "centre": transition.wavelet.centre},
         "frequencies": None if transition.frequencies is None else list(transition.frequencies),
         "stages": stages_as_data(transition.stages),
+        "start": None if transition.start is None else asdict(transition.start),
     }
     write_data(_LAYOUT, about, {name: getattr(record, name) for name in (*_SINGLE, *_WIDE)}, path)
 
@@ -60,6 +62,7 @@ def read_transition(path: str | os.PathLike[str]) -> Transition:
         from transitions.record import Record
         from transitions.spectrum import Wavelet
         from transitions.stage import stage_from_data
+        from transitions.start_family import start_from_data
         from transitions.transition import Transition
 
         band = about["frequencies"]
@@ -70,4 +73,5 @@ def read_transition(path: str | os.PathLike[str]) -> Transition:
             tuple(stage_from_data(item) for item in about["stages"]),
             Wavelet(float(about["wavelet"]["bandwidth"]), float(about["wavelet"]["centre"])),
             None if band is None else (float(band[0]), float(band[1])),
+            start_from_data(about.get("start")),
         )

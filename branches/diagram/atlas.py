@@ -28,9 +28,10 @@ from branches.diagram.atlas_parts import (
     runs_of,
     title,
 )
-from branches.diagram.event_room import draw_some_events, event_types
+from branches.diagram.event_room import draw_some_events, drawn_types, event_types
 from branches.diagram.files import draw
 from branches.diagram.insets import Inset, draw_insets, place_insets
+from branches.diagram.legends import legend_below
 from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
@@ -49,6 +50,7 @@ MOST_NAMES = 60
 """Families named in one picture, at most."""
 
 _INSET_NAMES, _INSET_FAR = 12, 26.0
+_COLUMNS = 4  # of the legend, at most
 
 
 def draw_atlas(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
@@ -106,10 +108,10 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         energy_axis(axes, atlas, x_limits)
         frequency_axis(axes, atlas, frequency, shown)
         runs = runs_of(curves)
-        entries = legend_entries(seen([(axes, runs)]), event_types(curves))
-        entries += other_entries(atlas, modes, stars is not None)
+        codes, others = seen([(axes, runs)]), other_entries(atlas, modes, stars is not None)
         named = names_of(curves) if curves else _star_names(atlas, stars)
-        legend = figure.legend(handles=entries, loc="outside lower center", ncols=min(4, len(entries)), frameon=False, **NOTE)
+        # Which special points have room is known when the panels have their places: the layout leaves room for all of them.
+        legend_below(figure, legend_entries(codes, event_types(curves)) + others, _COLUMNS, **NOTE)
         settle_layout(figure)
         everything = [curve.path() for curve in curves]
         everything += [np.array([[axes.get_xlim()[0], mode.frequency], [mode.h, mode.frequency]]) for mode in modes]
@@ -136,7 +138,8 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         keep_off += draw_some_events(axes, curves, everything, keep_off, "frequency")
         of_modes = _mode_names(axes, modes)
         lines += [detail.frame for detail in drawn]
-        written = label_curves(axes, named, lines, keep_off, most=names, always=of_modes)
+        edges = [edge for detail in drawn for edge in detail.edges]
+        written = label_curves(axes, named, lines, keep_off + edges, most=names, always=of_modes)
         known = {name.key for name in named}
         for detail in drawn:
             spots = [*mark_boxes(detail.axes, modes, stars), detail.inner_letter_box]
@@ -145,6 +148,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
             new = [name for name in inside if name.key not in written][max(0, names - len(written & known)) :]
             inside = [name for name in inside if name not in new]
             written |= label_curves(detail.axes, inside, everything, spots, most=_INSET_NAMES, far=_INSET_FAR, detail=True)
+        legend = legend_below(figure, legend_entries(codes, drawn_types(figure.axes)) + others, _COLUMNS, **NOTE)
         note_named(legend, figure.axes, written, curves or named)
     return figure
 

@@ -23,6 +23,9 @@ _SPACING = 7.0  # points between the places on a curve that a name may point to
 _ROOM = 13.0  # half the width of the surroundings that count as crowded
 _POOL, _ROUNDS = 4, 3  # names that wait for a place, for each that gets one; times that those without room give way
 _HIDDEN, _HIDDEN_IN_DETAIL = 6.0, 1.0  # point lengths of curves that a name may hide
+_COVERS = 8.0  # cost of each point length of curve under a name, as a distance
+_OWN, _SPOTS = 1.5, 1.0  # points: what is so near to a curve is taken for it; between the points of curves that are looked at
+_MODE_ALONE = 4.0  # points that another curve is further from the name of a linear mode than its own line
 FAR = 48.0
 """Points: a name that would stand further off than this is left out, as leaders across the picture tell nothing."""
 
@@ -191,7 +194,7 @@ def label_curves(
         if not chosen:
             return []
         at, sizes = np.array([item.at for item in chosen]), np.array([item.size for item in chosen])
-        places = place_texts(at, sizes, np.array([item.radius for item in chosen]), bounds, boxes, paths)
+        places = place_texts(at, sizes, np.array([item.radius for item in chosen]), bounds, boxes, paths, _COVERS)
         pairs = zip(chosen, places, strict=True)
         return [(item, place) for item, place in pairs if place is not None and _reach(item, place) <= slack * item.far]
 
@@ -206,10 +209,29 @@ def label_curves(
             break
     else:
         done = placed(chosen, 1.5)
-    done = _readable(done, cover, detail)
+    done = _led(_readable(done, cover, detail), axes, paths)
     for item, place in done:
         _write(axes, item, place, to_points)
     return {item.named.key for item, _ in done}
+
+
+def _led(done: Sequence[tuple[_Candidate, Place]], axes: Axes, paths: Sequence[np.ndarray]) -> list[tuple[_Candidate, Place]]:
+    """The names, with a leader also where a name stands beside its own curve but nearer to another one; that of a linear mode also where
+    another curve is almost as near."""
+    spots = np.concatenate([even_points(path, _SPOTS) for path in paths] or [np.empty((0, 2))])
+    out: list[tuple[_Candidate, Place]] = []
+    for item, place in done:
+        corner = np.array([place.left, place.bottom])
+        reach = _reach(item, place)
+        if place.leader is None and len(item.named.x) > 1:
+            slack = _MODE_ALONE if item.named.curve is None else -_SPOTS
+            near = spots[np.hypot(*(np.clip(spots, corner, corner + item.size) - spots).T) < reach + slack]
+            own = even_points(axes.transData.transform(item.named.path()) * 72 / axes.figure.dpi, _SPOTS)
+            if len(near) and len(own) and any(np.hypot(*(own - spot).T).min() > _OWN for spot in near):
+                tip = np.clip(item.at, corner, corner + item.size)
+                place = Place(place.left, place.bottom, (float(tip[0]), float(tip[1])))
+        out.append((item, place))
+    return out
 
 
 def _readable(done: Sequence[tuple[_Candidate, Place]], cover: Cover, detail: bool) -> list[tuple[_Candidate, Place]]:

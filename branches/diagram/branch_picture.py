@@ -9,6 +9,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram.files import draw
+from branches.diagram.legends import legend_below
 from branches.diagram.marks import curve_runs, draw_curve, draw_events, label_events, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
 from branches.diagram.smooth import Curve, smooth
@@ -116,7 +117,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
                 axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
         entries = legend_entries(seen((axes[panel.name], runs[panel.name]) for panel in panels), kinds)
         columns = -(-len(entries) // -(-len(entries) // 6))
-        legend = figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)
+        legend = legend_below(figure, entries, columns)
         if kinds:
             legend.set_title(" ")  # room for the words below
         settle_layout(figure)

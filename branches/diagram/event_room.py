@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from branches.diagram.atlas_labels import Named
 
-__all__ = ["draw_some_events", "event_types"]
+__all__ = ["draw_some_events", "drawn_types", "event_types"]
 
 _SMALLER = 0.7  # than in the picture of one family
 _ROOM = 7.0  # points from the middle of a marker to the next
@@ -28,6 +28,12 @@ def event_types(curves: Sequence[Named]) -> list[str]:
     """Types of the special points of these curves."""
     found = {kind for curve in curves if curve.curve is not None for kind in set(curve.curve.events.tolist())}
     return [kind for kind in EVENTS if kind in found]
+
+
+def drawn_types(panels: Iterable[Axes]) -> list[str]:
+    """Types of the special points that `draw_some_events` drew into panels."""
+    names = {str(line.get_gid()) for axes in panels for line in axes.lines}
+    return [kind for kind in EVENTS if any(name.endswith(f"-events-{kind}") for name in names)]
 
 
 def draw_some_events(

@@ -23,8 +23,10 @@ _STEPS = 24
 _CLEAR = 3.0  # points between a detail and a curve: half a marker on the curve, and some air
 _BESIDE, _MOST_BESIDE = 0.34, 0.5  # part of the width that details beside the axes take, and the most that they may
 _APART = 14.0  # points between the axes and the details beside them
-_LOWEST = 90.0  # points that a detail beside the axes is high at least
-_MARGIN = (24.0, 20.0, 6.0, 6.0)  # room for its own ticks: left, bottom, right, top, in points
+_LOWEST = 88.0  # points that a detail beside the axes is high at least
+_LOW = 70.0  # points: a lower detail has fewer ticks
+_MARGIN = (31.0, 24.0, 6.0, 6.0)  # room for its own ticks and labels: left, bottom, right, top, in points
+_EDGE = 1.5  # half the width of the room of a frame's edge, in points
 _LETTER = (10.0, 12.0)  # room of its letter, in points
 _LARGER = 1.1  # times that a detail is larger than what it shows, in both directions where the frame has room
 _WIDEST, _HIGHEST = 0.6, 0.8  # parts of the frame that a detail takes at most
@@ -49,13 +51,14 @@ Box = tuple[float, float, float, float]
 @dataclass(frozen=True, eq=False)
 class Detail:
     """A detail that was drawn: its axes, and in points the box that it takes with its ticks, and those of its letter outside and inside;
-    the frame (5, 2) around what it shows, in data coordinates."""
+    the frame (5, 2) around what it shows, in data coordinates, and in points a box around each of its edges."""
 
     axes: Axes
     box: Box
     letter_box: Box
     inner_letter_box: Box
     frame: np.ndarray
+    edges: list[Box]
 
 
 def parse_inset(text: str) -> Inset:
@@ -224,9 +227,10 @@ def draw_insets(axes: Axes, places: Sequence[Place], curves: Sequence[np.ndarray
         )
         panel.set_label(f"inset-{letter}")
         logarithmic_axis(panel, "x", (left, right), 4, "", "")
-        (logarithmic_axis if logarithmic else linear_axis)(panel, "y", (low, high), 4, "", "")
-        panel.set_xlabel("")
-        panel.set_ylabel("")
+        ticks = 4 if inner[3] - inner[1] > _LOW else 3
+        (logarithmic_axis if logarithmic else linear_axis)(panel, "y", (low, high), ticks, "", "")
+        panel.set_xlabel(_symbol(axes.get_xlabel()), fontsize=SMALL, labelpad=0.0)
+        panel.set_ylabel(_symbol(axes.get_ylabel()), fontsize=SMALL, labelpad=0.0)
         panel.tick_params(pad=1.5, labelsize=SMALL)
         panel.tick_params(axis="x", pad=5.5)  # below the text of a tick of the other axis in the corner
         content(panel, f"inset-{letter}")
@@ -245,9 +249,21 @@ def draw_insets(axes: Axes, places: Sequence[Place], curves: Sequence[np.ndarray
                 (*place.letter_box.tolist(),),
                 inner_letter_box,
                 np.array([[left, low], [right, low], [right, high], [left, high], [left, low]]),
+                _edges(*(axes.transData.transform([(left, low), (right, high)]).ravel() * to_points)),
             )
         )
     return out
+
+
+def _symbol(label: str) -> str:
+    """The symbol at the end of the label of an axis, which has less room in a detail."""
+    return label[label.index("$") :]
+
+
+def _edges(left: float, bottom: float, right: float, top: float) -> list[Box]:
+    """A box around each edge of a frame."""
+    corners = ((left, bottom, right, bottom), (left, top, right, top), (left, bottom, left, top), (right, bottom, right, top))
+    return [(float(a - _EDGE), float(b - _EDGE), float(c + _EDGE), float(d + _EDGE)) for a, b, c, d in corners]
 
 
 def _letter(panel: Axes, letter: str, curves: Sequence[np.ndarray], style: dict[str, Any]) -> Box:

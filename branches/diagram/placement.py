@@ -149,6 +149,7 @@ class _Scene:
     frame: np.ndarray
     markers: np.ndarray
     cover: Cover
+    covering: float
 
     def nearer_to_another(self, i: int, boxes: np.ndarray, reach: np.ndarray) -> np.ndarray:
         """Which padded `boxes` (a, 4) of text `i`, `reach` (a,) from its point, are as near to another point: bool (a,)."""
@@ -169,7 +170,7 @@ class _Scene:
         tips = _nearest(self.anchors[i], corners, self.sizes[i])
         reach = np.hypot(*(tips - self.anchors[i]).T)
         led = reach > self.radii[i] + _BESIDE
-        cost = reach + _LED * led + _COVERS_CURVE * self.cover.within(boxes)
+        cost = reach + _LED * led + self.covering * self.cover.within(boxes)
         order = np.argsort(cost, kind="stable")
         return _Options(corners[order], boxes[order], tips[order], reach[order], led[order], cost[order])
 
@@ -203,6 +204,7 @@ def place_texts(
     bounds: Sequence[float],
     markers: np.ndarray,
     curves: Sequence[np.ndarray] = (),
+    covering: float = _COVERS_CURVE,
 ) -> list[Place | None]:
     """Places for texts that overlap neither each other nor the markers nor the frame.
 
@@ -214,12 +216,13 @@ def place_texts(
     bounds : left, bottom, right, top of the frame that all texts stay in
     markers : (k, 4) boxes to keep off
     curves : polylines (m, 2), rows that are not finite break them; kept off where possible
+    covering : cost of each point length of curve under a text, as a distance
 
     Returns
     -------
     list of Place, None for a text that has no room.
     """
-    scene = _Scene(anchors, sizes, radii, np.asarray(bounds, dtype=float), markers, Cover(bounds, curves))
+    scene = _Scene(anchors, sizes, radii, np.asarray(bounds, dtype=float), markers, Cover(bounds, curves), covering)
     options = [scene.options(i) for i in range(len(anchors))]
     corners = np.full((len(anchors), 2), np.nan)
     order = np.lexsort((anchors[:, 1], anchors[:, 0]))

@@ -124,6 +124,8 @@ def logarithmic_ticks(low: float, high: float, count: int) -> Ticks:
         shown = [v for v in inside if round(math.log10(v)) % stride == 0]
         return ticks(shown, minor if stride == 1 else tuple(inside))
     finer = [d * 10.0**k for k in decades for d in (1, 2, 5) if low <= d * 10.0**k <= high]
+    if len(inside) == 2 and len(finer) > 2 * count:
+        return ticks(inside, minor)
     if len(finer) > 2:
         return ticks(finer, minor)
     return linear_ticks(low, high, count)

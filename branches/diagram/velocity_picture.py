@@ -24,8 +24,9 @@ from branches.diagram.atlas_parts import (
     star_entry,
     title,
 )
-from branches.diagram.event_room import draw_some_events, event_types
+from branches.diagram.event_room import draw_some_events, drawn_types, event_types
 from branches.diagram.files import draw
+from branches.diagram.legends import legend_below
 from branches.diagram.marks import draw_curve, legend_entries, seen
 from branches.diagram.scales import linear_axis, linear_limits, logarithmic_limits
 from branches.diagram.style import new_figure, picture_settings, settle_layout
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_velocities", "velocities_figure"]
 
+_COLUMNS = 5  # of the legend, at most
 MOST_NAMES = 30
 """Families named in one panel, at most."""
 
@@ -91,12 +93,12 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
             drawn.append((axes, k, of_panel, runs_of(of_panel)))
         for axes in panels[:-1]:
             axes.set_xlabel("")
-        entries = legend_entries(seen((axes, runs) for axes, _, _, runs in drawn), event_types(drawn[0][2]))
-        if len(atlas.manifold_h):
-            entries += manifold_entry("impulsive motions")
+        codes = seen((axes, runs) for axes, _, _, runs in drawn)
+        others = manifold_entry("impulsive motions") if len(atlas.manifold_h) else []
         if stars is not None:
-            entries += star_entry()
-        legend = figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False, **NOTE)
+            others += star_entry()
+        # Which special points have room is known when the panels have their places: the layout leaves room for all of them.
+        legend_below(figure, legend_entries(codes, event_types(drawn[0][2])) + others, _COLUMNS, **NOTE)
         settle_layout(figure)
         written: set[str] = set()
         for axes, k, of_panel, runs in drawn:
@@ -112,6 +114,7 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_NAMES) -> Figure:
             everything = [curve.path() for curve in of_panel] + manifold_paths(atlas, k)
             spots += draw_some_events(axes, of_panel, everything, spots, name)
             written |= label_curves(axes, names_of(of_panel), everything, spots, most=names)
+        legend = legend_below(figure, legend_entries(codes, drawn_types(figure.axes)) + others, _COLUMNS, **NOTE)
         note = f"; {left_out} that do not start at the origin left out" if left_out else ""
         note_named(legend, figure.axes, written, drawn[0][2], note)
     return figure

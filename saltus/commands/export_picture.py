@@ -129,7 +129,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
         bounds, missing = regime_bounds(system, everything)
         for text in missing:
             print(f"note   no bound {text}", flush=True)
-    atlas = atlas_of(system, branches, pinned=scene.pins_for(system), manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
+    atlas = atlas_of(system, branches, pinned=scene.names_for(system), manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
     return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
 
 

@@ -150,8 +150,10 @@ def _write(
     def picture(path: Path) -> None:
         if told.shown is None:
             raise outputs.NotDrawn(f"cannot draw {files.plot}: {told.why_no_stages}")
-        leaves = [f"The motion leaves {text}." for text in of_the_start(start, record, len(impacts["time"]))]
-        draw(told.shown, catalogue, start.branch, path, " ".join([*filter(None, [arguments.caption]), *leaves]))
+        notes = [f"The motion leaves {text}." for text in of_the_start(told, record, len(impacts["time"]))]
+        if told.began is not None and told.began.explained != told.began.called:
+            notes.insert(0, f"The family of the start is {told.began.explained}.")
+        draw(told.shown, catalogue, start.branch, path, " ".join([*filter(None, [arguments.caption]), *notes]))
         if (scale.length, scale.frequency) != (1.0, 1.0):
             print("note   the picture is in natural units", file=files.words)
 

@@ -9,10 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
+from matplotlib.lines import Line2D
 from scipy.linalg import eigh
 
 from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
-from branches.diagram.atlas_data import thresholds_of
+from branches.diagram.atlas_data import EVENTS, thresholds_of
+from branches.diagram.atlas_labels import written
+from branches.diagram.legends import legend_below
 from branches.diagram.placement import even_points, overlapping
 from branches.export import ExportError, read_atlas, write_atlas
 from branches.labels import canonical, parse
@@ -329,6 +333,115 @@ def test_equal_names_are_told_apart_and_families_without_a_label_have_a_short_id
             plain = r"$\mathrm{S13}^{+}$"
             assert sorted(texts) == sorted(["#cccc", plain, f"{plain} #bbbb22", f"{plain} #bbbb23"])
         assert figure.legends[0].get_title().get_text().startswith("4 of 4 families named; #")
+
+
+def types_in_legend(figure):
+    """Types of special points that the legend has."""
+    return {text.get_text()[:2] for text in figure.legends[0].get_texts()} & set(EVENTS)
+
+
+@pytest.mark.parametrize("figure", [atlas_figure, velocities_figure])
+def test_the_legend_has_the_special_points_that_are_drawn_and_no_others(figure):
+    """Oracle: the markers in all panels; a point of another type beside one of an earlier type, which has no room, is in neither."""
+    data = real.atlas()
+    insets = {"insets": [parse_inset(text) for text in INSETS]} if figure is atlas_figure else {}
+    curve = data.curves[0]
+    k = len(curve.h) // 2
+    near = np.full(len(curve.h), "", dtype="<U2")
+    near[[k, k + 1]] = "SN", "GR"
+    for changed, extra in ((data, insets), (replace(data, curves=(replace(curve, events=near),)), {})):
+        drawn = figure(changed, **extra)
+        names = {name for axes in drawn.axes for name in lines_of(axes, "") if "-events-" in name}
+        assert types_in_legend(drawn) == {name[-2:] for name in names}
+    assert types_in_legend(drawn) == {"SN"}
+
+
+@pytest.mark.parametrize(("names", "words"), [(1, 1), (4, 1), (7, 5), (12, 9)])
+def test_a_legend_lies_in_the_picture_in_as_many_rows_as_it_needs(names, words):
+    """Oracle: the renderer's box of the legend, and of one of four columns; all entries, and one legend."""
+    figure = plt.figure(figsize=(7.2, 5.0), layout="constrained")
+    entries = [Line2D([], [], label=f"{k} " + "wide " * words) for k in range(names)]
+    wide = figure.legend(handles=entries, ncols=min(4, names)).get_window_extent().width > figure.bbox.width
+    for _ in range(2):
+        legend = legend_below(figure, entries, 4)
+    assert figure.legends == [legend] and len(legend.get_texts()) == names
+    figure.draw_without_rendering()
+    box = legend.get_window_extent()
+    assert 0.0 <= box.x0 and box.x1 <= figure.bbox.width and box.y0 >= 0.0
+    rows = len({round(text.get_window_extent().y0) for text in legend.get_texts()})
+    assert rows >= -(-names // 4) and (rows > -(-names // 4)) == wide == (words > 1)
+    plt.close(figure)
+
+
+def test_the_legend_of_everything_lies_in_the_picture():
+    """Oracle: the renderer's box, with the regimes, the impulsive motions, and all types of special points."""
+    curve = next(curve for curve in real.atlas().curves if curve.labels[-1] == "S11O00-")
+    events = np.full(len(curve.h), "", dtype="<U2")
+    events[np.searchsorted(curve.frequency, [6.0, 12.0, 18.0, 24.0])] = EVENTS
+    data = replace(real.atlas(), curves=(replace(curve, events=events),), manifold_window="Blackman-Harris and a wider one")
+    figure = atlas_figure(data, frequency="fundamental")
+    figure.draw_without_rendering()
+    box = figure.legends[0].get_window_extent()
+    assert types_in_legend(figure) == set(EVENTS)
+    assert 0.0 <= box.x0 and box.x1 <= figure.bbox.width and 0.0 <= box.y0
+    assert box.y1 <= panels_of(figure)["frequency"].get_tightbbox().y0
+
+
+@pytest.mark.parametrize("frequency", ["index", "fundamental"])
+def test_names_keep_off_the_frame_of_a_detail_which_has_the_labels_of_the_axes(frequency):
+    """Oracles: the renderer's boxes of the names against the four edges of each frame; the words at the axes; the figure's border."""
+    figure = atlas_figure(real.atlas(), frequency=frequency, insets=[parse_inset(text) for text in INSETS])
+    panels = panels_of(figure)
+    axes = panels["frequency"]
+    figure.draw_without_rendering()
+    names = [text for text in axes.texts if text.get_text().startswith("$\\mathrm{")]
+    assert names
+    boxes = np.array([text.get_window_extent().extents for text in names])
+    for letter in "ab"[: len(INSETS)]:
+        (frame,) = by_gid(axes, f"inset-{letter}-frame")
+        (left, bottom), (right, top) = axes.transData.transform(frame.get_xydata()[[0, 2]])
+        edges = [(left, bottom, right, bottom), (left, top, right, top), (left, bottom, left, top), (right, bottom, right, top)]
+        assert not overlapping(boxes, np.array(edges) + np.array([-0.1, -0.1, 0.1, 0.1])).any()
+        inset = panels[f"inset-{letter}"]
+        assert (inset.get_xlabel(), inset.get_ylabel()) == ("$h$", r"$2\pi/T$" if frequency == "fundamental" else r"$m\,2\pi/T$")
+        box = inset.get_tightbbox()
+        assert 0.0 <= box.x0 and box.x1 <= figure.bbox.width and box.y0 >= 0.0
+
+
+def test_a_name_beside_another_curve_has_a_leader():
+    """Oracle: the leaders of the name of a lone line, and of one with a curve on either side, right behind the name."""
+    from branches.diagram.atlas_labels import Named, label_curves
+    from branches.diagram.style import new_figure, picture_settings, settle_layout
+
+    x, nothing = np.linspace(0.0, 100.0, 101), np.zeros(100, dtype=bool)
+    others = [np.stack([x, np.full(101, y)], axis=1) for y in (42.0, 58.0)]
+    for extra, leaders in (([], 0), (others, 1)):
+        with picture_settings():
+            figure = new_figure(3.0)
+            axes = figure.subplots()
+            axes.set_xlim(0.0, 100.0)
+            axes.set_ylim(0.0, 100.0)
+            settle_layout(figure)
+            mode = Named(None, x, np.full(101, 50.0), nothing, "L11+")
+            assert label_curves(axes, [], [mode.path(), *extra], most=0, always=[mode]) == {"L11+"}
+            assert sum(text.arrow_patch is not None for text in axes.texts) == leaders
+            plt.close(figure)
+
+
+def test_pinned_names_hide_no_curve_where_there_is_room():
+    """Oracle: the drawn lines, half a point at a time, in the renderer's box of each name; at these energies all have room."""
+    data = atlas_of(real.SYSTEM, real.families(), pinned=PINS, energy=(0.05, 1.0))
+    axes = panels_of(atlas_figure(data))["frequency"]
+    axes.figure.draw_without_rendering()
+    lines = [line.get_transform().transform(line.get_xydata()) * 72 / 200 for line in axes.get_lines() if line.get_linestyle() != "None"]
+    spots = np.concatenate([even_points(line, 0.5) for line in lines])
+    pinned = {written(name) for name in PINS}
+    names = [text for text in axes.texts if text.get_text() in pinned]
+    assert len(names) >= 4
+    for text in names:
+        left, bottom, right, top = np.array(text.get_window_extent().extents) * 72 / 200
+        inside = (spots > [left + 0.5, bottom + 1.5]).all(axis=1) & (spots < [right - 0.5, top - 1.0]).all(axis=1)
+        assert inside.sum() <= 4, text.get_text()
 
 
 def test_names_in_insets_count():

@@ -117,3 +117,12 @@ def test_bad_input(folder, tmp_path, monkeypatch, words, said):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "none"))
     refused(told(words.format(folder=folder)), *said)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_names_of_the_scene_come_first(folder, tmp_path):
+    """Oracle: lee2009, which names both backbones without a point, and the labels of the families."""
+    code, _, err = told(f"export fep --branches {folder}/0.json {folder}/1.json --out {tmp_path}/a.json")
+    assert code == 0, err
+    columns = json.loads((tmp_path / "a.json").read_text())["columns"]
+    names = {(name, label) for name, label, pinned in zip(columns["name"], columns["label"], columns["pinned"], strict=True) if pinned}
+    assert names == {("S13+", "S13O00+"), ("S11-", "S11O00-")}

@@ -1,6 +1,7 @@
 """`saltus run`. Oracles: closed forms of free motion, the motion run directly, the numbers of the files against each other."""
 
 import csv
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -439,6 +440,64 @@ def test_the_table_names_the_family_of_the_start_and_where_it_is_left(capsys):
             assert len({(a["stop"], b["stop"]) for a, b in zip(impacts, impacts[1:], strict=False)} - {("+", "-"), ("-", "+")}) == 0
         else:
             assert initial["left"] == {"impact": 2, "time": impacts[1]["time"], "stop": impacts[1]["stop"], "expected": "-"}
+
+
+@pytest.mark.parametrize("name", ["S31O11-", "U8344-", "S95E22-", "U4122-"])
+def test_an_undamped_impulsive_motion_keeps_the_impact_sequence_of_its_orbit(capsys, name):
+    """Oracle: it is the periodic orbit itself, which starts at either end of the solved part, or is mirrored."""
+    code, out, _ = run(capsys, "run", "--on", name, "--impulsive", "--duration", "65", "--json", "-")
+    initial, impacts = json.loads(out)["initial"], json.loads(out)["impacts"]
+    assert code == 0 and initial["kind"] == "impulsive" and len(impacts) > 8
+    assert initial["left"] is None and initial["follows"]["impacts"] == len(impacts) and initial["follows"]["end"] == 65.0
+
+
+def stage_table(out):
+    """The rows of the table of stages: what it says of the start, and of each stage."""
+    lines = out.splitlines()
+    head = next(k for k, line in enumerate(lines) if line.startswith("stage "))
+    rows = list(itertools.takewhile(lambda line: line[:5].strip().isdigit() or line.startswith("start"), lines[head + 1 :]))
+    return rows[0], rows[1:]
+
+
+@pytest.mark.parametrize(
+    ("words", "reasons"),
+    [
+        (("S13O00+", "--energy", "10"), ["of the orbit's amplitude", None, None, "has no orbit at these energies", "no impact"]),
+        (("S11O00-", "--energy", "0.8"), ["too fast for the spectrum", "no impact"]),
+        (("S95E22-", "--impulsive"), [None, "has no orbit at these energies", "no impact"]),
+        (("S31O11-", "--impulsive"), [None, "octaves from harmonic 1 of S31O11-", "no impact"]),
+        (("U4122-", "--impulsive"), ["of the orbit's amplitude", "no impact"]),
+    ],
+    ids=lambda words: words[0],
+)
+def test_the_stages_begin_with_the_family_of_the_start(capsys, words, reasons):
+    """Oracles: the impacts of the motion; each stage follows the family of the start, by the name that was asked for, or says why not;
+    another label of that family is said behind the name alone."""
+    code, out, err = run(capsys, "run", "--on", *words, *DAMPED, "--duration", "400", "--stages", "--json", "-")
+    record, name = json.loads(out), words[0]
+    assert code == 0
+    follows, left = record["initial"]["follows"], record["initial"]["left"]
+    start, stages = stage_table(err)
+    times = [impact["time"] for impact in record["impacts"]]
+    assert follows["name"] == record["initial"]["on"]["name"] == name and follows["label"] == record["initial"]["on"]["label"]
+    assert follows["end"] == (times[-1] if left is None else left["time"]) == times[follows["impacts"] - (left is None)]
+    assert start.split()[:3] == ["start", "0", f"{follows['end']:.5g}"] and f"follows {name}, where it starts" in start
+    spent = record["initial"]["energy"] - follows["dissipated_nes"] - follows["dissipated_lo"]
+    assert spent == pytest.approx(follows["energies"][0], rel=1e-9)
+    assert len(stages) == len(record["stages"]) == len(reasons)
+    for line, stage, reason in zip(stages, record["stages"], reasons, strict=True):
+        same = stage["follows"] is not None and stage["follows"]["family"] == follows["family"]
+        assert same == (reason is None) == (stage["why"] == "")
+        if same:
+            other = stage["follows"]["label"]
+            assert f" of {name}" in line and ((f"{name} (counted {other} here)" in line) == (other != name))
+        else:
+            assert reason in line and name in line
+    first = next(line for line in err.splitlines() if line.startswith("start "))
+    assert (f"on {name} (counted {follows['label']})" in first) == (follows["label"] != name)
+    labels = {follows["label"], *(stage["follows"]["label"] for stage in record["stages"] if stage["follows"])} - {name, "L11+", "L11-"}
+    for label in labels:
+        assert all(f"(counted {label}" in line for line in err.splitlines() if label in line)
 
 
 def test_what_has_no_record_has_no_picture(capsys, tmp_path, monkeypatch):

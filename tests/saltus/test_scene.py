@@ -71,6 +71,14 @@ def test_each_shipped_scene_loads_and_cites_its_source():
             assert parse(pin)
 
 
+def test_all_names_of_the_system_of_a_scene():
+    """Oracle: the scene's own file: a name without a point is one, too; none holds for another system."""
+    scene = load_scene()
+    names = scene.names_for(scene.system)
+    assert names["S11-"] == names["S13+"] == {} and names["S31O11-"] == {"h": 1.5, "alpha": 1.6376}
+    assert tuple(names) == scene.names and not scene.names_for(vibro_impact_nes(0.2, 0.1))
+
+
 def test_parameters_replace_those_of_the_model_and_drop_its_pins():
     """Oracle: the system made directly; a cited point says nothing about another system."""
     scene = load_scene(mu=0.37, sigma=0.81)

@@ -11,6 +11,7 @@ import pytest
 
 import saltus
 from branches.catalogue import Catalogue
+from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import NEAR, Family, Meeting, families_of, harmonics
 from transitions.following import Match, steady, stretches
@@ -20,6 +21,7 @@ from transitions.ridges import HOLDS, SHARE, amplitude_of_motion, held, ridges
 from transitions.spectrum import Wavelet, morlet_spectrum
 from transitions.stage import changes, stages_as_data
 from transitions.stages import spectrum_of, stages_of
+from transitions.start_family import StartFamily, why_another
 
 GAP = (1.0, -1.0)
 STEP = 0.02
@@ -506,3 +508,26 @@ def test_a_capture_with_a_third_harmonic_is_told_from_one_without(scenes, scene)
         assert f", with {weak}" in with_it.text and "with" not in alone.text
         assert with_it.end == pytest.approx(ends[1], abs=2.0 * pair[0].period)
         assert [change.kind for change in changes([with_it, alone])] == ["capture"]
+
+
+def test_why_a_stage_does_not_follow_the_family_of_the_start():
+    """Oracle: what was changed: a record at the energy and the frequency of an orbit, with other impacts, frequency or energy; the part of
+    the amplitude that its second harmonic carries is zero, as the orbit is symmetric."""
+    branch = traced("S13O00+")
+    orbit = branch.orbit_at(energy=1.0)
+    families = families_of([branch], GAP)
+    start = StartFamily(branch.id, "S13O00+", orbit.label, 0.0, 0)
+    times, own = np.linspace(0.0, 30.0, 301), 2.0 * math.pi / orbit.period
+    periods = 30.0 / orbit.period
+
+    def why(factor=1.0, impacts=2.0, energy=1.0):
+        record = replace(synthetic(times, np.sin(times), np.cos(times)), energy=np.full(len(times), energy))
+        return why_another(start, families, record, times, np.full(len(times), factor * own), round(impacts * periods), factor * periods)
+
+    assert why(impacts=0.0) == "it has no impact, S13O00+ has 2 in a period"
+    assert why(impacts=4.0).startswith("it has 4") and why(impacts=4.0).endswith("impacts in a period of S13O00+, not 2")
+    assert why(factor=2.0**0.2) == "its frequency is 0.2 octaves from harmonic 1 of S13O00+, 0.05 is allowed"
+    assert why(factor=2.0) == "harmonic 2 of S13O00+ carries 0% of the orbit's amplitude, 20% is required"
+    assert why(energy=1e5).startswith("S13O00+ has no orbit at these energies")
+    assert why() == "its harmonics have other amplitudes than those of S13O00+"
+    assert why_another(replace(start, family="a:b:c"), families, None, times, times, 2, 1.0) == ""

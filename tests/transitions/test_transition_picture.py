@@ -12,19 +12,23 @@ from matplotlib.text import Text
 import saltus
 from branches.catalogue import Catalogue
 from branches.diagram import atlas_of
+from branches.diagram.atlas_labels import written
 from branches.export import ExportError, read_atlas, write_atlas
 from bvp.forcing import Harmonic
 from bvp.run import run
+from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.diagram.motion_spectrum import gradual_energy, shown_spectrum
 from transitions.diagram.over_energy import over_energy
 from transitions.diagram.transition_picture import draw_transition, transition_figure
 from transitions.families import families_of
+from transitions.leaving import Leaving
 from transitions.record import Record
 from transitions.sampled import sampled
 from transitions.sharing import sharing_of
 from transitions.spectrum import Wavelet
 from transitions.stages import stages_of
+from transitions.start_family import StartFamily
 from transitions.transition import Transition, atlas_behind
 from transitions.transition_files import read_transition, write_transition
 
@@ -218,8 +222,6 @@ def test_what_cannot_be_drawn_or_read_is_told_in_one_line(drawn, tmp_path):
 @pytest.fixture(scope="module")
 def captured():
     """The motion of Fig. 16: from S11O00- at h = 0.8, with the family behind it and two stages, the first a 25th of the record."""
-    from tests.branches.traced import traced
-
     system = saltus.vibro_impact_nes(mu=0.1, sigma=0.1, lam=0.01, rho=0.7)
     branch = traced("S11O00-")
     orbit = branch.orbit_at(energy=0.8)
@@ -247,6 +249,32 @@ def test_every_stage_has_its_letter_in_both_panels_over_time(captured):
         assert [text.get_text() for text in letters] == ["A", "B"]
         boxes = [text.get_window_extent() for text in letters]
         assert all(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 for box in boxes) and not boxes[0].overlaps(boxes[1])
+
+
+def test_the_family_of_the_start_is_named_first_and_by_one_name(captured):
+    """Oracle: the words below the picture, and the names in it: that of the start, not the label; the stage says why it has no family."""
+    transition, orbit, _ = captured
+    branch = traced("S11O00-")
+    start = StartFamily(branch.id, "S95E22-", orbit.label, 8.74, 7)
+    record = transition.record
+    stages = stages_of(record, GAP, families_of([branch], GAP), start=start, spectrum=transition.spectrum)
+    behind = atlas_of(transition.system.underlying, [branch], energy=(0.003, 1.6))
+    figure = transition_figure(replace(transition.with_stages(stages), start=start), behind)
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    name = written("S95E22-")
+    assert len(words) == 1 + len(stages) and words[0] == f"start  0\N{EN DASH}8.74  {name}, 7 impacts in its impact sequence"
+    assert "no family: the frequency of " + name in words[1] and words[1].startswith("A  0")
+    assert not any("S11" in text for text in words)
+    shown = {text.get_text() for text in by_gid(figure, "families-spectrum").axes.texts}
+    assert name in shown and written("S11O00-") not in shown
+
+
+def test_the_start_is_kept_in_files(captured, tmp_path):
+    """Oracle: the motion that was written."""
+    start = StartFamily("a:b:c", "S95E22-", "S75E22-", 3.5, 1, Leaving(2, 3.5, "+", "-"))
+    for kind in ("json", "npz"):
+        write_transition(replace(captured[0], start=start), tmp_path / f"a.{kind}")
+        assert read_transition(tmp_path / f"a.{kind}").start == start
 
 
 def test_over_the_energy_amplitudes_change_gradually_across_impacts(captured):

@@ -12,6 +12,7 @@ import numpy as np
 
 from branches.diagram.atlas_labels import Named, label_curves
 from branches.diagram.files import draw
+from branches.diagram.legends import legend_below
 from branches.diagram.scales import linear_axis, linear_limits, linear_ticks, logarithmic_ticks, mark_axis
 from branches.diagram.style import BLACK, BLUE, GREY, NORMAL, ORANGE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
 from branches.diagram.titles import symbol_of, system_text, velocity_symbol
@@ -118,7 +119,7 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
         if has_images(views[0].section.plane):
             notes.append("each motion with that from its mirrored start")
         below: dict[str, Any] = {"title": _lines(notes) or " ", "title_fontsize": SMALL}
-        legend = figure.legend(handles=entries, loc="outside lower center", ncols=min(5, len(entries)), frameon=False, **below)
+        legend = legend_below(figure, entries, 5, **below)
         settle_layout(figure)
         for k, (axes, view) in enumerate(zip(grid, views, strict=False)):
             motions = _draw(axes, view, colour, norm, f"section{k}")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,8 +25,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from branches.diagram.atlas_data import Atlas
+    from branches.diagram.atlas_data import Atlas, Curve
     from transitions.stage import Stage
+    from transitions.start_family import StartFamily
     from transitions.transition import Transition
 
 __all__ = ["draw_transition", "transition_figure"]
@@ -103,6 +105,7 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
         require_same(atlas.system, transition.system)
         if (atlas.clearance, atlas.natural_frequency) != (1.0, 1.0):
             raise ValueError(f"a motion is in natural units; the families have a clearance of {atlas.clearance:g}")
+        atlas = _with_name(atlas, transition.start)
     spectrum = shown_spectrum(transition)
     with picture_settings():
         figure = new_figure(7.6)
@@ -122,12 +125,12 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
         for name, letter in zip(axes, "abcde", strict=True):
             axes[name].set_title(f"({letter})", loc="left", fontsize=NORMAL, pad=3)
         _stabilities(axes["families"], atlas)
-        _below(figure, transition.stages, caption, _short_ids(transition, atlas))
+        _below(figure, transition, caption, _short_ids(transition, atlas))
         settle_layout(figure)
         for name in ("series", "share", "lost", "spectrum"):
             _mark_stages(axes[name], transition.stages, letters=name in ("series", "spectrum"))
         if atlas is not None:
-            _draw_families(axes["families"], atlas, {stage.follows.family for stage in transition.stages if stage.follows is not None})
+            _draw_families(axes["families"], atlas, _followed(transition))
     return figure
 
 
@@ -236,7 +239,7 @@ def _draw_over_energy(axes: Axes, transition: Transition, spectrum: Spectrum, ba
     _frequency_axis(axes, band, "frequency index", r"m\,2\pi/T")
 
 
-def _draw_families(axes: Axes, atlas: Atlas, followed: set[str]) -> None:
+def _draw_families(axes: Axes, atlas: Atlas, followed: Collection[str]) -> None:
     curves = _named(atlas)
     modes = [mode for mode in atlas.thresholds if mode.h > axes.get_xlim()[0]]
     limits = axes.get_xlim(), axes.get_ylim()
@@ -286,19 +289,41 @@ def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
 def _short_ids(transition: Transition, atlas: Atlas | None) -> dict[str, str]:
     """Short texts for the families that are drawn or followed."""
     families = [] if atlas is None else [curve.family for curve in atlas.curves]
-    return short_ids(dict.fromkeys([*families, *(stage.follows.family for stage in transition.stages if stage.follows is not None)]))
+    return short_ids(dict.fromkeys([*families, *_followed(transition)]))
 
 
-def _below(figure: Figure, stages: Sequence[Stage], caption: str, short: Mapping[str, str]) -> None:
-    """Below the picture: its caption, and what each stage follows."""
+def _followed(transition: Transition) -> list[str]:
+    """The families that the motion starts on and follows."""
+    start = [] if transition.start is None else [transition.start.family]
+    return [*start, *(stage.follows.family for stage in transition.stages if stage.follows is not None)]
+
+
+def _with_name(atlas: Atlas, start: StartFamily | None) -> Atlas:
+    """The atlas with the family of the start by its one name."""
+    if start is None or not start.name:
+        return atlas
+
+    def named(curve: Curve) -> Curve:
+        if curve.family != start.family:
+            return curve
+        return replace(curve, names=np.full(len(curve.h), start.name), pinned=np.ones(len(curve.h), dtype=bool))
+
+    return replace(atlas, curves=tuple(named(curve) for curve in atlas.curves))
+
+
+def _below(figure: Figure, transition: Transition, caption: str, short: Mapping[str, str]) -> None:
+    """Below the picture: its caption, the family of the start, and what each stage follows."""
     from matplotlib.lines import Line2D
 
+    stages, start = transition.stages, transition.start
+    begin = "" if start is None else f"start  0\N{EN DASH}{start.end:.4g}  {_called(start.family, start.name, short)}, {start.kept}"
     texts = [
-        f"{letter}  {stage.start:.4g}\N{EN DASH}{stage.end:.4g}  {_follows(stage, short)}"
+        f"{letter}  {stage.start:.4g}\N{EN DASH}{stage.end:.4g}  {_follows(stage, start, short)}"
         for stage, letter in zip(stages, _letters(stages), strict=True)
     ]
     if len(texts) > _MOST_LETTERS:
         texts = [*texts[: _MOST_LETTERS - 1], f"and {len(texts) - _MOST_LETTERS + 1} more stages"]
+    texts = [*filter(None, [begin]), *texts]
     if texts or caption:
         entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
         title: dict[str, Any] = {"title": textwrap.fill(caption, _CAPTION), "title_fontsize": SMALL} if caption else {}
@@ -322,18 +347,27 @@ def _named(atlas: Atlas) -> list[Named]:
     return [frequency_curve(curve, "index") for curve in atlas.curves]
 
 
-def _follows(stage: Stage, short: Mapping[str, str]) -> str:
+def _called(family: str, label: str, short: Mapping[str, str]) -> str:
+    """A family as it is written below the picture."""
     from branches.labels import latex, parse
 
+    if not label:
+        return f"{family.partition(':')[0]} {short[family]}"
+    try:
+        return latex(parse(label), short=True)
+    except ValueError:
+        return label
+
+
+def _follows(stage: Stage, start: StartFamily | None, short: Mapping[str, str]) -> str:
+    why = f": {stage.why}" if stage.why else ""
+    if start is not None and start.name:
+        why = why.replace(start.called, _called(start.family, start.name, short))
     if stage.follows is None:
-        return rf"$\omega$ = {stage.frequency:.3g}, no family"
+        return rf"$\omega$ = {stage.frequency:.3g}, no family{why}"
     follows = stage.follows
-    name = f"{follows.family.partition(':')[0]} {short[follows.family]}"
-    if follows.label:
-        try:
-            name = latex(parse(follows.label), short=True)
-        except ValueError:
-            name = follows.label
+    name = _called(follows.family, follows.name or follows.label, short)
+    counted = f" (counted {_called(follows.family, follows.counted, short)} here)" if follows.counted else ""
     ordinal = "" if follows.harmonics == (1,) else f"harmonic {follows.harmonic} of "
     more = f" (+{len(follows.others)})" if follows.others else ""
-    return rf"$\omega$ = {stage.frequency:.3g}, {ordinal}{name}{follows.beside}{more}"
+    return rf"$\omega$ = {stage.frequency:.3g}, {ordinal}{name}{counted}{follows.beside}{more}{why}"

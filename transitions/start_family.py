@@ -1,0 +1,205 @@
+"""The family that a motion starts on: how long the motion keeps its impact sequence, and why a stage is not read as following it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from transitions.families import NEAR, Families
+from transitions.leaving import Leaving, leaving
+from transitions.ridges import HOLDS, SHARE
+
+if TYPE_CHECKING:
+    from branches.orbit import Orbit
+    from transitions.record import Record
+
+__all__ = ["StartFamily", "impacts_from", "start_family", "start_from_data", "why_another"]
+
+_PLACES = 64  # of a stage, at which it is compared with the family
+_SAME_STATE = 1e-6  # relative distance of two states of one orbit that is computed twice
+
+
+@dataclass(frozen=True)
+class StartFamily:
+    """The family that a motion starts on.
+
+    Parameters
+    ----------
+    family, name, label : str
+        Id; what the family is called ("" for its id); the computed label of the orbit at the start ("" outside the grammar of labels).
+    end : float
+        Time up to which the motion keeps the impact sequence of the orbit: that of the first impact at another stop, else of the last one,
+        or the end of a motion that goes on impacting.
+    impacts : int
+        Up to there.
+    left : Leaving or None
+        The first impact at another stop.
+    """
+
+    family: str
+    name: str
+    label: str
+    end: float
+    impacts: int
+    left: Leaving | None = None
+
+    @property
+    def called(self) -> str:
+        """Its name, or its id where it has none.
+
+        Examples
+        --------
+        >>> StartFamily("a:b:c", "", "", 9.0, 3).called
+        'a:b:c'
+        """
+        return self.name or self.family
+
+    @property
+    def explained(self) -> str:
+        """The name, with the computed label where that is another one.
+
+        Examples
+        --------
+        >>> StartFamily("a:b:c", "S95E22-", "S75E22-", 9.0, 3).explained
+        'S95E22- (counted S75E22- at the start)'
+        """
+        other = f" (counted {self.label} at the start)" if self.label and self.label != self.called else ""
+        return self.called + other
+
+    @property
+    def kept(self) -> str:
+        """What the motion keeps of the impact sequence, in words.
+
+        Examples
+        --------
+        >>> StartFamily("a:b:c", "S13O00+", "S13O00+", 9.0, 1).kept
+        '1 impact in its impact sequence'
+        """
+        return f"{self.impacts} impact{'s' * (self.impacts != 1)} in its impact sequence"
+
+
+def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float, str]]:
+    """Times and stops of an orbit's impacts over one period, from a state at one of its ends.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    u, v : (n,) float
+        Its state at time 0 or half a period later, or the mirror image of that where the system has one.
+
+    Returns
+    -------
+    list of (float, str)
+        In order of time; of the mirrored orbit where the state is a mirror image.
+    """
+    from branches.words import mirror
+
+    period, wanted = orbit.period, np.concatenate([u, v])
+    begins = (0.0, 0.5 * period)
+    states = np.hstack(orbit.sample(np.array(begins)))
+    signs = (1.0, -1.0) if orbit.system.has_odd_symmetry else (1.0,)
+    candidates = list(itertools.product(signs, range(len(begins))))
+    distances = [float(np.linalg.norm(wanted - sign * states[k])) for sign, k in candidates]
+    near = [i for i, distance in enumerate(distances) if distance <= _SAME_STATE * float(np.linalg.norm(wanted))]
+    sign, k = candidates[near[0] if near else int(np.argmin(distances))]
+    stops = [impact.stop for impact in orbit.impacts]
+    times = np.mod([impact.time - begins[k] for impact in orbit.impacts], period)
+    return sorted(zip(times.tolist(), stops if sign > 0.0 else mirror(stops), strict=True))
+
+
+def start_family(
+    family: str, name: str, orbit: Orbit, state: tuple[np.ndarray, np.ndarray], impacts: Sequence[tuple[float, str]], end: float | None
+) -> StartFamily:
+    """How long a motion keeps the impact sequence of the orbit that it starts on.
+
+    Parameters
+    ----------
+    family, name : str
+        As of `StartFamily`.
+    orbit : Orbit
+    state : u, v (n,)
+        The start of the motion, as of `impacts_from`.
+    impacts : sequence of (float, str)
+        Times and stops of the motion's impacts.
+    end : float or None
+        The end of the motion; None where no impact is possible after the last one.
+    """
+    left = leaving(impacts_from(orbit, *state), impacts)
+    if left is not None:
+        return StartFamily(family, name, orbit.label, left.time, left.impact - 1, left)
+    last = impacts[-1][0] if impacts else 0.0
+    return StartFamily(family, name, orbit.label, last if end is None else end, len(impacts))
+
+
+def start_from_data(data: dict[str, Any] | None) -> StartFamily | None:
+    """The family of a start from what `dataclasses.asdict` makes of it; None from None. A named tuple stays one, or is a list in a file.
+
+    Raises
+    ------
+    KeyError, TypeError
+        For what is none.
+    """
+    if data is None:
+        return None
+    left = data["left"]
+    return StartFamily(**{**data, "left": None if left is None else Leaving(*left)})
+
+
+def why_another(
+    start: StartFamily, families: Families, record: Record, times: np.ndarray, pitch: np.ndarray, impacts: int, periods: float
+) -> str:
+    """Why a stage is not read as following the family of the start, in words.
+
+    Parameters
+    ----------
+    start : StartFamily
+    families : Families
+        "" where the family of the start is not among them.
+    record : Record
+    times, pitch : (j,) float
+        Times and angular frequencies of the stage's ridge.
+    impacts, periods : int, float
+        Impacts in the stage, and periods of the ridge.
+    """
+    family = next((family for family in families.members if family.id == start.family), None)
+    if family is None:
+        return ""
+    name = start.called
+    if not impacts:
+        return f"it has no impact, {name} has {family.impacts} in a period"
+    some = np.unique(np.linspace(0, len(times) - 1, _PLACES).round().astype(int))
+    energies = np.interp(times[some], record.times, record.energy)
+    own, harmonic, share = family.closest(np.maximum(energies, 1e-300), pitch[some], families.gap)
+    there = np.isfinite(own)
+    if 2 * there.sum() < len(some) and not (times[0] < start.end and there.any()):
+        low, high = float(family.h.min()), float(family.h.max())
+        return f"{name} has no orbit at these energies, only from h = {low:.4g} to {high:.4g}"
+    if times[0] < start.end:
+        change = _change(own[there], times[some][there], pitch[some][there])
+        if change > 2.0 * NEAR:
+            return f"the frequency of {name} changes by {change:.2g} octaves in three of its periods, too fast for the spectrum"
+    away = np.log2(pitch[some]) - own - np.log2(harmonic)
+    k = int(np.median(harmonic[there]))
+    which = f"harmonic {k} of {name}"
+    off = float(np.median(np.abs(away[there])))
+    if off > NEAR:
+        return f"its frequency is {off:.2g} octaves from {which}, {NEAR:g} is allowed"
+    part = float(np.median(share[there]))
+    if part < SHARE:
+        return f"{which} carries {part:.0%} of the orbit's amplitude, {SHARE:.0%} is required"
+    rate = impacts / periods * k
+    if abs(rate - family.impacts) * HOLDS / k >= 1.0:
+        return f"it has {rate:.2g} impacts in a period of {name}, not {family.impacts}"
+    return f"its harmonics have other amplitudes than those of {name}"
+
+
+def _change(own: np.ndarray, times: np.ndarray, pitch: np.ndarray) -> float:
+    """Largest change in octaves of the logarithm (j,) of a frequency within three periods of the ridge."""
+    spans = HOLDS * 2.0 * np.pi / pitch
+    return max(
+        (float(np.ptp(own[(times >= time) & (times <= time + span)])) for time, span in zip(times, spans, strict=True)), default=0.0
+    )
