@@ -62,7 +62,7 @@ def _run(argv: Sequence[str] | None) -> int:
     parser.add_argument("--out", metavar="PAGE", help="a Markdown page; the tables go between its two marks")
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
-        parser.refuse(unknown[0])
+        parser.refuse(unknown[0], sys.argv[1:] if argv is None else argv)
     for name in arguments.only or ():
         if name not in SECTIONS:
             raise BadInput(f"unknown section {name!r}, expected one of {', '.join(SECTIONS)}{nearest(name, SECTIONS)}")

@@ -55,14 +55,14 @@ PIVOT_NOISE = 5e-14
 """Noise of the half map's entries, as a part of the largest one, times the smallest pivot: near a branch point an orbit is uncertain by
 rounding over the pivot, in the direction of the other family."""
 
-TANGENT_NOISE = 2e-12
+TANGENT_NOISE = 2e-13
 """Noise of the slope times the square of the smallest pivot over the steepness: so the tangent turns with that uncertainty. The steepness
 is the change of the scaled unknowns for a unit of arclength."""
 
 CONDITION_NOISE = 5e-17
 """Noise of the slope, as a part of the energy, times the square of the conditioning over the steepness, at most."""
 
-_CLEAR_SLOPE = 1e-3
+_CLEAR_SLOPE = 0.05
 """Part of the energy up to which the noise of a slope does not count here: it is measured where a zero is (`continuation.events`)."""
 
 

@@ -240,7 +240,10 @@ class EventFinder:
         return best._replace(kind="zero", status="located", low=locator.step(low), high=locator.step(high), between=(low, high))
 
     def _noise(self, index: int, s: float, locator: Locator) -> float:
-        """Size up to which a test function is rounding near a place: its distance from a straight line over a few bracket widths."""
+        """Size up to which a test function is rounding near a place: its distance from a straight line over a few bracket widths. Where it is
+        undefined for being rounding, all its values are more than that.
+
+        Steps are taken where the straight line leaves the noise."""
         values = [float(step.tests[index]) for _, step in locator.taken()]
         least = _ROUNDING * max((abs(value) for value in values if value == value), default=0.0)
         width = self._settings.location_tolerance
@@ -251,10 +254,20 @@ class EventFinder:
             except StepRefused:
                 continue
         if len(near) <= _BESIDE:
-            return math.inf
+            return least
         places, around = np.array(near).T
-        line = np.polynomial.Polynomial.fit(places, around, 1)
-        return max(least, _SURE * float(np.max(np.abs(around - line(places)))))
+        line = np.polynomial.Polynomial.fit(places, around, 1).convert()
+        noise = max(least, _SURE * float(np.max(np.abs(around - line(places)))))
+        slope = float(line.deriv()(0.0))
+        reach = 2.0 * width * noise / abs(slope) if slope else 0.0
+        last = locator.taken()[-1][0]
+        for place in (s - reach, s + reach):
+            if reach > _BESIDE * width and 0.0 < place < last:
+                try:
+                    locator.step(place)
+                except StepRefused:
+                    continue
+        return noise
 
     def _guards(
         self, guards: list[int], locator: Locator, resolution: Resolution, ds: float

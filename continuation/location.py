@@ -35,6 +35,9 @@ _BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)
 # So much of its length the direction of the unknowns may differ from that between its neighbours, besides what these differ by.
 _ASIDE = 0.2
 
+# A guard is positive at its zero by this part of its value at the valid end of the bracket.
+_VALID = 1e-3
+
 # So often the best place is given up, before a bracket that is narrow enough is taken as it stands.
 _REFUSALS = 3
 
@@ -346,8 +349,8 @@ class Locator:
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
         if residual > max(size, JUMP_RATIO * scale, _STEEP * (found.high - found.low) / (high - low) * scale):
             kind = "pole" if residual > scale else "jump"
-        if kind == "zero" and not guard:
-            found = self._polished(index, found)
+        if kind == "zero":
+            found = self._polished(index, found, _VALID if guard else 0.0)
             residual = abs(found.value)
         status: Status = "located" if kind == "zero" else "bracketed"
         ends = self.step(found.low), self.step(found.high)
@@ -374,14 +377,16 @@ class Locator:
         near = self._settings.location_tolerance
         return any(first - near <= location.s <= last + near for first, last in self._ends)
 
-    def _polished(self, index: int, found: RootBracket) -> RootBracket:
+    def _polished(self, index: int, found: RootBracket, valid: float = 0.0) -> RootBracket:
         """The root where the straight line through the ends of its bracket has its own: over so short a piece a test function bends by less
         than its rounding, so that the bracket tells how far the root may be, and not how far it is. A problem may give nan for a value that
-        is rounding; between two values of different sign, so near to each other, that is a zero."""
+        is rounding; between two values of different sign, so near to each other, that is a zero. `valid`: where the function is to be
+        positive, by this part of the value at that end."""
         a, b = self.value(index, found.low), self.value(index, found.high)
         if a == b:
             return found
-        s = found.low + a / (a - b) * (found.high - found.low)
+        positive = max(a, b)
+        s = found.low + (a - valid * positive) / (a - b) * (found.high - found.low)
         if not found.low < s < found.high:
             return found
         try:
@@ -390,7 +395,8 @@ class Locator:
             return found
         if math.isnan(value):
             value = 0.0
-        return found._replace(root=s, value=value) if abs(value) < abs(found.value) else found
+        better = abs(value) < abs(found.value) and (not valid or value > 0.0)
+        return found._replace(root=s, value=value) if better else found
 
     def _within(self, index: int, found: RootBracket) -> RootBracket:
         """The root of a guard moved to the nearest step tried where its value is not negative, inside the same bracket."""

@@ -43,7 +43,7 @@ def points_table(catalogue: Catalogue, families: Sequence[FamilyRow], columns: S
     """
     parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
     for row in families:
-        points = catalogue.points(row.id)
+        points = dict(catalogue.points(row.id))
         points["family"] = np.full(row.points, row.id)
         points["point"] = np.arange(row.points)
         for name in columns:

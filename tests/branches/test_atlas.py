@@ -84,7 +84,8 @@ def test_every_point_is_drawn_on_the_line_of_its_stability_and_lines_break_where
                 if frequency == "index" and 0 <= j < len(curve.h) and curve.half_waves[j] != curve.half_waves[i]:
                     turned = curve.half_waves[j] * curve.frequency[i]
                     places.setdefault((point[0], turned), []).append((k, i, curve.half_waves[j]))
-    on = {name: {tuple(p) for p in lines[f"frequency-{name}"].get_xydata()} for name in ("stable", "unstable", "undecided")}
+    drawn = {name: lines[f"frequency-{name}"].get_xydata() for name in ("stable", "unstable", "undecided") if f"frequency-{name}" in lines}
+    on = {name: {tuple(p) for p in points} for name, points in drawn.items()}
     everywhere = set.union(*on.values())
     for curve in data.curves:
         for point, stable in zip(zip(curve.h, getattr(curve, column), strict=True), curve.stable, strict=True):
@@ -92,7 +93,7 @@ def test_every_point_is_drawn_on_the_line_of_its_stability_and_lines_break_where
             assert stable != 0 or point not in on["stable"]
     joins = 0
     for name in on:
-        points = lines[f"frequency-{name}"].get_xydata()
+        points = drawn[name]
         for a, b in zip(points, points[1:], strict=False):
             if np.isnan(a[0]) or np.isnan(b[0]):
                 continue

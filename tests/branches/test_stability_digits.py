@@ -61,9 +61,13 @@ def beside_events(branch, count):
 
 
 def tangent_at(branch, i):
-    """Tangent of a branch at a point, from the parabola through it and its neighbours: at a branch point the equations give none."""
-    (before, here, after), s = (branch.unknowns(k) for k in (i - 1, i, i + 1)), branch.points["arclength"]
-    a, b = s[i] - s[i - 1], s[i + 1] - s[i]
+    """Tangent of a branch at a point, from the parabola through it and its neighbours that are no events: at a branch point the equations
+    give none."""
+    events = {event.point for event in branch.events} - {i}
+    first = next(k for k in range(i - 1, -1, -1) if k not in events)
+    last = next(k for k in range(i + 1, len(branch)) if k not in events)
+    (before, here, after), s = (branch.unknowns(k) for k in (first, i, last)), branch.points["arclength"]
+    a, b = s[i] - s[first], s[last] - s[i]
     along = ((here - before) / a * b + (after - here) / b * a) / (a + b)
     return np.concatenate([along, np.zeros_like(along)])
 

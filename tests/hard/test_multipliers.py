@@ -102,10 +102,10 @@ def test_the_trivial_multiplier_is_lost():
     assert min(abs(np.linalg.eigvals(matrix) - 1.0)) > 0.9
     lost = np.linalg.norm(matrix @ flow - flow) / np.linalg.norm(flow)
     assert lost > 1.0 and found.quality.trivial > 1e-3 * lost
-    assert any("loses the trivial multiplier" in line for line in orbit_lines(Orbit(problem, solution)))
+    assert any("loses the trivial multiplier" in line for line in orbit_lines(Orbit(problem, solution), ""))
     alone, y = backbone_segment(system, 1.7)
     calm = Orbit(alone, alone.solve(y, quarter_period=1.7))
-    assert not any("loses" in line for line in orbit_lines(calm))
+    assert not any("loses" in line for line in orbit_lines(calm, ""))
     with mp.workdps(60):
         half = Closed(system, alpha).tau_half()
         root = (half + mp.sign(half) * mp.sqrt(half * half - 4)) / 2
