@@ -222,6 +222,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                 good = True
                 ended = True
             elif iteration > 1:
+                noise = noise and length < 1e-6
                 if ratio > 0.5 and (length < 1e-9 or noise):
                     good = worst < 1e-12
                     ended = True

@@ -55,7 +55,8 @@ def beside_events(branch, count):
         tangent = tangent_at(branch, event.point) if event.type == "BP" else at.tangent
         for step in (-1e-7, 1e-7, -1e-9, 1e-9):
             beside = branch.problem.step(at.y, tangent, step)
-            if beside is not None:
+            # at a branch point an orbit can be off by more than so short a step
+            if beside is not None and np.linalg.norm(beside.position - at.position) < 2.0 * abs(step):
                 out.append((Orbit(branch.problem, beside), int(describe(branch.problem, [beside]).columns["stable"][0])))
     return out
 

@@ -13,10 +13,10 @@ from tests.branches.building.pieces import differences
 from tests.full.test_shipped_scene import COMPLETE
 
 FAMILIES = 320
-DIFFERENT = 0.01
-"""Part of the families whose tau may change by thousands within rounding of a branch point (docs/limits.md)."""
+DIFFERENT = 0.005
+"""Part of the runs that may report a fold more or less within rounding of a branch point (docs/limits.md)."""
 
-STUCK = 0.03
+STUCK = 0.01
 """Part of the runs that may end beside a branch point, where the corrector fails. They say so, and are compared as far as they go."""
 
 
