@@ -240,8 +240,8 @@ class EventFinder:
         return best._replace(kind="zero", status="located", low=locator.step(low), high=locator.step(high), between=(low, high))
 
     def _noise(self, index: int, s: float, locator: Locator) -> float:
-        """Size up to which a test function is rounding near a place: its distance from a straight line over a few bracket widths. Where it is
-        undefined for being rounding, all its values are more than that.
+        """Size up to which a test function is rounding near a place: its distance from a straight line over a few bracket widths. Where it
+        is undefined for being rounding, all its values are more than that.
 
         Steps are taken where the straight line leaves the noise."""
         values = [float(step.tests[index]) for _, step in locator.taken()]

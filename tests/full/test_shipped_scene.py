@@ -42,7 +42,7 @@ def test_every_meeting_has_an_edge_or_a_dead_end(built):
 
 
 def test_a_family_has_the_branch_point_that_it_is_born_at(built):
-    """Oracle: the edges of symmetry breakings, doublings and q-tuplings: the family at their other end has a branch point at that energy."""
+    """Oracle: the edges of symmetry breakings, doublings and q-tuplings: the family at their other end has a branch point there."""
     with Catalogue(built[0]) as catalogue:
         crossed = {row.id: [event.h for event in catalogue.events(row.id) if event.type == "BP"] for row in catalogue.families()}
         births = [edge for edge in catalogue.edges() if edge.kind == "switch" and edge.type in ("SB", "PD", "RT")]
