@@ -10,7 +10,7 @@ import numpy as np
 __all__ = ["refine_branch_point"]
 
 _DIFFERENCE = 1e-5
-"""Step of the central differences; their error only slows Newton's method down."""
+"""Step of the differences; their error only slows Newton's method down."""
 
 _ROUNDS = 12
 
@@ -82,7 +82,7 @@ def refine_branch_point(
         matrix[:n, n + 1 : -1] = excess * np.eye(n)
         matrix[:n, -1] = psi
         if not 0.0 < length <= _SHRUNK * last:
-            matrix[n : 2 * n + 1, : n + 1] = _bend(equations, place, psi, scale)
+            matrix[n : 2 * n + 1, : n + 1] = _bend(equations, place, psi, scale, jacobian)
         matrix[n : 2 * n + 1, n + 1 : -1] = jacobian.T
         matrix[-1, n + 1 : -1] = psi
         miss = np.concatenate(
@@ -103,12 +103,12 @@ def refine_branch_point(
     return None
 
 
-def _bend(equations: Equations, place: np.ndarray, psi: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """psi . F''(place), (n + 1, n + 1), for unknowns in units of their sizes."""
+def _bend(equations: Equations, place: np.ndarray, psi: np.ndarray, scale: np.ndarray, here: np.ndarray) -> np.ndarray:
+    """psi . F''(place), (n + 1, n + 1), for unknowns in units of their sizes; `here`: F'(place) for these."""
     columns = []
+    own = psi @ here
     for j in range(place.size):
         apart = np.zeros(place.size)
         apart[j] = _DIFFERENCE * scale[j]
-        change = np.asarray(equations.jacobian(place + apart)) - np.asarray(equations.jacobian(place - apart))
-        columns.append(scale * (psi @ change) / (2.0 * _DIFFERENCE))
+        columns.append((scale * (psi @ np.asarray(equations.jacobian(place + apart))) - own) / _DIFFERENCE)
     return np.stack(columns, axis=1)

@@ -282,13 +282,12 @@ class Locator:
         (_, slope), (_, other) = self._cubic(low), self._cubic(high)
         own = step.tangent[: step.y.size] / step.turn
         expected = slope + part * (other - slope)
-        away = float(np.linalg.norm(own - expected))
-        return away > float(np.linalg.norm(other - slope)) + _ASIDE * float(np.linalg.norm(expected))
+        return _length(own - expected) > _length(other - slope) + _ASIDE * _length(expected)
 
     def bends(self, low: float, high: float) -> bool:
         """Whether the unknowns change in another direction at one of two known steps than at the other: they are of two families."""
         (_, slope), (_, other) = self._cubic(low), self._cubic(high)
-        return float(np.linalg.norm(other - slope)) > _ASIDE * float(np.linalg.norm(slope) + np.linalg.norm(other))
+        return _length(other - slope) > _ASIDE * (_length(slope) + _length(other))
 
     def _corrected(self, s: float) -> Step:
         """The step of length s, corrected from the cubic through the known steps on both sides of it if the problem allows it. Near a
@@ -436,3 +435,7 @@ class Locator:
                 high = middle
         s = low if terminal else high
         return Location("change", "located", s, self.step(s), 0.0, self.step(low), self.step(high)), high
+
+
+def _length(vector: np.ndarray) -> float:
+    return math.sqrt(vector @ vector)

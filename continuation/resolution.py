@@ -170,6 +170,9 @@ class Resolution:
         known = [_Sample(s, float(values[index])) for s, values in self._history]
         known += [_Sample(s, float(step.tests[index])) for s, step in self._locator.taken() if s <= limit]
         zones = [zone for zone in self.zones if zone.hides(self._tests[index])]
+        if not zones:
+            defined = [sample for sample in known if sample.value == sample.value]
+            return defined, [sample.s for sample in known if sample.value != sample.value] if len(defined) < len(known) else []
 
         def is_certain(sample: _Sample) -> bool:
             return sample.value == sample.value and not any(zone.low < sample.s < zone.high for zone in zones)
