@@ -50,7 +50,6 @@ def test_events_do_not_depend_on_the_start_or_the_steps(family, part, longest):
     ("parent", "energy"),
     [
         ("origin-rest:+----:98efd23d", 2.8332488493508),  # unknowns change 2000 times as fast as the metric coordinates
-        ("origin-origin:++++---+++:f15c85e2", 85.116314855647),  # rounding leaves 1e-8 of the unknowns open
         ("origin-origin:+++---+++:e0d57d1d", 97.545081181853),  # the smallest pivot is another one until the branch point is very near
         ("stop+-stop-:+--+-+:9ee1b097", 4.000100907963),
         ("rest-rest:+--+++-:f8535360", 11.389625320605),  # steps inside a step go over to the parent
