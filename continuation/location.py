@@ -7,7 +7,7 @@ is carried from trial to trial.
 from __future__ import annotations
 
 import math
-from bisect import bisect
+from bisect import bisect, insort
 from collections.abc import Callable, Iterator
 from typing import Literal, NamedTuple
 
@@ -233,6 +233,7 @@ class Locator:
         self._settings = settings
         self._least_turn = math.cos(settings.maximum_turn)
         self._taken: dict[float, Step] = {0.0: before.step}
+        self._places = [0.0]
         self._ends: list[tuple[float, float]] = []
 
     def __len__(self) -> int:
@@ -240,11 +241,12 @@ class Locator:
 
     def taken(self) -> list[tuple[float, Step]]:
         """The steps known so far and their lengths, in order."""
-        return sorted(self._taken.items())
+        return [(s, self._taken[s]) for s in self._places]
 
     def enter(self, s: float, step: Step) -> None:
-        """Make a step known that was taken already."""
+        """Make a step known."""
         self._taken[s] = step
+        insort(self._places, s)
 
     def step(self, s: float) -> Step:
         """The step of length s from the accepted point.
@@ -264,7 +266,7 @@ class Locator:
             raise StepRefused(f"the tangent of a shorter step turns too far (cosine {step.turn:.3g})")
         if self._leaves(s, step):
             raise StepRefused("a shorter step goes over to another family")
-        self._taken[s] = step
+        self.enter(s, step)
         return step
 
     def _leaves(self, s: float, step: Step) -> bool:
@@ -273,7 +275,7 @@ class Locator:
         Near a branch point two families are so near to each other that the corrector can go over. They differ in direction, in the
         unknowns even where they do not in the metric.
         """
-        places = sorted(self._taken)
+        places = self._places
         at = bisect(places, s)
         if not 0 < at < len(places):
             return False
@@ -294,7 +296,7 @@ class Locator:
         branch point a prediction from afar can be nearer to the other family."""
         before = self._before
         near = getattr(self._problem, "step_near", None)
-        places = sorted(self._taken)
+        places = self._places
         at = bisect(places, s)
         if near is None or not 0 < at < len(places):
             return self._problem.step(before.y, before.tangent, s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -37,13 +38,6 @@ _NEAR_END = 0.05
 
 _ELSEWHERE = (0.0, 0.1, -0.1, 0.25, -0.25)
 """Where a sample is tried in turn, from its best place, as parts of the interval, if the corrector fails."""
-
-
-class _Sample(NamedTuple):
-    """Place (length of the step from the accepted point; negative before it) and value of one test function."""
-
-    s: float
-    value: float
 
 
 class Zone(NamedTuple):
@@ -86,6 +80,7 @@ class Resolution:
         self._locator = locator
         self._history = history
         self._floor = _FLOOR * settings.location_tolerance
+        self._resolved: dict[int, set[tuple[float, ...]]] = {}
         self.zones: list[Zone] = []
 
     def changes(self, index: int, limit: float, *, guard: bool = False) -> list[tuple[float, float]]:
@@ -106,13 +101,16 @@ class Resolution:
             A sample cannot be taken, or too many are needed.
         """
         while True:
-            samples, gaps = self._samples(index, limit)
-            place = self._unresolved(samples, gaps, guard)
-            if place is None:
+            places, values, gaps = self._samples(index, limit)
+            interval = self._unresolved(places, values, gaps, guard, self._resolved.setdefault(index, set()))
+            if interval is None:
                 break
-            self._take(*place)
-        inside = [sample for sample in samples if sample.s >= 0.0]
-        return [(a.s, b.s) for a, b in pairwise(inside) if (a.value > 0.0) is not (b.value > 0.0) and (a.value > 0.0 or not guard)]
+            self._take(*interval)
+        changes = []
+        for (low, a), (high, b) in pairwise(zip(places, values, strict=True)):
+            if low >= 0.0 and (a > 0.0) is not (b > 0.0) and (a > 0.0 or not guard):
+                changes.append((low, high))
+        return changes
 
     def absorbed(self, test: Test, low: float, high: float) -> bool:
         """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code."""
@@ -165,57 +163,55 @@ class Resolution:
             return place
         return None
 
-    def _samples(self, index: int, limit: float) -> tuple[list[_Sample], list[float]]:
-        """The samples where a test function is to be trusted, and the places in order where it is not."""
-        known = [_Sample(s, float(values[index])) for s, values in self._history]
-        known += [_Sample(s, float(step.tests[index])) for s, step in self._locator.taken() if s <= limit]
+    def _samples(self, index: int, limit: float) -> tuple[list[float], list[float], list[float]]:
+        """The places in order where a test function is to be trusted, its values there, and the places where it is not."""
         zones = [zone for zone in self.zones if zone.hides(self._tests[index])]
-        if not zones:
-            defined = [sample for sample in known if sample.value == sample.value]
-            return defined, [sample.s for sample in known if sample.value != sample.value] if len(defined) < len(known) else []
+        known = [(s, values[index]) for s, values in self._history]
+        known += [(s, step.tests[index]) for s, step in self._locator.taken() if s <= limit]
+        places, values, gaps = [], [], []
+        for s, value in known:
+            if value != value or (zones and any(zone.low < s < zone.high for zone in zones)):
+                gaps.append(s)
+            else:
+                places.append(s)
+                values.append(float(value))
+        return places, values, gaps
 
-        def is_certain(sample: _Sample) -> bool:
-            return sample.value == sample.value and not any(zone.low < sample.s < zone.high for zone in zones)
+    def _unresolved(
+        self, places: list[float], values: list[float], gaps: list[float], guard: bool, resolved: set[tuple[float, ...]]
+    ) -> tuple[float, float, float] | None:
+        """The longest interval that is to be divided, and where.
 
-        defined = [sample for sample in known if is_certain(sample)]
-        gaps = [sample.s for sample in known if not is_certain(sample)]
-        return defined, gaps
-
-    def _unresolved(self, samples: list[_Sample], gaps: list[float], guard: bool) -> tuple[float, float, float] | None:
-        """The first interval that is to be divided, and where."""
-        for j, (a, b) in enumerate(pairwise(samples)):
-            length = b.s - a.s
-            if a.s < 0.0 or length <= self._floor or (guard and not a.value > 0.0):
+        The longest, because towards a pole an interval that is far longer than the next one gets a value there that says nothing of it.
+        resolved: intervals that need not, each with the places next to it; those that are found are added."""
+        longest, division = self._floor, None
+        for j in range(bisect_left(places, 0.0), len(places) - 1):
+            low, high, a, b = places[j], places[j + 1], values[j], values[j + 1]
+            length = high - low
+            if length <= longest or (guard and not a > 0.0):
                 continue
-            inside = [gap for gap in gaps if a.s < gap < b.s]
+            inside = [gap for gap in gaps if low < gap < high] if gaps else gaps
             if inside:
-                core = max(inside[-1] - inside[0], self._floor)
-                for low, high in ((a.s, inside[0]), (inside[-1], b.s)):
-                    if high - low > _CORES * core:
-                        return low, high, 0.5
+                low, high = max((low, inside[0]), (inside[-1], high), key=lambda side: side[1] - side[0])
+                if high - low > max(longest, _CORES * max(inside[-1] - inside[0], self._floor)):
+                    longest, division = high - low, (low, high, 0.5)
                 continue
-            if (a.value > 0.0) is not (b.value > 0.0):
+            if (a > 0.0) is not (b > 0.0):
                 continue
-            bends = self._bends(samples, j)
+            around = tuple(places[max(j - 1, 0) : j + 3])
+            if around in resolved:
+                continue
+            bends = _bends(places, values, j)
             if len(bends) < 2:
-                return a.s, b.s, 0.5
-            if may_hide(a.value, b.value, length, *bends):
-                sign = 1.0 if a.value > 0.0 else -1.0
-                bend = max(bends, key=lambda bend: sign * bend) * length * length
-                part = 0.5 - 0.5 * (b.value - a.value) / bend if sign * bend > 0.0 else 0.5
-                return a.s, b.s, min(max(part, _NEAR_END), 1.0 - _NEAR_END)
-        return None
-
-    def _bends(self, samples: list[_Sample], j: int) -> list[float]:
-        """Second divided differences of interval j with its neighbours on both sides; at an end of the samples, with two on one side."""
-        a, b = samples[j], samples[j + 1]
-        least = _APART * (b.s - a.s)
-        left = _spaced(samples[j::-1], least)
-        right = _spaced(samples[j + 1 :], least)
-        bends = [_bend(far, a, b) for far in left[1:2]] + [_bend(a, b, far) for far in right[1:2]]
-        if len(bends) == 1:
-            bends += [_bend(*left[2::-1])] if len(left) > 2 else [_bend(*right[:3])] if len(right) > 2 else []
-        return bends
+                longest, division = length, (low, high, 0.5)
+            elif may_hide(a, b, length, *bends):
+                sign = 1.0 if a > 0.0 else -1.0
+                bend = max(sign * bend for bend in bends) * length * length
+                part = 0.5 - 0.5 * sign * (b - a) / bend if bend > 0.0 else 0.5
+                longest, division = length, (low, high, part if _NEAR_END < part < 1.0 - _NEAR_END else 0.5)
+            else:
+                resolved.add(around)
+        return division
 
     def _take(self, low: float, high: float, part: float) -> None:
         if len(self._locator) > _MOST:
@@ -230,19 +226,34 @@ class Resolution:
         raise cause
 
 
-def _spaced(samples: Sequence[_Sample], least: float) -> list[_Sample]:
-    """The first samples, each at least so far from the one before."""
-    chosen = list(samples[:1])
-    for sample in samples:
-        if abs(sample.s - chosen[-1].s) >= least:
-            chosen.append(sample)
-            if len(chosen) == 3:
-                break
-    return chosen
+def _bends(places: list[float], values: list[float], j: int) -> list[float]:
+    """Second divided differences of interval j with its neighbours on both sides; at an end of the samples, with two on one side."""
+    least = _APART * (places[j + 1] - places[j])
+    left, right = _neighbour(places, j, -1, least), _neighbour(places, j + 1, 1, least)
+    bends = []
+    if left is not None:
+        bends.append(_bend(places, values, left, j, j + 1))
+    if right is not None:
+        bends.append(_bend(places, values, j, j + 1, right))
+    if left is None and right is not None and (far := _neighbour(places, right, 1, least)) is not None:
+        bends.append(_bend(places, values, j + 1, right, far))
+    if right is None and left is not None and (far := _neighbour(places, left, -1, least)) is not None:
+        bends.append(_bend(places, values, far, left, j))
+    return bends
 
 
-def _bend(a: _Sample, b: _Sample, c: _Sample) -> float:
-    """Second divided difference."""
-    if not (math.isfinite(a.value) and math.isfinite(b.value) and math.isfinite(c.value)):
-        return 0.0
-    return ((c.value - b.value) / (c.s - b.s) - (b.value - a.value) / (b.s - a.s)) / (c.s - a.s)
+def _neighbour(places: list[float], i: int, way: int, least: float) -> int | None:
+    """The next place before (way -1) or after (1) place i that is at least so far from it."""
+    here = places[i]
+    i += way
+    while 0 <= i < len(places):
+        if abs(places[i] - here) >= least:
+            return i
+        i += way
+    return None
+
+
+def _bend(places: list[float], values: list[float], i: int, j: int, k: int) -> float:
+    """Second divided difference; 0 where a value is infinite."""
+    bend = ((values[k] - values[j]) / (places[k] - places[j]) - (values[j] - values[i]) / (places[j] - places[i])) / (places[k] - places[i])
+    return bend if math.isfinite(bend) else 0.0
