@@ -20,6 +20,7 @@ __all__ = [
     "Control",
     "JUMPED",
     "NEAR_GOAL",
+    "PART",
     "SLOW",
     "TURNED",
     "arclength_of",
@@ -35,6 +36,9 @@ __all__ = [
 
 ACCEPTED, TURNED, SLOW, JUMPED = 0, 1, 2, 3
 """What `refusal` says of a step."""
+
+PART = 0.1
+"""Part of its size nearby to which a test function for branch points falls beside one."""
 
 BLOCK = 64
 """Most steps that a problem is asked to march before the engine looks up: an interruption loses no more than these."""
@@ -178,7 +182,7 @@ def watch(kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: A
             continue
         if oldest[i] != oldest[i] or older[i] != older[i]:
             return True
-        if singular[i] > 0.0 and abs(b) < 0.1 * abs(a):
+        if singular[i] > 0.0 and abs(b) < PART * abs(a):
             return True
         rise = (a - older[i]) / before
         bend = ((b - a) / last - rise) / (before + last)

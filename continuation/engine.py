@@ -286,6 +286,7 @@ def walk(
                         if (on_event and ds > 4 * tolerance) or (ds > 4 * shortest and finder.is_near_branch_point(values, tests)):
                             ds *= 0.75
                             continue
+        reach = ds
         if cause:
             # The corrector fails if a step lands too near to a branch point: try the point as far behind it as this one is before.
             leap = 2.0 * finder.distance_to_branch_point(older, values, length_old)
@@ -297,8 +298,8 @@ def walk(
             if passed is not None:
                 found, new = [passed[0]], passed[1]
                 crossing = passed[0].location
-                ds, tests = AFTER * shortest, _floats(new.tests)
-                length = crossing.s + arclength_of(distance(crossing.step.position, new.position), 1.0)
+                ds, tests, closed = AFTER * shortest, _floats(new.tests), False
+                reach = length = crossing.s + arclength_of(distance(crossing.step.position, new.position), 1.0)
             elif ds < shortest:
                 words = f"{cause} at arclength {arclength:.6g}"
                 failure = getattr(problem, "failure", None)
@@ -311,7 +312,7 @@ def walk(
 
         accepted += 1
         fallback = 0.0
-        for stride, at, event in _places(found, ds, new):
+        for stride, at, event in _places(found, reach, new):
             s = length if at is new else arclength_between(position, at)
             guard = event is not None and problem.tests[event.index].kind == "guard"
             if event is not None and not guard and (arclength + s <= exact or (closed and length - s <= exact)):

@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from continuation.control import arclength_of, distance, kinds_of, may_hide, watch
+from continuation.control import PART, arclength_of, distance, kinds_of, may_hide, watch
 from continuation.location import JUMP_RATIO, Location, Locator, StepRefused
 from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
-from continuation.resolution import PART, History, Resolution
+from continuation.resolution import History, Resolution
 from continuation.settings import Settings
 
 _ROUNDING = 1e-12  # part of its largest value in a step up to which a test function is rounding
 _LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
+_BETWEEN = (0.5, 0.25, 0.75, 0.1, 0.9)  # where a point between two events is tried, as parts of the distance
 _BESIDE = 3  # so many points on either side of a zero show the noise of its test function
 _SURE = 8.0  # so many times the noise that is seen there a value is at least where it is not noise
 _CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
@@ -119,11 +120,13 @@ class EventFinder:
         for before, after in pairwise(found):
             low, high = before.location.s, after.location.s
             if high - low > self._settings.coincidence_tolerance:
-                s = 0.5 * (low + high)
-                try:
-                    after = replace(after, between=(s, locator.step(s)))
-                except StepRefused:
-                    pass
+                for part in _BETWEEN:
+                    s = low + part * (high - low)
+                    try:
+                        after = replace(after, between=(s, locator.step(s)))
+                        break
+                    except StepRefused:
+                        continue
             parted.append(after)
         return parted
 
@@ -147,17 +150,20 @@ class EventFinder:
         if pair is None:
             return None
         at, after = pair
+        codes = []
         for test, is_zero, *values in zip(self._tests, self._at_branch_points, before.tests, at.tests, after.tests, strict=True):
             known = [value for value in values if value == value]
             same = len(set(known)) < 2 if test.kind == "change" else all((value > 0.0) is (known[0] > 0.0) for value in known)
             if not is_zero and not same:
                 return None
+            if is_zero and not test.singular and not same:
+                codes.append(test.code)
         index = next(index for index, level in enumerate(self._singular) if level)
         s = arclength_between(before.step.position, at)
         margin = self._settings.location_tolerance
         location = Location("zero", "located", s, at, abs(float(at.tests[index])), at, at, margin=margin, between=(s, s))
         found = self._classified([(index, location)], before, Point(before.index + 1, before.arclength + 2.0 * s, after, 2.0 * s))
-        return (found[0], after) if found else None
+        return (replace(found[0], absorbed=(*found[0].absorbed, *codes)), after) if found else None
 
     def _zeros(
         self, tests: list[int], locator: Locator, resolution: Resolution, limit: float, before: Point, ds: float
@@ -178,7 +184,7 @@ class EventFinder:
                     found = locator.crossing(index, low, high, size=_LEFT * test.singular)
                     done[index].append(found.between)
                     searching = True
-                    if locator.is_at_an_end(found) or self._is_branch_point(index, found.step, resolution):
+                    if locator.is_at_an_end(found) or resolution.is_branch_point(index, found.step, _LEFT):
                         continue
                     found = self._refined(index, found, before, ds)
                     if found.kind == "interrupted" and found.between[1] - found.between[0] > self._settings.coincidence_tolerance:
@@ -189,13 +195,6 @@ class EventFinder:
                         break
         zeros = {index: [found for i, found in located if i == index] for index in tests}
         return [pair for index in tests for pair in self._crossed(index, zeros[index], locator, resolution)]
-
-    def _is_branch_point(self, index: int, step: Step, resolution: Resolution) -> bool:
-        """Whether a zero is rounding beside a branch point of the same step, which absorbs it."""
-        if not math.isnan(step.tests[index]):
-            return False
-        zones = [zone for zone in resolution.zones if zone.hides(self._tests[index])]
-        return any(abs(step.tests[self._tests.index(zone.test)]) < _LEFT * zone.test.singular for zone in zones)
 
     def _crossed(
         self, index: int, zeros: list[Location], locator: Locator, resolution: Resolution
@@ -247,12 +246,12 @@ class EventFinder:
         values = [float(step.tests[index]) for _, step in locator.taken()]
         least = _ROUNDING * max((abs(value) for value in values if value == value), default=0.0)
         width = self._settings.location_tolerance
+        last = locator.taken()[-1][0]
         near = []
         for k in range(-_BESIDE, _BESIDE + 1):
-            try:
-                near.append((float(k), locator.value(index, s + k * width)))
-            except StepRefused:
-                continue
+            place = s + k * width
+            if 0.0 <= place <= last and not math.isnan(value := float(locator.step(place).tests[index])):
+                near.append((float(k), value))
         if len(near) <= _BESIDE:
             return least
         places, around = np.array(near).T
@@ -260,7 +259,6 @@ class EventFinder:
         noise = max(least, _SURE * float(np.max(np.abs(around - line(places)))))
         slope = float(line.deriv()(0.0))
         reach = 2.0 * width * noise / abs(slope) if slope else 0.0
-        last = locator.taken()[-1][0]
         for place in (s - reach, s + reach):
             if reach > _BESIDE * width and 0.0 < place < last:
                 try:

@@ -8,18 +8,15 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from continuation.control import may_hide
+from continuation.control import PART, may_hide
 from continuation.location import Locator, StepRefused
-from continuation.problem import Test
+from continuation.problem import Step, Test
 from continuation.settings import Settings
 
 __all__ = ["History", "Resolution", "Zone"]
 
 History = Sequence[tuple[float, Sequence[float]]]
 """Points before the step: minus the arclength back to each (a negative number, in order), and the test functions there."""
-
-PART = 0.1
-"""Part of its size nearby that the test function for a branch point has in the zone around it, at most."""
 
 _MOST = 256
 """Most corrected points inside a step. A step that needs more is refused and halved."""
@@ -114,12 +111,23 @@ class Resolution:
 
     def absorbed(self, test: Test, low: float, high: float) -> bool:
         """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code."""
-        for zone in self.zones:
-            if low <= zone.low and zone.high <= high and zone.hides(test):
-                if test is not zone.test and test.code not in zone.found:
-                    zone.found.append(test.code)
-                return True
-        return False
+        return self._note(test, [zone for zone in self.zones if low <= zone.low and zone.high <= high and zone.hides(test)])
+
+    def is_branch_point(self, index: int, step: Step, factor: float) -> bool:
+        """Whether an undecided value of a test function is rounding at a branch point of this step, which then notes its code.
+
+        factor: so many times its level `Test.singular` a test function for branch points may have there."""
+        test = self._tests[index]
+        zones = [zone for zone in self.zones if zone.hides(test)]
+        near = [zone for zone in zones if abs(step.tests[self._tests.index(zone.test)]) < factor * zone.test.singular]
+        return math.isnan(step.tests[index]) and self._note(test, near)
+
+    def _note(self, test: Test, zones: list[Zone]) -> bool:
+        """Note the code of a test function in the first of some zones, and whether there is one."""
+        for zone in zones[:1]:
+            if test is not zone.test and test.code not in zone.found:
+                zone.found.append(test.code)
+        return bool(zones)
 
     def exclude(self, index: int, test: Test, low: float, high: float) -> None:
         """Make a zone around a branch point between the steps of length low and high, which its test function marked.

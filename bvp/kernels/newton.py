@@ -214,7 +214,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
         # one loop, so that each of these functions is compiled in one place
         evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
         if iteration > 0:
-            noise = worst <= RESIDUAL_ROUNDING
+            noise = worst <= RESIDUAL_ROUNDING and length < 1e-6
             worst = scaled_residual(segment, residual, displacement, velocity)
             ratio = length / previous
             fresh = False
@@ -222,7 +222,6 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                 good = True
                 ended = True
             elif iteration > 1:
-                noise = noise and length < 1e-6
                 if ratio > 0.5 and (length < 1e-9 or noise):
                     good = worst < 1e-12
                     ended = True
