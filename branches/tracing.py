@@ -14,7 +14,7 @@ from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
-from bvp.checks import reals
+from bvp.checks import real_list
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
 from bvp.shown import shown
@@ -249,7 +249,7 @@ def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
         Otherwise.
     """
     try:
-        low, high = reals(energy).tolist()
+        low, high = real_list(energy)
     except (TypeError, ValueError):
         raise TraceError(f"energy range {shown(energy)}: expected two numbers (LO, HI)") from None
     if not (0.0 <= low < high):

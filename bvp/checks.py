@@ -20,6 +20,7 @@ __all__ = [
     "number",
     "real",
     "reals",
+    "real_list",
     "refuse_unknown",
     "require_system",
     "square",
@@ -96,6 +97,23 @@ def reals(value: Any) -> np.ndarray:
     if array.dtype.kind == "O":
         return np.array([real(entry) for entry in array.ravel()], dtype=float).reshape(array.shape)
     return np.array(array, dtype=float)
+
+
+def real_list(value: Any) -> list[float]:
+    """Numbers in one list, which is not nested, as floats; errors as for `real`.
+
+    Examples
+    --------
+    >>> real_list((1, 2))
+    [1.0, 2.0]
+    >>> real_list([[1, 2]])
+    Traceback (most recent call last):
+    ValueError: expected a list of numbers that is not nested; received [[1, 2]]
+    """
+    array = reals(value)
+    if array.ndim != 1:
+        raise ValueError(f"expected a list of numbers that is not nested; received {shown(value)}")
+    return [float(entry) for entry in array]
 
 
 def _refuse_bytes_and_booleans(value: Any) -> None:

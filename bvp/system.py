@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, reals, refuse_unknown, square, symmetric
+from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, real_list, reals, refuse_unknown, square, symmetric
 from bvp.same_stops import check_same_stops
 from bvp.shown import shown
 
@@ -61,7 +61,7 @@ class Stop:
         if not isinstance(self.name, str) or (self.name and not (len(self.name) == 1 and "a" <= self.name <= "z")):
             raise InvalidSystem(f"the name of a stop is one lower-case letter a to z; received {shown(self.name)}")
         try:
-            gap = tuple(reals(self.gap).tolist())
+            gap = tuple(real_list(self.gap))
         except (TypeError, ValueError):
             raise InvalidSystem(f"the gap row of {label} is a list of numbers; received {shown(self.gap)}") from None
         if not gap or not all(math.isfinite(x) for x in gap):
