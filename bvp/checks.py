@@ -16,6 +16,7 @@ __all__ = [
     "InvalidSystem",
     "check_positive_definite",
     "check_size",
+    "energy_range",
     "is_finite",
     "number",
     "real",
@@ -114,6 +115,32 @@ def real_list(value: Any) -> list[float]:
     if array.ndim != 1:
         raise ValueError(f"expected a list of numbers that is not nested; received {shown(value)}")
     return [float(entry) for entry in array]
+
+
+def energy_range(value: Any, *, positive: bool = False) -> tuple[float, float]:
+    """A range (LO, HI) of energies with 0 <= LO < HI; where it has to be positive, LO is above 0 and HI finite.
+
+    Raises
+    ------
+    ValueError
+        For another range, and for what is none.
+
+    Examples
+    --------
+    >>> energy_range([0, math.inf])
+    (0.0, inf)
+    >>> energy_range([0, 1], positive=True)
+    Traceback (most recent call last):
+    ValueError: energy range 0:1: expected 0 < LO < HI < inf
+    """
+    try:
+        low, high = real_list(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"energy range {shown(value)}: expected two numbers (LO, HI)") from None
+    if not 0.0 <= low < high or (positive and not 0.0 < low < high < math.inf):
+        wrong = " is empty or reversed;" if low >= high else ":"
+        raise ValueError(f"energy range {low:g}:{high:g}{wrong} expected {'0 < LO < HI < inf' if positive else '0 <= LO < HI'}")
+    return low, high
 
 
 def _refuse_bytes_and_booleans(value: Any) -> None:
