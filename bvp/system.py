@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, real_list, reals, refuse_unknown, square, symmetric
+from bvp.frozen import read_only
 from bvp.same_stops import check_same_stops
 from bvp.shown import shown
 
@@ -143,8 +144,7 @@ class ImpactSystem:
         mass = symmetric(mass, "mass")
         check_positive_definite(mass)
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, read_only(value))
         object.__setattr__(self, "stops", _named_stops(self.stops, n))
         coordinates = _coordinate_names(self.coordinates, n)
         object.__setattr__(self, "coordinates", coordinates)
