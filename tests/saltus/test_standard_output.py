@@ -47,9 +47,10 @@ def test_a_closed_standard_output_does_not_keep_files_from_being_written(tmp_pat
 
 
 @POSIX
-def test_a_closed_standard_error_does_not_mix_with_data():
+@pytest.mark.parametrize("error", ["2>&-", "2>/dev/full"])
+def test_a_standard_error_that_fails_does_not_mix_with_data(error):
     """Oracle: what is printed is one JSON text."""
-    done = shell(f"{SALTUS} {QUICK} --json - 2>&-")
+    done = shell(f"{SALTUS} {QUICK} --json - {error}")
     assert done.returncode == 0 and len(json.loads(done.stdout)["points"]) == 5
 
 
