@@ -159,6 +159,31 @@ def test_an_id_is_looked_up_in_the_scenes_own_catalogue(capsys, tmp_path, monkey
     refused(run(capsys, "orbit", kept.id, "--energy", repr(h), "--mu", "0.11"), f"no orbit {kept.id} found")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="the data folder is told by a variable of this system")
+@pytest.mark.parametrize("part", [False, True])
+def test_a_catalogue_of_its_own_that_cannot_be_used_is_not_passed_over(capsys, tmp_path, monkeypatch, part):
+    """Oracle: the words on a file that is no catalogue, on one of another system, and where there is none."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    os.makedirs(tmp_path / "saltus")
+    kept = real()[3]
+    name = kept.id.rpartition(":")[2] if part else kept.id
+    place = tmp_path / "saltus" / "lee2009.sqlite"
+    on = f"{name}@h={kept.points['h'][len(kept) // 2]}"
+    for command in (["continue", name, "--points", "2"], ["run", "--duration", "1", "--on", on]):
+        place.write_text("no catalogue\n" * 100)
+        refused(run(capsys, *command), f"{place} is no catalogue")
+        place.unlink()
+        with saltus.Catalogue(place, "a", scene=saltus.load_scene(mu=0.2)):
+            pass
+        refused(run(capsys, *command), f"{place} belongs to another system: there mu is 0.2, not 0.1")
+        place.unlink()
+    if part:
+        refused(run(capsys, *command), f"{name} is a part of an id, and no catalogue is there")
+    else:
+        code, _, err = run(capsys, "continue", name, "--points", "2")
+        assert code == 0, err
+
+
 def test_a_tree_of_one_family_says_why_it_has_no_neighbours(capsys, tmp_path):
     """Oracle: --save of one family; the command that finds neighbours."""
     path = tmp_path / "a.sqlite"
