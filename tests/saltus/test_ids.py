@@ -124,6 +124,52 @@ def test_a_search_without_a_catalogue_names_orbits_that_have_no_label(capsys, sc
     assert code == 0 and json.loads(out)["orbit"]["alpha"] == pytest.approx(orbit["alpha"], rel=1e-10), err
 
 
+def second_fails(monkeypatch, error):
+    """Let the second family that is followed fail."""
+    followed, asked = follow_family, []
+
+    def fails(*arguments, **options):
+        asked.append(arguments)
+        if len(asked) == 2:
+            raise error
+        return followed(*arguments, **options)
+
+    monkeypatch.setattr("branches.tracing.follow_family", fails)
+
+
+@pytest.mark.parametrize(("error", "code"), [(RuntimeError("it is lost"), 0), (KeyboardInterrupt(), 130)])
+def test_a_family_that_cannot_be_followed_leaves_the_others(capsys, scene, branches, monkeypatch, tmp_path, error, code):
+    """Oracle: the same search where all are followed; a note, or after an interrupt the ids before it."""
+    words = ("discover", "--energy", "1", "--max-impacts", "1", "--scene", scene, "--json")
+    assert run(capsys, *words, tmp_path / "whole.json")[0] == 0
+    second_fails(monkeypatch, error)
+    ended, out, err = run(capsys, *words, tmp_path / "cut.json")
+    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text())["orbits"] for name in ("whole", "cut"))
+    expected = [orbit["family"] for orbit in whole]
+    expected[1] = None
+    if code:
+        expected[2:] = [None] * len(expected[2:])
+        assert err.startswith("saltus: interrupted; the search is complete") and err.count("\n") == 1
+    else:
+        assert f"note   the orbit at alpha = {whole[1]['alpha']:.8g} has no id: it is lost\n" in out and err == ""
+    assert ended == code and [orbit["family"] for orbit in cut] == expected and len(expected) == 3
+    assert all(f"{orbit['alpha']:.8g}" in out for orbit in whole) and expected[0] in out
+
+
+def test_orbits_that_lie_on_no_family_of_a_catalogue_have_ids_too(capsys, scene, branches, tmp_path):
+    """Oracle: the search without a catalogue; the catalogue knows one family of three. Python hands out what the catalogue knows."""
+    path, known = tmp_path / "one.sqlite", next(iter(branches))
+    with saltus.Catalogue(path, "a", scene=saltus.load_scene(scene)) as catalogue:
+        catalogue.add(branches[known])
+    words = ("discover", "--energy", "1", "--max-impacts", "1", "--scene", scene, "--catalogue", path, "--json", "-")
+    code, out, err = run(capsys, *words)
+    assert code == 0 and {orbit["family"] for orbit in json.loads(out)["orbits"]} == set(branches)
+    assert "families 1 of the catalogue; 2 orbits lie on none of it" in err
+    with saltus.Catalogue(path) as catalogue:
+        found = saltus.discover(catalogue.system, 1.0, quarter_period=4.0, impacts=1, catalogue=catalogue)
+        assert set(found.families) == {known, None}
+
+
 @pytest.mark.parametrize("name", ["L11+", "S13O00+"])
 def test_a_scene_without_labels_expects_no_label(capsys, scene, name):
     """Oracle: labels need an origin, which a gap bounded on one side does not have; its families have ids."""
