@@ -19,6 +19,7 @@ from branches.kernels.march import Block, march
 from branches.labels import ImpossibleLabelError, Label, label_of
 from branches.marched import MarchedSteps, step_of
 from branches.markers import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, planar_tests
+from bvp.frozen import changeable
 from bvp.kernels import segment as kernel
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
@@ -97,7 +98,7 @@ def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
     """Sizes of the unknowns (u,): displacements, velocities, times."""
     problem.residual(y)
     problem._factor.before[:] = problem.end_states(y)
-    set_scale(problem.segment, np.ascontiguousarray(y), problem._factor)
+    set_scale(problem.segment, changeable(y), problem._factor)
     return problem._factor.scale.copy()
 
 
@@ -178,7 +179,7 @@ class Family:
 
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""
-        return self._step(self.problem.step(np.ascontiguousarray(y), np.zeros(2 * self.problem.unknowns), 0.0))
+        return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0))
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
         """See `continuation.Problem`; the tangent carries its curvature behind it, (2 u,)."""

@@ -14,7 +14,7 @@ from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
-from bvp.checks import reals
+from bvp.checks import energy_range
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
 from bvp.shown import shown
@@ -107,7 +107,7 @@ def trace(
         if value is not None and not isinstance(value, Mapping):
             raise TypeError(f"{what} = {shown(value)}: expected a mapping")
     limits = search_bounds(bounds)
-    energy = check_energy(energy if energy is not None else limits.energy)
+    energy = _checked(energy if energy is not None else limits.energy)
     found, rising = resolve(name, system, pins=pins or {}, limits=limits, energy=energy)
     if not energy[0] * (1.0 - _ROUNDING) <= found.h <= energy[1] * (1.0 + _ROUNDING):
         raise TraceError(
@@ -176,7 +176,7 @@ def follow_family(
     RuntimeError
         Where the family cannot be followed.
     """
-    energy = check_energy(energy)
+    energy = _checked(energy)
     if direction not in _SIGNS:
         raise TraceError(f"direction {shown(direction)}: expected up, down or both")
     if stop_at is not None and stop_at not in EVENT_TYPES:
@@ -240,21 +240,12 @@ def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
     return error
 
 
-def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
-    """The range (lo, hi) if 0 <= lo < hi.
-
-    Raises
-    ------
-    TraceError
-        Otherwise.
-    """
+def _checked(energy: tuple[float, float]) -> tuple[float, float]:
+    """The range of energies; `TraceError` for what is none."""
     try:
-        low, high = reals(energy).tolist()
-    except (TypeError, ValueError):
-        raise TraceError(f"energy range {shown(energy)}: expected two numbers (LO, HI)") from None
-    if not (0.0 <= low < high):
-        raise TraceError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 <= LO < HI")
-    return low, high
+        return energy_range(energy)
+    except ValueError as error:
+        raise TraceError(str(error)) from None
 
 
 def _fields(settings: Settings) -> dict[str, Any]:

@@ -16,10 +16,12 @@ __all__ = [
     "InvalidSystem",
     "check_positive_definite",
     "check_size",
+    "energy_range",
     "is_finite",
     "number",
     "real",
     "reals",
+    "real_list",
     "refuse_unknown",
     "require_system",
     "square",
@@ -96,6 +98,49 @@ def reals(value: Any) -> np.ndarray:
     if array.dtype.kind == "O":
         return np.array([real(entry) for entry in array.ravel()], dtype=float).reshape(array.shape)
     return np.array(array, dtype=float)
+
+
+def real_list(value: Any) -> list[float]:
+    """Numbers in one list, which is not nested, as floats; errors as for `real`.
+
+    Examples
+    --------
+    >>> real_list((1, 2))
+    [1.0, 2.0]
+    >>> real_list([[1, 2]])
+    Traceback (most recent call last):
+    ValueError: expected a list of numbers that is not nested; received [[1, 2]]
+    """
+    array = reals(value)
+    if array.ndim != 1:
+        raise ValueError(f"expected a list of numbers that is not nested; received {shown(value)}")
+    return [float(entry) for entry in array]
+
+
+def energy_range(value: Any, *, positive: bool = False) -> tuple[float, float]:
+    """A range (LO, HI) of energies with 0 <= LO < HI; where it has to be positive, LO is above 0 and HI finite.
+
+    Raises
+    ------
+    ValueError
+        For another range, and for what is none.
+
+    Examples
+    --------
+    >>> energy_range([0, math.inf])
+    (0.0, inf)
+    >>> energy_range([0, 1], positive=True)
+    Traceback (most recent call last):
+    ValueError: energy range 0:1: expected 0 < LO < HI < inf
+    """
+    try:
+        low, high = real_list(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"energy range {shown(value)}: expected two numbers (LO, HI)") from None
+    if not 0.0 <= low < high or (positive and not 0.0 < low < high < math.inf):
+        wrong = " is empty or reversed;" if low >= high else ":"
+        raise ValueError(f"energy range {low:g}:{high:g}{wrong} expected {'0 < LO < HI < inf' if positive else '0 <= LO < HI'}")
+    return low, high
 
 
 def _refuse_bytes_and_booleans(value: Any) -> None:

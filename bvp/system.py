@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, reals, refuse_unknown, square, symmetric
+from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, real_list, reals, refuse_unknown, square, symmetric
+from bvp.frozen import read_only
 from bvp.same_stops import check_same_stops
 from bvp.shown import shown
 
@@ -61,7 +62,7 @@ class Stop:
         if not isinstance(self.name, str) or (self.name and not (len(self.name) == 1 and "a" <= self.name <= "z")):
             raise InvalidSystem(f"the name of a stop is one lower-case letter a to z; received {shown(self.name)}")
         try:
-            gap = tuple(reals(self.gap).tolist())
+            gap = tuple(real_list(self.gap))
         except (TypeError, ValueError):
             raise InvalidSystem(f"the gap row of {label} is a list of numbers; received {shown(self.gap)}") from None
         if not gap or not all(math.isfinite(x) for x in gap):
@@ -143,8 +144,7 @@ class ImpactSystem:
         mass = symmetric(mass, "mass")
         check_positive_definite(mass)
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
-            value.setflags(write=False)
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, read_only(value))
         object.__setattr__(self, "stops", _named_stops(self.stops, n))
         coordinates = _coordinate_names(self.coordinates, n)
         object.__setattr__(self, "coordinates", coordinates)

@@ -119,7 +119,13 @@ def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager
 
 def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
     """The catalogue where a name is looked up: that which is given, unless it is given to save in. An id is looked up in that one too, then
-    in the scene's own."""
+    in the scene's own.
+
+    Raises
+    ------
+    CatalogueError
+        For a catalogue that cannot be read, or belongs to another system.
+    """
     if _is_given_to_read(arguments):
         return open_file(arguments.catalogue, scene)
     id = name.partition("@")[0]
@@ -140,6 +146,8 @@ def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
         For what is no name.
     NameNotFound, AmbiguousName, BadInput
         For a part of no id, or of several; where there is no catalogue to look it up in.
+    CatalogueError
+        For a catalogue there that cannot be read, or belongs to another system.
     """
     from branches.labels import LabelSyntaxError, parse_name
     from branches.name_errors import NameNotFound
@@ -174,12 +182,8 @@ def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue
     # Damping and restitution change no family: those of a damped run are of the system without.
     changed = {key: value for key, value in scene_arguments.parameters(arguments).items() if key not in ("lam", "rho")}
     for place in (arguments.catalogue, default_path(arguments.scene, changed)):
-        try:
-            catalogue = None if place is None else open_file(place, scene)
-        except ValueError:
-            continue
-        if catalogue is not None:
-            yield catalogue
+        if place is not None and Path(place).exists():
+            yield open_file(place, scene)
 
 
 def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:

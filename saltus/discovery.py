@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ if TYPE_CHECKING:
     from branches.discovery.search import Discovery
     from bvp.system import ImpactSystem
 
-__all__ = ["discover", "ids_without_labels"]
+__all__ = ["discover"]
 
 
 def discover(system: ImpactSystem, energy: float, *, catalogue: Catalogue | None = None, **options: Any) -> Discovery:
@@ -55,32 +54,3 @@ def discover(system: ImpactSystem, energy: float, *, catalogue: Catalogue | None
     catalogue.require_system(system.describe())
     found = search(system, energy, **options)
     return replace(found, families=tuple(map(catalogue.identify, found.orbits)))
-
-
-def ids_without_labels(found: Discovery) -> tuple[str | None, ...]:
-    """The ids of the families of those orbits that have no label to be named by.
-
-    Parameters
-    ----------
-    found : branches.discovery.search.Discovery
-
-    Returns
-    -------
-    tuple of (str or None)
-        One of each orbit: None where it has a label, or its family cannot be followed. Empty where all have labels.
-    """
-    from branches.tracing import follow_family
-    from saltus.first_run import prepare
-    from saltus.progress import ProgressBar
-
-    unnamed = [orbit for orbit in found.orbits if not orbit.label]
-    if not unnamed:
-        return ()
-    prepare()
-    ids: dict[int, str] = {}
-    with ProgressBar(len(unnamed), "orbits without a label") as bar:
-        for count, orbit in enumerate(unnamed, 1):
-            with suppress(RuntimeError, ValueError):
-                ids[id(orbit)] = follow_family(orbit.problem, orbit.solution.y, points=1).id
-            bar.update(count)
-    return tuple(ids.get(id(orbit)) for orbit in found.orbits)

@@ -81,10 +81,10 @@ def motion_record(
     }
 
 
-def json_text(record: dict[str, Any], impacts: ImpactTable, samples: Table | None = None, hurry: Callable[[], bool] = lambda: False) -> str:
+def json_text(record: dict[str, Any], impacts: ImpactTable, samples: Table | None, hurry: Callable[[], bool]) -> tuple[str, str]:
     """The JSON text of a record and its impacts, an impact a line; with the samples where they are given, a list for each column.
 
-    Once `hurry` is true, the impacts end after `PATIENCE` seconds, and a note says where."""
+    Once `hurry` is true, the impacts end after `PATIENCE` seconds. A note, which the text holds too, says where; "" where all are there."""
     from branches.export.table_files import plain_columns
 
     listed, count, hurried = [], len(impacts["time"]), math.inf
@@ -96,6 +96,8 @@ def json_text(record: dict[str, Any], impacts: ImpactTable, samples: Table | Non
                 break
         listed.append(_rows_text(impacts, slice(first, first + AT_ONCE)))
     whole = record if samples is None else {**record, "samples": plain_columns(samples)}
+    done = len(listed) * AT_ONCE
+    note = f"the first {done} of {count}: the program was interrupted" if done < count else ""
     lines = []
     for key, value in whole.items():
         rows = isinstance(value, list) and len(value) > 0 and isinstance(value[0], dict)
@@ -103,10 +105,9 @@ def json_text(record: dict[str, Any], impacts: ImpactTable, samples: Table | Non
         lines.append(f"  {json.dumps(key)}: {text}")
         if key == "ended":
             lines.append(f'  "impacts": {_listed(listed)}')
-            if len(listed) * AT_ONCE < count:
-                note = f"the first {len(listed) * AT_ONCE} of {count}: the program was interrupted"
+            if note:
                 lines.append(f'  "impacts_note": {json.dumps(note)}')
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+    return "{\n" + ",\n".join(lines) + "\n}\n", note
 
 
 def _listed(rows: Sequence[str]) -> str:

@@ -152,11 +152,7 @@ def standard_output() -> Iterator[StandardOutput]:
 
 def words_stream(data: bool) -> TextIO:
     """The stream for what is printed: standard error where standard output carries data."""
-    if not data:
-        return sys.stdout
-    stream = StandardOutput(sys.stderr)
-    stream.outlasts = True
-    return cast(TextIO, stream)
+    return cast(TextIO, StandardOutput(sys.stderr)) if data else sys.stdout
 
 
 def outlast() -> None:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from bvp.checks import reals
+from bvp.frozen import read_only
 from bvp.shown import shown
 
 __all__ = ["Record"]
@@ -60,13 +62,12 @@ class Record:
     def __post_init__(self) -> None:
         for item in fields(self):
             try:
-                values = np.array(getattr(self, item.name), dtype=float)
+                values = reals(getattr(self, item.name))
             except (TypeError, ValueError):
                 raise ValueError(f"{item.name} of a record are numbers; received {shown(getattr(self, item.name))}") from None
             if not np.isfinite(values).all():
                 raise ValueError(f"{item.name} of a record are finite; number {int(np.argmax(~np.isfinite(values.ravel()))) + 1} is not")
-            values.setflags(write=False)
-            object.__setattr__(self, item.name, values)
+            object.__setattr__(self, item.name, read_only(values))
         times = self.times
         if times.ndim != 1 or len(times) < 2:
             raise ValueError(f"times of a record are a list of two or more; received shape {times.shape}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from transitions.section import follow
-from transitions.section_plane import SectionPlane
+from transitions.section_plane import SectionPlane, checked_points
 
 __all__ = ["FixedPoint", "fixed_points", "return_map"]
 
@@ -65,7 +65,7 @@ def fixed_points(plane: SectionPlane, guesses: np.ndarray | None = None) -> list
     Raises
     ------
     ValueError
-        For a system that loses energy: its sections have no such map.
+        For a system that loses energy: its sections have no such map. For guesses that are no points.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def fixed_points(plane: SectionPlane, guesses: np.ndarray | None = None) -> list
     why = plane.system.why_not_conservative()
     if why is not None:
         raise ValueError(f"a section's map is that of one energy, and {why}")
-    points = plane.starts(GUESSES) if guesses is None else np.atleast_2d(np.asarray(guesses, dtype=float))
+    points = plane.starts(GUESSES) if guesses is None else checked_points(guesses, "guesses")
     points = points[plane.holds(points)]
     found: list[FixedPoint] = []
     for _ in range(_ROUNDS):

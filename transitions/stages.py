@@ -94,7 +94,7 @@ def stages_of(
     for interval in held(spectrum, found):
         for part in _parts(record, w, spectrum, found, interval, families):
             stage = _stage(record, spectrum, found, part)
-            out.append(stage if start is None or families is None else _beside_start(stage, start, families, record, spectrum, part.held))
+            out.append(stage if start is None or families is None else _beside_start(stage, start, families, record, spectrum, part))
         if on_progress is not None:
             on_progress(float(spectrum.times[interval.last]))
     return out
@@ -107,13 +107,22 @@ _Cut = tuple[Sequence[Meeting], int, int, tuple[int, ...]]
 @dataclass(frozen=True, eq=False)
 class _Part:
     """Part of an interval, and the families that fit it, the best first, at the places `first` to `last` where they are compared, with the
-    harmonics of the first that are shown."""
+    harmonics of the first that are shown; `matches` are all that the interval was compared with."""
 
     held: Held
     meetings: Sequence[Meeting] = ()
     first: int = 0
     last: int = 0
     harmonics: tuple[int, ...] = ()
+    matches: Sequence[Match] = ()
+
+    def unlike(self, family: str) -> float | None:
+        """Mean difference of the lines of a family with this id, at that of its harmonics where it is least; None where it was not
+        compared here."""
+        part = slice(self.first, self.last + 1)
+        own = [match for match in self.matches if match.meeting.family.id == family]
+        rows = [match.unlike[part][np.isfinite(match.meeting.deviation[part])] for match in own]
+        return min((float(np.mean(row)) for row in rows if len(row)), default=None)
 
 
 def _parts(
@@ -173,17 +182,18 @@ def _parts(
         for begin, end, harmonics in steady(shown, at[part]):
             begin, end = stretch.first + begin, stretch.first + end
             cut.append((best, begin, end, tuple(k + 1 for k in harmonics)))
-    return _joined(cut, interval, places, turns)
+    return _joined(cut, matches, interval, places, turns)
 
 
-def _joined(cut: Sequence[_Cut], interval: Held, places: np.ndarray, turns: np.ndarray) -> list[_Part]:
+def _joined(cut: Sequence[_Cut], matches: Sequence[Match], interval: Held, places: np.ndarray, turns: np.ndarray) -> list[_Part]:
     """The parts, each up to where the next one begins; those of no family that last less than three periods are left out."""
     out = []
     for i, (meetings, begin, end, harmonics) in enumerate(cut):
         first = 0 if i == 0 else int(places[begin])
         last = len(turns) - 1 if i + 1 == len(cut) else int(places[cut[i + 1][1]])
         if meetings or turns[last] - turns[first] >= HOLDS:
-            out.append(_Part(Held(interval.ridge, interval.first + first, interval.first + last), meetings, begin, end, harmonics))
+            part = Held(interval.ridge, interval.first + first, interval.first + last)
+            out.append(_Part(part, meetings, begin, end, harmonics, matches))
     return out
 
 
@@ -241,15 +251,13 @@ def _stage(record: Record, spectrum: SpectrumRows, found: Sequence[Ridge], part:
     )
 
 
-def _beside_start(
-    stage: Stage, start: StartFamily, families: Families, record: Record, spectrum: SpectrumRows, ridge: Held
-) -> Stage:
+def _beside_start(stage: Stage, start: StartFamily, families: Families, record: Record, spectrum: SpectrumRows, part: _Part) -> Stage:
     """The stage with the name of the family that the motion starts on, or with the reason why it does not follow that."""
     if stage.follows is not None and stage.follows.family == start.family:
         return replace(stage, follows=replace(stage.follows, name=start.name))
+    ridge = part.held
     times = spectrum.times[ridge.first : ridge.last + 1]
-    why = why_another(start, families, record, times, ridge.frequencies, stage.impacts, stage.periods)
-    return replace(stage, why=why)
+    return replace(stage, why=why_another(start, families, record, stage, times, ridge.frequencies, part.unlike(start.family)))
 
 
 def _impacts(record: Record, start: float, end: float) -> int:

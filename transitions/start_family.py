@@ -16,6 +16,7 @@ from transitions.ridges import HOLDS, SHARE
 if TYPE_CHECKING:
     from branches.orbit import Orbit
     from transitions.record import Record
+    from transitions.stage import Stage
 
 __all__ = ["StartFamily", "impacts_from", "start_family", "start_from_data", "why_another"]
 
@@ -150,7 +151,13 @@ def start_from_data(data: dict[str, Any] | None) -> StartFamily | None:
 
 
 def why_another(
-    start: StartFamily, families: Families, record: Record, times: np.ndarray, pitch: np.ndarray, impacts: int, periods: float
+    start: StartFamily,
+    families: Families,
+    record: Record,
+    stage: Stage,
+    times: np.ndarray,
+    pitch: np.ndarray,
+    unlike: float | None,
 ) -> str:
     """Why a stage is not read as following the family of the start, in words.
 
@@ -160,16 +167,20 @@ def why_another(
     families : Families
         "" where the family of the start is not among them.
     record : Record
+    stage : Stage
+        Which does not follow it.
     times, pitch : (j,) float
         Times and angular frequencies of the stage's ridge.
-    impacts, periods : int, float
-        Impacts in the stage, and periods of the ridge.
+    unlike : float or None
+        Mean difference of the lines of the motion and of the family (`transitions.lines.unlike`); None where they were not compared.
     """
     family = next((family for family in families.members if family.id == start.family), None)
     if family is None:
         return ""
     name = start.called
-    if not impacts:
+    if stage.follows is not None and start.family in stage.follows.others:
+        return f"{name} fits as well, this one is simpler"
+    if not stage.impacts:
         return f"it has no impact, {name} has {family.impacts} in a period"
     some = np.unique(np.linspace(0, len(times) - 1, _PLACES).round().astype(int))
     energies = np.interp(times[some], record.times, record.energy)
@@ -191,10 +202,14 @@ def why_another(
     part = float(np.median(share[there]))
     if part < SHARE:
         return f"{which} carries {part:.0%} of the orbit's amplitude, {SHARE:.0%} is required"
-    rate = impacts / periods * k
+    rate = stage.impacts / stage.periods * k
     if abs(rate - family.impacts) * HOLDS / k >= 1.0:
         return f"it has {rate:.2g} impacts in a period of {name}, not {family.impacts}"
-    return f"its harmonics have other amplitudes than those of {name}"
+    if unlike is not None and unlike > SHARE:
+        return f"its harmonics have other amplitudes than those of {name}"
+    if stage.follows is not None:
+        return f"this one fits better than {name}"
+    return f"it fits {name} too poorly, or for less than three periods"
 
 
 def _change(own: np.ndarray, times: np.ndarray, pitch: np.ndarray) -> float:

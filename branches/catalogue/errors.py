@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from branches.files import WriteFailure
+from bvp.shown import shown
 
 __all__ = ["CatalogueDamaged", "CatalogueError", "CatalogueInUse", "not_taken", "readable", "translated"]
 
@@ -40,9 +41,6 @@ def not_taken(expected: str, value: object) -> CatalogueError:
     >>> print(not_taken("a catalogue is the name of a file", 3))
     a catalogue is the name of a file; received 3
     """
-    # Loaded here, for it loads numpy, which browsing does without.
-    from bvp.shown import shown
-
     return CatalogueError(f"{expected}; received {shown(value)}")
 
 

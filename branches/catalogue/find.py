@@ -65,12 +65,12 @@ def chosen(
             raise not_taken(f"the {what} of families is text", text)
     if energy is not None or impacts is not None:
         # Loaded here, for it loads numpy, which browsing does without.
-        from bvp.checks import is_finite, reals
+        from bvp.checks import is_finite, real_list
 
         if energy is not None and not is_finite(energy):
             raise not_taken("the energy of families is a finite number", energy)
         try:
-            least, most = (0.0, 0.0) if impacts is None else reals(impacts).tolist()
+            least, most = (0.0, 0.0) if impacts is None else real_list(impacts)
         except (TypeError, ValueError):
             raise not_taken("the impacts of families are two numbers, the least and the most", impacts) from None
     families = list(families)

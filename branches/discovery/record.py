@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
@@ -25,12 +25,14 @@ def half_period_impacts(orbit: Orbit) -> int | float:
     return count // 2 if count % 2 == 0 else count / 2
 
 
-def to_record(found: Discovery) -> dict[str, Any]:
+def to_record(found: Discovery, families: Sequence[str | None] | None = None) -> dict[str, Any]:
     """Plain data: lists, dicts, strings, finite numbers, booleans and None only.
 
     Parameters
     ----------
     found : Discovery
+    families : sequence of (str or None), optional
+        Of each orbit; by default those of the catalogue.
 
     Returns
     -------
@@ -43,7 +45,7 @@ def to_record(found: Discovery) -> dict[str, Any]:
         "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
         "settled": found.settled,
         "counts": found.counts,
-        "orbits": [_orbit(*item) for item in zip(found.orbits, found.families or repeat(None), strict=False)],
+        "orbits": [_orbit(*item) for item in zip(found.orbits, families or found.families or repeat(None), strict=False)],
         "unpolished": [
             {
                 "ends": list(item.ends),
@@ -58,10 +60,10 @@ def to_record(found: Discovery) -> dict[str, Any]:
     }
 
 
-def to_json(found: Discovery) -> str:
-    """JSON text with one line an orbit, so that files can be compared by line."""
+def to_json(found: Discovery, families: Sequence[str | None] | None = None) -> str:
+    """JSON text with one line an orbit, so that files can be compared by line; see `to_record`."""
     lines = []
-    for key, value in to_record(found).items():
+    for key, value in to_record(found, families).items():
         if isinstance(value, list) and value:
             entries = ",\n    ".join(_text(entry) for entry in value)
             lines.append(f"  {_text(key)}: [\n    {entries}\n  ]")

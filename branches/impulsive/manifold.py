@@ -11,7 +11,7 @@ import numpy as np
 
 from branches.impulsive.spectrum import WINDOW, dominant_frequency
 from branches.impulsive.start import check_system, impulsive_state, oscillator_period
-from branches.tracing import check_energy
+from bvp.checks import energy_range
 from bvp.motion import MotionStatus
 from bvp.run import run
 
@@ -96,9 +96,7 @@ def impulsive_manifold(
         A jump is a change by more than a power law of exponent one allows, and by more than one line of the spectrum.
     """
     check_system(system)
-    low, high = check_energy(energy)
-    if not 0.0 < low < high < math.inf:
-        raise ValueError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 < LO < HI")
+    low, high = energy_range(energy, positive=True)
     levels = np.geomspace(low, high, max(2, math.ceil(density * math.log10(high / low)) + 1))
     frequency, rate = np.full(len(levels), np.nan), np.full(len(levels), np.nan)
     failed = []

@@ -20,7 +20,7 @@ from branches.identity import turns
 from branches.impulsive.scan import FLOOR, Bracket, Scan, scan_energies
 from branches.impulsive.trails import Trails
 from branches.orbit import Orbit
-from branches.tracing import check_energy
+from bvp.checks import energy_range
 from bvp.kernels.trail import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
@@ -140,9 +140,7 @@ def impulsive_orbits(
     >>> [(orbit.label, round(orbit.h, 9)) for orbit in found.orbits], found.settled
     ([('U4122-', 2.987367315)], True)
     """
-    low, high = check_energy(energy)
-    if not 0.0 < low < high < math.inf:
-        raise ValueError(f"energy range {low:g}:{high:g} is empty or reversed; expected 0 < LO < HI")
+    low, high = energy_range(energy, positive=True)
     if not 0.0 < quarter_period < math.inf:
         raise ValueError(f"quarter_period = {quarter_period:g}: expected a number above 0")
     if impacts is not None and impacts < 0:

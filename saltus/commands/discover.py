@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from collections.abc import Sequence
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments, scene_arguments
 from saltus.arguments import positive, whole_above_zero
-from saltus.errors import DONE
+from saltus.errors import DONE, INTERRUPTED, exit_code, one_line, say
 from saltus.events_table import stability_word
 from saltus.outputs import Outputs, add_json
 from saltus.wording import counted
@@ -64,26 +64,55 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.max_starts is not None:
         options["budget"] = arguments.max_starts
 
-    from saltus.discovery import discover, ids_without_labels
+    from saltus.discovery import discover
     from saltus.first_run import prepare
     from saltus.listing import width_of, wrapped
 
     with catalogue_arguments.given(arguments, scene) as catalogue:
         prepare(discovery=True)
         found = discover(scene.system, arguments.energy, catalogue=catalogue, **options)
-    families = found.families or ids_without_labels(found)
+    families, code = _families(found, files.words)
     _print_table(found, families, files.words)
     for line in wrapped(summary(found), width_of(files.words), 9):
         print(line, file=files.words, flush=True)
     if arguments.json is None:
-        return DONE
+        return code
 
     from branches.discovery.record import to_json
 
-    return files.write(json=lambda: to_json(replace(found, families=families)), csv=str, draw=lambda path: None)
+    return max(code, files.write(json=lambda: to_json(found, families), csv=str, draw=lambda path: None))
 
 
-def _print_table(found: Discovery, families: tuple[str | None, ...], stream: Any) -> None:
+def _families(found: Discovery, stream: Any) -> tuple[Sequence[str | None], int]:
+    """The id of each orbit's family, and the exit code: from the catalogue, else, where an orbit has no label to be named by, from
+    following it. Empty where no catalogue is given and all orbits have labels."""
+    from branches.tracing import follow_family
+    from saltus.first_run import prepare
+    from saltus.progress import ProgressBar
+
+    families = list(found.families) or [None] * len(found.orbits)
+    unnamed = [k for k, orbit in enumerate(found.orbits) if not orbit.label and families[k] is None]
+    if not unnamed:
+        return found.families, DONE
+    try:
+        prepare()
+        with ProgressBar(len(unnamed), "orbits without a label") as bar:
+            for count, k in enumerate(unnamed, 1):
+                orbit = found.orbits[k]
+                try:
+                    families[k] = follow_family(orbit.problem, orbit.solution.y, points=1).id
+                except Exception as error:
+                    if exit_code(error) is None:
+                        raise
+                    bar.line(f"note   the orbit at alpha = {orbit.alpha:.8g} has no id: {one_line(error)}", stream)
+                bar.update(count)
+    except KeyboardInterrupt:
+        say("interrupted; the search is complete, but not all orbits without a label have the id of their family")
+        return families, INTERRUPTED
+    return families, DONE
+
+
+def _print_table(found: Discovery, families: Sequence[str | None], stream: Any) -> None:
     """Print the orbits as a table that fits the terminal."""
     from branches.discovery.record import half_period_impacts
     from saltus.listing import listing, width_of

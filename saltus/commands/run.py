@@ -134,9 +134,14 @@ def _write(
     from branches.export.table_files import csv_text, write_binary
 
     samples = arguments.samples or SAMPLES
+    notes: list[str] = []
 
     def text() -> str:
-        return json_text(record, impacts, None if arguments.samples is None else sample_table(told, samples, scale), hurry)
+        data, note = json_text(record, impacts, None if arguments.samples is None else sample_table(told, samples, scale), hurry)
+        if note:
+            notes.append(note)
+            say(f"the impacts in the JSON data are {note}")
+        return data
 
     def series() -> str:
         return csv_text(sample_table(told, samples, scale))
@@ -150,15 +155,16 @@ def _write(
     def picture(path: Path) -> None:
         if told.shown is None:
             raise outputs.NotDrawn(f"cannot draw {files.plot}: {told.why_no_stages}")
-        notes = [f"The motion leaves {text}." for text in of_the_start(told, record, len(impacts["time"]))]
+        captions = [f"The motion leaves {text}." for text in of_the_start(told, record, len(impacts["time"]))]
         if told.began is not None and told.began.explained != told.began.called:
-            notes.insert(0, f"The family of the start is {told.began.explained}.")
-        draw(told.shown, catalogue, start.branch, path, " ".join([*filter(None, [arguments.caption]), *notes]))
+            captions.insert(0, f"The family of the start is {told.began.explained}.")
+        draw(told.shown, catalogue, start.branch, path, " ".join([*filter(None, [arguments.caption]), *captions]))
         if (scale.length, scale.frequency) != (1.0, 1.0):
             print("note   the picture is in natural units", file=files.words)
 
     with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
-        return files.write(json=text, csv=series, draw=picture, arrays=arrays)
+        code = files.write(json=text, csv=series, draw=picture, arrays=arrays)
+    return INTERRUPTED if notes else code
 
 
 def _percent(bar: ProgressBar, duration: float) -> Callable[[float], None]:

@@ -273,7 +273,8 @@ def three_masses():
     ("system", "energy", "said"),
     [
         (SYSTEM, (2.0, 1.0), "reversed"),
-        (SYSTEM, (0.0, 1.0), "expected 0 < LO < HI"),
+        (SYSTEM, (0.0, 1.0), "^energy range 0:1: expected 0 < LO < HI < inf$"),
+        (SYSTEM, (1.0, np.inf), "^energy range 1:inf: expected 0 < LO < HI < inf$"),
         (vibro_impact_nes(rho=0.7), (1.0, 2.0), "restitution 0.7"),
         (vibro_impact_nes(lam=0.01), (1.0, 2.0), "damping"),
         (three_masses(), (1.0, 2.0), "two degrees of freedom; this system has 3"),

@@ -52,6 +52,15 @@ def test_what_does_not_vary():
         dominant_frequency(np.zeros(7), 0.1)
 
 
+@pytest.mark.parametrize(
+    ("energy", "said"), [((0.0, 1.0), "range 0:1: expected"), ((1.0, math.inf), "range 1:inf: expected"), ((2.0, 1.0), "reversed")]
+)
+def test_a_range_that_cannot_be_followed(energy, said):
+    """Oracle: the words of the message."""
+    with pytest.raises(ValueError, match=said):
+        impulsive_manifold(SYSTEM, energy)
+
+
 @pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.4, 0.9)])
 def test_without_impacts_it_is_the_linear_spectrum(mu, sigma):
     """Oracle: w = sum b_k phi_k v sin(w_k t)/w_k: the mode with the larger amplitude, below h = sigma/2 where nothing hits."""

@@ -140,6 +140,9 @@ def test_arrays_are_copies_and_read_only():
     assert system.mass[0, 0] == 1.0
     with pytest.raises(ValueError, match="read-only"):
         system.stiffness[0, 0] = 2.0
+    for matrix in (system.mass, system.damping, system.stiffness):
+        with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+            matrix.setflags(write=True)
 
 
 @pytest.mark.parametrize(

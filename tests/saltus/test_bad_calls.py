@@ -14,6 +14,7 @@ from sympy import Integer
 
 import saltus
 from branches.catalogue.errors import CatalogueError
+from branches.family import scales_of
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of
 from bvp.damped import Mover
@@ -90,6 +91,9 @@ CALLS = [
     (lambda branch: saltus.section(system(), "1"), "the energy of a section is a finite number above 0; received '1'"),
     (lambda branch: saltus.Constant([b"1"]), "load is a list of numbers; received [b'1']"),
     (lambda branch: branch.orbits_at(energy=b"1"), "the energy h is a number; received b'1'"),
+    # nested lists
+    (lambda branch: saltus.Stop([[1, -1]], -1.0, 1.0), "the gap row of a stop is a list of numbers; received [[1, -1]]"),
+    (lambda branch: saltus.trace("S13O00+", energy=[[1, 2], [3, 4]]), "energy range [[1, 2], [3, 4]]: expected two numbers (LO, HI)"),
     # buffers and booleans for numbers
     (lambda branch: saltus.trace("S13O00+", energy=b"12"), "energy range b'12': expected two numbers (LO, HI)"),
     (lambda branch: saltus.trace("S13O00+", energy=(False, True)), "energy range (False, True): expected two numbers (LO, HI)"),
@@ -150,6 +154,10 @@ CATALOGUE_CALLS = [
     (lambda catalogue: catalogue.families(label=3), "the label of families is text; received 3"),
     (lambda catalogue: catalogue.families(ends=["origin"]), "the ends of families is text; received ['origin']"),
     (lambda catalogue: catalogue.families(impacts=3), "the impacts of families are two numbers, the least and the most; received 3"),
+    (
+        lambda catalogue: catalogue.families(impacts=[[1], [2]]),
+        "the impacts of families are two numbers, the least and the most; received [[1], [2]]",
+    ),
     (lambda catalogue: saltus.Catalogue(None), "a catalogue is the name of a file; received None"),
     (lambda catalogue: saltus.Catalogue(3, "r"), "a catalogue is the name of a file; received 3"),
     (lambda catalogue: saltus.Catalogue(b"a.sqlite", "a"), "a catalogue is the name of a file; received b'a.sqlite'"),
@@ -241,7 +249,7 @@ def test_kernels_are_not_compiled_again_for_arrays_that_cannot_be_changed(branch
             y, tangent = branch.orbit(2).solution.y, branch.orbit(2).solution.tangent
             assert not y.flags.writeable
         problem.step(y, tangent, 1e-3), problem.residual(y), problem.jacobian(y), problem.end_states(y), cycle_of(problem, y)
-        stability(problem, problem.step(y, tangent, 0.0)), follow_family(problem, y, points=3)
+        stability(problem, problem.step(y, tangent, 0.0)), follow_family(problem, y, points=3), scales_of(problem, y)
     assert versions() == before
 
 

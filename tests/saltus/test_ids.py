@@ -124,6 +124,52 @@ def test_a_search_without_a_catalogue_names_orbits_that_have_no_label(capsys, sc
     assert code == 0 and json.loads(out)["orbit"]["alpha"] == pytest.approx(orbit["alpha"], rel=1e-10), err
 
 
+def second_fails(monkeypatch, error):
+    """Let the second family that is followed fail."""
+    followed, asked = follow_family, []
+
+    def fails(*arguments, **options):
+        asked.append(arguments)
+        if len(asked) == 2:
+            raise error
+        return followed(*arguments, **options)
+
+    monkeypatch.setattr("branches.tracing.follow_family", fails)
+
+
+@pytest.mark.parametrize(("error", "code"), [(RuntimeError("it is lost"), 0), (KeyboardInterrupt(), 130)])
+def test_a_family_that_cannot_be_followed_leaves_the_others(capsys, scene, branches, monkeypatch, tmp_path, error, code):
+    """Oracle: the same search where all are followed; a note, or after an interrupt the ids before it."""
+    words = ("discover", "--energy", "1", "--max-impacts", "1", "--scene", scene, "--json")
+    assert run(capsys, *words, tmp_path / "whole.json")[0] == 0
+    second_fails(monkeypatch, error)
+    ended, out, err = run(capsys, *words, tmp_path / "cut.json")
+    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text())["orbits"] for name in ("whole", "cut"))
+    expected = [orbit["family"] for orbit in whole]
+    expected[1] = None
+    if code:
+        expected[2:] = [None] * len(expected[2:])
+        assert err.startswith("saltus: interrupted; the search is complete") and err.count("\n") == 1
+    else:
+        assert f"note   the orbit at alpha = {whole[1]['alpha']:.8g} has no id: it is lost\n" in out and err == ""
+    assert ended == code and [orbit["family"] for orbit in cut] == expected and len(expected) == 3
+    assert all(f"{orbit['alpha']:.8g}" in out for orbit in whole) and expected[0] in out
+
+
+def test_orbits_that_lie_on_no_family_of_a_catalogue_have_ids_too(capsys, scene, branches, tmp_path):
+    """Oracle: the search without a catalogue; the catalogue knows one family of three. Python hands out what the catalogue knows."""
+    path, known = tmp_path / "one.sqlite", next(iter(branches))
+    with saltus.Catalogue(path, "a", scene=saltus.load_scene(scene)) as catalogue:
+        catalogue.add(branches[known])
+    words = ("discover", "--energy", "1", "--max-impacts", "1", "--scene", scene, "--catalogue", path, "--json", "-")
+    code, out, err = run(capsys, *words)
+    assert code == 0 and {orbit["family"] for orbit in json.loads(out)["orbits"]} == set(branches)
+    assert "families 1 of the catalogue; 2 orbits lie on none of it" in err
+    with saltus.Catalogue(path) as catalogue:
+        found = saltus.discover(catalogue.system, 1.0, quarter_period=4.0, impacts=1, catalogue=catalogue)
+        assert set(found.families) == {known, None}
+
+
 @pytest.mark.parametrize("name", ["L11+", "S13O00+"])
 def test_a_scene_without_labels_expects_no_label(capsys, scene, name):
     """Oracle: labels need an origin, which a gap bounded on one side does not have; its families have ids."""
@@ -157,6 +203,31 @@ def test_an_id_is_looked_up_in_the_scenes_own_catalogue(capsys, tmp_path, monkey
         code, _, err = run(capsys, *words, "--energy", repr(h))
         assert code == 0, err
     refused(run(capsys, "orbit", kept.id, "--energy", repr(h), "--mu", "0.11"), f"no orbit {kept.id} found")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the data folder is told by a variable of this system")
+@pytest.mark.parametrize("part", [False, True])
+def test_a_catalogue_of_its_own_that_cannot_be_used_is_not_passed_over(capsys, tmp_path, monkeypatch, part):
+    """Oracle: the words on a file that is no catalogue, on one of another system, and where there is none."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    os.makedirs(tmp_path / "saltus")
+    kept = real()[3]
+    name = kept.id.rpartition(":")[2] if part else kept.id
+    place = tmp_path / "saltus" / "lee2009.sqlite"
+    on = f"{name}@h={kept.points['h'][len(kept) // 2]}"
+    for command in (["continue", name, "--points", "2"], ["run", "--duration", "1", "--on", on]):
+        place.write_text("no catalogue\n" * 100)
+        refused(run(capsys, *command), f"{place} is no catalogue")
+        place.unlink()
+        with saltus.Catalogue(place, "a", scene=saltus.load_scene(mu=0.2)):
+            pass
+        refused(run(capsys, *command), f"{place} belongs to another system: there mu is 0.2, not 0.1")
+        place.unlink()
+    if part:
+        refused(run(capsys, *command), f"{name} is a part of an id, and no catalogue is there")
+    else:
+        code, _, err = run(capsys, "continue", name, "--points", "2")
+        assert code == 0, err
 
 
 def test_a_tree_of_one_family_says_why_it_has_no_neighbours(capsys, tmp_path):

@@ -47,9 +47,10 @@ def test_a_closed_standard_output_does_not_keep_files_from_being_written(tmp_pat
 
 
 @POSIX
-def test_a_closed_standard_error_does_not_mix_with_data():
+@pytest.mark.parametrize("error", ["2>&-", "2>/dev/full"])
+def test_a_standard_error_that_fails_does_not_mix_with_data(error):
     """Oracle: what is printed is one JSON text."""
-    done = shell(f"{SALTUS} {QUICK} --json - 2>&-")
+    done = shell(f"{SALTUS} {QUICK} --json - {error}")
     assert done.returncode == 0 and len(json.loads(done.stdout)["points"]) == 5
 
 
@@ -267,7 +268,9 @@ def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeyp
     monkeypatch.setattr("saltus.motion_data.AT_ONCE", 64)
     monkeypatch.setattr("saltus.motions.MOST_IN_A_HURRY", 100)
     interrupting(monkeypatch, "saltus.motions.tell_stages")
+    capsys.readouterr()
     assert main([*words, str(tmp_path / "late.json")]) == 130
+    said = capsys.readouterr().err.splitlines()
     monkeypatch.undo()
     monkeypatch.setattr("saltus.motions.MOST_IN_A_HURRY", 100)
     monkeypatch.setattr("saltus.first_run.prepare_motion", lambda: None)
@@ -278,8 +281,21 @@ def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeyp
     count = len(late["impacts"])
     assert 0 < count < len(whole["impacts"]) and count % 64 == 0 and late["impacts"] == whole["impacts"][:count]
     assert late["impacts_note"] == f"the first {count} of {len(whole['impacts'])}: the program was interrupted"
+    assert said[1:] == [f"saltus: the impacts in the JSON data are {late['impacts_note']}"]
     assert code == 130 and early["peaks"] is None and "peaks    not computed: interrupted\n" in out
     assert late["peaks"] == whole["peaks"] and "impacts_note" not in early and "impacts_note" not in whole
+
+
+@POSIX
+def test_an_interrupt_while_the_file_is_made_says_which_impacts_it_holds(capsys, tmp_path, monkeypatch):
+    """Oracle: the file. The line is the only one: not all that was computed is written."""
+    monkeypatch.setattr("saltus.motion_data.PATIENCE", 0.0)
+    monkeypatch.setattr("saltus.motion_data.AT_ONCE", 4)
+    interrupting(monkeypatch, "saltus.motion_data._rows_text")
+    code, _, err = run(capsys, "run", "--impulse", "0.5", "--duration", "80", "--json", tmp_path / "cut.json")
+    data = json.loads((tmp_path / "cut.json").read_text())
+    assert code == 130 and len(data["impacts"]) % 4 == 0
+    assert err == f"saltus: the impacts in the JSON data are {data['impacts_note']}\n"
 
 
 @POSIX

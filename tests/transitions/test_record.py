@@ -32,6 +32,8 @@ def test_columns_are_kept_and_cannot_be_changed():
     assert record.displacements[1, 0] == 2.0
     with pytest.raises(ValueError, match="read-only"):
         record.energy[0] = 1.0
+    with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+        record.energy.setflags(write=True)
 
 
 @pytest.mark.parametrize(("start", "rest"), [(0.0, True), (1e-16, True), (1e-9, False), (0.5, False)])
@@ -62,6 +64,8 @@ def test_a_translation_without_energy_is_rest():
         ({"lo_energy": [0.0, np.nan, 0.0, 0.0]}, "lo_energy .* number 2 is not"),
         ({"impacts": [1.0, 0.5]}, "in order"),
         ({"nes_energy": "none"}, "numbers"),
+        ({"times": ["0", "0.5", "1", "1.5"]}, "times of a record are numbers"),
+        ({"energy": np.array([False, True, True, True])}, "energy of a record are numbers"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(changed, said):

@@ -66,6 +66,13 @@ def test_linear_modes_are_the_fixed_points_of_linear_motion():
     assert not [mark for mark in mode_marks(SectionPlane(vibro_impact_nes(), 0.1)) if mark.label == "L11-"]
 
 
+@pytest.mark.parametrize("guesses", ["12", [["0", "0.6"]], [[0.0, 0.6, 0.0]], [[0.0, True]]])
+def test_guesses_that_are_no_points_are_refused(guesses):
+    """Oracle: the words."""
+    with pytest.raises(ValueError, match=r"guesses is an array of numbers of shape \(m, 2\)"):
+        fixed_points(SectionPlane(vibro_impact_nes(), 0.06), guesses)
+
+
 @pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.37, 0.81)])
 def test_linear_motion_turns_about_its_modes_at_the_ratio_of_frequencies(mu, sigma):
     """Oracle: closed form: on a torus whose mode of frequency w prevails in u2, the other makes w'/w turns from crossing to crossing."""
