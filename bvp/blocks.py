@@ -216,8 +216,8 @@ def _turn_repeated(system: Dynamics, squares: np.ndarray, shapes: np.ndarray, no
 def _coupled_blocks(squares: np.ndarray, damping: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Blocks of (q, p)' = (p, -w^2 q - C p) for one group, with the maps from and to its block coordinates."""
     g = len(squares)
-    rate = np.sqrt(np.abs(squares))
-    rate = np.where(rate > 0.0, rate, np.maximum(np.abs(damping).max(axis=1), np.finfo(float).tiny))
+    # Of a mode that damping outweighs, displacement and velocity keep their digits in units of its decay: its frequency can be any factor less.
+    rate = np.maximum(np.sqrt(np.abs(squares)), np.maximum(np.abs(damping).max(axis=1), np.finfo(float).tiny))
     first = np.zeros((2 * g, 2 * g))
     first[:g, g:] = np.diag(rate)
     first[g:, :g] = -np.diag(squares / rate)

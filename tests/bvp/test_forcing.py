@@ -6,7 +6,6 @@ import math
 import mpmath
 import numpy as np
 import pytest
-import scipy.linalg
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -260,7 +259,4 @@ def test_no_impact_of_a_forced_motion_is_missed(n, seed, size):
         assert motion.impacts == 0
     elif expected != "close":
         assert motion.impacts == 1
-        # Displacements and velocities of a damped mode are known to rounding of the stiffest one, which the softest one magnifies.
-        frequencies = np.sqrt(np.maximum(scipy.linalg.eigvalsh(system.stiffness, system.mass), 1e-7))
-        limit = 1e-13 * (1.0 + 0.2 * frequencies.max() / frequencies.min()) * (1.0 + np.abs(motion.final).max())
-        assert abs(motion.last_impact - expected) * max(motion.speeds[1], 1e-6) <= limit
+        assert abs(motion.last_impact - expected) * max(motion.speeds[1], 1e-6) <= 1e-13 * (1.0 + np.abs(motion.final).max())
