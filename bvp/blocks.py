@@ -216,7 +216,7 @@ def _turn_repeated(system: Dynamics, squares: np.ndarray, shapes: np.ndarray, no
 def _coupled_blocks(squares: np.ndarray, damping: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Blocks of (q, p)' = (p, -w^2 q - C p) for one group, with the maps from and to its block coordinates."""
     g = len(squares)
-    # Of a mode that damping outweighs, displacement and velocity keep their digits in units of its decay: its frequency can be any factor less.
+    # Where damping outweighs stiffness, units of the decay keep the digits of both. The frequency can be any factor less.
     rate = np.maximum(np.sqrt(np.abs(squares)), np.maximum(np.abs(damping).max(axis=1), np.finfo(float).tiny))
     first = np.zeros((2 * g, 2 * g))
     first[:g, g:] = np.diag(rate)
