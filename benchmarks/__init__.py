@@ -1,4 +1,4 @@
-"""Benchmarks: speed and memory of saltus beside something named that is measured in the same run.
+"""Benchmarks: speed, error and memory of saltus beside other programs, measured in the same run. Not installed.
 
-    python -m benchmarks.continuation --help
+    python -m benchmarks --help
 """

@@ -1,104 +1,260 @@
-"""Measure saltus' continuation: time and error of a point beside scipy, its layers, whole families, memory, whole processes.
+"""`python -m benchmarks continuation`: points beside shooting, their layers, whole families, the memory of a branch, whole processes.
 
-    python -m benchmarks.continuation                      print all tables (about ten minutes)
-    python -m benchmarks.continuation --quick              the same with few repeats (below a minute)
-    python -m benchmarks.continuation --out docs/speed.md  and put the tables into the page
+    python -m benchmarks continuation                      print all tables (about ten minutes)
+    python -m benchmarks continuation --quick              the same with few repeats (less than a minute)
+    python -m benchmarks continuation --out docs/speed.md  and put the tables into the page
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import gc
+import tempfile
 import time
-from collections.abc import Sequence
-from importlib import import_module
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
-from saltus.arguments import OneLineParser
-from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line
+import numpy as np
 
-__all__ = ["main"]
+import saltus
+from benchmarks import cases
+from benchmarks.following import timed_runs
+from benchmarks.measure import run_python, spread, timed
+from benchmarks.points import FULL, QUICK, Scope, layers, microseconds, points
+from benchmarks.report import Table, check_page, machine, number, progress, show, write_page
+from branches.branch import Branch
+from branches.family import Family
+from branches.tracing import SETTINGS, follow_family
+from bvp.multipoint import MultipointProblem
+from saltus.errors import DONE, BadInput, nearest
 
-SECTIONS = {
-    "points": "point_tables",
-    "layers": "point_tables",
-    "families": "whole_tables",
-    "memory": "whole_tables",
-    "processes": "whole_tables",
-}
-"""The sections in the order in which they are measured, and the module that holds the function of that name."""
+__all__ = ["SECTIONS", "Held", "Process", "add_arguments", "families", "held", "memory", "processes", "run", "time_process"]
 
-PROGRAM = "python -m benchmarks.continuation"
+PROCESSES = (
+    ("python -c pass", ("-c", "pass")),
+    ("python -c 'import numpy, numba'", ("-c", "import numpy, numba")),
+    ("saltus --help", ("-m", "saltus", "--help")),
+    ("saltus continue S13O00+", ("-m", "saltus", "continue", "S13O00+")),
+)
+"""Processes: what a person types, and the arguments of the interpreter. The first two are the base of the ratios."""
 
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the benchmark from its command line.
-
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        The arguments; by default those of the process.
-
-    Returns
-    -------
-    int
-        0 done; 1 something could not be measured; 2 bad input, nothing started; 130 interrupted.
-    """
-    try:
-        return _run(argv)
-    except KeyboardInterrupt:
-        print(f"{PROGRAM}: interrupted, no page was written", file=sys.stderr)
-        return INTERRUPTED
-    except Exception as error:
-        code = exit_code(error)
-        if code not in (BAD_INPUT, FAILED):
-            raise
-        print(f"{PROGRAM}: {one_line(error)}", file=sys.stderr)
-        return code
+SHORT_STEPS = replace(SETTINGS, initial_step=2e-3, maximum_step=2e-3)
+"""Many points on a short part of a family with few events, so that the memory is that of points."""
 
 
-def _run(argv: Sequence[str] | None) -> int:
-    parser = OneLineParser(prog=PROGRAM, description="Speed and memory of continuation, beside what is measured in the same run.")
-    parser.add_argument("--quick", action="store_true", help="few repeats: below a minute, for a look")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the task."""
+    parser.add_argument("--quick", action="store_true", help="few repeats: less than a minute")
     parser.add_argument("--only", metavar="SECTION", action="append", help=f"one of {', '.join(SECTIONS)}; may be given several times")
-    parser.add_argument("--out", metavar="PAGE", help="a Markdown page; the tables go between its two marks")
-    arguments, unknown = parser.parse_known_args(argv)
-    if unknown:
-        parser.refuse(unknown[0], sys.argv[1:] if argv is None else argv)
+    parser.add_argument("--out", metavar="PAGE", help="put the tables between the two marks of this Markdown page")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the task; return the exit code."""
     for name in arguments.only or ():
         if name not in SECTIONS:
             raise BadInput(f"unknown section {name!r}, expected one of {', '.join(SECTIONS)}{nearest(name, SECTIONS)}")
-    if arguments.out is not None and (arguments.only or arguments.quick):
-        raise BadInput("--out writes a whole page of settled figures; expected no --only and no --quick with it")
-
-    from saltus.bench.tables import check_page, write_page
-
     if arguments.out is not None:
+        if arguments.only or arguments.quick:
+            raise BadInput("--out writes a complete page; expected no --only and no --quick with it")
         check_page(arguments.out)
-
-    from benchmarks.effort import FULL, QUICK
-    from saltus.bench.machine import describe
-
-    machine = describe()
-    print("\n".join(machine), end="\n\n")
+    described = machine()
+    print("\n".join(described), end="\n\n")
     began = time.perf_counter()
     tables = []
-    for name, module in SECTIONS.items():
+    for name, section in SECTIONS.items():
         if not arguments.only or name in arguments.only:
-            section = getattr(import_module(f"benchmarks.{module}"), name)
-            table = section(QUICK if arguments.quick else FULL, _say)
-            tables.append(table)
-            print(table.text(), flush=True)
-    took = f"Measured in {time.perf_counter() - began:.0f} s by `{PROGRAM}{' --quick' if arguments.quick else ''}`."
+            tables.append(section(QUICK if arguments.quick else FULL))
+            show(tables[-1])
+    took = f"Measured in {time.perf_counter() - began:.0f} s by `python -m benchmarks continuation{' --quick' if arguments.quick else ''}`."
     print(took)
     if arguments.out is not None:
-        write_page(arguments.out, "\n\n".join(["\n".join([*machine, took]), *(table.markdown() for table in tables)]))
+        write_page(arguments.out, "\n\n".join(["\n".join([*described, took]), *(table.markdown() for table in tables)]))
     return DONE
 
 
-def _say(text: str) -> None:
-    """Progress, on standard error where that is a terminal."""
-    if sys.stderr.isatty():
-        print(f"  {text}", file=sys.stderr, flush=True)
+def families(scope: Scope) -> Table:
+    """Full families by name, as a user gets them: with events and the record of every point."""
+    rows: list[tuple[str, ...]] = []
+    repeats = max(2, scope.repeats // 5)
+    for name in scope.families:
+        progress(f"{name}: found and followed")
+        found: list[float] = []
+        began = time.process_time()
+        branch = saltus.trace(name, on_start=lambda text, found=found: found.append(time.process_time()))
+        problem, start = branch.problem, branch.unknowns(branch.start)
+        times = []
+        for _ in range(repeats):
+            branch, seconds = timed(_follow, problem, start)
+            times.append(seconds / len(branch))
+        complete = spread(times)
+        plain = spread([run.clean_point for run in timed_runs(Family(problem), start, scope.points, repeats)])
+        rows.append(
+            (
+                name, str(problem.inner), str(len(branch)), str(len(branch.events)), number(1e3 * (found[0] - began)),
+                number(1e3 * complete.median * len(branch)), microseconds(complete), microseconds(plain),
+                number(complete.median / plain.median),
+            )
+        )  # fmt: skip
+    return Table(
+        "Full families by name",
+        (
+            "name", "inner impacts", "points", "events", "found in ms", "followed in ms", "a point, events and record",
+            "a point without", "ratio",
+        ),
+        rows,
+        (
+            "Found: from the name to a first orbit, by search, once. Followed: in both directions to the ends within the scene's energies,",
+            "with all events located and the record of every point (stability, labels). Without: points with no event before them and no",
+            f"record, from the same start upward. Microseconds a point, median (least) of {repeats}.",
+        ),
+    )  # fmt: skip
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _follow(problem: MultipointProblem, start: np.ndarray) -> Branch:
+    return follow_family(problem, start, energy=saltus.load_scene().energy)
+
+
+@dataclass(frozen=True)
+class Held:
+    """Bytes of a branch: kept at its end, most while it was traced, and of the arrays in `Branch.points`."""
+
+    points: int
+    kept: int
+    most: int
+    arrays: int
+
+
+def held(problem: MultipointProblem, y: np.ndarray, points: int) -> Held:
+    """Trace a branch upward and count the bytes that Python and numpy hold for it, by tracemalloc.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    y : (u,) float
+        Unknowns at the start.
+    points : int
+        Points in total, including those at events.
+    """
+
+    def traced() -> Branch:
+        return follow_family(problem, y, points=points, direction="up", settings=SHORT_STEPS)
+
+    traced()  # everything that is made only once
+    gc.collect()
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        branch = traced()
+        gc.collect()
+        after, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    arrays = sum(column.nbytes for column in branch.points.values())
+    return Held(len(branch), after - before, most - before, arrays)
+
+
+def memory(scope: Scope) -> Table:
+    """Bytes a point against points and impacts."""
+    system = cases.system()
+    rows: list[tuple[str, ...]] = []
+    previous = None
+    for inner in cases.INNER:
+        progress(f"{inner} inner impacts: memory")
+        problem, y = cases.segment(system, inner)
+        short, middle, long = (held(problem, y, count * scope.points) for count in (1, 2, 4))
+        kept, later = (
+            (more.kept - less.kept) / (more.points - less.points) for less, more in ((short, middle), (middle, long))
+        )
+        most = (long.most - short.most) / (long.points - short.points)
+        unknowns = 8 * problem.unknowns
+        an_impact = ("-", "-") if previous is None else tuple(
+            number((now - then) / (inner - previous[0])) for now, then in ((later, previous[1]), (most, previous[2]))
+        )
+        rows.append(
+            (
+                str(inner), f"{short.points}, {middle.points}, {long.points}", number(kept), number(later), an_impact[0],
+                number(long.arrays / long.points), number(most), an_impact[1], str(unknowns), number(later / unknowns),
+            )
+        )  # fmt: skip
+        previous = (inner, later, most)
+    return Table(
+        "Memory of a branch, bytes",
+        (
+            "inner impacts", "points", "kept a point", "the same, longer", "kept an impact", "in arrays a point", "at most a point",
+            "at most an impact", "unknowns of a point", "kept to unknowns",
+        ),
+        rows,
+        (
+            "Branches of three lengths, counted by tracemalloc. Kept a point: the difference between the first two lengths divided by that",
+            "of their points, and the same for the last two. They are equal if memory is linear in points. An impact: the difference",
+            "between rows, constant if memory is linear in impacts. At most: while it is traced. Unknowns: 8 bytes each.",
+        ),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Process:
+    """Seconds of a process: of its first run without compiled code on disk (None if not run), and of the later ones."""
+
+    words: str
+    cold: float | None
+    warm: list[float]
+
+
+def time_process(words: str, arguments: tuple[str, ...], repeats: int, cold: bool) -> Process:
+    """Run a process with an empty folder for compiled code, and again with the code that it left there.
+
+    Parameters
+    ----------
+    words : str
+        What is run, for the reader.
+    arguments : tuple of str
+        Of the interpreter.
+    repeats : int
+        Number of later runs.
+    cold : bool
+        If False, the folder is the usual one, and the first run, which may fill it, does not count.
+
+    Raises
+    ------
+    RuntimeError
+        If the process fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="saltus-benchmark-") as folder:
+        cache = folder if cold else None
+        first = run_python(*arguments, cache=cache).seconds
+        return Process(words, first if cold else None, [run_python(*arguments, cache=cache).seconds for _ in range(repeats)])
+
+
+def processes(scope: Scope) -> Table:
+    """Times of whole processes, from the start of Python to its end, by the clock."""
+    measured = []
+    for words, arguments in PROCESSES:
+        progress(words)
+        measured.append(time_process(words, arguments, scope.processes, scope.cold))
+    base = {process.words: spread(process.warm).median for process in measured[:2]}
+    rows = []
+    for process in measured:
+        warm = spread(process.warm)
+        cold = "not run" if process.cold is None else number(process.cold)
+        ratios = [number(warm.median / seconds) for seconds in base.values()]
+        slower = "-" if process.cold is None else number(process.cold / warm.median)
+        rows.append((process.words, cold, f"{number(warm.median)} ({number(warm.least)})", slower, *ratios))
+    return Table(
+        "Whole processes, seconds",
+        ("process", "cold", "warm", "cold to warm", *(f"warm to {words}" for words in base)),
+        rows,
+        (
+            f"Cold: the first run with an empty NUMBA_CACHE_DIR, once. Warm: the runs after it, median (least) of {scope.processes}.",
+            "saltus is run as python -m saltus; no figure is drawn.",
+        ),
+    )
+
+
+SECTIONS: dict[str, Callable[[Scope], Table]] = {
+    "points": points, "layers": layers, "families": families, "memory": memory, "processes": processes,
+}  # fmt: skip
+"""The tables in the order in which they are measured."""

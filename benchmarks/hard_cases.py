@@ -1,9 +1,7 @@
-"""The table of docs/hard_cases.md: every hard case with the error that its test measures.
+"""`python -m benchmarks hard-cases`: the tables of docs/hard_cases.md, every hard case with the error that its test measures.
 
-    python -m benchmarks.hard_cases [--quick]
-
-runs tests/hard, and what belongs to it in tests/full unless --quick (those rows then stay as they are), and writes the tables into the
-page. Tests that fail leave the page alone.
+The task runs tests/hard and the long cases of tests/full, and writes the tables into the page. With `--quick` it leaves the long cases out,
+and their rows stay as they are. If a test fails, the page does not change.
 """
 
 from __future__ import annotations
@@ -16,31 +14,31 @@ import sys
 import tempfile
 from pathlib import Path
 
-from branches.files import write_text
-from saltus.bench.machine import describe
+from benchmarks.report import machine, write_page
+from saltus.errors import DONE
 from tests.hard.cases import HEADINGS, RECORD, Case, all_cases
 
-__all__ = ["main", "old_errors", "page", "tables"]
+__all__ = ["add_arguments", "old_errors", "page_tables", "run", "tables"]
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "hard_cases.md"
-BEGIN = "<!-- tables: python -m benchmarks.hard_cases -->"
+BEGIN = "<!-- tables: python -m benchmarks hard-cases -->"
 END = "<!-- end of the tables -->"
 
 
 def cells(case: Case) -> str:
-    """What stands in the line of a case before its number."""
+    """The first columns of a case, up to the measured error."""
     return "| " + " | ".join(part.replace("|", "\\|") for part in (case.text, case.source, case.what)) + " | "
 
 
 def row(case: Case, error: float | None) -> str:
-    """The line of a case; "not measured" where there is no error."""
+    """The row of a case; "not measured" without an error."""
     measured = "not measured" if error is None else f"{error:.1e}" if error else "0"
     return f"{cells(case)}{measured} | {case.limit:g} |"
 
 
 def tables(errors: dict[tuple[str, str], float]) -> str:
-    """All tables, a heading each."""
+    """All tables with their headings."""
     lines = []
     for heading, title in HEADINGS.items():
         lines += ["", f"## {title}", "", "| case | expected answer | error of | measured | allowed |", "|---|---|---|---|---|"]
@@ -48,17 +46,13 @@ def tables(errors: dict[tuple[str, str], float]) -> str:
     return "\n".join(lines)
 
 
-def page(text: str, errors: dict[tuple[str, str], float], where: list[str]) -> str:
-    """The page with its tables made anew."""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"the page has no lines {BEGIN!r} and {END!r} to write between")
-    return f"{before}{BEGIN}\n\n{where[0]} {where[-1]}\n{tables(errors)}\n\n{END}{after}"
+def page_tables(errors: dict[tuple[str, str], float], where: list[str]) -> str:
+    """The text between the marks of the page: the machine and the tables."""
+    return f"{where[0]} {where[-1]}\n{tables(errors)}"
 
 
 def old_errors(text: str) -> dict[tuple[str, str], float]:
-    """The errors that the page has."""
+    """The errors on the page."""
     known: dict[tuple[str, str], float] = {}
     for case in all_cases():
         for line in text.splitlines():
@@ -67,29 +61,27 @@ def old_errors(text: str) -> dict[tuple[str, str], float]:
     return known
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the tests, write the page."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.hard_cases", description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="without what is in tests/full")
-    quick = parser.parse_args(arguments).quick
-    paths = ["tests/hard"] if quick else ["tests/hard", "tests/full/test_missed_events.py"]
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the task."""
+    parser.add_argument("--quick", action="store_true", help="without the cases in tests/full")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the tests and write the page; return the exit code."""
+    paths = ["tests/hard"] if arguments.quick else ["tests/hard", "tests/full/test_missed_events.py"]
     text = PAGE.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as folder:
         record = Path(folder) / "errors.jsonl"
         environment = {**os.environ, RECORD: str(record)}
         code = subprocess.call([sys.executable, "-m", "pytest", "--deselect", "tests/hard/test_page.py", *paths], cwd=ROOT, env=environment)
         if code != 0:
-            print("a hard case fails: the page stays as it is", file=sys.stderr)
-            return 1
-        errors = old_errors(text) if quick else {}
+            raise RuntimeError("a hard case fails: the page stays as it is")
+        errors = old_errors(text) if arguments.quick else {}
         found: dict[tuple[str, str], float] = {}
         for line in record.read_text(encoding="utf-8").splitlines():
             heading, case, error = json.loads(line)
             found[heading, case] = max(error, found.get((heading, case), 0.0))
-    write_text(PAGE, page(text, {**errors, **found}, describe()))
+    write_page(PAGE, page_tables({**errors, **found}, machine()), BEGIN, END)
     print(f"{PAGE.relative_to(ROOT)}: {len(found)} cases measured")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return DONE

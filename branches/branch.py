@@ -1,30 +1,27 @@
-"""A branch: a family of periodic orbits as it was followed, with its events, its ends, and all that can be asked of it."""
+"""A branch: a family of periodic orbits as it was followed, with its events and its ends. Operations on branches are in other modules."""
 
 from __future__ import annotations
 
 import math
 import operator
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from branches.between_events import DigitWork
 from branches.events import BranchEvent, Ended
+from branches.full_family import FullFamily, Piece, full_family
 from branches.orbit import Orbit
-from branches.stability import describe
-from branches.words import format_word, parse_word
+from branches.sequences import format_sequence
 from bvp.checks import real
 from bvp.frozen import Frozen
-from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.shown import shown
 
 if TYPE_CHECKING:
-    from branches.grazing import Neighbour
-    from branches.whole import Piece, Whole
     from bvp.system import ImpactSystem
 
 __all__ = ["Branch", "BranchEvent", "Ended"]
@@ -49,8 +46,8 @@ class Branch:
         Index of the point that it was started from.
     energy : (float, float)
         The range of energies in which it was followed.
-    turns : int
-        After a switch at a crossing with several turns of an orbit: how many turns of this branch's orbits were met there; else 0.
+    cover : int
+        After a switch at a crossing with the k-fold cover of an orbit of this branch: k; else 0.
     digit_work : DigitWork
         What it took to decide stability where double precision does not (see `branches.between_events`).
 
@@ -68,8 +65,14 @@ class Branch:
     ended: tuple[Ended, Ended]
     start: int = 0
     energy: tuple[float, float] = (0.0, math.inf)
-    turns: int = 0
+    cover: int = 0
     digit_work: DigitWork = DigitWork()
+
+    # Operations of modules that know this one; `branches.methods` adds them.
+    save: ClassVar[Callable[..., None]]
+    trace: ClassVar[Callable[..., Branch]]
+    switch: ClassVar[Callable[..., list[Branch]]]
+    neighbours: ClassVar[Callable[..., list[Any]]]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", Frozen(self.points))
@@ -88,9 +91,9 @@ class Branch:
         return self.problem.ends
 
     @property
-    def word(self) -> str:
+    def sequence(self) -> str:
         """Contacts hit inside each solved segment."""
-        return format_word(self.problem.word)
+        return format_sequence(self.problem.word)
 
     @cached_property
     def label(self) -> str:
@@ -109,16 +112,19 @@ class Branch:
         return out
 
     @cached_property
-    def whole(self) -> Whole:
+    def full_family(self) -> FullFamily:
         """The family beyond the branch: what identifies it, and the other pieces that a range of energies cut off."""
-        from branches.whole import whole
-
-        return whole(self)
+        return full_family(self, self.__dict__.get("wider"))
 
     @cached_property
     def id(self) -> str:
-        """`ends:word:hash` of the family, which does not depend on how it was reached or cut: see `branches.whole`."""
-        return self.whole.ids[0]
+        """`ends:sequence:hash` of the family, which does not depend on how it was reached or cut: see `branches.full_family`."""
+        return self.full_family.ids[0]
+
+    def known_within(self, wider: Branch) -> Branch:
+        """This branch, of whose family a wider branch is known from the same orbit; then the family need not be followed for its id."""
+        self.__dict__["wider"] = wider
+        return self
 
     def known_as(self, id: str) -> Branch:
         """This branch, of whose family the id is known, so that the family need not be followed for it."""
@@ -128,11 +134,11 @@ class Branch:
     @property
     def others(self) -> tuple[Piece, ...]:
         """The other pieces into which the range of energies cuts the family, each with (h, alpha) of its first and last orbit."""
-        return self.whole.others
+        return self.full_family.others
 
     def has_id(self, text: str) -> bool:
         """Whether a family's id is that of this branch's family, also where rounding gave it another hash."""
-        return text in self.whole.ids
+        return text in self.full_family.ids
 
     def unknowns(self, i: int) -> np.ndarray:
         """Unknowns of the multipoint problem near point i: exact start and flight times, nodes by exact flight.
@@ -242,69 +248,6 @@ class Branch:
             raise ValueError(f"{len(found)} orbits of {self.label or self.id} at {asked}: {listed}")
         return found[0]
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the branch as the ending of the name says, .json or .csv; an older file is replaced only by a whole one.
-
-        Raises
-        ------
-        ValueError
-            For another ending.
-        """
-        from branches.files import is_special, write_text
-        from branches.record import to_csv, to_json
-
-        writers = {".json": to_json, ".csv": to_csv}
-        suffix = ".json" if is_special(path) else os.path.splitext(path)[1].lower()
-        if suffix not in writers:
-            raise ValueError(f"cannot save a branch as {os.fspath(path)!r}: expected a name that ends in .json or .csv")
-        write_text(path, writers[suffix](self))
-
-    def trace(self, i: int, **options: Any) -> Branch:
-        """Trace on from point i: options as for `branches.tracing.follow_family`."""
-        from branches.tracing import follow_family
-
-        return follow_family(self.problem, self.unknowns(i), **options)
-
-    def switch(self, event: BranchEvent | str, **options: Any) -> list[Branch]:
-        """The families that are born or crossed at a branch point, symmetry breaking, period doubling or q-tupling of this branch.
-
-        Parameters
-        ----------
-        event : BranchEvent or str
-            One of `events`, or its id.
-        **options
-            As for `branches.tracing.follow_family`.
-
-        Raises
-        ------
-        ValueError
-            For an event of another type, or one that this branch does not have.
-        """
-        from branches.switching import switch
-
-        return switch(self, self.event(event), **options)
-
-    def neighbours(self, event: BranchEvent | str, *, turns: int = 1, **options: Any) -> list[Neighbour]:
-        """The families that meet this branch at a grazing, followed; see `branches.grazing.neighbours`.
-
-        Parameters
-        ----------
-        event : BranchEvent or str
-            A GR of this branch, or its id.
-        turns : int
-            Neighbours of up to that many periods of the grazing orbit are looked for.
-        **options
-            As for `branches.tracing.follow_family`.
-
-        Raises
-        ------
-        ValueError
-            For an event of another type, or one that this branch does not have.
-        """
-        from branches.grazing import neighbours
-
-        return neighbours(self, self.event(event), turns=turns, **options)
-
     def event(self, name: BranchEvent | str) -> BranchEvent:
         """The event with an id such as "GR1"; an event as it is.
 
@@ -323,51 +266,6 @@ class Branch:
         if name not in known:
             raise ValueError(f"no event {name!r} on this branch; it has {', '.join(known) or 'none'}")
         return known[name]
-
-    @classmethod
-    def from_record(cls, record: dict[str, Any]) -> Branch:
-        """A branch from the plain data that `branches.record.to_record` makes."""
-        from branches.check import check_points
-        from branches.record import points_of
-        from bvp.system import ImpactSystem
-
-        system = ImpactSystem.from_description(record["system"])
-        head = record["branch"]
-        problem = MultipointProblem(system, (head["ends"][0], head["ends"][1]), parse_word(head["word"]))
-        flights = {len(point["flight_times"]) for point in record["points"]}
-        if flights != {problem.inner + 1}:
-            raise ValueError(
-                f"the word {head['word']!r} between the ends {', '.join(head['ends'])} makes {problem.inner + 1} flights; "
-                f"the points have {', '.join(map(str, sorted(flights)))} flight_times"
-            )
-        points = points_of(record)
-        check_points(problem, points)
-        names = set(BranchEvent._fields)
-        events = []
-        for item in record["events"]:
-            fields = {key: value for key, value in item.items() if key in names}
-            fields["bracket"] = tuple(fields["bracket"])
-            events.append(BranchEvent(**fields))
-        ended = [Ended(item["reason"], item["text"]) for item in record["ended"]]
-        start = next((event.point - event.number for event in events), 0)
-        low, high = head.get("energy") or (0.0, None)
-        energy = (float(low), math.inf if high is None else float(high))
-        return cls(problem, points, tuple(events), (ended[0], ended[1]), start, energy)
-
-    @classmethod
-    def from_solutions(
-        cls,
-        problem: MultipointProblem,
-        solutions: Sequence[Solution],
-        arclength: np.ndarray,
-        events: Callable[[dict[str, np.ndarray]], tuple[BranchEvent, ...]],
-        ended: tuple[Ended, Ended],
-        start: int,
-        energy: tuple[float, float] = (0.0, math.inf),
-    ) -> Branch:
-        """A branch from its solutions; `events` makes the events from the columns of the points."""
-        columns = describe(problem, solutions, arclength).columns
-        return cls(problem, columns, events(columns), ended, start, energy)
 
 
 def _positive(value: Any, name: str) -> float:

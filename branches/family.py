@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.grazing_notes import describe_merging, describe_touch, describe_vanishing
-from branches.kernels.march import Block, march
-from branches.labels import ImpossibleLabelError, Label, label_of
-from branches.marched import MarchedSteps, step_of
-from branches.markers import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, planar_tests
+from branches.kernels.advance import Block, advance_block
+from branches.markers import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, two_dof_tests
+from branches.naming.labels import ImpossibleLabelError, Label, label_of
+from branches.steps import AdvancedSteps, step_of
 from bvp.frozen import changeable
 from bvp.kernels import segment as kernel
 from bvp.kernels.newton import set_scale
@@ -26,7 +26,7 @@ from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
 from continuation.branch_point import refine_branch_point
 from continuation.control import Control, kinds_of
-from continuation.problem import EventDetails, Marched, Point, Step, Test
+from continuation.problem import Advance, EventDetails, Point, Step, Test
 from continuation.settings import Settings
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _is_along(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 class Family:
-    """A family of orbits with given ends and word: a `continuation.Problem`.
+    """A family of orbits with given ends and sequence: a `continuation.Problem`.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class Family:
             Test("LB", "change", False, "the label changes"),
         ]
         self.fixed = len(tests)
-        self._planar = problem.half == 2
+        self._two_dof = problem.half == 2
         self._full = True  # false: no more than the tangent and the fold
         if problem.quarters == 1:
             self._kind = "quarter"
@@ -153,13 +153,13 @@ class Family:
         else:
             self._kind = "periodic"
             tests += [Test("PD", "crossing", False, "period doubling")]
-        if not self._planar and not problem.periodic:
+        if not self._two_dof and not problem.periodic:
             tests += [Test("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
         # Of a quarter the trace of the half map is followed: that of the full period passes a level twice where the former passes zero.
         quarter = problem.quarters == 1
         levels = {(p, q): half_multiplication(p, q) if quarter else (multiplication(p, q),) for p, q in RESONANCES}
         self._resonant = [(p, q, level) for (p, q), both in levels.items() for level in both]
-        if self._planar:
+        if self._two_dof:
             tests += [Test("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q, _ in self._resonant]
         self._tests = tuple(tests)
         self._low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
@@ -199,21 +199,21 @@ class Family:
             return _FAILED
         tests = [0.0] * len(self._tests)
         common_tests(result, self._low, self._high, self._longest, tests)
-        if self._planar:
-            planar_tests(result, self.problem.quarters, self._targets, tests)
+        if self._two_dof:
+            two_dof_tests(result, self.problem.quarters, self._targets, tests)
         else:
             tests[COMMON:] = self._general(solution)
         return step_of(solution, result, tests)
 
     @property
-    def march(self) -> Callable[..., Marched] | None:
+    def advance(self) -> Callable[..., Advance] | None:
         """See `continuation.Problem`; None where there are more than two degrees of freedom."""
-        return self._march if self._planar else None
+        return self._advance if self._two_dof else None
 
-    def _march(
+    def _advance(
         self, step: Step, tests: list[float], older: list[float], oldest: list[float], before: float, first: float, ds: float, goal: Any,
         direction: Any, room: int, control: Control,
-    ) -> Marched:  # fmt: skip
+    ) -> Advance:  # fmt: skip
         problem = self.problem
         rows = room + 1
         size, unknowns = problem.size, problem.unknowns
@@ -227,7 +227,7 @@ class Family:
             np.empty((rows, 2)),
         )
         count, tried, ds = problem.compiled(
-            march, control, self._kinds, self._singular, self._bounds, self._aims, step.y, step.tangent, np.array(step.position),
+            advance_block, control, self._kinds, self._singular, self._bounds, self._aims, step.y, step.tangent, np.array(step.position),
             np.array(tests), np.array(older), np.array(oldest), np.asarray(goal), self._unknown if direction is None else direction,
             before, first, ds, np.empty((5, size + 2)), block, full=self._full,
         )  # fmt: skip
@@ -239,7 +239,7 @@ class Family:
                 Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
             )
         taken = Block(*(array[:count] for array in block))
-        return Marched(MarchedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
+        return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
 
     def _general(self, solution: Solution) -> list[float]:
         """More than two degrees of freedom: determinants of the blocks of the half map in place of its entries."""
@@ -252,7 +252,7 @@ class Family:
             return [math.nan] * (5 if self._kind == "quarter" else 4)
         pivot = abs(float(solution["branching"]))
         level = (NOISE + PIVOT_NOISE / pivot) * float(np.max(np.abs(phi))) if pivot > 0.0 else math.inf
-        speeds = float(solution["speeds"])  # see `branches.markers.planar_tests`
+        speeds = float(solution["speeds"])  # see `branches.markers.two_dof_tests`
         out = []
         for block in (b, a, d):
             singular = np.linalg.svd(block, compute_uv=False)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.between_events import Barrier, DigitWork, decide_between
+from branches.between_events import Barrier, decide_between
 from branches.branch import Branch, BranchEvent, Ended
-from branches.marched import solutions_of
+from branches.stability import describe
+from branches.steps import solutions_of
 from continuation.ends import EndReason
 from continuation.problem import Event
 
@@ -108,49 +108,35 @@ def branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float])
         The range in which it was followed.
     """
     solutions = solutions_of(run.points)
-    arclength = run.points.arclengths()
+    columns = describe(problem, solutions, run.points.arclengths()).columns
 
     def backward(event: Event) -> bool:
         """Whether it was found against the arclength; what lies on the seam of a closed family is read along it."""
         return event.index < run.start and not (run.closed and event.index == 0)
 
-    def labelled(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """At an event a velocity can be zero to rounding, so its counts are those of the branch just before it."""
-        labels = columns["label"].astype(object)
-        for event in run.events:
-            if event.code in UNDECIDED_AT:
-                columns["stable"][event.index] = -1
-            label, half_waves, _ = _along(event, backward(event))
-            labels[event.index] = label
-            columns["half_waves"][event.index] = max(1, half_waves)
-        columns["label"] = labels.astype(str)
-        columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
-        return columns
-
-    work = DigitWork()
-
-    def events(columns: dict[str, np.ndarray]) -> tuple[BranchEvent, ...]:
-        nonlocal work
-        columns = labelled(columns)
-        barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]
-        columns["stable"], work = decide_between(problem, lambda i: solutions[i].y, columns, barriers)
-        counts: dict[str, int] = {}
-        out = []
-        for event in run.events:
-            counts[event.code] = counts.get(event.code, 0) + 1
-            name = f"{event.code}{counts[event.code]}"
-            number = event.index - run.start
-            out.append(event_of(event, name, event.index, number, columns, event.index, backward=backward(event)))
-        return tuple(out)
-
+    # At an event a velocity can be zero to rounding, so its counts are those of the branch just before it.
+    labels = columns["label"].astype(object)
+    for event in run.events:
+        if event.code in UNDECIDED_AT:
+            columns["stable"][event.index] = -1
+        labels[event.index], half_waves, _ = _along(event, backward(event))
+        columns["half_waves"][event.index] = max(1, half_waves)
+    columns["label"] = labels.astype(str)
+    columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
+    barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]
+    columns["stable"], work = decide_between(problem, lambda i: solutions[i].y, columns, barriers)
+    counts: dict[str, int] = {}
+    events = []
+    for event in run.events:
+        counts[event.code] = counts.get(event.code, 0) + 1
+        name, number = f"{event.code}{counts[event.code]}", event.index - run.start
+        events.append(event_of(event, name, event.index, number, columns, event.index, backward=backward(event)))
     ended = []
     for k, end in enumerate(run.ends):
         place = run.points[0] if k == 0 else run.points[-1]
-        event = place.event
-        if end.reason is EndReason.EVENT and event is not None:
+        if end.reason is EndReason.EVENT and place.event is not None:
             orbit = f"h = {place.parameter:.12g}, alpha = {place.step.extra['quarter_period']:.12g}"
-            ended.append(Ended(end.reason.name, f"{event.code} at {orbit}: {event.details.get('note')}"))
+            ended.append(Ended(end.reason.name, f"{place.event.code} at {orbit}: {place.event.details.get('note')}"))
         else:
             ended.append(Ended(end.reason.name, end.text))
-    branch = Branch.from_solutions(problem, solutions, arclength, events, (ended[0], ended[1]), run.start, energy)
-    return replace(branch, digit_work=work)
+    return Branch(problem, columns, tuple(events), (ended[0], ended[1]), run.start, energy, digit_work=work)

@@ -55,7 +55,7 @@ def unphysical(problem: MultipointProblem, solution: Solution) -> str | None:
 
     Examples
     --------
-    >>> from bvp import vibro_impact_nes
+    >>> from bvp.system import vibro_impact_nes
     >>> from bvp.multipoint import MultipointProblem
     >>> problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
     >>> start = problem.modes.from_state @ [0.0, 0.0, 4.6, 8.3]

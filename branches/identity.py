@@ -2,7 +2,7 @@
 
 An orbit can be solved between other ends, started at another impact, at its other end, as its mirror image -u, backwards in time, or run
 through several times. `canonical_orbit` takes all of these to one presentation, found from the orbit's own symmetries: as a list of
-impacts over its period it is compared with its shifts (turns; the half-period symmetry u(t + T/2) = -u(t)) and with its reversals
+impacts over its period it is compared with its shifts (covers; the half-period symmetry u(t + T/2) = -u(t)) and with its reversals
 u(c + s) = e u(c - s), whose instants c are its ends - origin for e = -1, rest or stop for e = +1.
 """
 
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.stretch import SLACK, Stretch, closed_stretch, run_backwards, solved, stretch_between, stretch_of
-from branches.words import PERIODIC, Ends, Word, canonical, full_word, mirror, segments_per_period
+from branches.presentation import SLACK, Presentation, closed_presentation, presentation_between, presentation_of, run_backwards, solved
+from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, full_sequence, mirror, segments_per_period
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Mark", "all_presentations", "canonical_orbit", "closed_presentations", "digests", "first_of",
     "is_solved_as_it_is", "mark_of", "pattern_of",
-    "presentations", "same_orbit", "same_segment", "segment_images", "symmetries", "turns", "with_canonical_word",
+    "presentations", "same_orbit", "same_segment", "segment_images", "symmetries", "cover_of", "with_canonical_sequence",
 ]  # fmt: skip
 
 SAME = 1e-7
@@ -43,11 +43,11 @@ BORDER = 1e-9
 class Symmetries(NamedTuple):
     """What maps an orbit to itself.
 
-    turns: how often its primitive orbit is run through. half: whether the primitive orbit has u(t + T/2) = -u(t). reversals: (instant,
+    cover: how often its primitive orbit is run through. half: whether the primitive orbit has u(t + T/2) = -u(t). reversals: (instant,
     e) in one primitive period, from the orbit's start on, in order of time.
     """
 
-    turns: int
+    cover: int
     half: bool
     reversals: tuple[tuple[float, int], ...]
 
@@ -118,29 +118,29 @@ def is_solved_as_it_is(problem: MultipointProblem, y: np.ndarray) -> bool:
     """Whether an orbit is run through once, between neighbouring ones of its reversals, and on itself only where it has none."""
     found = symmetries(cycle_of(problem, y))
     both = len({e for _, e in found.reversals}) == 2
-    return found.turns == 1 and not (both and problem.quarters == 2) and not (found.reversals and problem.periodic)
+    return found.cover == 1 and not (both and problem.quarters == 2) and not (found.reversals and problem.periodic)
 
 
-def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
-    """All presentations of an orbit, or of the primitive one that it repeats, that have its canonical ends and word.
+def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
+    """All presentations of an orbit, or of the primitive one that it repeats, that have its canonical ends and sequence.
 
-    Images under mirror and reversal in time count as the same orbit. There are several where the word is its own image.
+    Images under mirror and reversal in time count as the same orbit. There are several where the sequence is its own image.
     """
     cycle, found = _primitive(cycle_of(problem, y))
     if found.reversals:
-        return with_canonical_word(problem.system, _with_mirrored(problem.system, _between_reversals(cycle, found)))
-    word, _ = canonical(cycle.letters, PERIODIC, odd_symmetry=problem.system.has_odd_symmetry)
-    return _closed(cycle, word)
+        return with_canonical_sequence(problem.system, _with_mirrored(problem.system, _between_reversals(cycle, found)))
+    sequence, _ = canonical_sequence(cycle.letters, PERIODIC, odd_symmetry=problem.system.has_odd_symmetry)
+    return _closed(cycle, sequence)
 
 
-def with_canonical_word(system: ImpactSystem, images: Iterable[Stretch]) -> list[Stretch]:
-    """Those of an orbit's presentations that have its canonical ends and word."""
+def with_canonical_sequence(system: ImpactSystem, images: Iterable[Presentation]) -> list[Presentation]:
+    """Those of an orbit's presentations that have its canonical ends and sequence."""
     images = list(images)
-    word, ends = canonical(images[0].word, images[0].ends, odd_symmetry=system.has_odd_symmetry)
-    return [image for image in images if image.ends == ends and image.word == word]
+    sequence, ends = canonical_sequence(images[0].sequence, images[0].ends, odd_symmetry=system.has_odd_symmetry)
+    return [image for image in images if image.ends == ends and image.sequence == sequence]
 
 
-def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch]:
+def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
     """All presentations of an orbit, or of the primitive one that it repeats: from each instant of reversal to the next, from each impact
     where it has none, forwards and backwards in time, and mirrored where the system has odd symmetry."""
     cycle, found = _primitive(cycle_of(problem, y))
@@ -149,41 +149,41 @@ def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Stretch
     return _closed(cycle)
 
 
-def closed_presentations(problem: MultipointProblem, y: np.ndarray, word: Word | None = None) -> list[Stretch]:
+def closed_presentations(problem: MultipointProblem, y: np.ndarray, sequence: ImpactSequence | None = None) -> list[Presentation]:
     """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry; those with a
-    word, where one is given."""
-    return _closed(cycle_of(problem, y), word)
+    sequence, where one is given."""
+    return _closed(cycle_of(problem, y), sequence)
 
 
-def _with_mirrored(system: ImpactSystem, images: Iterable[Stretch]) -> list[Stretch]:
+def _with_mirrored(system: ImpactSystem, images: Iterable[Presentation]) -> list[Presentation]:
     images = list(images)
     return images + [image.mirrored() for image in images] if system.has_odd_symmetry else images
 
 
-def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Stretch]:
+def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Presentation]:
     """The solved segment as it stands, mirrored where the system has odd symmetry, run backwards, and both; of a closed orbit, those from
     all its impacts. All `all_presentations` of an orbit that is primitive and has no more reversals than its ends."""
     if problem.periodic:
         yield from closed_presentations(problem, y)
         return
-    own = stretch_of(problem, y)
-    for stretch in (own, run_backwards(problem.system, own, problem)):
-        yield stretch
+    own = presentation_of(problem, y)
+    for presentation in (own, run_backwards(problem.system, own, problem)):
+        yield presentation
         if problem.system.has_odd_symmetry:
-            yield stretch.mirrored()
+            yield presentation.mirrored()
 
 
 def _primitive(cycle: Cycle) -> tuple[Cycle, Symmetries]:
-    """One turn of an orbit, and its symmetries."""
+    """The primitive orbit of an orbit, and its symmetries."""
     found = symmetries(cycle)
-    length = len(cycle.duration) // found.turns
-    if found.turns > 1:
+    length = len(cycle.duration) // found.cover
+    if found.cover > 1:
         before, after, duration, contact = (part[:length] for part in (cycle.before, cycle.after, cycle.duration, cycle.contact))
         cycle = Cycle(cycle.system, before, after, duration, contact, cycle.lead)
     return cycle, found
 
 
-def _between_reversals(cycle: Cycle, found: Symmetries) -> Iterator[Stretch]:
+def _between_reversals(cycle: Cycle, found: Symmetries) -> Iterator[Presentation]:
     """From each instant of reversal to the next, and back."""
     instants = list(found.reversals)
     instants.append((instants[0][0] + cycle.period, instants[0][1]))
@@ -197,22 +197,22 @@ def _between_reversals(cycle: Cycle, found: Symmetries) -> Iterator[Stretch]:
         return "stop" if np.min(distance) <= slack else "rest"
 
     for (first, e), (last, f) in itertools.pairwise(instants):
-        forward = stretch_between(cycle, first, last, (kind(first, e), kind(last, f)))
+        forward = presentation_between(cycle, first, last, (kind(first, e), kind(last, f)))
         yield forward
         yield run_backwards(cycle.system, forward)
 
 
-def _closed(cycle: Cycle, word: Word | None = None) -> list[Stretch]:
-    """The orbit from each impact, forwards and backwards in time, and mirrored: those with a word, where one is given."""
-    wanted = None if word is None else {word, mirror(word)}
+def _closed(cycle: Cycle, sequence: ImpactSequence | None = None) -> list[Presentation]:
+    """The orbit from each impact, forwards and backwards in time, and mirrored: those with a sequence, where one is given."""
+    wanted = None if sequence is None else {sequence, mirror(sequence)}
     images = []
     for backwards in (False, True):
         letters = cycle.letters[::-1] if backwards else cycle.letters
         for first in range(len(letters)):
             if wanted is None or letters[first:] + letters[:first] in wanted:
-                images.append(closed_stretch(cycle, first=first, backwards=backwards))
+                images.append(closed_presentation(cycle, first=first, backwards=backwards))
     images = _with_mirrored(cycle.system, images)
-    return images if word is None else [image for image in images if image.word == word]
+    return images if sequence is None else [image for image in images if image.sequence == sequence]
 
 
 def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
@@ -227,9 +227,9 @@ def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[Multipoi
     Returns
     -------
     problem, y
-        With the ends that the orbit's reversals have (a quarter where it has both kinds), periodic ends only where it has none; word and
-        ends in the form of `branches.words.canonical`; among equal words one with no more impacts in its first half than in its second
-        (p <= q), then the one whose flight times, then start state, come first.
+        With the ends that the orbit's reversals have (a quarter where it has both kinds), periodic ends only where it has none. Sequence
+        and ends are canonical, see `branches.sequences.canonical_sequence`. Among equal sequences it is one with no more impacts in its
+        first half than in its second (p <= q), then the one whose flight times, then start state, come first.
 
     Examples
     --------
@@ -240,20 +240,20 @@ def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[Multipoi
     ('origin', 'stop+')
     """
     best = first_of(presentations(problem, y))
-    found = MultipointProblem(problem.system, best.ends, best.word)
+    found = MultipointProblem(problem.system, best.ends, best.sequence)
     return found, solved(found, best.unknowns(found)).y
 
 
-def first_of(stretches: Sequence[Stretch]) -> Stretch:
+def first_of(presentations: Sequence[Presentation]) -> Presentation:
     """The canonical one of an orbit's `presentations`."""
-    best = stretches[0]
-    for other in stretches[1:]:
+    best = presentations[0]
+    for other in presentations[1:]:
         if _comes_before(other, best):
             best = other
     return best
 
 
-def _comes_before(a: Stretch, b: Stretch) -> bool:
+def _comes_before(a: Presentation, b: Presentation) -> bool:
     """Order by whether there are more impacts in the first half than in the second, then by flight times, then by start states;
     differences of rounding's size count as none."""
     if a.leans != b.leans:
@@ -268,7 +268,7 @@ def _comes_before(a: Stretch, b: Stretch) -> bool:
 def same_orbit(
     a: tuple[MultipointProblem, np.ndarray], b: tuple[MultipointProblem, np.ndarray], tolerance: float = SAME
 ) -> bool:
-    """Whether two solutions are one orbit: exchanged ends, mirror image, reversal in time, another start, or several turns allowed.
+    """Whether two solutions are one orbit: exchanged ends, mirror image, reversal in time, another start, or multiple covers allowed.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def same_orbit(
     tolerance : float
         Of states and times, relative to the largest.
     """
-    return _is_among(stretch_of(*canonical_orbit(*a)), presentations(*b), tolerance)
+    return _is_among(presentation_of(*canonical_orbit(*a)), presentations(*b), tolerance)
 
 
 def same_segment(
@@ -292,29 +292,29 @@ def same_segment(
     tolerance : float
         Of states and times, relative to the largest.
     """
-    forward = stretch_of(*b)
+    forward = presentation_of(*b)
     images = [forward, run_backwards(b[0].system, forward, b[0])]
     if b[0].system.has_odd_symmetry:
         images += [image.mirrored() for image in images]
-    return _is_among(stretch_of(*a), images, tolerance)
+    return _is_among(presentation_of(*a), images, tolerance)
 
 
-def _is_among(stretch: Stretch, images: Iterable[Stretch], tolerance: float) -> bool:
-    """Whether a stretch is one of several."""
-    size = max(float(np.max(np.abs(part))) for part in (stretch.start, stretch.nodes) if part.size)
-    longest = float(np.max(stretch.times))
+def _is_among(presentation: Presentation, images: Iterable[Presentation], tolerance: float) -> bool:
+    """Whether a presentation is one of several."""
+    size = max(float(np.max(np.abs(part))) for part in (presentation.start, presentation.nodes) if part.size)
+    longest = float(np.max(presentation.times))
     return any(
-        (image.ends, image.word) == (stretch.ends, stretch.word)
-        and (np.abs(image.times - stretch.times) <= tolerance * longest).all()
-        and (np.abs(image.start - stretch.start) <= tolerance * size).all()
-        and (np.abs(image.nodes - stretch.nodes) <= tolerance * size).all()
+        (image.ends, image.sequence) == (presentation.ends, presentation.sequence)
+        and (np.abs(image.times - presentation.times) <= tolerance * longest).all()
+        and (np.abs(image.start - presentation.start) <= tolerance * size).all()
+        and (np.abs(image.nodes - presentation.nodes) <= tolerance * size).all()
         for image in images
     )
 
 
-def turns(problem: MultipointProblem, solution: Solution) -> int:
-    """How often the solved orbit repeats itself: k for k turns of its primitive orbit, with k = 2 also where the solved half is half a
-    turn of an orbit with half-period symmetry (a quarter problem solves that one)."""
+def cover_of(problem: MultipointProblem, solution: Solution) -> int:
+    """How often the solved orbit repeats itself: k for the k-fold cover of its primitive orbit, with k = 2 also if the solved half is half
+    a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
     if not _may_repeat(problem.ends, problem.word):
         return 1
     shifts = _Shifts(cycle_of(problem, solution.y))
@@ -323,9 +323,9 @@ def turns(problem: MultipointProblem, solution: Solution) -> int:
 
 
 @lru_cache(maxsize=4096)
-def _may_repeat(ends: Ends, word: Word) -> bool:
+def _may_repeat(ends: Ends, sequence: ImpactSequence) -> bool:
     """Whether the impacts of a period, by their contacts alone, are those of a shorter one run through again, or of its mirror image."""
-    letters = full_word(word, ends)
+    letters = full_sequence(sequence, ends)
     count = len(letters)
     if any(count % d == 0 and letters[d:] + letters[:d] == letters for d in range(1, count)):
         return True
@@ -351,7 +351,7 @@ def mark_of(kind: str, problem: MultipointProblem, y: np.ndarray) -> Mark:
 
     Notes
     -----
-    At the grazing of a linear mode many families begin with one energy and one period, also with one word: their impacts come at
+    At the grazing of a linear mode many families begin with one energy and one period, also with one sequence: their impacts come at
     different instants. The pattern, a mean over all pairs of impacts of a function of their distance in time (and of whether the
     same side is hit), does not change under a shift, reversal or mirror, and is continuous.
     """

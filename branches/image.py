@@ -13,8 +13,8 @@ import numpy as np
 
 from branches.branch import Branch, BranchEvent
 from branches.family import Family
+from branches.presentation import Presentation, closed_presentation, presentation_of, run_backwards, solved
 from branches.stability import describe
-from branches.stretch import Stretch, closed_stretch, run_backwards, solved, stretch_of
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -35,15 +35,15 @@ class Image(NamedTuple):
     backwards: bool
     first: int = 0
 
-    def of(self, problem: MultipointProblem, y: np.ndarray) -> Stretch:
+    def of(self, problem: MultipointProblem, y: np.ndarray) -> Presentation:
         """The image of an orbit."""
         if problem.periodic:
-            stretch = closed_stretch(cycle_of(problem, y), first=self.first, backwards=self.backwards)
+            presentation = closed_presentation(cycle_of(problem, y), first=self.first, backwards=self.backwards)
         else:
-            stretch = stretch_of(problem, y)
+            presentation = presentation_of(problem, y)
             if self.backwards:
-                stretch = run_backwards(problem.system, stretch)
-        return stretch.mirrored() if self.mirrored else stretch
+                presentation = run_backwards(problem.system, presentation)
+        return presentation.mirrored() if self.mirrored else presentation
 
     def is_the_same_orbit(self, problem: MultipointProblem) -> bool:
         """Whether the image of any orbit of a problem is that orbit itself, started elsewhere."""
@@ -73,11 +73,11 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndar
     every = [Image(m, b, k) for b in (False, True) for m in (False, True)[: 1 + odd] for k in range(count)]
     found = []
     for image in every:
-        stretch = image.of(problem, middle)
-        if (stretch.ends, stretch.word) != (problem.ends, problem.word):
+        presentation = image.of(problem, middle)
+        if (presentation.ends, presentation.sequence) != (problem.ends, problem.word):
             continue
         apart = float(np.max(np.abs(side - middle)))
-        kept = float(np.max(np.abs(stretch.unknowns(problem) - middle))) < NEAR * float(np.max(np.abs(middle)))
+        kept = float(np.max(np.abs(presentation.unknowns(problem) - middle))) < NEAR * float(np.max(np.abs(middle)))
         # A third of three turns keeps the middle and changes the side, but takes it to no other one.
         if kept and float(np.max(np.abs(image.of(problem, side).unknowns(problem) + side - 2.0 * middle))) < 0.5 * apart:
             found.append(image)
@@ -90,9 +90,9 @@ def image_of(branch: Branch, image: Image) -> Branch:
     # The mirror image needs no new solution but at the events: the start changes its sign, and no number else changes.
     turned = image.backwards or image.first
     wanted = range(len(branch)) if turned else sorted({0, *(event.point for event in branch.events)})
-    stretches = {i: image.of(branch.problem, branch.orbit(i).solution.y) for i in wanted}
-    problem = MultipointProblem(system, stretches[0].ends, stretches[0].word)
-    solutions = {i: solved(problem, stretch.unknowns(problem)) for i, stretch in stretches.items()}
+    presentations = {i: image.of(branch.problem, branch.orbit(i).solution.y) for i in wanted}
+    problem = MultipointProblem(system, presentations[0].ends, presentations[0].sequence)
+    solutions = {i: solved(problem, presentation.unknowns(problem)) for i, presentation in presentations.items()}
     if turned:
         columns = describe(problem, list(solutions.values()), branch.points["arclength"]).columns
         points = branch.points | {name: columns[name] for name in _TURNED}

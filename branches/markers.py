@@ -1,7 +1,7 @@
 """The test functions of a family of orbits with two degrees of freedom, from what the kernels know of an orbit.
 
 Pure functions of numbers and sequences, which call no other: `branches.family` calls them as they stand, and
-`branches.kernels.march` compiles the very same ones.
+`branches.kernels.advance` compiles the very same ones.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bvp.kernels.result import (
+from bvp.kernels.segment import (
     ABSORBER_END,
     ABSORBER_START,
     BRANCHING,
@@ -37,7 +37,7 @@ from bvp.kernels.result import (
     WAVES_PRIMARY,
 )
 
-__all__ = ["COMMON", "NOISE", "PIVOT_NOISE", "common_tests", "is_orbit", "planar_tests"]
+__all__ = ["COMMON", "NOISE", "PIVOT_NOISE", "common_tests", "is_orbit", "two_dof_tests"]
 
 COMMON = 11
 """Test functions that every family has, whatever its degrees of freedom."""
@@ -95,7 +95,7 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> No
     out[10] = (waves * 4096.0 + result[FIRST_QUARTER]) * 8192.0 + result[SECOND_QUARTER] * 4.0 + result[IN_PHASE]
 
 
-def planar_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
+def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
     """The entries of `out` after the common ones, n = 2: the entries of the half map (see `bvp.kernels.halfmap`), each bifurcation a plain
     zero of one, then the distances from the `targets` of a trace: of a quarter that of the half map (tau_half), else that of the full
     period (tau). `quarters`: quarter periods solved.

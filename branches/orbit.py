@@ -41,7 +41,7 @@ class Orbit:
 
     Examples
     --------
-    >>> from bvp import vibro_impact_nes
+    >>> from bvp.system import vibro_impact_nes
     >>> from bvp.multipoint import MultipointProblem
     >>> problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
     >>> guess = problem.pack([0.0, 0.0, 0.9, 0.6], [], [1.7])
@@ -68,7 +68,7 @@ class Orbit:
         return self.problem.ends
 
     @property
-    def word(self) -> str:
+    def sequence(self) -> str:
         """Contacts hit inside the solved segment."""
         return "".join(self.problem.word)
 

@@ -15,20 +15,16 @@ from branches.identity import Symmetries, symmetries
 from bvp.cycle import cycle_of
 
 if TYPE_CHECKING:
-    from branches.branch import Branch
     from bvp.multipoint import MultipointProblem
     from continuation.settings import Settings
 
-__all__ = ["Runs", "has_jumped", "is_half", "longest", "one_family"]
+__all__ = ["Runs", "has_jumped", "longest", "one_family", "order"]
 
 FINER = 4
 """How often steps are halved for a family that they leave at a branch point."""
 
 PARTS = (0.5, 0.3, 0.8)
 """Parts of its length from where a family is followed again."""
-
-NEARLY = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
-"""Relative differences of states and flight times up to which an orbit nearly has a symmetry."""
 
 Run = TypeVar("Run")
 
@@ -105,23 +101,9 @@ def has_jumped(problem: MultipointProblem, first: np.ndarray, last: np.ndarray) 
     """Whether steps from one orbit to the other went over from a family to one of more symmetry: then the two have not the same symmetries.
 
     The two families can leave their branch point nearly in one direction, as seen in the start state and the energy."""
-    return _order(symmetries(cycle_of(problem, first))) != _order(symmetries(cycle_of(problem, last)))
+    return order(symmetries(cycle_of(problem, first))) != order(symmetries(cycle_of(problem, last)))
 
 
-def is_half(branch: Branch, end: int) -> bool:
-    """Whether a branch that is stuck at an end (0 or 1) is stuck beside an orbit of more symmetry than its own.
-
-    That orbit is a branch point, where the family meets one of more symmetry. The symmetry maps the family onto itself and exchanges its
-    two sides: what lies beyond is the image of what was followed.
-    """
-    last = len(branch) - 1
-    place, inside = (0, last) if end == 0 else (last, 0)
-    length = branch.points["arclength"]
-    middle = int(np.argmin(np.abs(length - 0.5 * (length[place] + length[inside]))))
-    there, own = (cycle_of(branch.problem, branch.unknowns(i)) for i in (place, middle))
-    return any(_order(symmetries(there, nearly)) > _order(symmetries(own, nearly)) for nearly in NEARLY)
-
-
-def _order(found: Symmetries) -> int:
+def order(found: Symmetries) -> int:
     """How many symmetries an orbit has, itself and its mirror image taken as two."""
-    return found.turns * (1 + found.half) * max(1, len(found.reversals))
+    return found.cover * (1 + found.half) * max(1, len(found.reversals))

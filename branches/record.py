@@ -1,6 +1,6 @@
-"""Files of a branch and of an orbit: JSON with schema 1, and CSV with the same names, flattened.
+"""Writing files of a branch, of an orbit and of a discovery: JSON with schema 2, and CSV with the same names, flattened.
 
-A branch is ``{"schema", "system", "branch": {id, label, aliases, ends, word, energy, others}, "points", "events", "ended"}``; points
+A branch is ``{"schema", "system", "branch": {id, label, aliases, ends, sequence, energy, others}, "points", "events", "ended"}``; points
 and events stand in the order of arclength, every number in full precision. What has no value is null: where the multipliers or tau grow
 without bound (at grazing) a ``note`` says so. ``docs/howto.md`` lists the fields with their meaning.
 """
@@ -13,32 +13,35 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.check import RecordError, check_branch
-from branches.files import one_line, read_input, reason
-from bvp.shown import shown
+from branches.files import is_special, write_text
+from branches.sequences import impacts_per_period
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.orbit import Orbit
+    from branches.search.discovery import Discovery
 
 __all__ = [
     "SCHEMA",
-    "RecordError",
+    "discovery_to_json",
+    "discovery_to_record",
+    "half_period_impacts",
     "orbit_to_csv",
     "orbit_to_json",
     "orbit_to_record",
-    "points_of",
-    "read_branch",
+    "save",
     "to_csv",
     "to_json",
     "to_record",
 ]
 
-SCHEMA = 1
+SCHEMA = 2
+"""Schema 1 has `word` in place of `sequence`, and a discovery has `miss` in place of `residual`."""
 
 SCALARS = ("h", "alpha", "frequency", "frequency_index", "arclength", "tau", "tau_half", "residual")
 """Columns of `Branch.points` that hold one number a point."""
@@ -66,7 +69,7 @@ def to_record(branch: Branch) -> dict[str, Any]:
             "label": branch.label,
             "aliases": [{"label": alias["label"], "from": _finite(alias["from"]), "to": _finite(alias["to"])} for alias in branch.aliases],
             "ends": list(branch.ends),
-            "word": branch.word,
+            "sequence": branch.sequence,
             "energy": [_finite(bound) for bound in branch.energy],
             "others": [{"from": _place(piece.first), "to": _place(piece.last)} for piece in branch.others],
         },
@@ -157,7 +160,7 @@ def orbit_to_record(orbit: Orbit) -> dict[str, Any]:
         "orbit": {
             "label": str(orbit.label),
             "ends": list(orbit.ends),
-            "word": orbit.word,
+            "sequence": orbit.sequence,
             "h": _finite(orbit.h),
             "alpha": _finite(orbit.alpha),
             "period": _finite(orbit.period),
@@ -181,6 +184,80 @@ def orbit_to_record(orbit: Orbit) -> dict[str, Any]:
     }
 
 
+def save(branch: Branch, path: str | os.PathLike[str]) -> None:
+    """Write a branch as the ending of the name says, .json or .csv; an older file is replaced only by a complete one.
+
+    Raises
+    ------
+    ValueError
+        For another ending.
+    """
+    writers = {".json": to_json, ".csv": to_csv}
+    suffix = ".json" if is_special(path) else os.path.splitext(path)[1].lower()
+    if suffix not in writers:
+        raise ValueError(f"cannot save a branch as {os.fspath(path)!r}: expected a name that ends in .json or .csv")
+    write_text(path, writers[suffix](branch))
+
+
+def half_period_impacts(orbit: Orbit) -> int | float:
+    """Impacts in half a period; half of an odd number between a rest and a stop."""
+    count = impacts_per_period(orbit.problem.word, orbit.ends)
+    return count // 2 if count % 2 == 0 else count / 2
+
+
+def discovery_to_record(found: Discovery, families: Sequence[str | None] | None = None) -> dict[str, Any]:
+    """A discovery as plain data: lists, dicts, strings, finite numbers, booleans and None only.
+
+    Parameters
+    ----------
+    found : branches.search.discovery.Discovery
+    families : sequence of (str or None), optional
+        Of each orbit; by default those of the catalogue.
+
+    Returns
+    -------
+    dict
+        ``{"schema", "energy", "bounds", "settled", "counts", "orbits", "unpolished"}``.
+    """
+    return {
+        "schema": SCHEMA,
+        "energy": found.energy,
+        "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
+        "settled": found.settled,
+        "counts": found.counts,
+        "orbits": [_discovered(*item) for item in zip(found.orbits, families or found.families or repeat(None), strict=False)],
+        "unpolished": [
+            {
+                "ends": list(item.ends),
+                "sequence": item.sequence,
+                "angle": item.parameter,
+                "alpha": _finite(item.alpha),
+                "residual": _finite(item.residual),
+                "reason": item.reason,
+            }
+            for item in found.unpolished
+        ],
+    }
+
+
+def _discovered(orbit: Orbit, family: str | None) -> Mapping[str, Any]:
+    velocities = orbit.velocities
+    return {
+        "label": orbit.label or None,
+        "family": family,
+        "ends": list(orbit.ends),
+        "sequence": orbit.sequence,
+        "impacts": half_period_impacts(orbit),
+        "alpha": orbit.alpha,
+        "h": orbit.h,
+        "velocities": None if velocities is None else [float(v) for v in velocities],
+        "impact_speeds": [_finite(speed) for speed in orbit.impact_speeds],
+        "tau": _finite(orbit.tau),
+        "stable": orbit.stable,
+        "residual": orbit.residual,
+    }
+
+
 def to_json(branch: Branch) -> str:
     """Return the JSON text of a branch."""
     return _json(to_record(branch))
@@ -189,6 +266,11 @@ def to_json(branch: Branch) -> str:
 def orbit_to_json(orbit: Orbit) -> str:
     """Return the JSON text of an orbit."""
     return _json(orbit_to_record(orbit))
+
+
+def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = None) -> str:
+    """Return the JSON text of a discovery; see `discovery_to_record`."""
+    return _json(discovery_to_record(found, families))
 
 
 def to_csv(branch: Branch) -> str:
@@ -203,93 +285,6 @@ def to_csv(branch: Branch) -> str:
 def orbit_to_csv(orbit: Orbit) -> str:
     """Return the CSV text of an orbit: a line of names and a line of values."""
     return _csv([_row(orbit_to_record(orbit)["orbit"])])
-
-
-def read_branch(path: str | os.PathLike[str]) -> Branch:
-    """Read a branch from a JSON file.
-
-    Parameters
-    ----------
-    path : path-like
-
-    Returns
-    -------
-    branches.branch.Branch
-
-    Raises
-    ------
-    RecordError
-        A `ValueError` with one line: the file cannot be read, is no JSON, is truncated, has another schema, lacks a key, or
-        holds something of another type.
-    """
-    if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"a path is text; received {shown(path)}, expected the name of a JSON file")
-    try:
-        text = read_input(path).decode("utf-8")
-    except OSError as error:
-        raise RecordError(f"cannot read {path}: {reason(error)}") from error
-    except ValueError as error:
-        raise RecordError(f"{path} is no file of a branch: it is not UTF-8 text") from error
-    try:
-        record = json.loads(text, parse_constant=_refuse_constant)
-    except json.JSONDecodeError as error:
-        # An error behind the last character says that something was still to come.
-        if error.pos >= len(text.rstrip()) or error.msg.startswith("Unterminated"):
-            end = text.count("\n") + 1
-            raise RecordError(f"{path} is truncated: it ends in line {end} before its JSON is complete") from error
-        raise RecordError(f"{path} is no JSON: {error.msg} in line {error.lineno}, column {error.colno}") from error
-    except (RecursionError, ValueError) as error:  # a number of thousands of digits is a ValueError
-        raise RecordError(f"{path} is no file of a branch: {one_line(error)}") from error
-    try:
-        check_branch(record, SCHEMA)
-        from branches.branch import Branch
-
-        return Branch.from_record(record)
-    except ValueError as error:
-        raise RecordError(f"{path} is no file of a branch that can be read: {one_line(error)}") from error
-
-
-def points_of(record: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Return the points of a record as arrays: what `to_record` was made from, with NaN where it holds null.
-
-    Parameters
-    ----------
-    record : mapping
-        As `to_record` returns it.
-
-    Returns
-    -------
-    dict of str to ndarray
-        All of length N, the number of points; the names are those of `Branch.points`.
-    """
-    points = record["points"]
-    n = len(points[0]["start"]["u"])
-    columns: dict[str, np.ndarray] = {name: _column([point[name] for point in points]) for name in SCALARS}
-    columns["half_waves"] = np.array([point["half_waves"] for point in points], dtype=int)
-    columns["stable"] = np.array([-1 if point["stable"] is None else int(point["stable"]) for point in points], dtype=np.int8)
-    columns["label"] = np.array([point["label"] for point in points])
-    columns["velocities"] = _rows([point["velocities"] or [None] * n for point in points])
-    columns["start_u"] = _rows([point["start"]["u"] for point in points])
-    columns["start_v"] = _rows([point["start"]["v"] for point in points])
-    columns["flight_times"] = _rows([point["flight_times"] for point in points])
-    columns["impact_speeds"] = _rows([point["impact_speeds"] for point in points])
-    parts = np.array([[pair or (None, None) for pair in point["multipliers"]] for point in points], dtype=float)
-    parts = parts.reshape(len(points), -1, 2)
-    multipliers = np.empty(parts.shape[:2], dtype=complex)
-    multipliers.real, multipliers.imag = parts[..., 0], parts[..., 1]
-    columns["multipliers"] = multipliers
-    for name in ("trivial", "pairing"):
-        columns[name] = _column([point["quality"][name] for point in points])
-    columns["reliable"] = np.array([point["quality"]["reliable"] for point in points], dtype=bool)
-    return columns
-
-
-def _column(values: Sequence[float | None]) -> np.ndarray:
-    return np.array(values, dtype=float)
-
-
-def _rows(values: Sequence[Sequence[float | None]]) -> np.ndarray:
-    return np.array(values, dtype=float).reshape(len(values), -1)
 
 
 def _finite(value: Any) -> float | None:
@@ -365,7 +360,3 @@ def _cell(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value) if isinstance(value, float) else str(value)
-
-
-def _refuse_constant(name: str) -> float:
-    raise RecordError(f"it holds {name}, which no file of a branch holds")

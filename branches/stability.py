@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from branches.family import label_text
-from branches.marched import Solutions
+from branches.steps import Solutions
 from bvp.cycle import cycle_of
 from bvp.kernels import segment as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
@@ -85,7 +85,7 @@ def describe(problem: MultipointProblem, solutions: Sequence[Solution], arclengt
         "impact_speeds": speeds,
     }
     if n == 2:
-        columns.update(_planar(problem, results, grazing, np.concatenate([starts[:, None], ends], axis=1)))
+        columns.update(_two_dof(problem, results, grazing, np.concatenate([starts[:, None], ends], axis=1)))
     else:
         columns.update(_general(problem, solutions, grazing))
     return Described(columns)
@@ -116,7 +116,7 @@ def impact_speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarr
     return np.array(columns).T if columns else np.zeros((len(ends), 0))
 
 
-def _planar(
+def _two_dof(
     problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray, states: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Two degrees of freedom: everything is in the results already; `states` (N, k + 2, 4) give the units of the half map."""

@@ -2,7 +2,7 @@
 
 At a branch point both families solve the same multipoint problem. Where a symmetry breaks, the period doubles or is multiplied by q, the
 new family solves another one - a longer segment between other ends, or the periodic closure - of which the old family is a solution
-too, and the event a branch point of it. Seen from the new family that branch point is a crossing with several turns of the old one.
+too, and the event a branch point of it. Seen from the new family that branch point is a crossing with a multiple cover of the old one.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from branches.branch import Branch, BranchEvent
 from branches.family import Family, label_at, scales_of
 from branches.identity import canonical_orbit, symmetries
 from branches.image import Image, image_of, images_between
-from branches.labels import ImpossibleLabelError
-from branches.stretch import embed
+from branches.naming.labels import ImpossibleLabelError
+from branches.presentation import embed
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
@@ -30,7 +30,7 @@ from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions
 from continuation.tripling import tripling_direction
 
-__all__ = ["Birth", "births", "switch"]
+__all__ = ["EmanatingFamily", "emanating_families", "switch"]
 
 DISTANCE = 0.02
 """Distance from the event to the first orbit looked for on a new family, in units of the orbit's size; halved where there is none."""
@@ -42,7 +42,7 @@ _GAP = 1e-6
 """Singular values below this fraction of the largest count as zero at a located bifurcation."""
 
 
-_SETTLED = 1e-5
+_CONVERGED = 1e-5
 """Newton's last change, as a part of the distance, of a first orbit: beside a singular point rounding leaves more than elsewhere, and
 the orbit is corrected along its family afterwards."""
 
@@ -50,7 +50,7 @@ _BEND = 0.1
 """How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""
 
 
-class Birth(NamedTuple):
+class EmanatingFamily(NamedTuple):
     """One side of a family that is born or crossed at an event.
 
     problem : MultipointProblem
@@ -58,8 +58,8 @@ class Birth(NamedTuple):
     step : continuation.Step
         Its first orbit, with the tangent that leads away from the event.
     image : Image or None
-        What takes this side to the other one, where that is its image: the other side is then not a birth of its own.
-    turns : int
+        What takes this side to the other one, where that is its image: the other side is then no emanating family of its own.
+    cover : int
         0 for a family of orbits that are solved as they are. Else the family is that of a primitive orbit, which was met run through
         so often, or (1) as an orbit of more symmetry than the old family's; it goes on to both sides of `step`.
     """
@@ -67,17 +67,17 @@ class Birth(NamedTuple):
     problem: MultipointProblem
     step: Step
     image: Image | None = None
-    turns: int = 0
+    cover: int = 0
 
 
-def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
+def switch(branch: Branch, event: BranchEvent | str, **options: Any) -> list[Branch]:
     """The families born or crossed at an event, each followed away from it.
 
     Parameters
     ----------
     branch : Branch
-    event : BranchEvent
-        Of type BP, SB, PD or RT.
+    event : BranchEvent or str
+        An event of this branch of type BP, SB, PD or RT, or its id.
     **options
         As for `branches.tracing.follow_family`; the energies are not those of the branch.
 
@@ -86,13 +86,13 @@ def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
     list of Branch
         One for each side of each family. Where the two sides are images of each other, the second is the exact image of the first: the
         same points and events, and one id. Where they are the same orbits started at different times (at a PD, and at an RT with
-        even q), there is one. A branch point at which the other family is that of several turns of a primitive orbit, or of orbits
-        with more symmetry, is answered with the family of that orbit alone, followed both ways; `Branch.turns` tells how many turns.
+        even q), there is one. A branch point at which the other family is that of a multiple cover of a primitive orbit, or of orbits
+        with more symmetry, gives the family of that orbit alone, followed both ways. `Branch.cover` is the number of periods in the cover.
 
     Raises
     ------
     ValueError
-        For an event of another type, and for an RT of orbits without a reversal other than a tripling.
+        For an event of another type, one that this branch does not have, and for an RT of orbits without a reversal other than a tripling.
     RuntimeError
         Where no orbit of a new family is found next to the event.
 
@@ -102,19 +102,19 @@ def switch(branch: Branch, event: BranchEvent, **options: Any) -> list[Branch]:
         Where two families are born, and one of them is not found.
     """
     out = []
-    for birth in births(branch, event):
-        if birth.turns:
-            met = follow_family(birth.problem, birth.step, **{"direction": "both", **options})
-            out.append(replace(met, turns=birth.turns))
+    for emanating in emanating_families(branch, branch.event(event)):
+        if emanating.cover:
+            met = follow_family(emanating.problem, emanating.step, **{"direction": "both", **options})
+            out.append(replace(met, cover=emanating.cover))
             continue
-        born = follow_family(birth.problem, birth.step, direction="along", **options)
+        born = follow_family(emanating.problem, emanating.step, direction="along", **options)
         out.append(born)
-        if birth.image is not None:
-            out.append(image_of(born, birth.image))
+        if emanating.image is not None:
+            out.append(image_of(born, emanating.image))
     return out
 
 
-def births(branch: Branch, event: BranchEvent) -> list[Birth]:
+def emanating_families(branch: Branch, event: BranchEvent) -> list[EmanatingFamily]:
     """The families born or crossed at an event, as starts from which to follow them; raises what `switch` raises."""
     if event.type not in TYPES:
         raise ValueError(f"{event.id} is of type {event.type}; switching starts from BP, SB, PD or RT")
@@ -127,11 +127,11 @@ def births(branch: Branch, event: BranchEvent) -> list[Birth]:
     else:
         out = []
         for window in _windows(problem, event, here):
-            stretch = embed(problem, here.y, window)
-            wide = MultipointProblem(problem.system, stretch.ends, stretch.word)
+            presentation = embed(problem, here.y, window)
+            wide = MultipointProblem(problem.system, presentation.ends, presentation.sequence)
             nudge = 1e-6 * here.tangent[: problem.unknowns]
             ahead, behind = (embed(problem, here.y + sign * nudge, window).unknowns(wide) for sign in (1.0, -1.0))
-            y = stretch.unknowns(wide)
+            y = presentation.unknowns(wide)
             found = _sides(wide, y, _across(wide, y, ahead - behind, event))
             if not found:
                 missing = f"{event.id}: no orbit found of a family between the ends {wide.ends[0]}, {wide.ends[1]}"
@@ -142,7 +142,7 @@ def births(branch: Branch, event: BranchEvent) -> list[Birth]:
     return out
 
 
-def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> list[Birth]:
+def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> list[EmanatingFamily]:
     """The other family at a branch point of one problem."""
     family = Family(problem)
     try:
@@ -160,24 +160,24 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
     for step in _firsts(family, y, direction):
         found = symmetries(cycle_of(problem, step.y))
         quarter = len({e for _, e in found.reversals}) == 2 and problem.quarters == 2
-        if found.turns > 1 or quarter or (found.reversals and problem.periodic):
+        if found.cover > 1 or quarter or (found.reversals and problem.periodic):
             primitive, orbit = canonical_orbit(problem, step.y)
             begin = Family(primitive).begin(orbit)
             if begin.converged:
-                return [Birth(*_printed(primitive, orbit, begin), turns=found.turns)]
+                return [EmanatingFamily(*_printed(primitive, orbit, begin), cover=found.cover)]
     return _sides(problem, y, direction)
 
 
-def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray) -> list[Birth]:
-    """Both sides of a family that leaves an orbit in a direction, as one birth where they are images of each other."""
+def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray) -> list[EmanatingFamily]:
+    """Both sides of a family that leaves an orbit in a direction, as one where they are images of each other."""
     steps = list(_firsts(Family(problem), middle, direction))
     for step in steps[:1]:
         images = images_between(problem, middle, step.y)
         if images:
             # An orbit started at its other end is the same orbit, so that between two ends what remains is the mirror.
             image = None if images[0].is_the_same_orbit(problem) else images[0] if problem.periodic else Image(True, False)
-            return [Birth(*_printed(problem, middle, step), image)]
-    return [Birth(*_printed(problem, middle, step)) for step in steps]
+            return [EmanatingFamily(*_printed(problem, middle, step), image)]
+    return [EmanatingFamily(*_printed(problem, middle, step)) for step in steps]
 
 
 def _printed(problem: MultipointProblem, middle: np.ndarray, step: Step) -> tuple[MultipointProblem, Step]:
@@ -188,10 +188,10 @@ def _printed(problem: MultipointProblem, middle: np.ndarray, step: Step) -> tupl
         label = None
     if label is None or label.kind != "U" or label.p is None or label.q is None or label.p <= label.q:
         return problem, step
-    stretch = embed(problem, step.y, (1, 2))
-    turned = MultipointProblem(problem.system, stretch.ends, stretch.word)
+    presentation = embed(problem, step.y, (1, 2))
+    turned = MultipointProblem(problem.system, presentation.ends, presentation.sequence)
     family = Family(turned)
-    begin = family.begin(stretch.unknowns(turned))
+    begin = family.begin(presentation.unknowns(turned))
     if not begin.converged:
         return problem, step
     away = (begin.y - embed(problem, middle, (1, 2)).unknowns(turned)) / scales_of(turned, begin.y) ** 2
@@ -201,7 +201,7 @@ def _printed(problem: MultipointProblem, middle: np.ndarray, step: Step) -> tupl
 
 
 def _windows(problem: MultipointProblem, event: BranchEvent, here: Solution) -> list[tuple[int, int] | int]:
-    """The stretches of the old orbit that the new families are solved on: (first, last) in segments, or a number of periods that
+    """The intervals of the old orbit that the new families are solved on: (first, last) in segments, or a number of periods that
     close on themselves."""
     if event.type == "RT":
         return _resonant_windows(problem, event, here)
@@ -305,14 +305,14 @@ def _beside(problem: MultipointProblem, y: np.ndarray, way: np.ndarray, scale: n
     for _ in range(12):
         there = y + apart * scale
         matrix = np.vstack([problem.jacobian(there) * scale, way])
-        miss = np.concatenate([problem.residual(there), [float(way @ apart) - distance]])
+        residual = np.concatenate([problem.residual(there), [float(way @ apart) - distance]])
         try:
-            change = np.linalg.solve(matrix, -miss)
+            change = np.linalg.solve(matrix, -residual)
         except np.linalg.LinAlgError:
             return None
         apart = apart + change
         if not np.max(np.abs(apart)) < 4.0 * distance:
             return None
-        if np.max(np.abs(change)) < _SETTLED * distance:
+        if np.max(np.abs(change)) < _CONVERGED * distance:
             return apart
     return None

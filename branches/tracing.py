@@ -1,11 +1,11 @@
-"""Tracing: from a name to a branch, from a start to a branch."""
+"""Tracing: from an orbit to the branch of its family."""
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from branches.family import SETTINGS, Family
 from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
+from branches.stability import describe
 from bvp.checks import energy_range
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
@@ -23,22 +24,16 @@ from continuation.problem import Event, Point, Step
 from continuation.run import trace as follow_both
 from continuation.settings import Settings
 
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
-
-__all__ = ["SETTINGS", "TraceError", "follow_family", "trace"]
+__all__ = ["SETTINGS", "Courses", "TraceError", "check_energy", "extend", "follow_family"]
 
 EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 """Types of events, see `branches.family`."""
 
-OPTIONS = ("points", "direction", "stop_at", "stop_when", "on_event", "on_end", "on_point", "settings")
-"""Options of `follow_family` that a named family may be traced with."""
-
-_ROUNDING = 1e-13
-"""Part of an energy by which a start that was solved for a bound of the range may lie outside of it."""
-
 HIGHEST = 1e12
 """Energy at which a family ends where no range is given: beyond it the elastic forces are lost beside the speeds of the impacts."""
+
+_DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": None, "settings": SETTINGS, "rising": True}
+"""Options that decide how a family is followed, and their values where they are not given."""
 
 _SIGNS = {"up": 1, "both": 1, "down": -1, "along": 0}
 
@@ -47,80 +42,6 @@ Condition = Callable[[Orbit], "bool | str"]
 
 class TraceError(ValueError):
     """Options that cannot be; the message says in one line what was received and what was expected."""
-
-
-def trace(
-    name: str,
-    system: ImpactSystem,
-    *,
-    pins: Mapping[str, Mapping[str, float]] | None = None,
-    bounds: Mapping[str, Any] | None = None,
-    energy: tuple[float, float] | None = None,
-    on_start: Callable[[str], object] | None = None,
-    **options: Any,
-) -> Branch:
-    """Find the family that has a name, and follow it.
-
-    Parameters
-    ----------
-    name : str
-        ``LABEL[@h=..][,alpha=..]`` or a family's id.
-    system : ImpactSystem
-    pins : mapping of str to {"h", "alpha"}
-        Bare names that stand for the family through a cited orbit; used only to choose among orbits that a search finds.
-    bounds : mapping
-        ``energy`` (lo, hi), ``quarter_period``, ``impacts`` (in the half period): where names are searched.
-    energy : (float, float), optional
-        Where the family is followed; by default the bounds' energy.
-    on_start : callable, optional
-        Called with a line that tells what was found.
-    **options
-        As for `follow_family`.
-
-    Returns
-    -------
-    Branch
-
-    Raises
-    ------
-    ValueError
-        For a name that does not parse, that no family has, or that several have; for options that cannot be.
-    RuntimeError
-        Where the family cannot be followed.
-
-    Examples
-    --------
-    >>> from bvp import vibro_impact_nes
-    >>> branch = trace("S11O00-", vibro_impact_nes(), energy=(0.05, 1.0))
-    >>> [(event.type, round(event.h, 10)) for event in branch.events if event.type == "SN"]
-    [('SN', 0.06911645)]
-    """
-    from branches.labels import parse_name
-    from branches.name_pins import note
-    from branches.names import resolve, search_bounds
-
-    for option in options:
-        if option not in OPTIONS:
-            near = difflib.get_close_matches(option, OPTIONS, n=1) or OPTIONS
-            raise TypeError(f"unknown option {option!r}; expected {', '.join(near)}")
-    for what, value in (("pins", pins), ("bounds", bounds)):
-        if value is not None and not isinstance(value, Mapping):
-            raise TypeError(f"{what} = {shown(value)}: expected a mapping")
-    limits = search_bounds(bounds)
-    energy = _checked(energy if energy is not None else limits.energy)
-    found, rising = resolve(name, system, pins=pins or {}, limits=limits, energy=energy)
-    if not energy[0] * (1.0 - _ROUNDING) <= found.h <= energy[1] * (1.0 + _ROUNDING):
-        raise TraceError(
-            f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}; expected a range with it inside"
-        )
-    if on_start is not None:
-        problem = found.problem
-        told = note(parse_name(name).label, found.label)
-        on_start(
-            f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, word {''.join(problem.word) or '(no inner impact)'}, "
-            f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}{told and '; ' + told}"
-        )
-    return follow_family(found.problem, found.solution.y, energy=energy, rising=rising, **options)
 
 
 def follow_family(
@@ -138,6 +59,7 @@ def follow_family(
     on_point: Callable[[int], object] | None = None,
     settings: Settings = SETTINGS,
     rising: bool = True,
+    found: list[Sequence[Point] | Event] | None = None,
 ) -> Branch:
     """Follow the family of a solution.
 
@@ -164,6 +86,8 @@ def follow_family(
     settings : continuation.Settings
     rising : bool
         Whether a branch followed both ways is put in the order of energies rising at the start, or falling there.
+    found : list, optional
+        Filled with the points and events of the run in the order in which they are found.
 
     Returns
     -------
@@ -176,7 +100,7 @@ def follow_family(
     RuntimeError
         Where the family cannot be followed.
     """
-    energy = _checked(energy)
+    energy = check_energy(energy)
     if direction not in _SIGNS:
         raise TraceError(f"direction {shown(direction)}: expected up, down or both")
     if stop_at is not None and stop_at not in EVENT_TYPES:
@@ -198,7 +122,7 @@ def follow_family(
     if beyond is not None:
         raise TraceError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
-    collector = _Collector(problem, energy, on_event, on_point, sign)
+    collector = _Collector(problem, energy, on_event, on_point, sign, found)
     condition = None
     if stop_when is not None:
         asked = stop_when
@@ -206,7 +130,7 @@ def follow_family(
         def condition(point: Point) -> bool | str:
             return asked(Orbit(problem, point.step.extra))
 
-    try:
+    with collector.keeping():
         run = follow_both(
             family,
             start,
@@ -218,19 +142,85 @@ def follow_family(
             on_points=collector.points,
             on_event=collector.event,
         )
-    except (KeyboardInterrupt, RuntimeError) as error:
-        with held():
-            raise _with_branch(error, collector.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
+    return _ended(lambda: branch_of(problem, run, energy), on_end)
+
+
+def _ended(finish: Callable[[], Branch], on_end: Callable[[Ended], object] | None) -> Branch:
+    """The finished branch, after its ends were reported. An interruption has to wait until then, and carries the branch."""
     with held() as interrupt:
-        branch = branch_of(problem, run, energy)
+        branch = finish()
         if on_end is not None:
             for ended in dict.fromkeys(branch.ended):
                 on_end(ended)
     if interrupt.came:
         raise _with_branch(KeyboardInterrupt(), branch)
     return branch
+
+
+class Courses:
+    """Families that were followed from a start: none is followed twice from it, but its course is reported again.
+
+    A search follows families to tell them apart, and the one that it finds is then traced.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[MultipointProblem, bytes, tuple[float, float]], tuple[Branch, list[Sequence[Point] | Event]]] = {}
+
+    def follow(
+        self,
+        problem: MultipointProblem,
+        y: np.ndarray,
+        *,
+        energy: tuple[float, float],
+        on_event: Callable[[BranchEvent], object] | None = None,
+        on_end: Callable[[Ended], object] | None = None,
+        on_point: Callable[[int], object] | None = None,
+        **options: Any,
+    ) -> Branch:
+        """The same as `follow_family`; with further options the family is followed anew."""
+        key = (problem, y.tobytes(), energy)
+        if any(options[name] != default for name, default in _DEFAULTS.items() if name in options):
+            branch = follow_family(problem, y, energy=energy, on_event=on_event, on_end=on_end, on_point=on_point, **options)
+            return self._with_wider(branch, y)
+        if key not in self._known:
+            found: list[Sequence[Point] | Event] = []
+            self._known[key] = self._with_wider(follow_family(problem, y, energy=energy, found=found), y), found
+        branch, found = self._known[key]
+        collector = _Collector(problem, energy, on_event, on_point, 1)
+        with collector.keeping():
+            for item in found:
+                if isinstance(item, Event):
+                    collector.event(item)
+                else:
+                    collector.points(item)
+        return _ended(lambda: branch, on_end)
+
+    def _with_wider(self, branch: Branch, y: np.ndarray) -> Branch:
+        """The branch, with one of a wider range of energies from the same orbit, from which its id follows."""
+        for (problem, start, energy), (other, _) in self._known.items():
+            if problem is branch.problem and start == y.tobytes() and energy[0] <= branch.energy[0] and branch.energy[1] <= energy[1]:
+                return branch.known_within(other)
+        return branch
+
+
+def extend(branch: Branch, i: int, **options: Any) -> Branch:
+    """Trace a branch on from its point i.
+
+    Parameters
+    ----------
+    branch : Branch
+    i : int
+    **options
+        As for `follow_family`.
+
+    Raises
+    ------
+    IndexError, TypeError
+        If the branch has no point i.
+    """
+    return follow_family(branch.problem, branch.unknowns(i), **options)
 
 
 def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
@@ -240,7 +230,7 @@ def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
     return error
 
 
-def _checked(energy: tuple[float, float]) -> tuple[float, float]:
+def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
     """The range of energies; `TraceError` for what is none."""
     try:
         return energy_range(energy)
@@ -253,7 +243,7 @@ def _fields(settings: Settings) -> dict[str, Any]:
 
 
 class _Collector:
-    """Tells events with their number from the start as they are found, and keeps what an interrupted run has computed."""
+    """Reports events with their number from the start as they are found, and keeps what an interrupted run has computed."""
 
     def __init__(
         self,
@@ -262,7 +252,9 @@ class _Collector:
         on_event: Callable[[BranchEvent], object] | None,
         on_point: Callable[[int], object] | None,
         direction: int,
+        found: list[Sequence[Point] | Event] | None = None,
     ) -> None:
+        self.found = found
         self.problem = problem
         self.energy = energy
         self.on_event = on_event
@@ -274,7 +266,18 @@ class _Collector:
         self.count = 0
         self.types: dict[str, int] = {}
 
+    @contextmanager
+    def keeping(self) -> Iterator[None]:
+        """Let an error within the block carry what was computed before it."""
+        try:
+            yield
+        except (KeyboardInterrupt, RuntimeError) as error:
+            with held():
+                raise _with_branch(error, self.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
+
     def points(self, points: Sequence[Point]) -> None:
+        if self.found is not None:
+            self.found.append(points)
         if self.on_point is None and isinstance(points, PlainPoints):
             self.count += len(points)
             self.face(points[0])
@@ -300,6 +303,8 @@ class _Collector:
             self.sign = -self.sign
 
     def event(self, event: Event) -> None:
+        if self.found is not None:
+            self.found.append(event)
         if self.on_event is None:
             return
         orbit = Orbit(self.problem, event.point.extra)
@@ -316,6 +321,5 @@ class _Collector:
         lead = self.halves[-1][-1].arclength if self.halves[-1] else 0.0
         arclength = np.array([lead - p.arclength for p in first] + [lead + p.arclength for p in self.halves[1]])
         ended = Ended(reason, text)
-        return Branch.from_solutions(
-            self.problem, [p.step.extra for p in points], arclength, lambda columns: (), (ended, ended), len(first) - 1, self.energy
-        )
+        columns = describe(self.problem, [p.step.extra for p in points], arclength).columns
+        return Branch(self.problem, columns, (), (ended, ended), len(first) - 1, self.energy)

@@ -9,8 +9,8 @@ import numpy as np
 
 from bvp.checks import reals
 from bvp.frozen import changeable
-from bvp.kernels.cycle import count_impacts, unfold
 from bvp.kernels.flight import flow_state, sample_flights
+from bvp.kernels.segment import count_impacts, unfold
 from bvp.multipoint import MultipointProblem
 from bvp.shown import shown
 from bvp.system import ImpactSystem
@@ -96,7 +96,7 @@ class Cycle:
         # The flight that the orbit starts in began before its start.
         begins = np.concatenate([[self.times[-1] - self.period], self.times])
         flights = np.concatenate([self.after[-1:], self.after])
-        sample_flights(*modes.blocks, begins, flights, np.mod(times, self.period), states)
+        sample_flights(modes.flight, begins, flights, np.mod(times, self.period), states)
         physical = states @ modes.to_state.T
         return physical[:, :n], physical[:, n:]
 
@@ -115,7 +115,7 @@ class Cycle:
             contact[at] = self.contact[i]
             before[at], after[at] = self.before[i], self.after[i]
             for j in range(1, pieces):
-                flow_state(*modes.blocks, self.after[i], float(j * duration[at]), after[at + j])
+                flow_state(modes.flight, self.after[i], float(j * duration[at]), after[at + j])
                 before[at + j] = after[at + j]
         return Cycle(self.system, before, after, duration, contact, self.lead)
 

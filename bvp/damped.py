@@ -8,27 +8,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import checked_damper, is_finite, reals, require_system
+from bvp.contact_modes import ContactModeTable
+from bvp.energy_budget import budget_terms, split_damping
 from bvp.forcing import forcing_of
 from bvp.impact import checked_state, contact_index
-from bvp.interrupts import Held, held
+from bvp.interrupts import Held, Pace, held
+from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
-from bvp.kernels import phase as places
 from bvp.kernels.chatter import LEVELS
+from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import many
-from bvp.kernels.peaks import PEAK_ROWS
-from bvp.meters import meters_of
 from bvp.motion import STATUS, Batch, Mark, Motion, MotionStatus
-from bvp.pace import Pace
-from bvp.phase_table import PhaseTable
-from bvp.shares import split_damping
 from bvp.shown import shown
 
 if TYPE_CHECKING:
+    from bvp.motion import Motion
     from bvp.system import ImpactSystem
 
-__all__ = ["BeyondStop", "Mover"]
+__all__ = ["BeyondStop", "Mover", "run"]
 
 
 class BeyondStop(ValueError):
@@ -36,14 +35,14 @@ class BeyondStop(ValueError):
 
 
 class Mover:
-    """Runs motions of one system under given loads; phases of contact are made when a motion first needs them, and kept.
+    """Runs motions of one system under given loads; contact modes are made when a motion first needs them, and kept.
 
     Parameters
     ----------
     system : ImpactSystem
     forces : Constant, Harmonic, Record or a list of them, optional
     dampers : mapping of str to (n, n) array_like, optional
-        Parts of the damping matrix, which they sum to; by default "gaps" and "rest" (`bvp.shares.split_damping`).
+        Parts of the damping matrix, which they sum to; by default "gaps" and "rest" (`bvp.energy_budget.split_damping`).
 
     Raises
     ------
@@ -56,8 +55,8 @@ class Mover:
         self.system = system
         self.forcing = forcing_of(forces, system.degrees_of_freedom)
         self.dampers = split_damping(system) if dampers is None else checked_damper(system.damping, dampers)
-        self.meters = meters_of(self.dampers, self.forcing, len(system.stops))
-        self.table = PhaseTable(system, self.forcing, self.meters)
+        self.terms = budget_terms(self.dampers, self.forcing, len(system.stops))
+        self.table = ContactModeTable(system, self.forcing, self.terms)
         self.parts = (*self.dampers, *(f"stop {stop.name}" for stop in system.stops))
 
     def log(self, room: int) -> places.Log:
@@ -73,8 +72,8 @@ class Mover:
 
     def scratch(self, before: np.ndarray) -> places.Scratch:
         """Arrays for the kernels; `before` is kept from call to call."""
-        phases = self.table.stacked
-        n, size = self.system.degrees_of_freedom, phases.matrix.shape[1]
+        modes = self.table.stacked
+        n, size = self.system.degrees_of_freedom, modes.matrix.shape[1]
         width = 2 * n + len(self.parts) + 2
         return places.Scratch(
             table=np.zeros((LEVELS, width)),
@@ -83,10 +82,10 @@ class Mover:
             kept=np.zeros(size),
             peak=np.zeros((PEAK_ROWS, 1, size)),
             edge=np.zeros((2, 1)),
-            work=work_array(size, len(phases.restitution)),
-            integral=integral_work(size, len(self.meters.weight)),
-            out=np.zeros(len(self.meters.weight)),
-            impulses=np.zeros((len(phases.restitution), len(phases.restitution) + 1)),
+            work=work_array(size, len(modes.restitution)),
+            integral=integral_work(size, len(self.terms.weight)),
+            out=np.zeros(len(self.terms.weight)),
+            impulses=np.zeros((len(modes.restitution), len(modes.restitution) + 1)),
         )
 
     def run(
@@ -99,13 +98,13 @@ class Mover:
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
         on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
-        """The motion from (u, v); see `bvp.run.run`.
+        """The motion from (u, v); see `bvp.damped.run`.
 
         Raises
         ------
         BeyondStop
         ValueError, KeyboardInterrupt
-            As `bvp.run.run`.
+            As `bvp.damped.run`.
         """
         with held() as interrupt:
             motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
@@ -149,33 +148,33 @@ class Mover:
         room, z, scratch = 256, np.zeros(0), self.scratch(before)
         pace = Pace()
         while True:
-            phases = self.table.stacked
-            size = phases.matrix.shape[1]
+            modes = self.table.stacked
+            size = modes.matrix.shape[1]
             if counts[places.PENDING] >= 0:
                 z, scratch = np.zeros(size), self.scratch(before)
             log = self.log(room)
             counts[places.EVENTS], counts[places.PASSES] = 0, pace.passes
             with pace:
                 status = kernels.move(
-                    phases, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, no_peaks, log, scratch,
+                    modes, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, no_peaks, log, scratch,
                 )  # fmt: skip
             pieces.append(places.Log(*(array[: counts[places.EVENTS]].copy() for array in log)))
             if on_progress is not None:
                 on_progress(float(clock[places.TIME]))
-            if status == kernels.NEW_PHASE:
+            if status == kernels.NEW_MODE:
                 self.table.add(int(counts[places.PENDING]))
             elif status not in (kernels.FULL, kernels.PAUSED) or interrupt.came:
                 break
             elif status == kernels.FULL:
                 room = min(2 * room, 1 << 16)
-        phases = self.table.stacked
-        size = phases.matrix.shape[1]
+        modes = self.table.stacked
+        size = modes.matrix.shape[1]
         states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
         numbers, columns, before_, sums_ = (
             np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
         )
         last = np.pad(z, (0, size - len(z)))
-        final = phases.leave[counts[places.PHASE]] @ last
+        final = modes.leave[counts[places.MODE]] @ last
         return Motion(
             system=system,
             forcing=self.forcing,
@@ -197,7 +196,7 @@ class Mover:
             held_time=float(clock[places.HELD_TIME]),
             switch_error=float(clock[places.SWITCH_ERROR]),
             initial_energy=initial,
-            energy=float(self._energies(final[None], (phases.to_modes[counts[places.PHASE]] @ last)[None])[0]),
+            energy=float(self._energies(final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
             marks=tuple(
                 Mark(float(fraction), *_mark(marked[k], self.parts) if k < counts[places.MARK] else (None, {}))
                 for k, fraction in enumerate(fractions)
@@ -206,7 +205,7 @@ class Mover:
             final=final,
             numbers=numbers,
             states=states,
-            phases=phases,
+            contact_modes=modes,
         )
 
     def _energies(self, final: np.ndarray, modal: np.ndarray) -> np.ndarray:
@@ -264,18 +263,18 @@ class Mover:
         turns, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
         modal = np.zeros_like(starts)
         x, peaks, first = np.zeros(2 * n + 2 * len(self.forcing.loads)), np.zeros(n if with_peaks else 0), 0
-        marked, log, reason, pace = np.zeros((len(fractions), parts + 3)), self.log(0), kernels.NEW_PHASE, Pace()
+        marked, log, reason, pace = np.zeros((len(fractions), parts + 3)), self.log(0), kernels.NEW_MODE, Pace()
         while True:
-            phases = self.table.stacked
-            if reason == kernels.NEW_PHASE:
-                z, scratch = np.zeros(phases.matrix.shape[1]), self.scratch(np.zeros(2 * n))
+            modes = self.table.stacked
+            if reason == kernels.NEW_MODE:
+                z, scratch = np.zeros(modes.matrix.shape[1]), self.scratch(np.zeros(2 * n))
             counts[places.PASSES] = pace.passes
             with pace:
                 reason, first = many(
-                    phases, starts, float(duration), int(max_impacts), first, fractions, z, x, counts, clock, turns, sums, marked, peaks,
+                    modes, starts, float(duration), int(max_impacts), first, fractions, z, x, counts, clock, turns, sums, marked, peaks,
                     log, scratch, summary, modal,
                 )  # fmt: skip
-            if reason == kernels.NEW_PHASE:
+            if reason == kernels.NEW_MODE:
                 self.table.add(int(counts[places.PENDING]))
             elif reason != kernels.PAUSED:
                 break
@@ -301,3 +300,76 @@ class Mover:
 def _mark(row: np.ndarray, parts: tuple[str, ...]) -> tuple[float, dict[str, float]]:
     """Time and dissipation of a row of marks."""
     return float(row[1]), dict(zip(parts, row[2:-1].tolist(), strict=True))
+
+
+def run(
+    system: ImpactSystem,
+    u: Any,
+    v: Any,
+    duration: float,
+    max_impacts: int = 10_000_000,
+    leaving: str | None = None,
+    *,
+    forces: Any = None,
+    dampers: Mapping[str, Any] | None = None,
+    marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
+    on_progress: Callable[[float], object] | None = None,
+) -> Motion:
+    """The motion of a system from the state (u, v): flights, impacts, chattering, sticking, and where the energy goes.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    u, v : (n,) array_like
+        Displacements and velocities at time 0.
+    duration : float
+        Time to run, >= 0.
+    max_impacts : int
+        Most impacts; the motion ends there.
+    leaving : str, optional
+        Letter of the contact that the start is on exactly, after its impact. A start within the contact tolerance of a stop
+        is on it without being told.
+    forces : Constant, Harmonic, Record or a list of them, optional
+        Loads f(t) (`bvp.forcing`).
+    dampers : mapping of str to (n, n) array_like, optional
+        Named parts that sum to the damping matrix, whose dissipation is told apart; by default those across gaps and the rest.
+    marks : sequence of float
+        Fractions of the initial energy: the time at which that much is dissipated is found.
+    on_progress : callable, optional
+        Called with the time that the motion has come to, some times a second.
+
+    Returns
+    -------
+    Motion
+        `status` says how it ended; no ending is an exception, whatever the restitution, but for a start beyond a stop.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        With the motion up to there as its attribute `motion`.
+    ValueError
+        For a start beyond a stop, a state or a load of the wrong length or not finite, a negative duration, a max_impacts below 0, an
+        unknown contact, marks outside (0, 1), dampers that do not sum to the damping matrix.
+
+    Examples
+    --------
+    A ball between two walls, without gravity:
+
+    >>> from bvp.system import ImpactSystem, Stop
+    >>> free = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), 0.0, 1.0)])
+    >>> motion = run(free, [0.5], [1.0], 3.0)
+    >>> motion.stop_events.times, motion.stop_events.contacts, motion.status.name
+    (array([0.5, 1.5, 2.5]), ('+', '-', '+'), 'DURATION_REACHED')
+    >>> u, v = motion.sample([0.25, 0.5, 1.0])
+    >>> u[:, 0], v[:, 0]
+    (array([0.75, 1.  , 0.5 ]), array([ 1., -1., -1.]))
+
+    One that falls from height 1/2, g = 1, and keeps half its speed: it rests at t = 1 + 2 v r/(g (1 - r)) = 3.
+
+    >>> from bvp.forcing import Constant
+    >>> ball = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)])
+    >>> motion = run(ball, [0.5], [0.0], 5.0, forces=Constant([-1.0]))
+    >>> round(motion.stretches[1].begin, 12), motion.stretches[1].held, motion.balance_error < 1e-15
+    (3.0, ('-',), True)
+    """
+    return Mover(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks, on_progress)

@@ -1,4 +1,4 @@
-"""Blocks of a free flight joined with the states of their loads (see `bvp.phases`)."""
+"""Blocks of a free flight joined with the states of their loads (see `bvp.contact_modes`)."""
 
 from __future__ import annotations
 

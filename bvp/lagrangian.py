@@ -12,16 +12,13 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bvp.checks import real
 from bvp.expression_size import TooLarge, limited, require_small, size_of_text
 from bvp.shown import shown
 
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
-
-__all__ = ["LagrangianError", "system_from_lagrangian"]
+__all__ = ["LagrangianError", "parts_from_lagrangian"]
 
 FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "Abs")
 """Functions that an expression given as text may use (of parameters: they are nonlinear in a coordinate)."""
@@ -40,7 +37,7 @@ class LagrangianError(ValueError):
     """Energies, gaps or parameters that make no linear impacting system; the message is one line that names the term."""
 
 
-def system_from_lagrangian(
+def parts_from_lagrangian(
     kinetic: Any,
     potential: Any,
     coordinates: Sequence[Any],
@@ -52,8 +49,8 @@ def system_from_lagrangian(
     time: Any = None,
     absorber: str | int | None = None,
     primary: str | int | None = None,
-) -> ImpactSystem:
-    """The linear system M u'' + C u' + K u = 0 between stops that has the given energies.
+) -> dict[str, Any]:
+    """The parts of the linear system M u'' + C u' + K u = 0 between stops that has the given energies.
 
     Expressions are sympy's or text. Text is read as arithmetic of numbers, names and `FUNCTIONS`, nothing else.
 
@@ -79,20 +76,23 @@ def system_from_lagrangian(
     absorber, primary
         Name or index of the coordinate of the nonlinear energy sink and of the linear oscillator, where the system has them.
 
+    Returns
+    -------
+    dict
+        The arguments of `bvp.system.ImpactSystem`; each stop as (row, lower, upper, restitution).
+
     Raises
     ------
     LagrangianError
         For a term that is not quadratic (energies) or linear (gaps), a symbol without a value, text that cannot be read.
-    bvp.system.InvalidSystem
-        For matrices, bounds or restitutions that make no system, such as an indefinite mass matrix.
 
     Examples
     --------
-    >>> system = system_from_lagrangian(
+    >>> parts = parts_from_lagrangian(
     ...     "mu*u1_dot**2/2 + u2_dot**2/2", "u2**2/2 + sigma*(u1 - u2)**2/2", ["u1", "u2"],
     ...     gaps=[("u1 - u2", -1, 1)], parameters={"mu": 0.1, "sigma": 0.1})
-    >>> system.stiffness.tolist(), system.stops[0].gap
-    ([[0.1, -0.1], [-0.1, 1.1]], (1.0, -1.0))
+    >>> parts["stiffness"].tolist(), parts["stops"]
+    ([[0.1, -0.1], [-0.1, 1.1]], [((1.0, -1.0), -1.0, 1.0, 1.0)])
     """
     with _limits():
         return _system(_Names(coordinates, velocities, time, parameters), kinetic, potential, dissipation, gaps, absorber, primary)
@@ -110,11 +110,9 @@ def _limits() -> Iterator[None]:
 
 def _system(
     names: _Names, kinetic: Any, potential: Any, dissipation: Any, gaps: Sequence[Sequence[Any]], absorber: Any, primary: Any
-) -> ImpactSystem:
-    """The system; arguments as those of `system_from_lagrangian`."""
+) -> dict[str, Any]:
+    """The parts; arguments as those of `parts_from_lagrangian`."""
     import numpy as np
-
-    from bvp.system import ImpactSystem, Stop
 
     mass = _quadratic(names, kinetic, "the kinetic energy", "velocities")
     stiffness = _quadratic(names, potential, "the potential energy", "coordinates")
@@ -135,17 +133,17 @@ def _system(
             )
         ]
         restitution = float(_value(names, gap[3], f"the restitution of {what}")) if len(gap) == 4 else 1.0
-        stops.append(Stop(row, bounds[0], bounds[1], restitution))
+        stops.append((row, bounds[0], bounds[1], restitution))
     places = [names.index(place, what) for place, what in ((absorber, "absorber"), (primary, "primary"))]
-    return ImpactSystem(
-        mass=np.array(mass, dtype=float),
-        damping=np.array(damping, dtype=float),
-        stiffness=np.array(stiffness, dtype=float),
-        stops=tuple(stops),
-        coordinates=names.coordinates,
-        absorber=places[0],
-        primary=places[1],
-    )
+    return {
+        "mass": np.array(mass, dtype=float),
+        "damping": np.array(damping, dtype=float),
+        "stiffness": np.array(stiffness, dtype=float),
+        "stops": stops,
+        "coordinates": names.coordinates,
+        "absorber": places[0],
+        "primary": places[1],
+    }
 
 
 class _Names:

@@ -18,7 +18,7 @@ import numpy as np
 from bvp.digit_modes import DIGITS, DigitModes, digit_modes, dot
 from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP
 from bvp.multipoint import MultipointProblem
-from bvp.stability import balance
+from bvp.stability import DECISION, balance, verdict
 
 __all__ = ["DigitOrbit", "orbit_in_digits"]
 
@@ -102,39 +102,26 @@ class DigitOrbit:
     @cached_property
     def stable(self) -> bool | None:
         """Whether the orbit is linearly stable; None at a limit of stability, and for what has no half map and more than two modes."""
-        with mp.workdps(DIGITS):
-            if self.problem.periodic:
-                return self._stable_by_trace() if self.problem.half == 2 else None
-            return self._stable_by_half_map()
-
-    def _stable_by_trace(self) -> bool | None:
-        margin = abs(self.trace) - 2
-        return None if abs(margin) <= _ENTRY * (1 + abs(self.trace)) else bool(margin < 0)
-
-    def _stable_by_half_map(self) -> bool | None:
-        m = self.problem.half - 1
+        problem, m = self.problem, self.problem.half - 1
         if not m:
             return True
-        phi = self.half_map
-        displacement = max(abs(q) for z in self.states for q in z[: m + 1])
-        factors = balance(self.problem, mp.sqrt(2 * self.energy) / displacement if displacement else mp.mpf(1))
-        a, b, c, d = (
-            factor * phi[row : row + m, column : column + m]
-            for factor, (row, column) in zip(factors, ((0, 0), (0, m), (m, 0), (m, m)), strict=True)
-        )
-        size = max(abs(x) for block in (a, b, c, d) for x in block)
-        below, above = ((p.T * q, m * _ENTRY * size * (mp.mnorm(p) + mp.mnorm(q))) for p, q in ((b, c), (d, a)))
-        limits = []
-        for matrix, error in (below, above):
-            values = [matrix[0]] if m == 1 else mp.eig(matrix, left=False, right=False)
-            limits.append((values, error if m == 1 else mp.sqrt(error * (error + mp.mnorm(matrix)))))
-        (nu, error), (rest, rest_error) = limits
-        if any(abs(mp.im(x)) > error or mp.re(x) > error for x in nu) or any(mp.re(x) < -rest_error for x in rest):
-            return False
-        if any(mp.re(x) >= -error for x in nu) or any(mp.re(x) <= rest_error for x in rest):
+        if problem.periodic and m > 1:
             return None
-        # Of eigenvalues that coincide the Krein signatures would have to be known.
-        return None if any(abs(x - y) <= 2 * error for i, x in enumerate(nu) for y in nu[:i]) else True
+        with mp.workdps(DIGITS):
+            if problem.periodic:
+                error = _ENTRY * (1 + abs(self.trace))
+                numbers = [(self.trace - 2) / 4], [error / 4], [(self.trace + 2) / 4], [error / 4]
+            else:
+                phi = self.half_map
+                displacement = max(abs(q) for z in self.states for q in z[: m + 1])
+                factors = balance(problem, mp.sqrt(2 * self.energy) / displacement if displacement else mp.mpf(1))
+                places = (0, 0), (0, m), (m, 0), (m, m)
+                a, b, c, d = (f * phi[i : i + m, j : j + m] for f, (i, j) in zip(factors, places, strict=True))
+                size = max(abs(x) for block in (a, b, c, d) for x in block)
+                numbers = (*_eigenvalues(b, c, size), *_eigenvalues(d, a, size))
+        # Each of the four is far from 0 beside its own rounding to a double.
+        nu, error, rest, rest_error = (np.array(row, dtype=complex) for row in numbers)
+        return DECISION[int(verdict(nu, error.real, rest, rest_error.real))]
 
     def _half_map(self) -> Any:
         problem, modes = self.problem, self.modes
@@ -340,6 +327,15 @@ class _Equations:
         period, change = mp.fsum(times), mp.fsum(times) - mp.fsum(given[2 * self.n :: 2 * self.n + 1])
         apart = [abs(a - b) / self.speed for a, b in zip(states[0], given, strict=False)]
         return DigitOrbit(self.problem, states, times, worst, float(max(*apart, abs(change / period))))
+
+
+def _eigenvalues(p: Any, q: Any, size: Any) -> tuple[list[Any], list[Any]]:
+    """Eigenvalues of p' q, and a bound of their errors where the largest entry of the half map is `size`."""
+    matrix, m = p.T * q, p.rows
+    error = m * _ENTRY * size * (mp.mnorm(p) + mp.mnorm(q))
+    if m == 1:
+        return [matrix[0]], [error]
+    return list(mp.eig(matrix, left=False, right=False)), [mp.sqrt(error * (error + mp.mnorm(matrix)))] * m
 
 
 def _floats(conditions: list[tuple[list[Any], Any]]) -> np.ndarray:

@@ -17,6 +17,7 @@ from bvp.blocks import Blocks, damped_blocks, undamped_blocks
 from bvp.numerics import exact_product, undamped_modes
 
 if TYPE_CHECKING:
+    from bvp.kernels.flight import Contacts, Flight
     from bvp.system import ImpactSystem
 
 __all__ = ["Modes", "balanced", "modes_of", "undamped_modes"]
@@ -66,14 +67,26 @@ class Modes:
     contact_letters: tuple[str, ...]
 
     @property
-    def blocks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(pairs, mean, delta, matrix), the first arguments of every kernel."""
-        return self.pairs, self.mean, self.delta, self.matrix
+    def flight(self) -> Flight:
+        """The blocks as the kernels take them."""
+        from bvp.kernels.flight import Flight
+
+        return Flight(self.pairs, self.mean, self.delta, self.matrix)
 
     @property
-    def contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(gap, rate, acceleration, side, bound), the arguments of the kernels that watch the stops."""
-        return self.contact_gap, self.contact_rate, self.contact_acceleration, self.contact_side, self.contact_bound
+    def contacts(self) -> Contacts:
+        """The contacts as the kernels take them."""
+        from bvp.kernels.flight import Contacts
+
+        return Contacts(
+            self.contact_gap,
+            self.contact_rate,
+            self.contact_acceleration,
+            self.contact_side,
+            self.contact_bound,
+            self.contact_push,
+            self.contact_restitution,
+        )
 
 
 def modes_of(system: ImpactSystem) -> Modes:

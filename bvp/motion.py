@@ -12,22 +12,21 @@ import numpy as np
 
 from bvp.checks import reals
 from bvp.frozen import read_only
+from bvp.interrupts import Pace
+from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
-from bvp.kernels import phase as places
+from bvp.kernels.contact_mode import ContactModes
+from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import raise_peaks, sample, spent, states_after
-from bvp.kernels.peaks import PEAK_ROWS
-from bvp.kernels.phase import Phases
-from bvp.pace import Pace
 from bvp.shown import shown
-from bvp.stop_events import StopEvents
 
 if TYPE_CHECKING:
     from bvp.forcing import Forcing
     from bvp.system import ImpactSystem
 
-__all__ = ["STATUS", "Batch", "EventKind", "Mark", "Motion", "MotionStatus", "Stretch"]
+__all__ = ["STATUS", "Batch", "EventKind", "Mark", "Motion", "MotionStatus", "StopEvents", "Stretch"]
 
 
 class MotionStatus(Enum):
@@ -158,11 +157,11 @@ class Motion:
     start: np.ndarray
     final: np.ndarray
     numbers: np.ndarray
-    """(k, 3) kind, contact and phase of each event."""
+    """(k, 3) kind, contact and contact mode of each event."""
     states: np.ndarray
-    """(k, N) state of its phase in which each flight begins."""
-    phases: Phases
-    """The phases of contact that `numbers` counts."""
+    """(k, N) state of its contact mode in which each flight begins."""
+    contact_modes: ContactModes
+    """The contact modes that `numbers` counts."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -201,7 +200,7 @@ class Motion:
     def after(self) -> np.ndarray:
         """(u, v) just after each event, (k, 2n)."""
         out = np.empty((len(self.times), len(self.start)))
-        states_after(self.phases, self.numbers, self.states, out)
+        states_after(self.contact_modes, self.numbers, self.states, out)
         return read_only(out)
 
     @cached_property
@@ -223,10 +222,10 @@ class Motion:
     def peaks(self) -> np.ndarray:
         """Largest |u| of each coordinate, (n,); RuntimeError where the search for them gives up."""
         peaks = np.abs(self.start[: self.system.degrees_of_freedom])
-        size = self.phases.matrix.shape[1]
+        size = self.contact_modes.matrix.shape[1]
         scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
         for part in Pace().blocks(len(self.times)):
-            if not raise_peaks(self.phases, *self.flights(part), *scratch, peaks):
+            if not raise_peaks(self.contact_modes, *self.flights(part), *scratch, peaks):
                 raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
         return read_only(peaks)
 
@@ -239,7 +238,7 @@ class Motion:
     def stretches(self) -> tuple[Stretch, ...]:
         """The motion as stretches of free flights and of contacts held."""
         letters = self.system.modes.contact_letters
-        held = np.asarray(self.phases.held)[self.numbers[:, 2]]
+        held = np.asarray(self.contact_modes.held)[self.numbers[:, 2]]
         for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
             held[row] = held[row - 1]
         first = np.flatnonzero(np.concatenate([[True], held[1:] != held[:-1]]))
@@ -271,11 +270,11 @@ class Motion:
         """
         wanted = self._times(times)
         out = np.empty((len(wanted), len(self.start)))
-        z = np.empty(self.phases.matrix.shape[1])
+        z = np.empty(self.contact_modes.matrix.shape[1])
         for part in Pace().blocks(len(wanted)):
-            sample(self.phases, self.times, self.numbers, self.states, wanted[part], z, out[part])
+            sample(self.contact_modes, self.times, self.numbers, self.states, wanted[part], z, out[part])
         if np.count_nonzero(self.times == 0.0) == 1:
-            # Beside a load the state of a phase is a difference, which rounds: rest would have an energy.
+            # Beside a load the state of a contact mode is a difference, which rounds: rest would have an energy.
             out[wanted == 0.0] = self.start
         n = self.system.degrees_of_freedom
         return out[:, :n], out[:, n:]
@@ -284,10 +283,10 @@ class Motion:
         """What each damper and stop has dissipated, and the work of the loads, up to any times: (j, D + S + 1)."""
         wanted = self._times(times)
         out = np.empty((len(wanted), len(self.totals)))
-        meters = len(self.phases.weight)
-        work, integral = integral_work(self.phases.matrix.shape[1], meters), np.empty(meters)
+        products = len(self.contact_modes.weight)
+        work, integral = integral_work(self.contact_modes.matrix.shape[1], products), np.empty(products)
         for part in Pace().blocks(len(wanted)):
-            spent(self.phases, self.times, self.numbers, self.states, self.sums, wanted[part], work, integral, out[part])
+            spent(self.contact_modes, self.times, self.numbers, self.states, self.sums, wanted[part], work, integral, out[part])
         return out
 
     def _times(self, times: Any) -> np.ndarray:
@@ -344,3 +343,32 @@ class Batch:
     def balance(self) -> np.ndarray:
         """Initial energy + work - dissipated - present energy, (b,)."""
         return self.initial_energy + self.totals[:, -1] - self.totals[:, :-1].sum(axis=1) - self.energy
+
+
+@dataclass(frozen=True, eq=False)
+class StopEvents:
+    """Impacts and touches of a motion, k of them in order of time.
+
+    Attributes
+    ----------
+    times : (k,) ndarray
+    contacts : tuple of k str
+        Letters of the contacts, as in `Modes.contact_letters`.
+    touches : (k,) bool ndarray
+        True where w turned within the contact tolerance of the bound and went on without an impact.
+    speeds, losses : (k,) ndarray
+        Speed of w towards the stop, >= 0, and energy lost; 0 for a touch.
+    before, after : (k, 2n) ndarray
+        (u, v) just before and just after.
+    """
+
+    times: np.ndarray
+    contacts: tuple[str, ...]
+    touches: np.ndarray
+    speeds: np.ndarray
+    losses: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.times)

@@ -2,7 +2,7 @@
 
 The linearised multipoint problem is reduced by orthogonal transformations to a product pencil (`bvp.kernels.pencil`), whose
 eigenvalues are found by sweeps round it (`bvp.kernels.sweep`); the monodromy is never formed. The textbook product of saltation
-matrices is the second method: see `bvp.saltation`. Which orbits are stable is decided apart from both, from the half map: see
+matrices is the second method, of the tests and the benchmarks. Which orbits are stable is decided apart from both, from the half map: see
 `bvp.stability`.
 """
 
@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bvp.cycle import Cycle
-from bvp.kernels.pencil import landings, pencil
+from bvp.kernels.pencil import landings, pencil, trivial_directions
 from bvp.kernels.sweep import sweep
-from bvp.kernels.trivial import trivial_directions
 
 __all__ = [
     "GRAZING_LIMIT",
@@ -81,6 +80,8 @@ class Multipliers:
         impact has one trivial multiplier 1, left out); m = 2n - 1 for one that loses energy (none is trivial). NaN where an
         impact grazes.
     quality : Quality
+    matrix : (m, m) float
+        The return map, in the frame of the last sweep: for its size and condition. Its eigenvalues are not right to the last digit.
     sweeps : int
         Sweeps round the cycle.
     note : str
@@ -89,6 +90,7 @@ class Multipliers:
 
     values: np.ndarray
     quality: Quality
+    matrix: np.ndarray
     sweeps: int = 0
     note: str = ""
 
@@ -137,26 +139,22 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
     graze, sine = nearest_grazing(cycle)
     if sine < GRAZING_LIMIT:
         note = f"impact {graze + 1} of {np.sum(row >= 0)} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
-        return Multipliers(unbounded, Quality(math.nan, unpaired, False), 0, note)
+        return Multipliers(unbounded, Quality(math.nan, unpaired, False), np.full((dimension, dimension), math.nan), 0, note)
     left = np.zeros((nodes, size, size))
     right = np.zeros((nodes, size, size))
     jump = 1.0 + modes.contact_restitution
     maps = np.empty((nodes, size, size))
     along = np.empty((nodes, size))
-    landings(
-        *modes.blocks, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along
-    )  # fmt: skip
+    landings(modes.flight, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along)
     pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right, np.empty((5, size, size)), np.empty(2))
-    flow, level = trivial_directions(
-        modes.pairs, modes.matrix, weights, modes.contact_gap, after, row, 1, scale, maps, along, np.empty((4, size))
-    )
+    flow, level = trivial_directions(modes.flight, weights, modes.contact_gap, after, row, 1, scale, maps, along, np.empty((4, size)))
     trivial = float(max(flow, level) if conservative else flow)
     free = size - int(conservative)
     width = np.where(np.roll(row, -1) < 0, free, free - 1)
-    values, singular, sweeps = _pencil_eigenvalues(left, right, width, dimension)
+    values, matrix, singular, sweeps = _pencil_eigenvalues(left, right, width, dimension)
     if singular or not np.all(np.isfinite(values)):
         note = f"{singular} singular factors: the multipliers are unbounded" if singular else "the multipliers overflow"
-        return Multipliers(unbounded, Quality(trivial, unpaired, False), sweeps, note)
+        return Multipliers(unbounded, Quality(trivial, unpaired, False), matrix, sweeps, note)
     values = sort_multipliers(values)
     pairing = _pairing(values) if conservative else None
     largest = max(1.0, float(np.max(np.abs(values), initial=0.0)))
@@ -165,7 +163,7 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
         faults.append(f"a pair of multipliers has a product that is off 1 by {pairing:.1e}")
     if not trivial < TRIVIAL_LIMIT * largest:
         faults.append(f"the trivial directions are kept to {trivial:.1e} only")
-    return Multipliers(values, Quality(trivial, pairing, not faults), sweeps, "; ".join(faults))
+    return Multipliers(values, Quality(trivial, pairing, not faults), matrix, sweeps, "; ".join(faults))
 
 
 def _from_impact(cycle: Cycle) -> Cycle:
@@ -217,8 +215,10 @@ def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
     return worst, float(sine[worst])
 
 
-def _pencil_eigenvalues(left: np.ndarray, right: np.ndarray, width: np.ndarray, dimension: int) -> tuple[np.ndarray, int, int]:
-    """Eigenvalues (dimension,) of the product of left[i]^-1 right[i], singular factors met, and sweeps made.
+def _pencil_eigenvalues(
+    left: np.ndarray, right: np.ndarray, width: np.ndarray, dimension: int
+) -> tuple[np.ndarray, np.ndarray, int, int]:
+    """Eigenvalues (dimension,) of the product of left[i]^-1 right[i], that product, singular factors met, and sweeps made.
 
     width (P,) is the number of rows, and of columns of the left factor, of each.
     """
@@ -229,9 +229,9 @@ def _pencil_eigenvalues(left: np.ndarray, right: np.ndarray, width: np.ndarray, 
     blocks: list[slice] = []
     for sweeps in range(1, SWEEPS + 1):
         older = frame.copy()
-        singular = sweep(left, right, width, width, 1, scratch, frame, product, exponent)
+        singular = sweep(left, right, width, width, False, 1, scratch, frame, product, exponent)
         if singular or not np.all(np.isfinite(product)):
-            return np.full(dimension, complex(math.nan, math.nan)), singular, sweeps
+            return np.full(dimension, complex(math.nan, math.nan)), np.full_like(product, math.nan), singular, sweeps
         turn = older.T @ frame
         blocks = _blocks(turn)
         if all(_is_level(product[block, block], exponent[block]) for block in blocks):
@@ -239,7 +239,9 @@ def _pencil_eigenvalues(left: np.ndarray, right: np.ndarray, width: np.ndarray, 
     values = np.empty(dimension, dtype=complex)
     for block in blocks:
         values[block] = _block_eigenvalues(turn[block, block], product[block, block], exponent[block])
-    return values, singular, sweeps
+    with np.errstate(over="ignore", invalid="ignore"):
+        matrix = turn @ (product * np.exp2(exponent)[:, None])
+    return values, matrix, singular, sweeps
 
 
 def _blocks(turn: np.ndarray) -> list[slice]:

@@ -9,29 +9,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.drift import free_translation, translation_text
-from bvp.ends import EndsError, contact_of, end_condition, parse_end, start_states
+from bvp.ends import EndsError, contact_of, end_condition, free_translation, parse_end, start_states, translation_text
 from bvp.frozen import changeable, read_only
 from bvp.kernels.compiled import address_of
-from bvp.kernels.multipoint import evaluate, fill, make_factor
-from bvp.kernels.observe import orbit_observe, planar_orbit_observe
-from bvp.kernels.result import RESULT
-from bvp.kernels.segment import ORIGIN, PERIODIC, Segment, pack
-from bvp.kernels.shoot import nodes_by_flight
+from bvp.kernels.extrema import Observed
+from bvp.kernels.multipoint import evaluate, fill, make_factor, nodes_by_flight
+from bvp.kernels.observe import orbit_observe, two_dof_orbit_observe
+from bvp.kernels.segment import ORIGIN, PERIODIC, RESULT, Segment, pack
 from bvp.kernels.stability import make_period, orbit_stability
-from bvp.kernels.step import end_states, orbit_step, planar_orbit_step
-from bvp.observed import observed_of
+from bvp.kernels.step import end_states, orbit_step, two_dof_orbit_step
 from bvp.system import ImpactSystem
 
-__all__ = ["EndsError", "MultipointProblem", "NotConverged", "RESULT_INDEX", "Solution"]
+__all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "observed_of"]
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
+
 
 class NotConverged(RuntimeError):
     """Newton's corrections did not reach a solution; the message says how far they came."""
@@ -52,7 +50,7 @@ class Solution:
     ends : (k + 1, N) float
         State at the end of each flight, before the impact there.
     result : (len(RESULT),) float
-        See `bvp.kernels.result.RESULT`; entries that do not exist are NaN.
+        See `bvp.kernels.segment.RESULT`; entries that do not exist are NaN.
     """
 
     y: np.ndarray
@@ -134,10 +132,7 @@ class MultipointProblem:
         end_rows, end_offset = end_condition(modes, self.kinds[1], closing)
         weights = np.concatenate([modes.squares, np.ones(self.half)])
         self.segment = Segment(
-            modes.pairs,
-            array(modes.mean),
-            array(modes.delta),
-            array(modes.matrix),
+            modes.flight,
             array(np.where(rows, modes.contact_gap[pick], 0.0)),
             array(np.where(rows, modes.contact_rate[pick], 0.0)),
             array(np.where(rows, modes.contact_push[pick], 0.0)),
@@ -162,7 +157,7 @@ class MultipointProblem:
         observed = self.observed
         self._watched = np.vstack(observed[:4] + observed[6:])
         self._bounds = np.array([observed.lower, observed.upper])
-        self._planar = self.half == 2
+        self._two_dof = self.half == 2
 
     def __getstate__(self) -> dict[str, Any]:
         """What another process may have: the addresses of compiled functions are this one's alone."""
@@ -171,12 +166,12 @@ class MultipointProblem:
     @property
     def _take(self) -> Callable[..., Any]:
         """The step's kernel; no attribute, since compiled functions do not go to another process."""
-        return planar_orbit_step if self._planar else orbit_step
+        return two_dof_orbit_step if self._two_dof else orbit_step
 
     @property
     def _look(self) -> Callable[..., Any]:
         """The kernel of what is seen of an orbit."""
-        return planar_orbit_observe if self._planar else orbit_observe
+        return two_dof_orbit_observe if self._two_dof else orbit_observe
 
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system which can move as a whole: an orbit between them is not determined.
@@ -298,15 +293,15 @@ class MultipointProblem:
             for _ in range(30):
                 if energy is not None:
                     row = self.energy_gradient(y) / energy
-                    miss = self.energy(y) / energy - 1.0
+                    residual = self.energy(y) / energy - 1.0
                 else:
                     assert quarter_period is not None
                     row[self.parameters : self.parameters + self.inner * (self.size + 1) + 1 : self.size + 1] = 1.0 / (
                         self.quarters * quarter_period
                     )
-                    miss = self.quarter_period(y) / quarter_period - 1.0
+                    residual = self.quarter_period(y) / quarter_period - 1.0
                 before = y.copy()
-                good, _ = self.correct(y, row, float(row @ y - miss), 1 if previous > 1e-6 else 8)
+                good, _ = self.correct(y, row, float(row @ y - residual), 1 if previous > 1e-6 else 8)
                 if not np.all(np.isfinite(y)):
                     raise NotConverged("Newton's corrections diverged")
                 change = float(np.max(np.abs(y - before) / self._factor.scale))
@@ -352,7 +347,7 @@ class MultipointProblem:
         ends = factor.before.copy()
         if full:
             self._look(*packed, self._watched, self._bounds, out, ends, self._work, result)
-            if self._planar:
+            if self._two_dof:
                 orbit_stability(*packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
@@ -377,3 +372,33 @@ class MultipointProblem:
 
 
 _ENTRIES = len(RESULT)
+
+
+@lru_cache(maxsize=64)
+def observed_of(system: ImpactSystem) -> Observed:
+    """The functionals that are watched along each flight: the gap of every stop, and the velocities of absorber and primary.
+    Shared by all who ask, and not to be written to."""
+    modes = system.modes
+    size = 2 * system.degrees_of_freedom
+    n = system.degrees_of_freedom
+    gap = np.array([modes.to_state[:n].T @ np.asarray(stop.gap) for stop in system.stops]).reshape(-1, size)
+    velocity = np.zeros((0, size))
+    if system.absorber is not None and system.primary is not None:
+        velocity = modes.to_state[[n + system.absorber, n + system.primary]]
+
+    def derivative(rows: np.ndarray, times: int) -> np.ndarray:
+        for _ in range(times):
+            rows = rows @ modes.matrix
+        return np.ascontiguousarray(rows)
+
+    return Observed(
+        derivative(gap, 0),
+        derivative(gap, 1),
+        derivative(gap, 2),
+        derivative(gap, 3),
+        np.array([stop.lower for stop in system.stops], dtype=float),
+        np.array([stop.upper for stop in system.stops], dtype=float),
+        derivative(velocity, 0),
+        derivative(velocity, 1),
+        derivative(velocity, 2),
+    )

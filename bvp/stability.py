@@ -20,14 +20,16 @@ from bvp.kernels.halfmap import half_map, half_map_scratch
 from bvp.kernels.segment import ORIGIN
 from bvp.multipliers import nearest_grazing, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
-from bvp.saltation import reduced_monodromy
 
-__all__ = ["ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "roundings", "stability", "velocity_scale"]
+__all__ = ["DECISION", "ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "roundings", "stability", "verdict"]
 
 EPSILON = float(np.finfo(float).eps)
 
 ERROR_FACTOR = 64.0
 """Rounding errors, in units of eps, that one flight with its impact, and the solution itself, add to an entry of the half map."""
+
+DECISION = {1: True, 0: False, -1: None}
+"""What `verdict` says of one orbit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +143,53 @@ def decide(
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         size = np.maximum(np.maximum(np.abs(a), np.abs(b)), np.maximum(np.abs(c), np.abs(d)))
         error = roundings(impacts, pivot) * magnified * size
-        lower, lower_error = b * c, error * (np.abs(b) + np.abs(c)) + error * error
-        upper, upper_error = a * d, error * (np.abs(a) + np.abs(d)) + error * error
-        inside = (lower < -lower_error) & (upper > upper_error)
-        outside = (lower > lower_error) | (upper < -upper_error)
-    return np.where(inside, 1, np.where(outside, 0, -1)).astype(np.int8)
+        below, below_error = b * c, error * (np.abs(b) + np.abs(c)) + error * error
+        above, above_error = a * d, error * (np.abs(a) + np.abs(d)) + error * error
+        return verdict(*(np.asarray(x)[..., None] for x in (below, below_error, above, above_error)))
+
+
+def verdict(nu: Any, error: Any, rest: Any, rest_error: Any, krein: Any = 0) -> np.ndarray:
+    """Stability from one number nu for each pair of multipliers: the one decision for all kinds of orbits.
+
+    A pair lambda, 1/lambda has the trace lambda + 1/lambda = 2 + 4 nu. It lies on the unit circle where -1 < nu < 0.
+
+    Parameters
+    ----------
+    nu : (..., m) complex or float
+    error : (..., m) float
+        Bound of the error of nu.
+    rest : (..., m) complex or float
+        1 + nu, in any order, known apart from nu where that is near -1.
+    rest_error : (..., m) float
+    krein : (..., m) int, optional
+        Signatures of the pairs: +1 or -1 where they are known, else 0.
+
+    Returns
+    -------
+    (...) int8
+        1 stable, 0 unstable, -1 undecided.
+
+    Notes
+    -----
+    Unstable: some nu is not real, above 0 or below -1, by more than its error. Stable: all nu lie inside by more than their errors, and two
+    that are nearer to each other than their errors have the same Krein signature (Krein's theorem: Yakubovich & Starzhinskii, Linear
+    Differential Equations with Periodic Coefficients, 1975, ch. III).
+
+    Examples
+    --------
+    >>> [int(verdict([nu], [1e-9], [1.0 + nu], [1e-9])) for nu in (-0.5, 0.1, -1e-12)]
+    [1, 0, -1]
+    """
+    nu, error, rest, rest_error = (np.asarray(x) for x in (nu, error, rest, rest_error))
+    krein = np.broadcast_to(krein, nu.shape)
+    known = np.all(np.isfinite(error) & np.isfinite(rest_error), axis=-1)
+    outside = np.any((np.abs(nu.imag) > error) | (nu.real > error) | (rest.real < -rest_error), axis=-1)
+    inside = np.all((nu.real < -error) & (rest.real > rest_error), axis=-1)
+    for i in range(nu.shape[-1]):
+        for j in range(i):
+            near = np.abs(nu[..., i] - nu[..., j]) <= error[..., i] + error[..., j]
+            inside = inside & ~(near & (krein[..., i] * krein[..., j] != 1))
+    return np.where(known & outside, 0, np.where(known & inside, 1, -1)).astype(np.int8)
 
 
 def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndarray, float]:
@@ -182,13 +226,9 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
 
     Notes
     -----
-    Between two ends (errors as in `decide`): unstable where an eigenvalue nu of b'c is surely not real, or outside [-1, 0];
-    stable where all lie inside by more than their errors - nu by the errors of b'c, 1 + nu by those of d'a, each eigenvalue
-    with its own condition number - and those nearer to each other than their errors have the same Krein signature (Krein's
-    theorem: Yakubovich & Starzhinskii, Linear Differential Equations with Periodic Coefficients, 1975, ch. III). A pair nu has
-    the eigenvector (x, -2i a'c x / sin theta), cos theta = 1 + 2 nu, so its signature is the sign of x'a'c x. Periodic
-    closure, n = 2: by |tau| - 2 and the error of tau; n > 2: by the moduli, stable where all lie on the unit circle within
-    their errors and apart from each other by more.
+    `verdict` decides. Between two ends nu are the eigenvalues of b'c and 1 + nu those of d'a. Their errors are those of the entries, as in
+    `decide`, times the condition number of each eigenvalue. A pair nu has the eigenvector (x, -2i a'c x / sin theta), cos theta = 1 + 2 nu,
+    so its Krein signature is the sign of x'a'c x. For a periodic closure nu follows from the multipliers, without signatures.
     """
     if problem.periodic:
         return _periodic(problem, solution)
@@ -206,7 +246,7 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     nu, vectors, error = _eigenvalues(b.T @ c, b, c, entry_error)
     above, _, above_error = _eigenvalues(d.T @ a, a, d, entry_error)
     krein = _krein(a.T @ c, vectors, nu, entry_error * (_size(a) + _size(c)) + entry_error**2)
-    stable = _decide(nu, error, above, above_error, krein)
+    stable = DECISION[int(verdict(nu, error, above, above_error, krein))]
     traces = 2.0 + 4.0 * nu
     if problem.quarters == 1:
         return Stability(traces * traces - 2.0, traces, stable, krein, nu, error)
@@ -249,21 +289,6 @@ def _krein(form: np.ndarray, vectors: np.ndarray, nu: np.ndarray, error: float) 
     return signs
 
 
-def _decide(nu: np.ndarray, error: np.ndarray, above: np.ndarray, above_error: np.ndarray, krein: np.ndarray) -> bool | None:
-    """True, False, or None where the errors overlap a limit."""
-    if not (np.all(np.isfinite(error)) and np.all(np.isfinite(above_error))):
-        return None
-    if np.any(np.abs(np.imag(nu)) > error) or np.any(np.real(nu) > error) or np.any(np.real(above) < -above_error):
-        return False
-    if np.any(np.imag(nu) != 0.0) or np.any(np.real(nu) >= -error) or np.any(np.real(above) <= above_error):
-        return None
-    for i in range(nu.size):
-        for j in range(i):
-            if abs(nu[i] - nu[j]) <= error[i] + error[j] and krein[i] * krein[j] != 1:
-                return None
-    return True
-
-
 def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
     """By the multipliers of the whole period."""
     m = problem.half - 1
@@ -271,44 +296,29 @@ def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
     multipliers = saddle_point_multipliers(cycle)
     none = np.zeros(m, dtype=int)
     unknown = np.full(m, math.nan)
-    values = multipliers.values
-    if not np.all(np.isfinite(values)):
+    if not np.all(np.isfinite(multipliers.values)):
         return Stability(unknown, None, None, none, unknown, unknown, multipliers.note)
-    matrix = reduced_monodromy(cycle)
-    sine = nearest_grazing(cycle)[1]
-    spread = float(roundings(len(cycle.contact), solution["branching"])) / sine * _size(matrix)
-    stable: bool | None
+    impacts = len(cycle.contact)
+    spread = float(roundings(impacts, solution["branching"])) / nearest_grazing(cycle)[1] * _size(multipliers.matrix)
     if m == 1:
-        tau = np.array([multipliers.trace])
-        error = np.array([2.0 * spread])
-        margin = abs(tau[0]) - 2.0
-        stable = None if abs(margin) <= error[0] else bool(margin < 0.0)
-        return Stability(tau, None, stable, none, unknown, error, multipliers.note)
-    _, vectors = np.linalg.eig(matrix)
-    condition = float(np.linalg.cond(vectors))
-    bound = 2 * m * spread * condition
-    tau = _traces(values)
-    modulus = np.abs(values)
-    gap = min(abs(values[i] - values[j]) for i in range(values.size) for j in range(i))
-    if not math.isfinite(bound):
-        stable = None
-    elif np.any(modulus > 1.0 + bound):
-        stable = False
-    elif gap > 2.0 * bound:
-        stable = True
+        tau, error = np.array([multipliers.trace]), np.array([2.0 * spread])
     else:
-        stable = None
-    return Stability(tau, None, stable, none, unknown, np.full(m, 2.0 * bound), multipliers.note)
+        # d(lambda + 1/lambda) = (1 - 1/lambda^2) d lambda
+        tau, values = _traces(multipliers.values)
+        bound = 2 * m * spread * float(np.linalg.cond(np.linalg.eig(multipliers.matrix)[1]))
+        error = np.abs(1.0 - values**-2) * bound + bound * bound
+    stable = DECISION[int(verdict((tau - 2.0) / 4.0, error / 4.0, (tau + 2.0) / 4.0, error / 4.0))]
+    return Stability(tau, None, stable, none, unknown, error, multipliers.note)
 
 
-def _traces(values: np.ndarray) -> np.ndarray:
-    """lambda + 1/lambda, once for each pair, by real part."""
+def _traces(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """lambda + 1/lambda and lambda, once for each pair, by the real part of the trace."""
     left = list(values)
-    traces = []
+    pairs = []
     while left:
         value = left.pop(0)
         left.pop(int(np.argmin([abs(value * other - 1.0) for other in left])))
         trace = value + 1.0 / value
-        traces.append(trace.real if abs(value.imag) == 0.0 else trace)
-    traces = sorted(traces, key=lambda t: (np.real(t), np.imag(t)))
-    return np.array(traces)
+        pairs.append((trace.real if abs(value.imag) == 0.0 else trace, value))
+    pairs.sort(key=lambda pair: (np.real(pair[0]), np.imag(pair[0])))
+    return np.array([trace for trace, _ in pairs]), np.array([value for _, value in pairs])

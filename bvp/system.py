@@ -14,9 +14,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import InvalidSystem, check_positive_definite, check_size, number, real_list, reals, refuse_unknown, square, symmetric
+from bvp.checks import (
+    InvalidSystem,
+    check_positive_definite,
+    check_same_stops,
+    check_size,
+    number,
+    real_list,
+    reals,
+    refuse_unknown,
+    square,
+    symmetric,
+)
 from bvp.frozen import read_only
-from bvp.same_stops import check_same_stops
 from bvp.shown import shown
 
 if TYPE_CHECKING:
@@ -322,10 +332,11 @@ class ImpactSystem:
 
     @classmethod
     def from_lagrangian(cls, *arguments: Any, **options: Any) -> ImpactSystem:
-        """The linear system of kinetic and potential energy given as sympy expressions: see `bvp.lagrangian`."""
-        from bvp.lagrangian import system_from_lagrangian
+        """The linear system of kinetic and potential energy given as sympy expressions: see `bvp.lagrangian.parts_from_lagrangian`."""
+        from bvp.lagrangian import parts_from_lagrangian
 
-        return system_from_lagrangian(*arguments, **options)
+        parts = parts_from_lagrangian(*arguments, **options)
+        return cls(**{**parts, "stops": tuple(Stop(*stop) for stop in parts["stops"])})
 
 
 def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho: float = 1.0) -> ImpactSystem:

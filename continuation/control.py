@@ -1,4 +1,4 @@
-"""Step control and the watch on the test functions, once: the engine calls these functions as they stand, and a problem that marches
+"""Step control and the watch on the test functions, once: the engine calls these functions as they stand, and a problem that advances
 in compiled code compiles the very same ones.
 
 Each is a pure function of numbers and sequences (lists, tuples or arrays alike). It uses nothing but `math` and its arguments.
@@ -41,7 +41,7 @@ PART = 0.1
 """Part of its size nearby to which a test function for branch points falls beside one."""
 
 BLOCK = 64
-"""Most steps that a problem is asked to march before the engine looks up: an interruption loses no more than these."""
+"""Most steps that a problem is asked to advance before the engine looks up: an interruption loses no more than these."""
 
 NEAR_GOAL = 2.0
 """A point that has just passed the goal, nearer to it than this many chords, is looked at for the closure of the family."""

@@ -1,6 +1,6 @@
 """Following a family by pseudo-arclength: step control, refusal of steps, events as they come, and the reason for the end.
 
-Plain points come in blocks from a problem that can march by itself, or one by one; both ways use the same functions of
+Plain points come in blocks from a problem that can advance by itself, or one by one; both ways use the same functions of
 `continuation.control`. Everything else - event location, refused steps, closure - is done here, where it is met.
 """
 
@@ -158,7 +158,7 @@ def walk(
     allowance: Allowance,
     goal: tuple[Step, np.ndarray] | None = None,
 ) -> Iterator[Point | PlainPoints | Event | End]:
-    """The run that `follow` describes, from a corrected and oriented start; points that were marched to come together, where no
+    """The run that `follow` describes, from a corrected and oriented start; points that a block of steps computed come together, where no
     condition has to be asked of each.
 
     It gives an `End` with reason POINTS whenever the allowance is used up; an allowance that can be raised lets it go on when
@@ -166,7 +166,7 @@ def walk(
     with the direction in which the run would pass it; the start, if not given.
     """
     take = problem.step
-    march = getattr(problem, "march", None)
+    advance = getattr(problem, "advance", None)
     finder = EventFinder(problem, settings)
     scan = finder.scan
     tolerance = settings.coincidence_tolerance
@@ -197,19 +197,19 @@ def walk(
             yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
             if not allowance.resume:
                 return
-        if trial is None and march is not None:
+        if trial is None and advance is not None:
             room = min(allowance.points, BLOCK)
             way = None if closure is None else closure.direction
-            marched = march(step, values, older, oldest, length_old, length_older, ds, origin, way, room, control)
-            ds, trial = marched.ds, marched.trial
-            steps = marched.steps
+            taken = advance(step, values, older, oldest, length_old, length_older, ds, origin, way, room, control)
+            ds, trial = taken.ds, taken.trial
+            steps = taken.steps
             count = len(steps)
             if count:
                 fallback = 0.0
                 if closure is None:
                     closure = Closure(problem, settings, first, np.asarray(steps[0].position) - np.asarray(first.position))
-                arclengths = np.cumsum([arclength, *marched.lengths])[1:]
-                plain = PlainPoints(index + 1, arclengths, marched.strides, steps)
+                arclengths = np.cumsum([arclength, *taken.lengths])[1:]
+                plain = PlainPoints(index + 1, arclengths, taken.strides, steps)
                 if stop_when is None:
                     accepted += count
                     index += count
@@ -229,7 +229,7 @@ def walk(
                 step = point.step
                 for k in range(max(0, count - 3), count):
                     oldest, older, values = older, values, steps[k].tests
-                    length_older, length_old = length_old, float(marched.lengths[k])
+                    length_older, length_old = length_old, float(taken.lengths[k])
                 arclength = point.arclength
                 position = step.position
                 continue

@@ -1,4 +1,4 @@
-"""The points of a run: those made one by one, and those that a problem marched to, which stand in its arrays until they are asked for."""
+"""The points of a run: those made one by one, and those of a block of steps, which stay in its arrays until they are asked for."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Points(Sequence[Point]):
     def __setitem__(self, place: int, point: Point) -> None:
         piece, at = self._found(place % self._length)
         if not isinstance(piece, list):
-            raise TypeError("a point that was marched to stays as it is")
+            raise TypeError("a point of a block of steps stays as it is")
         piece[at] = point
 
     def _found(self, place: int) -> tuple[Piece, int]:

@@ -108,11 +108,11 @@ class Step(NamedTuple):
         return id(self)
 
 
-class Marched(NamedTuple):
+class Advance(NamedTuple):
     """Plain steps that a problem took by itself, as the engine would have.
 
-    ``march(step, tests, older, oldest, before, first, ds, goal, direction, room, control)`` starts at `step` with its `tests`, those of the
-    two points before it (`older`, `oldest`; nan where there are none) and the arclengths from `older` and from `oldest` to the next
+    ``advance(step, tests, older, oldest, before, first, ds, goal, direction, room, control)`` starts at `step` with its `tests`, those of
+    the two points before it (`older`, `oldest`; nan where there are none) and the arclengths from `older` and from `oldest` to the next
     (`before`, `first`), with a first step of length `ds`. It corrects, judges and measures each step with `refusal`, `arclength_of`,
     `watch` and `next_step` of `continuation.control`, given `control`. It stops after `room` steps, or with the first step that is not
     plain: not converged, refused, one that has to be searched for events, or one that passes the position `goal` in the `direction` (its
@@ -272,8 +272,8 @@ class Problem(Protocol):
        or ``"interrupted"``.
     6. `residual(y)` (n,) and `jacobian(y)` (n, n + 1) are used for switching only.
 
-    Optional, found by name: ``march(step, tests, older, before, ds, goal, direction, room, control) -> Marched``, which takes many
-    plain steps at once, for speed alone (see `Marched`); ``failure(y, tangent, ds) -> str``, words for where steps fail;
+    Optional, found by name: ``advance(step, tests, older, before, ds, goal, direction, room, control) -> Advance``, which takes many
+    plain steps at once, for speed alone (see `Advance`); ``failure(y, tangent, ds) -> str``, words for where steps fail;
     ``step_near(y, tangent, ds, guess) -> Step``, the step of duty 3 with its corrector started at the unknowns `guess`;
     ``refined(index, at) -> Step | None``, the event of test `index` to full accuracy, where steps bring it no nearer than the step
     `at` (whose tangent and turn it has), None where that is as near as it gets;

@@ -14,18 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.catalogue.store import Catalogue
-    from branches.discovery.search import Discovery
+    from branches.catalogue.catalogue import Catalogue
     from branches.orbit import Orbit
-    from branches.record import read_branch
-    from bvp.damped import Mover
+    from branches.reading import read_branch
+    from branches.search.discovery import Discovery
+    from bvp.damped import Mover, run
     from bvp.forcing import Constant, Harmonic, Record, ground_load
-    from bvp.run import run
     from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-    from saltus.discovery import discover
+    from saltus.families import discover, trace
     from saltus.scene import Scene, load_scene
-    from saltus.tracing import trace
-    from transitions.section import Section, section
+    from transitions.section.section import Section, section
     from transitions.study.study import Study
 
 __all__ = [
@@ -56,27 +54,30 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Branch": "branches.branch",
-    "Catalogue": "branches.catalogue.store",
+    "Catalogue": "branches.catalogue.catalogue",
     "Constant": "bvp.forcing",
-    "Discovery": "branches.discovery.search",
+    "Discovery": "branches.search.discovery",
     "Harmonic": "bvp.forcing",
     "ImpactSystem": "bvp.system",
     "Mover": "bvp.damped",
     "Orbit": "branches.orbit",
     "Record": "bvp.forcing",
     "Scene": "saltus.scene",
-    "Section": "transitions.section",
+    "Section": "transitions.section.section",
     "Stop": "bvp.system",
     "Study": "transitions.study.study",
-    "discover": "saltus.discovery",
+    "discover": "saltus.families",
     "ground_load": "bvp.forcing",
     "load_scene": "saltus.scene",
-    "read_branch": "branches.record",
-    "run": "bvp.run",
-    "section": "transitions.section",
-    "trace": "saltus.tracing",
+    "read_branch": "branches.reading",
+    "run": "bvp.damped",
+    "section": "transitions.section.section",
+    "trace": "saltus.families",
     "vibro_impact_nes": "bvp.system",
 }
+
+_BRANCHES = ("Branch", "Catalogue", "discover", "read_branch", "trace")
+"""Public names that give branches: their methods `switch`, `neighbours`, `trace` and `save` come with them."""
 
 
 def __getattr__(name: str) -> Any:
@@ -84,6 +85,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'saltus' has no attribute {name!r}")
     value = getattr(importlib.import_module(_HOME[name]), name)
+    if name in _BRANCHES:
+        importlib.import_module("branches.methods")
     globals()[name] = value
     return value
 

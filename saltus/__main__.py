@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from saltus import __version__
-from saltus.arguments import OneLineParser, joined_values
+from saltus.arguments import SHELLS, OneLineParser, completion_script, joined_values, one_of
 from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line, say
 from saltus.printing import StandardOutput, standard_output
-from saltus.threads import one_thread
+from saltus.startup import one_thread
 
 __all__ = ["main", "program"]
 
@@ -32,12 +32,11 @@ COMMANDS = {
     "path": ("saltus.commands.path", "find the shortest chain of bifurcations between two families of a catalogue"),
     "export": ("saltus.commands.export", "write what a catalogue holds: plots of many families, the graph, points, orbits"),
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
-    "section": ("saltus.commands.section", "make Poincare sections: many motions of one energy, or a plate of energies"),
-    "bench": ("saltus.commands.bench", "measure speed against error, beside other methods, on this machine"),
-    "run": ("saltus.commands.run", "run one damped motion, event by event, and tell where its energy goes"),
+    "section": ("saltus.commands.section", "make Poincare sections: many motions of one energy, or of several energies in panels"),
+    "run": ("saltus.commands.run", "simulate one damped motion, event by event, and report where its energy goes"),
     "gallery": ("saltus.commands.gallery", "make the figures of a publication, each with its data"),
     "impulsive": ("saltus.commands.impulsive", "find the orbits that start with the velocity of the oscillator alone"),
-    "study": ("saltus.commands.study", "run many damped motions over a grid or a Latin hypercube of parameters"),
+    "study": ("saltus.commands.study", "simulate many damped motions over a grid or a Latin hypercube of parameters"),
     "plot": ("saltus.commands.plot", "draw the results of a study: maps, lines against each parameter, the best point"),
 }
 
@@ -113,21 +112,27 @@ def _ended(words: list[str], output: StandardOutput) -> int:
 
 def _command(words: list[str]) -> int:
     parser = OneLineParser(prog="saltus", description="Families of periodic orbits of systems that impact.")
-    parser.add_argument("--version", action="version", version=f"saltus {__version__}")
-    asked = next((word for word in words if not word.startswith("-")), None)
+    parser.add_argument("-V", "--version", action="version", version=f"saltus {__version__}")
+    summary = f"print the completion script of {', '.join(SHELLS)}"
+    parser.add_argument("--print-completion", metavar="SHELL", type=one_of(*SHELLS), help=summary)
+    completing = words[:1] != [] and words[0].partition("=")[0] == "--print-completion"
+    asked = None if completing else next((word for word in words if not word.startswith("-")), None)
     if asked is not None and asked not in COMMANDS:
         raise BadInput(f"unknown command {asked!r}, expected {' or '.join(COMMANDS)}{nearest(asked, COMMANDS)}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name, (module, summary) in COMMANDS.items():
         command = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        if name == asked:
+        if completing or name == asked:
             importlib.import_module(module).add_arguments(command)
             asked_parser = command
     arguments, unknown = parser.parse_known_args(joined_values(words))
     if asked is None:
         if unknown:
             raise BadInput(f"unknown option {unknown[0]}{nearest(unknown[0], parser.options())}")
-        parser.print_help()
+        if completing:
+            print(completion_script(parser, arguments.print_completion))
+        else:
+            parser.print_help()
         return DONE
     if unknown:
         getattr(arguments, "parser", asked_parser).refuse(unknown[0], words)

@@ -10,10 +10,22 @@ from typing import Any, NoReturn
 
 from saltus.errors import BadInput, nearest
 
-__all__ = ["OneLineParser", "energy_range", "joined_values", "number", "one_of", "positive", "whole_above_zero"]
+__all__ = [
+    "SHELLS",
+    "OneLineParser",
+    "completion_script",
+    "energy_range",
+    "joined_values",
+    "number",
+    "one_of",
+    "positive",
+    "whole_above_zero",
+]
+
+SHELLS = ("bash", "zsh", "tcsh")
+"""Shells that have completion."""
 
 _LOOKS_NEGATIVE = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
-
 
 MOST = 10**15
 """Largest whole number of an option: what counts beyond it has no end."""
@@ -45,6 +57,22 @@ class OneLineParser(argparse.ArgumentParser):
         if not option.startswith("-"):
             raise BadInput(f"unexpected argument {word!r} (see {self.prog} --help)")
         raise BadInput(f"unknown option {option} of {self.prog}{nearest(option, self.options())}")
+
+
+def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
+    """The script by which a shell completes the commands and options of a parser, and the names of files."""
+    import shtab
+
+    def complete_files(part: argparse.ArgumentParser) -> None:
+        for action in part._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                for inner in action.choices.values():
+                    complete_files(inner)
+            elif action.metavar == "FILE":
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+
+    complete_files(parser)
+    return shtab.complete(parser, shell)
 
 
 def joined_values(words: list[str]) -> list[str]:
@@ -126,16 +154,7 @@ def whole_above_zero(text: str) -> int:
 
 
 def energy_range(text: str) -> tuple[float, float]:
-    """Read a range of energies.
-
-    Parameters
-    ----------
-    text : str
-        ``LO:HI`` with 0 < LO < HI.
-
-    Returns
-    -------
-    tuple of float
+    """Read a range of energies, ``LO:HI`` with 0 < LO < HI, both finite.
 
     Examples
     --------
@@ -146,21 +165,20 @@ def energy_range(text: str) -> tuple[float, float]:
     argparse.ArgumentTypeError: received '10:0.1', a reversed range, expected LO:HI with 0 < LO < HI
     """
     expected = "expected LO:HI with 0 < LO < HI"
-    parts = text.split(":")
     try:
-        low, high = (float(part) for part in parts)
+        low, high = (float(part) for part in text.split(":"))
     except ValueError:
         raise argparse.ArgumentTypeError(f"received {text!r}, {expected}") from None
-    if math.isnan(low) or math.isnan(high):
-        raise argparse.ArgumentTypeError(f"received {text!r}, NaN is no energy, {expected}")
-    if low > high:
-        raise argparse.ArgumentTypeError(f"received {text!r}, a reversed range, {expected}")
-    if low == high:
-        raise argparse.ArgumentTypeError(f"received {text!r}, an empty range, {expected}")
-    if low <= 0.0:
-        raise argparse.ArgumentTypeError(f"received {text!r}, an energy that is not above 0, {expected}")
-    if math.isinf(high):
-        raise argparse.ArgumentTypeError(f"received {text!r}, an energy that is not finite, {expected}")
+    faults = {
+        "NaN is no energy": math.isnan(low) or math.isnan(high),
+        "a reversed range": low > high,
+        "an empty range": low == high,
+        "an energy that is not above 0": low <= 0.0,
+        "an energy that is not finite": math.isinf(high),
+    }
+    for fault, found in faults.items():
+        if found:
+            raise argparse.ArgumentTypeError(f"received {text!r}, {fault}, {expected}")
     return low, high
 
 

@@ -1,18 +1,18 @@
-"""The options that choose a catalogue, shared by the commands that read one."""
+"""The option `--catalogue`: which catalogue a command reads names from, or writes a family to."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from branches.files import reason
-from saltus import scene_arguments
+from saltus import options
 from saltus.errors import BadInput
 from saltus.files import check_writable
-from saltus.outputs import apart
+from saltus.outputs import KINDS, apart
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -23,22 +23,21 @@ __all__ = [
     "add_arguments",
     "add_file",
     "default_path",
-    "from_arguments",
     "given",
     "lookup",
     "named",
+    "open_catalogue",
     "open_file",
-    "opened",
     "place_to_save",
-    "save",
+    "save_branch",
 ]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--catalogue``, ``--scene``, and the parameters of the model: a catalogue belongs to one system."""
-    parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
+    add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the scene that the catalogue belongs to (default: lee2009)")
-    scene_arguments.add_parameters(parser)
+    options.add_parameters(parser)
 
 
 def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:
@@ -47,7 +46,7 @@ def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:
 
 
 def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:
-    """Where the catalogue of a scene is kept when no file is named: in the user's data folder.
+    """The default catalogue of a scene, in the user's data folder.
 
     Parameters
     ----------
@@ -70,8 +69,8 @@ def default_path(scene: str | None = None, parameters: dict[str, float] | None =
     return user_data_path("saltus", appauthor=False) / f"{stem}{changed}.sqlite"
 
 
-def from_arguments(arguments: argparse.Namespace) -> Catalogue:
-    """Open the catalogue asked for, to read.
+def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
+    """Open the catalogue that was asked for, to read.
 
     Raises
     ------
@@ -80,29 +79,22 @@ def from_arguments(arguments: argparse.Namespace) -> Catalogue:
     ValueError
         For a scene that loses energy: it has no families, and no catalogue.
     CatalogueError
-        For a file that is none, or that belongs to another system than the scene that is named, with the parameters that are given.
+        For a file that is no catalogue, or that belongs to another system than the scene and parameters that are given.
     """
-    parameters = scene_arguments.parameters(arguments)
-    path = default_path(arguments.scene, parameters) if arguments.catalogue is None else Path(arguments.catalogue)
-    scene = scene_arguments.from_arguments(arguments) if arguments.scene is not None or parameters else None
+    parameters = options.parameters_of(arguments)
+    scene = options.scene_of(arguments) if arguments.scene is not None or parameters else None
     if scene is not None:
-        from branches.discovery.scope import require_conservative
+        from branches.search.scope import require_conservative
 
         require_conservative(scene.system, "families of periodic orbits")
-    if arguments.catalogue is None and not path.exists():
+    if arguments.catalogue is not None:
+        return open_file(arguments.catalogue, scene)
+    path = default_path(arguments.scene, parameters)
+    if not path.exists():
         raise BadInput(
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"
         )
     return open_file(path, scene)
-
-
-@contextmanager
-def opened(arguments: argparse.Namespace) -> Iterator[Catalogue]:
-    """The catalogue asked for, to read, after looking whether the data that are asked for can be written."""
-    if arguments.json is not None:
-        check_writable(arguments.json)
-    with from_arguments(arguments) as catalogue:
-        yield catalogue
 
 
 def open_file(path: str | Path, scene: Scene | None = None) -> Catalogue:
@@ -118,8 +110,9 @@ def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager
 
 
 def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
-    """The catalogue where a name is looked up: that which is given, unless it is given to save in. An id is looked up in that one too, then
-    in the scene's own.
+    """The catalogue in which a name is looked up, None where there is none.
+
+    It is the one that is given to read. Without it, an id is looked up in the catalogue to save in, then in the scene's own.
 
     Raises
     ------
@@ -137,8 +130,9 @@ def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractCo
 
 
 def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
-    """A name with the whole id in place of a part of one: its beginning, the beginning of its hash, or as a table shortens it. Any other
-    name as it is. The catalogues are those of `lookup`.
+    """Replace a part of an id by the whole id. Other names stay as they are.
+
+    The part can be the beginning of the id or of its hash, or the id as a table shortens it. The catalogues are those of `lookup`.
 
     Raises
     ------
@@ -149,22 +143,20 @@ def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
     CatalogueError
         For a catalogue there that cannot be read, or belongs to another system.
     """
-    from branches.labels import LabelSyntaxError, parse_name
-    from branches.name_errors import NameNotFound
+    from branches.naming.labels import LabelSyntaxError, parse_name
+    from branches.naming.reference_points import NameNotFound
 
+    id, at, suffix = text.partition("@")
     try:
         parse_name(text)
+        return text
     except LabelSyntaxError:
         from branches.catalogue.find import is_part_of_id
 
-        id, at, suffix = text.partition("@")
         if not is_part_of_id(id):
             raise
-    else:
-        return text
-    places = [open_file(arguments.catalogue, scene)] if _is_given_to_read(arguments) else _with_ids(arguments, scene)
     unknown: ValueError = BadInput(f"{id} is a part of an id, and no catalogue is there to look it up: expected --catalogue FILE")
-    for catalogue in places:
+    for catalogue in _with_ids(arguments, scene):
         with catalogue:
             try:
                 return catalogue.find(id).id + at + suffix
@@ -178,9 +170,12 @@ def _is_given_to_read(arguments: argparse.Namespace) -> bool:
 
 
 def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue]:
-    """The catalogues in which an id is looked up where none is given to read: that to save in, and the scene's own, where they exist."""
-    # Damping and restitution change no family: those of a damped run are of the system without.
-    changed = {key: value for key, value in scene_arguments.parameters(arguments).items() if key not in ("lam", "rho")}
+    """The catalogues in which an id is looked up: the one to read, else the one to save in and the scene's own, where they exist."""
+    if _is_given_to_read(arguments):
+        yield open_file(arguments.catalogue, scene)
+        return
+    # Damping and restitution change no family: a damped run uses the families of the system without them.
+    changed = {key: value for key, value in options.parameters_of(arguments).items() if key not in ("lam", "rho")}
     for place in (arguments.catalogue, default_path(arguments.scene, changed)):
         if place is not None and Path(place).exists():
             yield open_file(place, scene)
@@ -197,13 +192,13 @@ def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
     if arguments.catalogue is not None:
         place = Path(arguments.catalogue)
     else:
-        place = default_path(arguments.scene, scene_arguments.parameters(arguments))
+        place = default_path(arguments.scene, options.parameters_of(arguments))
         try:
             place.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise BadInput(f"cannot make the directory {place.parent}: {reason(error)}") from error
     check_writable(str(place), database=True)
-    apart({f"--{name}": getattr(arguments, name, None) for name in ("json", "csv", "plot")} | {"--catalogue": str(place)})
+    apart({f"--{name}": getattr(arguments, name, None) for name in KINDS} | {"--catalogue": str(place)})
     if place.exists():
         from branches.catalogue import Catalogue
 
@@ -211,8 +206,10 @@ def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
     return place
 
 
-def save(branch: Branch, place: Path, scene: Scene) -> str:
-    """Keep a branch in a catalogue, which is made if there is none; what became of it, in words.
+def save_branch(branch: Branch, place: Path, scene: Scene, version: str) -> str:
+    """Keep a branch in a catalogue, which is made if there is none; return what became of it, as a line.
+
+    `version` is that of saltus, which a new catalogue holds.
 
     Raises
     ------
@@ -222,9 +219,8 @@ def save(branch: Branch, place: Path, scene: Scene) -> str:
     """
     from branches.catalogue import Catalogue
     from branches.catalogue.widening import CannotWiden, Kept
-    from saltus import __version__
 
-    with Catalogue(place, "a", scene=scene, provenance={"saltus": __version__}) as catalogue:
+    with Catalogue(place, "a", scene=scene, provenance={"saltus": version}) as catalogue:
         before = _range(catalogue.family(branch.id).h) if branch.id in catalogue else ""
         try:
             kept = catalogue.widen(branch)

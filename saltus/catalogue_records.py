@@ -1,12 +1,8 @@
-"""Families, events and edges of a catalogue as plain data for JSON, and as short words."""
+"""Families, events, edges and nodes of a catalogue as plain data for JSON."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
-
-from saltus.files import STANDARD_OUTPUT, write_data
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge, FamilyRow, Node
@@ -18,11 +14,8 @@ __all__ = [
     "event_record",
     "family_record",
     "impacts_text",
-    "json_text",
     "node_record",
-    "range_text",
     "same_meeting",
-    "tell",
 ]
 
 SCHEMA = 1
@@ -34,7 +27,7 @@ def family_record(row: FamilyRow) -> dict[str, Any]:
         "id": row.id,
         "label": row.label,
         "ends": row.ends,
-        "word": row.word,
+        "word": row.sequence,
         "impacts": row.impacts,
         "h": list(row.h),
         "alpha": list(row.alpha),
@@ -64,7 +57,7 @@ def edge_record(edge: Edge) -> dict[str, Any]:
 
 
 def same_meeting(one: Edge, other: Edge) -> bool:
-    """Whether two edges are one meeting of two families, told by each of them.
+    """Whether two edges are one meeting of two families, which each of them reports.
 
     Examples
     --------
@@ -83,59 +76,16 @@ def same_meeting(one: Edge, other: Edge) -> bool:
 
 def node_record(catalogue: Catalogue, id: str) -> dict[str, Any]:
     """A node of the graph in a few words: a family by its label and energies, another node by what it is."""
-    from branches.labels import spelled
+    from branches.naming.labels import spelled
 
     if id in catalogue:
         row = catalogue.family(id)
-        return {"id": id, "kind": "family", "label": spelled(row.label, catalogue.scene.pins), "h": list(row.h)}
+        return {"id": id, "kind": "family", "label": spelled(row.label, catalogue.scene.reference_points), "h": list(row.h)}
     node: Node | None = next((node for node in catalogue.nodes if node.id == id), None)
     if node is None:
         return {"id": id, "kind": "missing", "label": "", "h": None}
     record = {"id": id, "kind": node.kind, "label": node.label, "h": None if node.h is None else list(node.h)}
     return {**record, "note": node.note} if node.note else record
-
-
-def json_text(record: dict[str, Any]) -> str:
-    """JSON with one line for each entry of a list, so that files can be compared by line."""
-    lines = []
-    for key, value in record.items():
-        if isinstance(value, list) and value and isinstance(value[0], dict):
-            entries = ",\n    ".join(json.dumps(entry, allow_nan=False, ensure_ascii=False) for entry in value)
-            lines.append(f"  {json.dumps(key)}: [\n    {entries}\n  ]")
-        else:
-            lines.append(f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}")
-    return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def range_text(ends: tuple[float, float]) -> str:
-    """A range of numbers as ``0.1185:14.55``.
-
-    Examples
-    --------
-    >>> range_text((0.118507810594, 14.5537010891)), range_text((1.0, 1.0))
-    ('0.11851:14.554', '1:1')
-    """
-    return f"{ends[0]:.5g}:{ends[1]:.5g}"
-
-
-def tell(path: str | None, lines: Iterable[str], record: Callable[[], dict[str, Any]]) -> None:
-    """Print lines, and write a record as JSON where it is asked for; on standard output it stands alone.
-
-    Parameters
-    ----------
-    path : str or None
-        Of the JSON file, ``-`` for standard output.
-    lines : iterable of str
-    record : callable
-        Gives the record without its schema.
-    """
-    if path != STANDARD_OUTPUT:
-        for line in lines:
-            print(line)
-    if path is not None:
-        write_data(path, json_text({"schema": SCHEMA, **record()}))
-        if path != STANDARD_OUTPUT:
-            print(f"wrote  {path}")
 
 
 def impacts_text(impacts: float) -> str:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 
 from branches.files import reason
 from saltus.errors import BadInput, one_line
-from saltus.threads import one_thread
+from saltus.startup import one_thread
 
 __all__ = ["end_with_the_parent", "open_executor"]
 

@@ -1,4 +1,4 @@
-"""Which model a system and a name lead to, and why: nothing that the system lacks is computed."""
+"""The model that is chosen for a system, and why: nothing that the system lacks is computed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def explain(system: ImpactSystem, name: str) -> list[str]:
     ----------
     system : bvp.system.ImpactSystem
     name : str
-        The name of an orbit or family; its label or id tells the ends of the solved segment.
+        The name of an orbit or family; its label or id gives the ends of the solved segment.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def explain(system: ImpactSystem, name: str) -> list[str]:
     >>> explain(vibro_impact_nes(rho=0.7), "S13O00+")
     ['restitution 0.7 of stop a loses energy -> no family of periodic orbits without forcing']
     """
-    from branches.labels import parse_name
+    from branches.naming.labels import parse_name
 
     parsed = parse_name(name)
     why = system.why_not_conservative()
@@ -70,16 +70,7 @@ def explain(system: ImpactSystem, name: str) -> list[str]:
 
 
 def explain_search(system: ImpactSystem) -> list[str]:
-    """Say which model is chosen for a search for orbits of all kinds, and why.
-
-    Parameters
-    ----------
-    system : bvp.system.ImpactSystem
-
-    Returns
-    -------
-    list of str
-        Lines ``reason -> choice``.
+    """Say which model is chosen for a search for orbits of all kinds, and why. The lines are as of `explain`.
 
     Examples
     --------
@@ -98,24 +89,14 @@ def explain_search(system: ImpactSystem) -> list[str]:
 
 
 def explain_motion(system: ImpactSystem, forces: Sequence[Force] = ()) -> list[str]:
-    """Say which model is chosen for one motion, and why.
-
-    Parameters
-    ----------
-    system : bvp.system.ImpactSystem
-    forces : sequence of bvp.forcing loads
-
-    Returns
-    -------
-    list of str
-        Lines ``reason -> choice``.
+    """Say which model is chosen for one motion, and why. The lines are as of `explain`.
 
     Examples
     --------
     >>> from bvp.system import vibro_impact_nes
     >>> print("\\n".join(explain_motion(vibro_impact_nes(lam=0.01, rho=0.7))))
     damped -> complex modes: free flight is a sum of decaying exponentials, exact to rounding
-    restitution below 1 -> bounces that accumulate are summed to their end, and a contact that is pressed is held with one coordinate less
+    restitution below 1 -> bounces that accumulate are summed to their end, and a contact that is pressed sticks, with one coordinate less
     no loads -> no particular solution
     """
     modes = "damped -> complex modes: free flight is a sum of decaying exponentials, exact to rounding"
@@ -123,7 +104,7 @@ def explain_motion(system: ImpactSystem, forces: Sequence[Force] = ()) -> list[s
     if all(stop.restitution == 1.0 for stop in system.stops):
         lines.append(_ELASTIC)
     else:
-        how = "bounces that accumulate are summed to their end, and a contact that is pressed is held with one coordinate less"
+        how = "bounces that accumulate are summed to their end, and a contact that is pressed sticks, with one coordinate less"
         lines.append(f"restitution below 1 -> {how}")
     kinds = ", ".join(dict.fromkeys(type(force).__name__.lower() for force in forces))
     choice = f"{kinds} -> each load is the state of a linear system of its own, and the flight with it exact" if kinds else ""
@@ -131,16 +112,7 @@ def explain_motion(system: ImpactSystem, forces: Sequence[Force] = ()) -> list[s
 
 
 def explain_section(system: ImpactSystem) -> list[str]:
-    """Say which model is chosen for a Poincare section, and why.
-
-    Parameters
-    ----------
-    system : bvp.system.ImpactSystem
-
-    Returns
-    -------
-    list of str
-        Lines ``reason -> choice``.
+    """Say which model is chosen for a Poincare section, and why. The lines are as of `explain`.
 
     Examples
     --------
@@ -179,7 +151,7 @@ _REVERSIBLE = [
 
 def _of_ends(family: str) -> list[str]:
     """Explain the problem that a family's id names."""
-    from branches.words import PERIODIC, segments_per_period, split_family_id
+    from branches.sequences import PERIODIC, segments_per_period, split_family_id
 
     ends = split_family_id(family)[0]
     if ends == PERIODIC:

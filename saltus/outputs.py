@@ -1,29 +1,83 @@
-"""The files that a command was asked for: checked together before the work, written together after it."""
+"""Output files of the commands: one grammar of options, checked together before the work, written together after it."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import IO, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from bvp.interrupts import Held, held
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say, say_and_code
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say, say_and_code
 from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_writable, output_path, replacing, write_data
 from saltus.printing import words_stream
 
-__all__ = ["NotDrawn", "Outputs", "add_arguments", "add_json", "after", "apart", "from_arguments"]
+if TYPE_CHECKING:
+    from branches.export.table_files import Table
 
-ARRAYS = ("npz", "mat")
-"""Kinds of files of arrays."""
+__all__ = ["NotDrawn", "Outputs", "add_arguments", "after", "apart", "json_text", "outputs_of"]
+
+SCHEMA = 1
+"""Of the records that `Outputs.finish` writes."""
 
 _HYPHEN = "; - is standard output, which then carries nothing else"
+
+TEXTS = {
+    "json": f"write all data as JSON{_HYPHEN}",
+    "csv": f"write all data as CSV{_HYPHEN}",
+    "graphml": f"write the graph as GraphML{_HYPHEN}",
+    "dot": f"write the graph as DOT, for Graphviz{_HYPHEN}",
+}
+"""Kinds of files that are text, with the help of their options."""
+
+ARRAYS = {"npz": "write all data as arrays of numpy", "mat": "write all data as arrays of Matlab"}
+"""Kinds of files of arrays, with the help of their options."""
+
+KINDS = {**TEXTS, **ARRAYS, "plot": "draw a picture: FILE.png, FILE.pdf or FILE.svg"}
+"""Every kind of output file: `KINDS` names the options of all commands."""
 
 
 class NotDrawn(RuntimeError):
     """What was computed has no such picture; the message says why in words."""
+
+
+def add_arguments(parser: argparse.ArgumentParser, *kinds: str, **meanings: str) -> None:
+    """Add the options that name output files.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    *kinds : str
+        The kinds of `KINDS` that the command can write.
+    **meanings : str
+        Other kinds, with the help of their options in place of that of `KINDS`.
+    """
+    for kind in (*kinds, *meanings):
+        parser.add_argument(f"--{kind}", metavar="FILE", type=output_path, help=meanings.get(kind, KINDS[kind]))
+
+
+def outputs_of(arguments: argparse.Namespace) -> Outputs:
+    """Return the output files that were asked for, checked.
+
+    Raises
+    ------
+    saltus.errors.BadInput
+        For a path that cannot be written, an unknown picture format, or one place for two results.
+    """
+    places = {kind: path for kind in KINDS if (path := getattr(arguments, kind, None)) is not None}
+    for kind, path in places.items():
+        if kind == "plot":
+            check_picture(path)
+        elif kind in ARRAYS and path == STANDARD_OUTPUT:
+            raise BadInput(f"{kind} cannot go to standard output: expected a file")
+        else:
+            check_writable(path)
+    apart({f"--{kind}": path for kind, path in places.items()})
+    return Outputs(places)
 
 
 def apart(places: Mapping[str, str | None]) -> None:
@@ -57,119 +111,135 @@ def apart(places: Mapping[str, str | None]) -> None:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where the results go; None for what was not asked for.
+    """The output files of a command.
 
     Attributes
     ----------
-    json, csv : str or None
-        Paths, or ``-`` for standard output.
-    plot : str or None
-        Path of a picture.
-    npz, mat : str or None
-        Paths of files of arrays.
-    arrays : str or None
-        Path of a file of arrays whose ending tells which kind it is.
+    places : mapping of str to str
+        The path of each kind of file that was asked for, ``-`` for standard output.
     """
 
-    json: str | None = None
-    csv: str | None = None
-    plot: str | None = None
-    npz: str | None = None
-    mat: str | None = None
-    arrays: str | None = None
+    places: Mapping[str, str]
 
-    def check(self) -> None:
-        """Refuse what could not be written.
-
-        Raises
-        ------
-        saltus.errors.BadInput
-            For a path that cannot be written, an unknown picture format, or one place for two results.
-        """
-        for path in (self.json, self.csv):
-            if path is not None:
-                check_writable(path)
-        for kind, path in (("npz", self.npz), ("mat", self.mat)):
-            if path == STANDARD_OUTPUT:
-                raise BadInput(f"{kind} cannot go to standard output: expected a file")
-            if path is not None:
-                check_writable(path)
-        if self.arrays is not None:
-            suffix = _suffix(self.arrays)
-            if self.arrays == STANDARD_OUTPUT or suffix not in ARRAYS:
-                expected = f"expected a file ending in {' or '.join(ARRAYS)}{nearest(suffix, ARRAYS)}"
-                raise BadInput(f"unknown format of {self.arrays!r} for --arrays: {expected}")
-            check_writable(self.arrays)
-        if self.plot is not None:
-            check_picture(self.plot)
-        apart({f"--{name}": getattr(self, name) for name in ("json", "csv", "plot", *ARRAYS, "arrays")})
+    @property
+    def to_stdout(self) -> bool:
+        """Whether standard output carries data."""
+        return STANDARD_OUTPUT in self.places.values()
 
     @property
     def words(self) -> TextIO:
         """The stream for what is printed: standard error where standard output carries data."""
-        return words_stream(STANDARD_OUTPUT in (self.json, self.csv))
+        return words_stream(self.to_stdout)
+
+    def report(self, lines: Iterable[str]) -> None:
+        """Print lines."""
+        stream = self.words
+        for line in lines:
+            print(line, file=stream, flush=True)
+
+    def finish(self, lines: Iterable[str], record: Callable[[], dict[str, Any]], **options: Any) -> int:
+        """Print lines, and write a record as JSON where it is asked for. On standard output the record stands alone.
+
+        Parameters
+        ----------
+        lines : iterable of str
+        record : callable
+            Returns the record without its schema.
+        **options
+            Of `write`, for other kinds of files.
+
+        Returns
+        -------
+        int
+            The exit code, as of `write`.
+        """
+        if not self.to_stdout:
+            self.report(lines)
+        return self.write({"json": lambda: json_text({"schema": SCHEMA, **record()})}, **options)
 
     def write(
         self,
-        json: Callable[[], str],
-        csv: Callable[[], str],
-        draw: Callable[[Path], None],
-        arrays: Callable[[str, IO[bytes]], None] | None = None,
+        texts: Mapping[str, Callable[[], str]] | None = None,
+        *,
+        table: Callable[[], Table] | None = None,
+        about: Callable[[], str] | None = None,
+        cells: bool = True,
+        plot: Callable[[Path], None] | None = None,
+        files: Mapping[str, Callable[[Path], None]] | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> int:
         """Write what was asked for. One failure does not keep the others from being written, nor does an interrupt.
 
         Parameters
         ----------
-        json, csv : callable
-            Return the text of the file.
-        draw : callable
+        texts : mapping of str to callable
+            For each kind of `TEXTS` a function that returns the text of the file.
+        table : callable, optional
+            Returns the table of the files of arrays, and of a CSV file that is not in `texts`.
+        about : callable, optional
+            Returns a text that files of arrays hold beside the table.
+        cells : bool
+            As for `branches.export.table_files.write_binary`.
+        plot : callable, optional
             Draws into the file that it is given.
-        arrays : callable, optional
-            Writes arrays in the format that it is given, "npz" or "mat", into the file that it is given.
+        files : mapping of str to callable, optional
+            For other kinds of files, a function that writes the file that it is given.
+        notes : mapping of str to str, optional
+            What the file of a kind holds, in words.
 
         Returns
         -------
         int
-            The exit code: 130 if an interrupt came, 2 if a file could not be written, 1 if a picture could not be drawn; each is said on
-            standard error.
+            The exit code: 130 if an interrupt came, 2 if a file could not be written, 1 if a picture could not be drawn. Each is
+            reported on standard error.
         """
+        direct = {**(files or {}), **({} if plot is None else {"plot": plot})}
+        made = None if table is None else cache(table)
 
-        def picture(path: str) -> None:
-            with replacing(path) as beside:
-                draw(beside)
+        def write_one(kind: str, path: str) -> None:
+            if kind in direct:
+                with replacing(path) as beside:
+                    direct[kind](beside)
+            elif kind in ARRAYS:
+                from branches.export.table_files import write_binary
 
-        def binary(kind: str) -> Callable[[str], None]:
-            def write(path: str) -> None:
-                assert arrays is not None
+                assert made is not None
                 with replacing(path) as beside, beside.open("wb") as file:
-                    arrays(kind, file)
+                    write_binary(made(), kind, file, about=None if about is None else about(), cells=cells)
+            elif texts is not None and kind in texts:
+                write_data(path, texts[kind]())
+            else:
+                from branches.export.table_files import csv_text
 
-            return write
+                assert made is not None
+                write_data(path, csv_text(made()))
 
         code = DONE
-        jobs = (
-            (self.json, lambda path: write_data(path, json())),
-            (self.csv, lambda path: write_data(path, csv())),
-            (self.npz, binary("npz")),
-            (self.mat, binary("mat")),
-            (self.plot, picture),
-            (self.arrays, binary(_suffix(self.arrays or ""))),
-        )
         with held() as interrupt:
-            for path, job in jobs:
-                if path is None:
-                    continue
+            for kind, path in self.places.items():
                 try:
-                    job(path)
+                    write_one(kind, path)
                 except WriteFailure as failure:
-                    code = say_and_code(failure)
+                    code = max(code, say_and_code(failure))
                 except NotDrawn as failure:
                     say(one_line(failure))
                     code = max(code, FAILED)
                 else:
                     if path != STANDARD_OUTPUT:
-                        print(f"wrote  {path}", file=self.words, flush=True)
+                        self.report([f"wrote  {path}" + (f": {notes[kind]}" if notes and kind in notes else "")])
         return after(interrupt, code)
+
+
+def json_text(record: dict[str, Any]) -> str:
+    """JSON with one line for each entry of a list, so that files can be compared by line."""
+    lines = []
+    for key, value in record.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            entries = ",\n    ".join(json.dumps(entry, allow_nan=False, ensure_ascii=False) for entry in value)
+            lines.append(f"  {json.dumps(key)}: [\n    {entries}\n  ]")
+        else:
+            lines.append(f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def after(interrupt: Held, code: int) -> int:
@@ -178,30 +248,3 @@ def after(interrupt: Held, code: int) -> int:
         say("interrupted; what was computed is written")
         return INTERRUPTED
     return code
-
-
-def _suffix(path: str) -> str:
-    return Path(path).suffix[1:].lower()
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json``."""
-    parser.add_argument("--json", metavar="FILE", type=output_path, help=f"write all data as JSON{_HYPHEN}")
-
-
-def add_arguments(parser: argparse.ArgumentParser, *, arrays: bool = False) -> None:
-    """Add ``--json``, ``--csv`` and ``--plot``; and ``--npz`` and ``--mat``, for a command that has arrays."""
-    add_json(parser)
-    parser.add_argument("--csv", metavar="FILE", type=output_path, help=f"write all data as CSV{_HYPHEN}")
-    if arrays:
-        parser.add_argument("--npz", metavar="FILE", help="write all data as arrays of numpy")
-        parser.add_argument("--mat", metavar="FILE", help="write all data as arrays of Matlab")
-    parser.add_argument("--plot", metavar="FILE", help="draw a picture: FILE.png, FILE.pdf or FILE.svg")
-
-
-def from_arguments(arguments: argparse.Namespace) -> Outputs:
-    """Return the outputs asked for, checked."""
-    arrays = {name: getattr(arguments, name, None) for name in (*ARRAYS, "arrays")}
-    outputs = Outputs(json=arguments.json, csv=arguments.csv, plot=arguments.plot, **arrays)
-    outputs.check()
-    return outputs

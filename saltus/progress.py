@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from types import TracebackType
 from typing import Any
@@ -17,7 +18,9 @@ PAUSE = 60.0
 
 
 class ProgressBar:
-    """Shows how many points are done; lines printed through `line` do not disturb it.
+    """Shows how many points are done. Lines printed through `line` do not disturb it.
+
+    Where standard error is no terminal, a thread prints a line a minute, also while a search reports nothing.
 
     Parameters
     ----------
@@ -39,28 +42,43 @@ class ProgressBar:
         self._things = things
         self._bar: Any = None
         self._task: Any = None
-        self._wanted = sys.stderr is not None and sys.stderr.isatty()
-        self._start = self._said = time.monotonic()
+        self._terminal = sys.stderr is not None and sys.stderr.isatty()
+        self._start = time.monotonic()
+        self._count: int | None = None
+        self._more = ""
+        self._done = threading.Event()
 
     def __enter__(self) -> ProgressBar:
+        if not self._terminal:
+            threading.Thread(target=self._report_again, daemon=True).start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+        self._done.set()
         if self._bar is not None:
             self._bar.stop()
 
     def update(self, count: int, more: str = "") -> None:
         """Show how many points are done, and more in words."""
+        self._count, self._more = count, more
         if self._bar is not None:
             self._bar.update(self._task, completed=count, description=more)
-        elif self._wanted:
-            if time.monotonic() - self._start > PATIENCE:
-                self._show(count)
-        elif sys.stderr is not None and time.monotonic() - self._said >= PAUSE:
-            self._said = time.monotonic()
-            total = "" if self._total is None else f" of {self._total}"
-            after = f"after {(self._said - self._start) / 60.0:.0f} min"
-            print(f"saltus: {count}{total} {self._things} {after}{more and ', ' + more}", file=sys.stderr, flush=True)
+        elif self._terminal and time.monotonic() - self._start > PATIENCE:
+            self._show(count)
+
+    def report(self) -> None:
+        """Print a line about the progress on standard error."""
+        if sys.stderr is None:
+            return
+        total = "" if self._total is None else f" of {self._total}"
+        done = "still at work" if self._count is None else f"{self._count}{total} {self._things}"
+        minutes = f"{(time.monotonic() - self._start) / 60.0:.0f} min"
+        sys.stderr.write(f"saltus: {done} after {minutes}{self._more and ', ' + self._more}\n")
+        sys.stderr.flush()
+
+    def _report_again(self) -> None:
+        while not self._done.wait(min(PAUSE, threading.TIMEOUT_MAX)):
+            self.report()
 
     def line(self, text: str, stream: Any) -> None:
         """Print a line to a stream and flush it."""

@@ -5,7 +5,7 @@ import os
 import hypothesis
 import pytest
 
-from saltus.threads import one_thread
+from saltus.startup import one_thread
 
 one_thread()
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -24,9 +24,9 @@ def pytest_sessionstart(session):
 
         warm()
     elif worker == "gw1":
-        from bvp.run import run
+        from bvp.damped import run
         from bvp.system import vibro_impact_nes
-        from transitions.section import section
+        from transitions.section.section import section
 
         run(vibro_impact_nes(rho=0.7, lam=0.01), [0.0, 0.0], [0.0, 1.0], 1.0)
         section(vibro_impact_nes(), 0.06, orbits=1, crossings=2)
@@ -36,8 +36,8 @@ def pytest_sessionstart(session):
 def small_scene(tmp_path_factory):
     """The reference scene up to quarter period 3 and 6 impacts in half a period, built once: its path and the report of the build."""
     import saltus
-    from branches.building.bounds import Bounds, Plan
     from branches.building.build import build
+    from branches.building.plan import Bounds, Plan
     from branches.catalogue import Catalogue
     from saltus.executors import open_executor
 

@@ -1,6 +1,6 @@
 """Empirical mode decomposition of a signal, with the instantaneous frequencies of its modes by the Hilbert transform.
 
-The sifting is that of the package EMD-signal, an optional part of the installation.
+The optional package EMD-signal does the sifting.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["Modes", "NotInstalled", "decompose", "orthogonality_index", "sifting
 
 
 class NotInstalled(ImportError):
-    """A package that is asked for only here is missing; the message is one line and says what to install."""
+    """An optional package is missing; the message is one line and says what to install."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +27,16 @@ class Modes:
     ----------
     times : (m,) float
     functions : (k, m) float
-        The intrinsic mode functions, the fastest first.
+        The intrinsic mode functions, fastest first.
     residue : (m,) float
-        What has no oscillation left; the signal is the sum of all.
+        The rest, which does not oscillate. The signal is the sum of the functions and the residue.
     frequencies : (k, m) float
-        Instantaneous angular frequencies, the rate of the phase of the analytic signal; not positive where a mode has riding waves, and
-        without meaning near the ends of the record.
+        Instantaneous angular frequencies, the rate of the phase of the analytic signal. They are negative where a mode has riding waves,
+        and have no meaning near the ends of the record.
     amplitudes : (k, m) float
         Modulus of the analytic signal.
     orthogonality : float
-        Index of orthogonality, see `orthogonality_index`.
+        The result of `orthogonality_index`.
     """
 
     times: np.ndarray
@@ -48,7 +48,7 @@ class Modes:
 
     @property
     def mean_frequencies(self) -> np.ndarray:
-        """Angular frequency (k,) of each mode, weighted by its squared amplitude: the centre of its power spectrum."""
+        """Mean angular frequency (k,) of each mode, weighted by its squared amplitude: the centre of its power spectrum."""
         return np.sum(self.frequencies * self.amplitudes**2, axis=1) / np.sum(self.amplitudes**2, axis=1)
 
 
@@ -58,7 +58,7 @@ def sifting() -> Any:
     Raises
     ------
     NotInstalled
-        Where it is missing.
+        If the package is missing.
     """
     try:
         from PyEMD import EMD
@@ -77,7 +77,7 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
         Uniform.
     signal : (m,) float
     most : int, optional
-        Most functions; the rest is the residue.
+        Largest number of functions.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
     Raises
     ------
     NotInstalled
-        Where EMD-signal is missing.
+        If EMD-signal is missing.
     ValueError
         For times that are not uniform, or fewer than eight.
 
@@ -101,7 +101,7 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
     times, signal, step = checked(times, signal)
     if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
         raise ValueError(f"most is a whole number of 1 or more; received {shown(most)}")
-    # EMD-signal stops at absolute ranges and sums, fit for signals of size 1.
+    # EMD-signal stops at absolute ranges and sums, which fit signals of size 1.
     size = float(np.ptp(signal)) or 1.0
     sifter = sifting()
     sifter.emd(signal / size, times - times[0], max_imf=-1 if most is None else most)
@@ -115,19 +115,19 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
 
 
 def orthogonality_index(functions: np.ndarray, residue: np.ndarray | None = None) -> float:
-    """How far the parts of a decomposition are from being orthogonal.
+    """Index of orthogonality of the parts of a decomposition: 0 for orthogonal parts.
 
     Parameters
     ----------
     functions : (k, m) float
     residue : (m,) float, optional
-        Counted as a part where it is given.
+        One more part.
 
     Returns
     -------
     float
-        sum_t sum_{i != j} c_i(t) c_j(t) / sum_t X(t)^2 with X the sum of all parts c: 0 where they are orthogonal. It is the index of
-        Huang et al. (1998), with the sums over time taken of numerator and denominator apart, as X passes through zero.
+        sum_t sum_{i != j} c_i(t) c_j(t) / sum_t X(t)^2 with X the sum of all parts c. It is the index of Huang et al. (1998), but with
+        separate sums over time in numerator and denominator, because X passes through zero.
 
     Examples
     --------
@@ -135,5 +135,5 @@ def orthogonality_index(functions: np.ndarray, residue: np.ndarray | None = None
     (0.0, 0.5)
     """
     parts: Any = functions if residue is None else np.vstack([functions, residue])
-    whole = float(np.sum(np.sum(parts, axis=0) ** 2))
-    return (whole - float(np.sum(parts**2))) / whole if whole > 0.0 else 0.0
+    total = float(np.sum(np.sum(parts, axis=0) ** 2))
+    return (total - float(np.sum(parts**2))) / total if total > 0.0 else 0.0

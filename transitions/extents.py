@@ -1,4 +1,4 @@
-"""How far a motion goes: peaks, when they are reached, and root mean squares, of displacements and of any sums of them."""
+"""The extents of a motion: peaks, their times and root mean squares of displacements, and of linear functionals such as drifts."""
 
 from __future__ import annotations
 
@@ -7,26 +7,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.interrupts import Pace
+from bvp.kernels.extrema import PEAK_ROWS, peak_flight
+from bvp.kernels.flight import Flight
 from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
-from bvp.kernels.peaks import PEAK_ROWS, peak_flight
-from bvp.pace import Pace
 from transitions.kernels.extents import extents_of_motion
 
 if TYPE_CHECKING:
     from bvp.motion import Motion
+    from bvp.system import ImpactSystem
 
-__all__ = ["Extents", "extents"]
+__all__ = ["Extents", "drift_rows", "extents"]
 
 
 @dataclass(frozen=True, eq=False)
 class Extents:
-    """Of each functional: its largest absolute value, the time at which it is reached, its root mean square over the motion.
+    """The largest absolute value of each functional, its time, and the functional's root mean square over the motion.
 
     Attributes
     ----------
     peaks, times, rms : (R,) ndarray
-        Where a peak is flat its time is known to half the digits of the peak, and the first of them is given.
+        The time of a flat peak has half the digits of the peak. Of equal peaks the first one counts.
     """
 
     peaks: np.ndarray
@@ -37,7 +39,7 @@ class Extents:
 def extents(motion: Motion, rows: Any = None) -> Extents:
     """Extents of linear functionals of the displacements over a whole motion.
 
-    Peaks are found at turning points that bounds of the motion locate, as those of `Motion.peaks` are; squares are integrated exactly.
+    Peaks are turning points, which bounds of the motion locate, as in `Motion.peaks`. Squares are integrated exactly.
 
     Parameters
     ----------
@@ -50,11 +52,11 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     ValueError
         For rows of another length.
     RuntimeError
-        Where the search for a peak gives up.
+        If the search for a peak gives up.
 
     Examples
     --------
-    >>> from bvp.run import run
+    >>> from bvp.damped import run
     >>> from bvp.system import vibro_impact_nes
     >>> found = extents(run(vibro_impact_nes(sigma=0.0), [0.0, 0.0], [0.0, 0.5], 3.0), [[0.0, 1.0]])
     >>> found.peaks.round(12), found.times.round(7)
@@ -64,7 +66,7 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     wanted = np.eye(n) if rows is None else np.atleast_2d(np.asarray(rows, dtype=float))
     if wanted.ndim != 2 or wanted.shape[1] != n:
         raise ValueError(f"rows have an entry for each of {n} coordinates; received shape {wanted.shape}")
-    phases = motion.phases
+    phases = motion.contact_modes
     count, size = len(wanted), phases.matrix.shape[1]
     rows = np.concatenate([np.einsum("rn,fnk->frk", wanted, part) for part in (phases.leave[:, :n], phases.leave[:, n:])], axis=1)
     scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
@@ -77,12 +79,12 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
         where = np.where(higher > peaks, part.start + at, where)
         peaks = higher
 
-    def reached(c: int, flight: float) -> bool:
-        """Whether a peak is reached within so much of its flight."""
+    def reached(c: int, duration: float) -> bool:
+        """Whether a peak is reached within this part of its flight."""
         k, f, best = where[c], motion.numbers[where[c], 2], np.zeros(1)
         own = np.ascontiguousarray(rows[f, [c, count + c]])
-        blocks = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
-        peak_flight(*blocks, own, motion.states[k], flight, best, *scratch)
+        flight = Flight(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f])
+        peak_flight(flight, own, motion.states[k], duration, best, *scratch)
         return bool(best[0] >= peaks[c] * (1.0 - 1e-15))
 
     times = np.zeros(count)
@@ -95,6 +97,29 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
             middle = 0.5 * (low + high)
             low, high = (low, middle) if reached(c, middle) else (middle, high)
         times[c] = motion.times[k] + high
-    # A mean of squares that is 0 but for rounding may come out below it.
+    # Rounding can make a mean square of 0 negative.
     rms = np.sqrt(np.maximum(squares, 0.0) / motion.duration) if motion.duration > 0.0 else peaks.copy()
     return Extents(peaks, times, rms)
+
+
+def drift_rows(system: ImpactSystem, nes: tuple[int, ...] = ()) -> dict[str, np.ndarray]:
+    """Rows (n,) of the drifts, by name: u_j - u_i for each spring between two coordinates outside the NES.
+
+    A drift is the change of length of a spring. Between a coordinate and the ground it is the displacement.
+
+    Examples
+    --------
+    >>> from bvp.system import ImpactSystem, Stop
+    >>> chain = ImpactSystem([[1.0, 0], [0, 1]], [[0, 0], [0, 0]], [[2.0, -1], [-1, 1]], [Stop((1.0, 0), upper=1.0)], ("first", "second"))
+    >>> drift_rows(chain)
+    {'second - first': array([-1.,  1.])}
+    """
+    n, names = system.degrees_of_freedom, system.coordinates
+    rows = {}
+    for j in range(n):
+        for i in range(j):
+            if system.stiffness[i, j] and i not in nes and j not in nes:
+                row = np.zeros(n)
+                row[i], row[j] = -1.0, 1.0
+                rows[f"{names[j]} - {names[i]}"] = row
+    return rows

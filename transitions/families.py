@@ -1,13 +1,13 @@
-"""Families of the undamped system as a motion's spectrum meets them: the harmonics of the gap coordinate that their orbits carry.
+"""Families of the undamped system beside a motion's spectrum: the harmonics of the gap coordinate that their orbits have.
 
-An orbit of period T shows a ridge at each harmonic k 2 pi/T that carries a part of the amplitude that counts. The frequency is that of the
-family's points; the part is read from a handful of orbits along the family, when it is first asked for, and interpolated.
+An orbit of period T shows a ridge at each harmonic k 2 pi/T with a large enough share of its amplitude. The frequency is that of the
+family's points. The shares are read from a few orbits along the family, when they are first needed, and interpolated.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -22,19 +22,31 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
-__all__ = ["NEAR", "Families", "Family", "Meeting", "families_of", "harmonics", "modes_of"]
+__all__ = ["NEAR", "Families", "Family", "Meeting", "families_of", "harmonics", "modes_of", "relative"]
 
 NEAR = 0.05
-"""Octaves within which a ridge is at a harmonic."""
+"""Largest distance of a ridge from a harmonic, in octaves."""
 
-_HARMONICS = 32  # a harmonic beyond does not carry a fifth of an orbit in any family that a catalogue's bounds allow
+_HARMONICS = 32  # higher harmonics have less than a fifth of the amplitude in any family that a catalogue's bounds allow
 _SAMPLES = 8 * _HARMONICS
 _READ = 9  # orbits that are read of a family
+_ROUNDING = 1e-12  # of the logarithm of the highest energy of a family
 
 
 class Meeting(NamedTuple):
-    """Where a ridge is at a harmonic k of a family: for each place of the ridge (j,) the deviation in octaves (positive where the ridge is
-    above; NaN where it is not there), the part of the orbit's amplitude that the harmonic carries, and where on the family the orbit is."""
+    """A harmonic of a family that a ridge is at, at the places (j,) of the ridge.
+
+    Attributes
+    ----------
+    family : Family
+    harmonic : int
+    deviation : (j,) ndarray
+        In octaves, positive if the ridge is above; NaN if the ridge is not there.
+    share : (j,) ndarray
+        Share of the orbit's amplitude that the harmonic has.
+    point : (j,) ndarray
+        Place of the orbit on the family.
+    """
 
     family: Family
     harmonic: int
@@ -43,11 +55,21 @@ class Meeting(NamedTuple):
     point: np.ndarray
 
 
-def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
-    """Parts of an orbit's amplitude that its harmonics carry, (32,): that of k 2 pi/T at index k - 1.
+class _Nearest(NamedTuple):
+    """The harmonics nearest to a ridge, in one interval of a family."""
 
-    The amplitude of a harmonic is that of its tone; that of the orbit is half the range of the gap coordinate, turning points at impacts
-    included. The part of a tone is 1, of a triangular wave 8/pi^2 in its fundamental.
+    rows: np.ndarray  # (i,) places of the ridge whose energy occurs in the interval
+    point: np.ndarray  # (i,) place of the orbit with this energy
+    pitch: np.ndarray  # (i,) base-2 logarithm of its frequency
+    harmonic: np.ndarray  # (i,) int
+    away: np.ndarray  # (i,) octaves from the harmonic to the ridge
+
+
+def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
+    """Shares of an orbit's amplitude that its harmonics have, (32,): harmonic k 2 pi/T at index k - 1.
+
+    The amplitude of the orbit is half the range of the gap coordinate, with its turning points at impacts. A tone has the share 1. The
+    fundamental of a triangular wave has 8/pi^2.
 
     Parameters
     ----------
@@ -64,18 +86,18 @@ def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """A family, or a linear mode, with what is needed to meet it.
+    """A family, or a linear mode.
 
     Parameters
     ----------
     id : str
     h, alpha : (N,) float
-        Energy and quarter period along it, in order.
+        Energy and quarter period of its points, in order.
     labels : (N,) str
     impacts : int
         In a period; 0 of a linear mode.
     load : callable, optional
-        Returns the branch; None for a linear mode, whose only harmonic is the first.
+        Returns the branch. None for a linear mode, which has its first harmonic alone.
     """
 
     id: str
@@ -86,12 +108,12 @@ class Family:
     load: Callable[[], Branch] | None = field(default=None, repr=False)
 
     @cached_property
-    def _strands(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Stretches along which the energy rises or falls: its logarithm, rising, and the index of the point."""
+    def _intervals(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Intervals in which the energy rises or falls: its logarithm, rising, and the index of the point."""
         level = np.log(np.maximum(self.h, 1e-300))
-        turns = np.flatnonzero(np.diff(np.sign(np.diff(level))) != 0) + 1
+        folds = np.flatnonzero(np.diff(np.sign(np.diff(level))) != 0) + 1
         out = []
-        for part in np.split(np.arange(len(level) - 1), turns):
+        for part in np.split(np.arange(len(level) - 1), folds):
             index = np.append(part, part[-1] + 1) if len(part) else part
             if len(index) > 1 and level[index[0]] != level[index[-1]]:
                 index = index if level[index[0]] < level[index[-1]] else index[::-1]
@@ -99,23 +121,23 @@ class Family:
         return out
 
     def read(self, gap: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Harmonics of a handful of orbits: indices (r,) of their points, and the parts (r, 32). An orbit that cannot be corrected at its
-        point is passed over; `bvp.multipoint.NotConverged` where none can."""
+        """Harmonics of a few orbits: indices (r,) of their points, and the shares (r, 32). An orbit that cannot be corrected at its point
+        is left out; if none can, `bvp.multipoint.NotConverged` is raised."""
         if gap not in self._tables:
             from bvp.multipoint import NotConverged
 
-            branch = self.load() if self.load is not None else None
-            rows: list[tuple[int, np.ndarray]] = []
+            assert self.load is not None
+            branch = self.load()
+            rows: dict[int, np.ndarray] = {}
             last: NotConverged | None = None
-            for i in np.unique(np.linspace(0, len(self.h) - 1, _READ).round().astype(int)).tolist() if branch is not None else []:
+            for i in np.unique(np.linspace(0, len(self.h) - 1, _READ).round().astype(int)).tolist():
                 try:
-                    rows.append((i, harmonics(branch.orbit(i), np.array(gap))))  # type: ignore[union-attr]
+                    rows[i] = harmonics(branch.orbit(i), np.array(gap))
                 except NotConverged as failure:
                     last = failure
             if not rows and last is not None:
                 raise last
-            table = np.array([values for _, values in rows]).reshape(-1, _HARMONICS)
-            self._tables[gap] = np.array([i for i, _ in rows], dtype=float), table
+            self._tables[gap] = np.array(list(rows), dtype=float), np.array(list(rows.values()))
         return self._tables[gap]
 
     @cached_property
@@ -123,73 +145,78 @@ class Family:
         return {}
 
     def shares_at(self, point: float | np.ndarray, gap: tuple[float, ...]) -> np.ndarray:
-        """Parts (..., 32) of the amplitude that the harmonics carry at places of the family, indices (...) of its points or between two."""
+        """Shares (..., 32) of the amplitude that the harmonics have at places of the family: indices (...) of its points or between two."""
         if self.load is None:
             return np.broadcast_to(np.eye(1, _HARMONICS)[0], (*np.shape(point), _HARMONICS))
         at, table = self.read(gap)
         return np.stack([np.interp(point, at, column) for column in table.T], axis=-1)
 
+    def _share_of(self, harmonic: np.ndarray, point: np.ndarray, gap: tuple[float, ...]) -> np.ndarray:
+        """Share (i,) of the amplitude that one harmonic has at each place."""
+        if self.load is None:
+            return (harmonic == 1).astype(float)
+        at, table = self.read(gap)
+        out = np.zeros(len(point))
+        for k in np.unique(harmonic).tolist():
+            out[harmonic == k] = np.interp(point[harmonic == k], at, table[:, k - 1])
+        return out
+
     def label_at(self, point: float) -> str:
         """The label at a place of the family, an index of its points or between two."""
         return str(self.labels[round(point)])
 
-    def closest(
-        self, energies: np.ndarray, frequencies: np.ndarray, gap: tuple[float, ...]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The closest harmonic at energies and frequencies (j,): base-2 logarithm of the frequency of the orbit, harmonic, and the part of
-        the amplitude that it carries; NaN, 1 and 0 where no orbit has the energy."""
+    def _nearest(self, energies: np.ndarray, frequencies: np.ndarray) -> Iterator[_Nearest]:
+        """The harmonics nearest to energies and frequencies (j,), for each interval of the family in which some of the energies occur."""
         level, pitch = np.log(energies), np.log2(frequencies)
         pitches = np.log2(0.5 * math.pi / self.alpha)
-        own, harmonic, place = np.full(len(level), np.nan), np.ones(len(level)), np.zeros(len(level))
-        least = np.full(len(level), np.inf)
-        for rising, index in self._strands:
-            at = np.interp(level, rising, index)
-            mine = np.interp(at, np.arange(len(pitches)), pitches)
-            near = np.clip(np.round(2.0 ** np.clip(pitch - mine, -1.0, 10.0)), 1.0, _HARMONICS)
-            away = np.abs(pitch - mine - np.log2(near))
-            better = (level >= rising[0]) & (level <= rising[-1]) & (away < least)
-            own[better], harmonic[better], place[better], least[better] = mine[better], near[better], at[better], away[better]
-        shares = self.shares_at(place, gap)[np.arange(len(level)), harmonic.astype(int) - 1]
-        return own, harmonic, np.where(np.isfinite(own), shares, 0.0)
+        for rising, index in self._intervals:
+            rows = np.flatnonzero((level >= rising[0]) & (level <= rising[-1] + _ROUNDING))
+            if len(rows):
+                point = np.interp(level[rows], rising, index)
+                own = np.interp(point, np.arange(len(pitches)), pitches)
+                ratio = pitch[rows] - own
+                harmonic = np.clip(np.round(2.0 ** np.clip(ratio, -1.0, 10.0)), 1, _HARMONICS).astype(int)
+                yield _Nearest(rows, point, own, harmonic, ratio - np.log2(harmonic))
+
+    def closest(self, energies: np.ndarray, frequencies: np.ndarray, gap: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The closest harmonic at energies and frequencies (j,): base-2 logarithm of the frequency of the orbit, harmonic, and its share of
+        the amplitude. NaN, 1 and 0 if no orbit has the energy."""
+        count = len(energies)
+        own, harmonic, point, least = np.full(count, np.nan), np.ones(count, dtype=int), np.zeros(count), np.full(count, np.inf)
+        for near in self._nearest(energies, frequencies):
+            better = np.abs(near.away) < least[near.rows]
+            rows = near.rows[better]
+            own[rows], harmonic[rows], point[rows] = near.pitch[better], near.harmonic[better], near.point[better]
+            least[rows] = np.abs(near.away[better])
+        there = np.isfinite(own)
+        share = np.zeros(count)
+        if there.any():
+            share[there] = self._share_of(harmonic[there], point[there], gap)
+        return own, harmonic, share
 
     def meet(self, energies: np.ndarray, frequencies: np.ndarray, gap: tuple[float, ...]) -> list[Meeting]:
-        """Its harmonics that carry a fifth of the orbit's amplitude and are within 0.05 octave, at energies and frequencies (j,)."""
-        level, pitch = np.log(energies), np.log2(frequencies)
-        if self.load is None:
-            there = energies <= self.h[-1] * (1.0 + 1e-12)
-            away = pitch - math.log2(0.5 * math.pi / self.alpha[0])
-            deviation = np.where(there & (np.abs(away) <= NEAR), away, np.nan)
-            return [Meeting(self, 1, deviation, np.ones(len(away)), np.zeros(len(away)))] if np.isfinite(deviation).any() else []
-        own = np.log2(0.5 * math.pi / self.alpha)
-        found: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-        for rising, index in self._strands:
-            inside = (level >= rising[0]) & (level <= rising[-1])
-            if not inside.any():
+        """Its harmonics within 0.05 octave of energies and frequencies (j,) that have a fifth of the orbit's amplitude."""
+        count = len(energies)
+        found: dict[int, Meeting] = {}
+        for near in self._nearest(energies, frequencies):
+            fits = np.flatnonzero(np.abs(near.away) <= NEAR)
+            if not len(fits):
                 continue
-            place = np.interp(level[inside], rising, index)
-            ratio = pitch[inside] - np.interp(place, np.arange(len(own)), own)
-            near = np.clip(np.round(2.0 ** np.clip(ratio, -1.0, 10.0)), 1, None)
-            away = ratio - np.log2(near)
-            fits = (np.abs(away) <= NEAR) & (near <= _HARMONICS)
-            if not fits.any():
-                continue
-            at, table = self.read(gap)
-            for k in np.unique(near[fits]).astype(int).tolist():
-                share = np.interp(place, at, table[:, k - 1])
-                mine = fits & (near == k) & (share >= SHARE)
-                if not mine.any():
-                    continue
-                deviation, shares, points = found.setdefault(k, (np.full(len(level), np.nan), np.zeros(len(level)), np.zeros(len(level))))
-                rows = np.flatnonzero(inside)[mine]
-                better = ~(np.abs(deviation[rows]) <= np.abs(away[mine]))
-                rows = rows[better]
-                deviation[rows], shares[rows], points[rows] = away[mine][better], share[mine][better], place[mine][better]
-        return [Meeting(self, k, *found[k]) for k in sorted(found)]
+            share = self._share_of(near.harmonic[fits], near.point[fits], gap)
+            fits, share = fits[share >= SHARE], share[share >= SHARE]
+            for k in np.unique(near.harmonic[fits]).tolist():
+                meeting = found.setdefault(k, Meeting(self, k, np.full(count, np.nan), np.zeros(count), np.zeros(count)))
+                here = near.harmonic[fits] == k
+                # Of two intervals the nearer one counts.
+                here &= ~(np.abs(meeting.deviation[near.rows[fits]]) <= np.abs(near.away[fits]))
+                rows, own = near.rows[fits][here], fits[here]
+                meeting.deviation[rows], meeting.share[rows], meeting.point[rows] = near.away[own], share[here], near.point[own]
+        return [found[k] for k in sorted(found)]
 
 
 @dataclass(frozen=True, eq=False)
 class Families:
-    """Families of one system, and the gap coordinate by whose harmonics they are told.
+    """Families of one system, and the gap coordinate whose harmonics are compared.
 
     Parameters
     ----------
@@ -201,7 +228,7 @@ class Families:
     gap: tuple[float, ...]
 
     def meet(self, energies: np.ndarray, frequencies: np.ndarray) -> list[Meeting]:
-        """All meetings, at energies and angular frequencies (j,)."""
+        """All meetings at energies and angular frequencies (j,)."""
         low, high = float(np.min(energies)), float(np.max(energies))
         out: list[Meeting] = []
         for family in self.members:
@@ -216,7 +243,7 @@ def families_of(source: Catalogue | Iterable[Branch], gap: Sequence[float] | Non
     Parameters
     ----------
     source : Catalogue, or branches
-        A catalogue has to stay open while the families are met: their orbits are read when they are first asked for.
+        A catalogue must stay open while the families are in use: their orbits are read when they are first needed.
     gap : (n,) float, optional
         Gap coordinate; by default absorber minus primary, else that of the first stop.
 
@@ -239,12 +266,12 @@ def families_of(source: Catalogue | Iterable[Branch], gap: Sequence[float] | Non
 
 
 def modes_of(system: ImpactSystem) -> Families:
-    """The linear modes of a conservative system alone, told by `relative` of it."""
+    """The linear modes of a conservative system alone, with `relative` as gap coordinate."""
     return Families(_modes(system), relative(system))
 
 
 def relative(system: ImpactSystem) -> tuple[float, ...]:
-    """Absorber minus primary where the system has them, else the gap coordinate of its first stop."""
+    """Absorber minus primary if the system has them, else the gap coordinate of its first stop."""
     if system.absorber is None or system.primary is None:
         return tuple(system.stops[0].gap)
     row = np.zeros(system.degrees_of_freedom)
@@ -262,7 +289,7 @@ def _of_catalogue(catalogue: Catalogue) -> list[Family]:
 
 
 def _of_branches(branches: Iterable[Branch]) -> tuple[list[Family], ImpactSystem]:
-    from branches.words import impacts_per_period
+    from branches.sequences import impacts_per_period
 
     out: list[Family] = []
     system = None

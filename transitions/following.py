@@ -1,35 +1,190 @@
-"""Which family a ridge follows, and for how long: the least dear way to cut it into stretches of one family, or of none."""
+"""Which family a ridge follows, and for how long: the cheapest way to cut the ridge into intervals of one family, or of none.
+
+A family fits by the frequency of the ridge, by the lines of the motion (the ridge and those beside it) and by the number of impacts.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from transitions.families import NEAR, Meeting
-from transitions.ridges import HOLDS, SHARE, runs
+from transitions.ridges import LEAST_PERIODS, SHARE, Ridge, RidgeInterval, beside, runs
 
-__all__ = ["EQUAL_OCTAVES", "EQUAL_SHARE", "Match", "Stretch", "best_of", "lasting", "steady", "stretches"]
+__all__ = [
+    "EQUAL_OCTAVES", "EQUAL_SHARE", "Around", "FamilyInterval", "Lines", "Match", "best_of", "family_intervals", "lasting", "lines_of",
+    "partner", "steady", "unlike",
+]  # fmt: skip
 
 EQUAL_OCTAVES = 0.2 * NEAR
-"""Mean deviations that differ by less than this are equal: a fifth of what a ridge may be off."""
+"""Mean deviations that differ by less than this are equal."""
 
 EQUAL_SHARE = 0.1
-"""Amplitudes that differ by less than this, in parts of the orbit's, are equal."""
+"""Amplitudes that differ by less than this, in shares of the orbit's, are equal."""
+
+
+@dataclass(frozen=True, eq=False)
+class Around:
+    """Means over three periods around places of a ridge, or over the part of them that the ridge has.
+
+    Parameters
+    ----------
+    cycles : (m,) float
+        Number of periods of the ridge from its first column to each column.
+    places : (j,) int
+        Columns, rising.
+    """
+
+    cycles: np.ndarray
+    places: np.ndarray
+
+    def window(self, length: float = LEAST_PERIODS) -> tuple[np.ndarray, np.ndarray]:
+        """Cycles (j,) at which windows of `length` periods around the places begin and end, within the ridge."""
+        at = self.cycles[self.places]
+        return np.clip(at - 0.5 * length, 0.0, self.cycles[-1]), np.clip(at + 0.5 * length, 0.0, self.cycles[-1])
+
+    @cached_property
+    def _three(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.window()
+
+    def reached(self, first: int, stop: int) -> slice:
+        """The places whose means use the columns `first` to `stop` - 1."""
+        low, high = self._three
+        return slice(int(np.searchsorted(high, self.cycles[first], "right")), int(np.searchsorted(low, self.cycles[stop - 1], "left")))
+
+    def mean(self, values: np.ndarray, first: int = 0, at: slice = slice(None)) -> np.ndarray:
+        """Means, at some of the places, of values at the columns from `first` on and zero elsewhere."""
+        cycles = self.cycles[first : first + len(values)]
+        area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(cycles))])
+        low, high = (edge[at] for edge in self._three)
+        return (np.interp(high, cycles, area) - np.interp(low, cycles, area)) / (high - low)
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Lines of a motion at places of a ridge. The ridge itself is the first of them.
+
+    Parameters
+    ----------
+    ratios, amplitudes : (s, j) float
+        Frequencies over that of the ridge, and amplitudes: means over three periods. Both are 0 if the line does not exist there.
+    """
+
+    ratios: np.ndarray
+    amplitudes: np.ndarray
+
+
+def lines_of(found: Sequence[Ridge], interval: RidgeInterval, around: Around) -> Lines:
+    """The lines of a motion in an interval.
+
+    Parameters
+    ----------
+    found : sequence of Ridge
+        All ridges of the motion, in the order in which they begin.
+    interval : RidgeInterval
+        An interval of the first line.
+    around : Around
+        Places in the interval.
+    """
+    count = len(around.places)
+    rows = [(np.ones(count), around.mean(interval.amplitudes))]
+    free = [count]  # the place from which each row is free for another ridge
+    for ridge in beside(found, interval):
+        first, stop = max(interval.first, ridge.first), min(interval.last + 1, ridge.first + len(ridge))
+        if stop - first < 2:
+            continue
+        here = slice(first - interval.first, stop - interval.first)
+        at = around.reached(here.start, here.stop)
+        if at.start >= at.stop:
+            continue
+        own = slice(first - ridge.first, stop - ridge.first)
+        amplitudes = ridge.amplitudes[own]
+        size = around.mean(amplitudes, here.start, at)
+        pitch = around.mean(amplitudes * np.log(ridge.frequencies[own] / interval.frequencies[here]), here.start, at)
+        k = next((k for k, place in enumerate(free) if place <= at.start), len(rows))
+        if k == len(rows):
+            rows.append((np.zeros(count), np.zeros(count)))
+            free.append(0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rows[k][0][at] = np.where(size > 0.0, np.exp(pitch / size), 0.0)
+        rows[k][1][at] = size
+        free[k] = at.stop
+    return Lines(np.array([row[0] for row in rows]), np.array([row[1] for row in rows]))
+
+
+def _partners(ratios: np.ndarray, harmonic: int, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest harmonic to each line, and whether it is within 0.05 octave: both (s, j)."""
+    order = ratios * harmonic
+    k = np.clip(np.round(order), 1, most)
+    with np.errstate(divide="ignore"):
+        return k.astype(int), np.abs(np.log2(order / k)) <= NEAR
+
+
+def unlike(shares: np.ndarray, harmonic: int, ratios: np.ndarray, parts: np.ndarray) -> np.ndarray:
+    """Largest difference (j,) between the lines of a motion and the harmonics of an orbit, in shares of the amplitude.
+
+    Parameters
+    ----------
+    shares : (j, k) float
+        Shares of the orbit's amplitude that its harmonics 1 to k have.
+    harmonic : int
+        The harmonic that the first line is at.
+    ratios, parts : (s, j) float
+        Frequencies of the lines over that of the first, and their shares of the motion's amplitude. A line or a harmonic without a
+        partner counts with its full share.
+
+    Examples
+    --------
+    >>> orbit = np.array([[0.8, 0.0, 0.1]])
+    >>> np.round(unlike(orbit, 1, np.array([[1.0], [3.02]]), np.array([[0.7], [0.15]])), 6).tolist()
+    [0.1]
+    """
+    left = shares.copy()
+    rows = np.arange(len(left))
+    worst = np.zeros(len(left))
+    for k, near, part in zip(*_partners(ratios, harmonic, left.shape[1]), parts, strict=True):
+        own = left[rows, k - 1]
+        worst = np.maximum(worst, np.where(near, np.abs(part - own), part))
+        left[rows, k - 1] = np.where(near, 0.0, own)
+    return np.maximum(worst, left.max(axis=1))
+
+
+def partner(count: int, harmonic: int, ratios: np.ndarray, parts: np.ndarray) -> np.ndarray:
+    """Shares (k, j) of a motion's amplitude of its lines at the harmonics 1 to k, 0 for a harmonic without a line.
+
+    Parameters
+    ----------
+    count : int
+        k.
+    harmonic, ratios, parts
+        As for `unlike`.
+
+    Examples
+    --------
+    >>> partner(4, 1, np.array([[1.0], [3.02]]), np.array([[0.75], [0.25]]))[:, 0].tolist()
+    [0.75, 0.0, 0.25, 0.0]
+    """
+    out = np.zeros((count, ratios.shape[1]))
+    columns = np.arange(ratios.shape[1])
+    for k, near, part in zip(*_partners(ratios, harmonic, count), parts, strict=True):
+        out[k - 1, columns] = np.maximum(out[k - 1, columns], np.where(near, part, 0.0))
+    return out
 
 
 class Match(NamedTuple):
-    """What a motion and a family that its ridge is at have in common, at the places (j,) of the ridge.
+    """A comparison of a motion with a family, at the places (j,) of a ridge that is at a harmonic of the family.
 
     Parameters
     ----------
     meeting : Meeting
     unlike : (j,) float
-        Largest difference of their lines, as part of the amplitude.
+        Largest difference of their lines, in shares of the amplitude.
     miscount : (j,) float
-        Impacts that the motion has more than the orbit, in three periods of the ridge, or as many as the orbit has whole ones of its own.
+        Impacts of the motion minus those of the orbit, in three periods of the ridge, rounded up to complete periods of the orbit.
     """
 
     meeting: Meeting
@@ -38,91 +193,95 @@ class Match(NamedTuple):
 
     @property
     def cost(self) -> np.ndarray:
-        """Squares of the deviation in units of what is allowed, and, 1 at most, of the difference of the lines in units of a fifth and of
-        the impacts: (j,), infinite where the ridge is not at the family."""
+        """Cost (j,) of following the family, infinite where the ridge is not at it.
+
+        It is the square of the deviation over the largest allowed one, plus at most 1: the square of the difference of the lines over a
+        fifth, and the square of the miscount."""
         away = np.nan_to_num(self.meeting.deviation, nan=np.inf)
         return (away / NEAR) ** 2 + np.minimum(1.0, (self.unlike / SHARE) ** 2 + self.miscount**2)
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
-    """Places `first` to `last`, both included, of a ridge, that one family has, or none."""
+class FamilyInterval:
+    """Places `first` to `last` of a ridge, both included, at which it follows one family, or none (None)."""
 
     first: int
     last: int
     match: Match | None
 
 
-def lasting(meeting: Meeting, turns: np.ndarray) -> bool:
-    """Whether a ridge is at a family for three of its periods or more: `turns` (j,) are those since its first place."""
+def lasting(meeting: Meeting, cycles: np.ndarray) -> bool:
+    """Whether a ridge is at a family for three of its periods or more; `cycles` (j,) as for `family_intervals`."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], np.isfinite(meeting.deviation), [False]]).astype(int)))
-    return any(turns[b - 1] - turns[a] >= HOLDS for a, b in zip(edges[::2], edges[1::2], strict=True))
+    return any(cycles[b - 1] - cycles[a] >= LEAST_PERIODS for a, b in zip(edges[::2], edges[1::2], strict=True))
 
 
-def stretches(matches: Sequence[Match], turns: np.ndarray) -> list[Stretch]:
-    """Cut a ridge into stretches.
+def family_intervals(matches: Sequence[Match], cycles: np.ndarray) -> list[FamilyInterval]:
+    """Cut a ridge into intervals of one family, or of none.
 
     Parameters
     ----------
     matches : sequence of Match
         At the same places (j,) of the ridge.
-    turns : (j,) float
-        Periods of the ridge since its first place, rising.
+    cycles : (j,) float
+        Number of periods of the ridge from its first place to each place.
 
     Returns
     -------
-    list of Stretch
-        In order, without gaps; one of a family lasts three periods or more. For each period, following a family costs what `Match.cost`
-        says, 2 at most, and following none costs 2; taking up a family and leaving it cost half of three periods each. So a motion
-        that changes to a family with other lines or impacts, though its ridge goes on, has to stay there for three periods to count. Of
-        all ways to cut the ridge, the one that costs least in all is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
+    list of FamilyInterval
+        In order, without gaps. An interval of a family lasts three periods or more.
+
+    Notes
+    -----
+    In each period, following a family costs `Match.cost`, which is at most 2, and following none costs 2. Taking up a family and leaving it
+    costs 3/2 each. So a change to a family with other lines or impacts counts if it lasts three periods, although the ridge goes on. Of all
+    ways to cut the ridge the cheapest is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
     """
-    count = len(turns)
+    count = len(cycles)
     costs = np.stack([np.full(count, 2.0), *(match.cost for match in matches)], axis=1)  # state 0 follows none
-    path = _cheapest(costs * np.gradient(turns)[:, None], 0.5 * HOLDS)
-    out: list[Stretch] = []
+    path = _cheapest(costs * np.gradient(cycles)[:, None], 0.5 * LEAST_PERIODS)
+    out: list[FamilyInterval] = []
     for first, stop in runs(path):
-        lasts = turns[stop - 1] - turns[first]
-        followed = matches[path[first] - 1] if path[first] and lasts >= HOLDS * (1.0 - 1e-9) else None
+        lasts = cycles[stop - 1] - cycles[first]
+        followed = matches[path[first] - 1] if path[first] and lasts >= LEAST_PERIODS * (1.0 - 1e-9) else None
         if followed is None and out and out[-1].match is None:
             first = out.pop().first
-        out.append(Stretch(first, stop - 1, followed))
+        out.append(FamilyInterval(first, stop - 1, followed))
     return out
 
 
-def steady(shown: np.ndarray, turns: np.ndarray) -> list[tuple[int, int, tuple[int, ...]]]:
-    """Cut places where the set of harmonics that are shown changes for three periods or more.
+def steady(shown: np.ndarray, cycles: np.ndarray) -> list[tuple[int, int, tuple[int, ...]]]:
+    """Cut the places of a ridge at each change of its harmonics that lasts three periods or more.
 
     Parameters
     ----------
     shown : (k, j) bool
         Whether a harmonic is shown at a place.
-    turns : (j,) float
-        Periods since the first place, rising.
+    cycles : (j,) float
+        As for `family_intervals`.
 
     Returns
     -------
     list of (int, int, tuple of int)
-        First and last place, and the indices of the harmonics. Each period in which one is taken for shown and is not, or the other way
-        round, costs 1, and each change half of three periods.
+        First and last place, and the indices of the harmonics. A wrong harmonic costs 1 in each period, and each change costs 3/2.
     """
-    length = np.gradient(turns)[:, None]
-    kept = np.array([_cheapest(np.stack([row, ~row], axis=1) * length, 0.5 * HOLDS) > 0 for row in shown])
+    length = np.gradient(cycles)[:, None]
+    kept = np.array([_cheapest(np.stack([row, ~row], axis=1) * length, 0.5 * LEAST_PERIODS) > 0 for row in shown])
     changed = np.concatenate([[0], np.cumsum((kept[:, 1:] != kept[:, :-1]).any(axis=0))])
     out: list[tuple[int, int, tuple[int, ...]]] = []
     for first, stop in runs(changed):
         own = tuple(np.flatnonzero(kept[:, first]).tolist())
-        if out and turns[out[-1][1]] - turns[out[-1][0]] < HOLDS:
+        if out and cycles[out[-1][1]] - cycles[out[-1][0]] < LEAST_PERIODS:
             first = out.pop()[0]
-        elif out and turns[stop - 1] - turns[first] < HOLDS:
+        elif out and cycles[stop - 1] - cycles[first] < LEAST_PERIODS:
             first, _, own = out.pop()
         out.append((first, stop - 1, own))
     return out
 
 
 def _cheapest(costs: np.ndarray, switch: float) -> np.ndarray:
-    """The states (j,) of least cost: `costs` (j, states), and `switch` for each step between state 0 and another; from one of the others to
-    another the way leads through state 0."""
+    """The states (j,) of least cost. `costs` (j, states) are those of each place, and `switch` is that of each step between state 0 and
+    another. A change between two other states costs both steps."""
     count, states = costs.shape
     total = costs[0].copy()
     before = np.zeros((count, states), dtype=np.int32)
@@ -142,26 +301,26 @@ def _cheapest(costs: np.ndarray, switch: float) -> np.ndarray:
     return path
 
 
-def best_of(stretch: Stretch, matches: Sequence[Match], impacts: float, turns: float) -> list[Meeting]:
-    """The family that fits a stretch best, and the others that fit it as well.
+def best_of(interval: FamilyInterval, matches: Sequence[Match], impacts: float, cycles: float) -> list[Meeting]:
+    """The family that fits an interval best, and the others that fit it as well.
 
     Parameters
     ----------
-    stretch : Stretch
+    interval : FamilyInterval
         With a match.
     matches : sequence of Match
-        All that there are: those that fit all of the stretch are compared.
-    impacts, turns : float
-        In the stretch: impacts, and periods of the followed ridge.
+        All matches. Those that fit at all places of the interval are compared.
+    impacts, cycles : float
+        Number of impacts, and of periods of the ridge, in the interval.
 
     Returns
     -------
     list of Meeting
-        Of each family one, the best first: that of least mean cost, and those that are equal to it in mean deviation, in the mean
-        difference of the lines, and in the number of impacts to one. They stand in the order of their impacts in a period, then of the
-        harmonic, then of the deviation: the first is the simplest, not the truest.
+        One for each family: that of least mean cost, and those that equal it in mean deviation, in the mean difference of the lines, and in
+        the number of impacts within one. They are sorted by impacts in a period, harmonic and deviation. So the first is the simplest,
+        which need not be the closest.
     """
-    part = slice(stretch.first, stretch.last + 1)
+    part = slice(interval.first, interval.last + 1)
     fit = [match for match in matches if np.isfinite(match.meeting.deviation[part]).all()]
     best = int(np.argmin([np.mean(match.cost[part]) for match in fit]))
 
@@ -170,7 +329,7 @@ def best_of(stretch: Stretch, matches: Sequence[Match], impacts: float, turns: f
 
     same = equal([float(np.mean(np.abs(match.meeting.deviation[part]))) for match in fit], EQUAL_OCTAVES)
     same &= equal([float(np.mean(match.unlike[part])) for match in fit], EQUAL_SHARE)
-    same &= equal([abs(turns * match.meeting.family.impacts / match.meeting.harmonic - impacts) for match in fit], 1.0)
+    same &= equal([abs(cycles * match.meeting.family.impacts / match.meeting.harmonic - impacts) for match in fit], 1.0)
     kept = [fit[i].meeting for i in np.flatnonzero(same)]
     kept.sort(key=lambda item: (item.family.impacts, item.harmonic, float(np.mean(np.abs(item.deviation[part])))))
     return list({meeting.family.id: meeting for meeting in reversed(kept)}.values())[::-1]

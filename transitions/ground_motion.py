@@ -1,10 +1,10 @@
 """Synthetic accelerograms: white noise through two filters of the ground, under an envelope.
 
 A layer of ground with frequency w_g and damping z_g shakes as a(t) = -(2 z_g w_g x' + w_g^2 x), x'' + 2 z_g w_g x' + w_g^2 x = -n(t), for
-white noise n in the rock below (Kanai 1957, Tajimi 1960); a second filter, y'' + 2 z_f w_f y' + w_f^2 y = a, of which y'' is taken,
-removes what is far below w_f, so that the velocity does not drift (Clough & Penzien, Dynamics of Structures, 1975). The envelope rises as
-the square of time, stays, and decays exponentially (Jennings, Housner & Tsai, 1968). The noise is constant over each step, and the filters
-are exact for that.
+white noise n in the rock below (Kanai 1957, Tajimi 1960). A second filter, y'' + 2 z_f w_f y' + w_f^2 y = a, gives y''. It removes
+frequencies far below w_f, so that the velocity does not drift (Clough & Penzien, Dynamics of Structures, 1975). The envelope rises as the
+square of time, stays constant, and decays exponentially (Jennings, Housner & Tsai, 1968). The noise is constant over each step. For such
+noise the filters are exact.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["Ground", "envelope", "filtered", "record_text", "synthetic_record"]
 
 @dataclass(frozen=True)
 class Ground:
-    """The two filters: angular frequencies, in radians a unit of time, and damping ratios. By default those of firm soil, in seconds."""
+    """The two filters: angular frequencies and damping ratios. The defaults are those of firm soil, in rad/s."""
 
     frequency: float = 15.0
     damping: float = 0.6
@@ -41,26 +41,20 @@ def filtered(noise: np.ndarray, step: float, ground: Ground) -> np.ndarray:
     >>> filtered(np.zeros(3), 0.1, Ground())
     array([0., 0., 0.])
     """
-    from scipy.linalg import expm
+    from scipy.signal import lsim
 
     w, z, v, y = ground.frequency, ground.damping, ground.low_frequency, ground.low_damping
-    # states x, x', y, y', and the noise, which is constant over a step
+    # states x, x', y, y'
     matrix = np.array(
         [
-            [0.0, 1.0, 0.0, 0.0, 0.0],
-            [-w * w, -2.0 * z * w, 0.0, 0.0, -1.0],
-            [0.0, 0.0, 0.0, 1.0, 0.0],
-            [-w * w, -2.0 * z * w, -v * v, -2.0 * y * v, 0.0],
-            [0.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [-w * w, -2.0 * z * w, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+            [-w * w, -2.0 * z * w, -v * v, -2.0 * y * v],
         ]
     )
-    flow = expm(matrix * step)[:4]
-    state, out = np.zeros(5), np.empty(len(noise))
-    for k, value in enumerate(noise):
-        out[k] = matrix[3] @ state
-        state[4] = value
-        state[:4] = flow @ state
-    return out
+    inputs = np.array([[0.0], [-1.0], [0.0], [0.0]])
+    return lsim((matrix, inputs, matrix[3:], np.zeros((1, 1))), noise, step * np.arange(len(noise)), interp=False)[1]
 
 
 def envelope(times: np.ndarray, rise: float, decay_from: float, decay: float) -> np.ndarray:
@@ -90,7 +84,7 @@ def synthetic_record(
     Parameters
     ----------
     seed : int
-        Of the noise: the same seed gives the same record.
+        Seed of the noise. The same seed gives the same record.
     duration, step : float
         The record has a sample at 0, step, ..., duration.
     peak : float

@@ -1,9 +1,11 @@
-"""A motion as columns over uniform times: displacements, velocities, energies and what was dissipated, with the times of the impacts."""
+"""A motion as columns over uniform times: displacements, velocities, energies, dissipated energies, and the times of the impacts."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +13,17 @@ from bvp.checks import reals
 from bvp.frozen import read_only
 from bvp.shown import shown
 
-__all__ = ["Record"]
+if TYPE_CHECKING:
+    from bvp.motion import Motion
+    from transitions.sharing import Sharing
 
-_UNIFORM = 1e-6  # of a step: differences of times that rounding of long records makes are far below
-_REST = 1e-13  # of the largest displacement and velocity: smaller ones at the start are rounding
+__all__ = ["PER_PERIOD", "Record", "sampled", "samples_of"]
+
+PER_PERIOD = 256
+"""Samples in the shortest period of free vibration. Impacts excite harmonics far above its frequency."""
+
+_UNIFORM = 1e-6  # largest difference from a uniform time, in steps; the rounding of long records is far smaller
+_REST = 1e-13  # of the largest displacement and velocity; smaller values at the start are rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,16 +37,16 @@ class Record:
     displacements, velocities : (m, n) array_like
         At an impact the velocities are those after it.
     energy, nes_energy, lo_energy : (m,) array_like
-        Total; that of the sink (its kinetic energy and the coupling spring); that of the rest.
+        Total; of the sink (its kinetic energy and the coupling spring); of the rest.
     dissipated_nes, dissipated_lo : (m,) array_like
-        Dissipated since the first time: by stops and dampers on gap coordinates; by all other dampers.
+        Dissipated since the first time by stops and dampers on gap coordinates, and by all other dampers.
     impacts : (k,) array_like
         Times of the impacts, in order.
 
     Raises
     ------
     ValueError
-        For shapes that do not fit, values that are not finite, times that are not uniform, impacts out of order.
+        For wrong shapes, values that are not finite, times that are not uniform, or impacts out of order.
 
     Examples
     --------
@@ -103,7 +112,7 @@ class Record:
 
     @property
     def from_rest(self) -> bool:
-        """Whether the first state is 0, to rounding of the largest displacement and velocity, or has no energy."""
+        """Whether the first state has no energy, or is 0 within rounding of the largest displacement and velocity."""
         states = np.abs(self.displacements), np.abs(self.velocities)
         return not self.energy[0] > 0.0 or all(values[0].max() <= _REST * values.max() for values in states)
 
@@ -133,3 +142,54 @@ class Record:
         if row.shape != (self.degrees_of_freedom,):
             raise ValueError(f"the gap coordinate has {row.size} entries; the record has {self.degrees_of_freedom} coordinates")
         return self.displacements @ row, self.velocities @ row
+
+
+def samples_of(motion: Motion, span: float) -> int:
+    """Default number of samples in the record of the first `span` of a motion."""
+    fastest = float(motion.system.underlying.modes.frequencies.max())
+    return 2 + int(PER_PERIOD * (1.0 + span * fastest / (2.0 * math.pi)))
+
+
+def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: float | None = None) -> Record:
+    """The record of a motion at uniform times, in the units of its system.
+
+    Parameters
+    ----------
+    motion : Motion
+        With a duration above 0, and the dampers of `sharing`.
+    sharing : Sharing
+        If the energy has no shares, all of it counts as that of the rest.
+    samples : int, optional
+        By default `samples_of`, 256 in the shortest period of free vibration without damping.
+    span : float, optional
+        End of the record; by default the end of the motion.
+
+    Raises
+    ------
+    ValueError
+        For a motion without duration.
+
+    Examples
+    --------
+    >>> from bvp.damped import run
+    >>> from bvp.system import vibro_impact_nes
+    >>> from transitions.sharing import sharing_of
+    >>> system = vibro_impact_nes(lam=0.01, rho=0.7)
+    >>> shared = sharing_of(system, (0,), (1,))
+    >>> record = sampled(run(system, [0, 0], [0, 2], 20.0, dampers=shared.dampers), shared)
+    >>> bool(abs(record.energy[-1] + record.dissipated_nes[-1] + record.dissipated_lo[-1] - 2.0) < 1e-12)
+    True
+    """
+    from bvp.motion import EventKind
+
+    if not motion.duration > 0.0:
+        raise ValueError("a motion without duration has no record; run it for a time above 0")
+    span = motion.duration if span is None else span
+    times = np.linspace(0.0, span, samples_of(motion, span) if samples is None else samples)
+    energy, nes, lo = sharing.energies(motion, times)
+    if sharing.mass is None:
+        nes, lo = np.zeros_like(energy), energy
+    by_nes, by_lo, _ = sharing.dissipated(motion, times)
+    u, v = motion.sample(times)
+    impacts = motion.times[motion.kinds == EventKind.IMPACT.value]
+    return Record(times, u, v, energy, nes, lo, by_nes, by_lo, impacts[impacts <= span])

@@ -1,4 +1,4 @@
-"""Ridges of a wavelet spectrum: maxima over frequency that go on from one time to the next, and when one of them holds."""
+"""Ridges of a wavelet spectrum: maxima over frequency that continue in time, and the intervals in which one of them is the largest."""
 
 from __future__ import annotations
 
@@ -9,34 +9,36 @@ from dataclasses import dataclass
 import numpy as np
 
 from transitions.kernels.ridges import chains, link
-from transitions.spectrum import SpectrumRows
+from transitions.spectrum import Spectrum
 
-__all__ = ["HOLDS", "SHARE", "Held", "Ridge", "amplitude_of_motion", "beside", "held", "periods", "ridges", "runs"]
+__all__ = [
+    "LEAST_PERIODS", "SHARE", "Ridge", "RidgeInterval", "amplitude_of_motion", "beside", "periods", "ridge_intervals", "ridges", "runs",
+]  # fmt: skip
 
 SHARE = 0.2
-"""Least part of the motion's amplitude that a ridge carries: a fifth."""
+"""Least share of the motion's amplitude that a ridge must have: a fifth."""
 
-HOLDS = 3.0
-"""Periods for which a ridge holds at least."""
+LEAST_PERIODS = 3.0
+"""Least number of periods of an interval in which a ridge is the largest."""
 
-_FAINT = 0.25 * SHARE  # maxima with a smaller part are not looked at
-_LEFT = 1e9  # maxima so many times above the motion around them are what a louder time leaves in slow wavelets
-_DRIFT = 0.25  # octaves in one period of its own that a ridge may move: what goes faster is a jump to another
-_TOGETHER = 1_000_000  # maxima of which the shares are found at once
-_ROUNDING = 64.0 * np.finfo(float).eps  # of the signal: the transform turns over the whole of it at once, and rounds with its largest part
+_FAINT = 0.25 * SHARE  # maxima with a smaller share are ignored
+_LEFT = 1e9  # maxima so far above the motion around them are traces of a louder time in slow wavelets
+_DRIFT = 0.25  # octaves that a ridge may move in one of its periods; a faster change is a jump to another ridge
+_TOGETHER = 1_000_000  # number of maxima whose shares are found at once
+_ROUNDING = 64.0 * np.finfo(float).eps  # of the signal's range; the transform covers the full signal and rounds with its largest part
 
 
 @dataclass(frozen=True, eq=False)
 class Ridge:
-    """A maximum of the spectrum that goes on in time.
+    """A maximum of the spectrum that continues in time.
 
     Parameters
     ----------
     first : int
         Its first column of the spectrum.
     frequencies, amplitudes, shares : (j,) float
-        Angular frequency and amplitude at successive columns, read between the rows of the spectrum, and the part of the motion's
-        amplitude. What an edge of the record takes of the amplitude is given back.
+        Angular frequency and amplitude at successive columns, interpolated between the rows of the spectrum, and the share of the
+        motion's amplitude. The amplitude is corrected for the edges of the record.
     """
 
     first: int
@@ -49,7 +51,7 @@ class Ridge:
 
 
 @dataclass(frozen=True)
-class Held:
+class RidgeInterval:
     """An interval in which one ridge is the largest: columns `first` to `last` of the spectrum, both included."""
 
     ridge: Ridge
@@ -71,24 +73,24 @@ class Held:
 
     @property
     def shares(self) -> np.ndarray:
-        """Parts of the motion's amplitude."""
+        """Shares of the motion's amplitude."""
         return self._part(self.ridge.shares)
 
 
 def periods(frequencies: np.ndarray, step: float) -> float:
-    """Turns of a phase of these angular frequencies at successive times, `step` apart."""
+    """Number of periods of a tone with these angular frequencies at successive times, `step` apart."""
     return float(np.sum(0.5 * (frequencies[1:] + frequencies[:-1]))) * step / (2.0 * math.pi)
 
 
 def amplitude_of_motion(times: np.ndarray, signal: np.ndarray, at: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Half of the range of a signal within one period before and after each of some times, (j,).
+    """Half of the range of a signal within one period before and after given times, (j,).
 
     Parameters
     ----------
     times, signal : (m,) float
         Uniform times.
     at, frequencies : (j,) float
-        Times, and the angular frequencies whose periods are meant.
+        The given times, and the angular frequencies that define the periods.
     """
     step = (times[-1] - times[0]) / (len(times) - 1)
     period = 2.0 * math.pi / frequencies
@@ -97,7 +99,7 @@ def amplitude_of_motion(times: np.ndarray, signal: np.ndarray, at: np.ndarray, f
     out = np.empty(len(at))
     begin = int(first.min(initial=len(signal)))
     first, last = first - begin, last - begin
-    # What the windows reach; over 2^b samples from each on: two of these cover any window of up to twice as many.
+    # Maxima and minima over 2^b samples from each one on. Two of these cover any window of 2^b to 2^(b+1) samples.
     highest = lowest = signal[begin : begin + int(last.max(initial=-1)) + 1]
     for b in range(int(level.max(initial=-1)) + 1):
         if b:
@@ -109,22 +111,22 @@ def amplitude_of_motion(times: np.ndarray, signal: np.ndarray, at: np.ndarray, f
     return out
 
 
-def ridges(spectrum: SpectrumRows, times: np.ndarray, signal: np.ndarray) -> list[Ridge]:
-    """All ridges that are not faint, in the order in which they begin.
+def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ridge]:
+    """All ridges that are not faint, sorted by their first column.
 
     Parameters
     ----------
-    spectrum : SpectrumRows
-        Its rows are looked at one after the other.
+    spectrum : Spectrum
+        Its rows are read one after the other.
     times, signal : (m,) float
-        What it is the spectrum of.
+        The signal of the spectrum.
 
     Returns
     -------
     list of Ridge
-        Maxima of successive columns are one ridge where each is the other's nearest in frequency, and no further than a quarter of an
-        octave in one of their periods, or one row of the spectrum. A ridge that is lost for less than a period goes on. What is lost in
-        the rounding of the transform, 1e-14 of the signal's range, has none.
+        Maxima of successive columns belong to one ridge if each is the other's nearest in frequency. They may move by a quarter of an
+        octave in one of their periods, or by one row of the spectrum. A gap of less than a period does not end a ridge. Maxima below the
+        rounding of the transform, 1e-14 of the signal's range, are ignored.
     """
     step = float(spectrum.times[1] - spectrum.times[0])
     some: list[tuple[np.ndarray, ...]] = []
@@ -136,8 +138,8 @@ def ridges(spectrum: SpectrumRows, times: np.ndarray, signal: np.ndarray) -> lis
             some = []
     kept.append(_strong(spectrum, times, signal, some))
     columns, level, heights, shares = (np.concatenate(values) for values in zip(*kept, strict=True))
-    del some, kept  # of a long motion these are large
-    order = np.argsort(columns, kind="stable")  # the rows rise, and so do the levels at each time
+    del some, kept  # these are large for a long motion
+    order = np.argsort(columns, kind="stable")  # the frequencies at each time rise, because the rows do
     columns, level, heights, shares = columns[order], level[order], heights[order], shares[order]
     following = _linked(columns, level, len(spectrum.times), spectrum.octaves, step)
     number = np.empty(len(columns), dtype=np.int64)
@@ -151,27 +153,27 @@ def ridges(spectrum: SpectrumRows, times: np.ndarray, signal: np.ndarray) -> lis
     return sorted(out, key=lambda ridge: ridge.first)
 
 
-def _maxima(spectrum: SpectrumRows) -> Iterator[tuple[np.ndarray, ...]]:
+def _maxima(spectrum: Spectrum) -> Iterator[tuple[np.ndarray, ...]]:
     """Columns (j,) at which a row is above both of its neighbours; the row's number there; the logarithms of the three amplitudes."""
     below = here = np.zeros(0)
     for row, above in enumerate(spectrum.rows()):
         if row > 1:
             columns = np.flatnonzero((here > below) & (here >= above))
             middle = here[columns]
-            # Neighbouring rows of a tone are nearly as high: what is not is rounding, and no parabola.
+            # Neighbouring rows of a tone are nearly as high. Lower values are rounding, not part of a parabola.
             three = (np.log(np.maximum(values, 0.5 * middle)) for values in (below[columns], middle, above[columns]))
             yield columns, np.full(len(columns), row - 1), *three
         below, here = here, above
 
 
 def _strong(
-    spectrum: SpectrumRows, times: np.ndarray, signal: np.ndarray, some: list[tuple[np.ndarray, ...]]
+    spectrum: Spectrum, times: np.ndarray, signal: np.ndarray, some: list[tuple[np.ndarray, ...]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Columns, frequencies in octaves, amplitudes, and shares of the motion's amplitude, of those maxima that are not faint."""
+    """Columns, frequencies in octaves, amplitudes, and shares of the motion's amplitude of the maxima that are not faint."""
     if not some:
         return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0)
     columns, rows, below, here, above = (np.concatenate(values) for values in zip(*some, strict=True))
-    # The logarithm of the response to a tone is nearly a parabola of that of the frequency.
+    # The logarithm of the response to a tone is nearly a parabola in the logarithm of the frequency.
     bend = below - 2.0 * here + above
     shift = np.where(bend < 0.0, 0.5 * (below - above) / np.where(bend < 0.0, bend, -1.0), 0.0)
     level = np.log2(spectrum.frequencies[rows]) + shift * spectrum.octaves
@@ -185,21 +187,20 @@ def _strong(
     return columns[kept], level[kept], heights[kept], shares[kept]
 
 
-def _ridges(
-    columns: np.ndarray, level: np.ndarray, heights: np.ndarray, shares: np.ndarray, drift: float, step: float
-) -> Iterator[Ridge]:
-    """A chain of maxima, cut where it moves by more than `drift` octaves in a period of its own: from one column to the next, a row apart
-    at most, that does not show."""
+def _ridges(columns: np.ndarray, level: np.ndarray, heights: np.ndarray, shares: np.ndarray, drift: float, step: float) -> Iterator[Ridge]:
+    """The ridges of a chain of maxima, which is cut where it moves by more than `drift` octaves in one of its periods.
+
+    The steps from column to column do not show this: each of them is at most a row of the spectrum."""
     every = np.arange(columns[0], columns[-1] + 1)
     level, heights, shares = (np.interp(every, columns, values) for values in (level, heights, shares))
-    turns = np.cumsum(2.0**level) * (step / (2.0 * math.pi))
-    after = np.searchsorted(turns, turns + 0.5, "right") - 1
-    fast = np.abs(level[after] - level[np.searchsorted(turns, turns - 0.5)]) > drift
+    cycles = np.cumsum(2.0**level) * (step / (2.0 * math.pi))
+    after = np.searchsorted(cycles, cycles + 0.5, "right") - 1
+    fast = np.abs(level[after] - level[np.searchsorted(cycles, cycles - 0.5)]) > drift
     cuts = [0]
     for first, stop in runs(fast):
         while first < stop and fast[first]:
-            # In each period of it, where it moves most.
-            last = min(stop, max(first + 1, int(np.searchsorted(turns, turns[first] + 1.0, "right"))))
+            # One cut in each period, at the largest step.
+            last = min(stop, max(first + 1, int(np.searchsorted(cycles, cycles[first] + 1.0, "right"))))
             jumps = np.abs(np.diff(level[first : last + 1]))
             if len(jumps):
                 cuts.append(first + 1 + int(np.argmax(jumps)))
@@ -209,7 +210,7 @@ def _ridges(
 
 
 def _linked(columns: np.ndarray, level: np.ndarray, count: int, spacing: float, step: float) -> np.ndarray:
-    """Index of the maximum that follows each, -1 where none does: `columns` do not fall, `level` is the frequency in octaves."""
+    """Index of the maximum that follows each maximum, -1 for none. `columns` are sorted; `level` is the frequency in octaves."""
     bounds = np.searchsorted(columns, np.arange(count + 1))
     reach = np.maximum(spacing, _DRIFT * 2.0**level * step / (2.0 * math.pi))
     following, scratch = np.empty((2, len(columns)), dtype=np.int64)
@@ -217,7 +218,7 @@ def _linked(columns: np.ndarray, level: np.ndarray, count: int, spacing: float, 
     return following
 
 
-def beside(found: Sequence[Ridge], interval: Held) -> list[Ridge]:
+def beside(found: Sequence[Ridge], interval: RidgeInterval) -> list[Ridge]:
     """The other ridges with a column in an interval, in the order of `found`."""
     firsts = np.array([ridge.first for ridge in found])
     stops = firsts + [len(ridge) for ridge in found]
@@ -225,19 +226,19 @@ def beside(found: Sequence[Ridge], interval: Held) -> list[Ridge]:
     return [found[k] for k in there if found[k] is not interval.ridge]
 
 
-def held(spectrum: SpectrumRows, found: list[Ridge]) -> list[Held]:
-    """The intervals in which one ridge is the largest and carries a fifth of the motion's amplitude, for three of its periods or more.
+def ridge_intervals(spectrum: Spectrum, found: list[Ridge]) -> list[RidgeInterval]:
+    """The intervals in which one ridge is the largest and has a fifth of the motion's amplitude, for three of its periods or more.
 
     Parameters
     ----------
-    spectrum : SpectrumRows
+    spectrum : Spectrum
     found : list of Ridge
-        As `ridges` gives them.
+        The result of `ridges`.
 
     Returns
     -------
-    list of Held
-        In order of time. A ridge that goes on is not interrupted where it is not the largest for less than three periods.
+    list of RidgeInterval
+        In order of time. An interval goes on if another ridge is larger for less than three periods.
     """
     step = float(spectrum.times[1] - spectrum.times[0])
     best = np.full(len(spectrum.times), -1)
@@ -258,16 +259,16 @@ def held(spectrum: SpectrumRows, found: list[Ridge]) -> list[Held]:
             continue
         run = number, first, stop - 1
         k = len(stack) - 1
-        while k >= 0 and stack[k][0] != number and lasts(*stack[k]) < HOLDS:
+        while k >= 0 and stack[k][0] != number and lasts(*stack[k]) < LEAST_PERIODS:
             k -= 1
-        if k >= 0 and stack[k][0] == number and lasts(number, stack[k][2], run[1]) < HOLDS:
+        if k >= 0 and stack[k][0] == number and lasts(number, stack[k][2], run[1]) < LEAST_PERIODS:
             run = number, stack[k][1], stop - 1
             del stack[k:]
         stack.append(run)
-    return [Held(found[number], first, last) for number, first, last in stack if lasts(number, first, last) >= HOLDS]
+    return [RidgeInterval(found[number], first, last) for number, first, last in stack if lasts(number, first, last) >= LEAST_PERIODS]
 
 
 def runs(values: np.ndarray) -> list[tuple[int, int]]:
-    """Stretches of one value: the first index, and that after the last."""
+    """The intervals of equal values: the first index, and the one after the last."""
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]]).tolist()
     return list(zip(bounds[:-1], bounds[1:], strict=True))

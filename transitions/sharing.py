@@ -1,41 +1,45 @@
-"""Whose energy: the nonlinear energy sink's (NES) and the rest's (LO), in a motion, at any time, held and dissipated.
+"""The nonlinear energy sink (NES) and the rest (LO): the share of each in a motion's energy and losses, and a system with its NES locked.
 
-The NES has its kinetic energy and the springs by which it hangs on the rest; it dissipates in the stops and dampers of the gaps between it
-and the rest. All else belongs to the LO (Lee et al., Physica D 238 (2009) 1868, section 3). Where no coordinate is marked, energies have no
-shares, and all stops and the dampers across them count as the NES.
+The NES has its kinetic energy and the springs between it and the rest. It dissipates in the stops and dampers of the gaps between it and
+the rest. Everything else belongs to the LO (Lee et al., Physica D 238 (2009) 1868, section 3). Without an NES the energies have no shares;
+all stops and the dampers across them then take the place of its losses.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.shares import split_damping
+from bvp.energy_budget import split_damping
+from bvp.forcing import Constant, Harmonic, Record
 
 if TYPE_CHECKING:
+    from bvp.forcing import Force
     from bvp.motion import Motion
     from bvp.system import ImpactSystem
 
-__all__ = ["Sharing", "sharing_of"]
+__all__ = ["Sharing", "lock", "locked_coordinates", "sharing_of"]
+
+_OUT_OF_REACH = 1e20  # bound, in units of displacement, of the one stop that a locked system needs if it has no other
 
 
 @dataclass(frozen=True, eq=False)
 class Sharing:
-    """The split of a system's energy and dissipation.
+    """The shares of a system's energy and dissipation.
 
     Attributes
     ----------
     mass, stiffness : (n, n) ndarray or None
-        The NES's energy is (v mass v + u stiffness u)/2; None where it has no share of its own.
+        The NES's energy is (v mass v + u stiffness u)/2; None if it has no share of its own.
     why_not : str
-        The reason for that, "" else.
+        The reason for None, else "".
     dampers : dict of str to (n, n) ndarray
-        The damping matrix in the parts that `bvp.run.run` is to tell apart.
+        The damping matrix in the parts that `bvp.damped.run` records separately.
     nes_parts : frozenset of str
-        Which of a motion's parts the NES dissipates in.
+        The parts of a motion in which the NES dissipates.
     sink : bool
         Whether a coordinate is marked as NES.
     """
@@ -49,43 +53,40 @@ class Sharing:
 
     @property
     def names(self) -> tuple[str, str]:
-        """What the two that dissipate are called: the NES and the LO, or the stops with the dampers across them and the rest."""
+        """Names of the two that dissipate: the NES and the LO; without an NES, the stops (with the dampers across them) and the rest."""
         return ("NES", "LO") if self.sink else ("stops", "rest")
 
     def energies(self, motion: Motion, times: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Energy, that of the NES, that of the LO, at any times: (j,) each; the last two are NaN where there are no shares."""
+        """The energy at any times, that of the NES and that of the LO: (j,) each. Without shares the last two are NaN."""
         u, v = motion.sample(times)
-        whole = np.atleast_1d(motion.system.energy(u, v))
+        total = np.atleast_1d(motion.system.energy(u, v))
         if self.mass is None or self.stiffness is None:
-            none = np.full(len(whole), np.nan)
-            return whole, none, none.copy()
+            none = np.full(len(total), np.nan)
+            return total, none, none.copy()
         nes = 0.5 * (np.einsum("ji,ik,jk->j", v, self.mass, v) + np.einsum("ji,ik,jk->j", u, self.stiffness, u))
-        return whole, nes, whole - nes
+        return total, nes, total - nes
 
     def dissipated(self, motion: Motion, times: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Dissipated by the NES, by the LO, and the work of the loads, up to any times: (j,) each."""
+        """The energy that the NES and the LO have dissipated up to any times, and the work of the loads: (j,) each."""
         spent = motion.spent(times)
-        own = self._own(motion)
+        own = np.array([part in self.nes_parts for part in motion.parts])
         return spent[:, :-1][:, own].sum(axis=1), spent[:, :-1][:, ~own].sum(axis=1), spent[:, -1]
 
     def totals(self, dissipated: Mapping[str, float]) -> tuple[float, float]:
-        """(NES, LO) of what the parts of a motion have dissipated."""
+        """(NES, LO) of the energy that the parts of a motion have dissipated."""
         nes = sum(value for part, value in dissipated.items() if part in self.nes_parts)
         return nes, sum(value for part, value in dissipated.items() if part not in self.nes_parts)
 
-    def _own(self, motion: Motion) -> np.ndarray:
-        return np.array([part in self.nes_parts for part in motion.parts])
-
 
 def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, ...] = ()) -> Sharing:
-    """How a system's energy is shared.
+    """The shares of a system.
 
     Parameters
     ----------
     system : ImpactSystem
     nes, lo : tuple of int
-        Coordinates of the NES and of the LO. One LO coordinate alone: of the springs that hold the NES, that between the two is its own;
-        else all of those to other coordinates.
+        Coordinates of the NES and of the LO. With a single LO coordinate, only the spring between it and the NES belongs to the NES; else
+        all springs between the NES and other coordinates.
 
     Examples
     --------
@@ -112,3 +113,84 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
                 row[k], row[j] = 1.0, -1.0
                 stiffness -= system.stiffness[k, j] * np.outer(row, row)
     return Sharing(mass, stiffness + 0.0, "", dampers, parts)
+
+
+def locked_coordinates(system: ImpactSystem, nes: Sequence[int]) -> np.ndarray:
+    """The matrix T (n, n - k) with u = T q for a locked NES, q being the other coordinates.
+
+    Each NES coordinate moves with the one other coordinate in the gap of its stop, c . u = 0, or stands still if there is none.
+
+    Raises
+    ------
+    ValueError
+        If no NES is marked, or a gap does not determine the motion of its coordinate.
+    """
+    n = system.degrees_of_freedom
+    if not nes:
+        raise ValueError("no coordinate is marked as NES, which is what would be locked (in a scene NES under [coordinates])")
+    kept = [k for k in range(n) if k not in nes]
+    matrix = np.zeros((n, len(kept)))
+    matrix[kept, range(len(kept))] = 1.0
+    for k in nes:
+        hosts = {
+            tuple((j, -stop.gap[j] / stop.gap[k]) for j in range(n) if stop.gap[j] and j != k)
+            for stop in system.stops
+            if stop.gap[k] and not any(stop.gap[j] for j in nes if j != k)
+        }
+        if len(hosts) != 1 or len(host := next(iter(hosts))) > 1:
+            raise ValueError(f"{system.coordinates[k]} cannot be locked: expected one gap, between it and one other coordinate at most")
+        for j, ratio in host:
+            matrix[k, kept.index(j)] = ratio
+    return matrix
+
+
+def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ()) -> tuple[ImpactSystem, tuple[Force, ...]]:
+    """The system and its loads with the NES locked: T'MT, T'CT, T'KT, T'f, and the stops that can still move.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    nes : sequence of int
+    forces : sequence of bvp.forcing loads
+
+    Raises
+    ------
+    ValueError
+        As `locked_coordinates`; if no coordinate is left.
+
+    Examples
+    --------
+    The reference system: the two masses move as one.
+
+    >>> from bvp.system import vibro_impact_nes
+    >>> locked, _ = lock(vibro_impact_nes(mu=0.1, lam=0.02), (0,))
+    >>> locked.mass, locked.damping, locked.stiffness, locked.coordinates
+    (array([[1.1]]), array([[0.02]]), array([[1.]]), ('u2',))
+    """
+    matrix = locked_coordinates(system, nes)
+    if not matrix.shape[1]:
+        raise ValueError("every coordinate is marked as NES: nothing is left to move when it is locked")
+    kept = [k for k in range(system.degrees_of_freedom) if k not in nes]
+    rows = [np.array(stop.gap) @ matrix for stop in system.stops]
+    free = [np.abs(row).max() > 1e-12 * np.abs(stop.gap).max() for row, stop in zip(rows, system.stops, strict=True)]
+    stops = tuple(replace(stop, gap=tuple(row)) for stop, row, moves in zip(system.stops, rows, free, strict=True) if moves)
+    if not stops:
+        row = np.zeros(len(kept))
+        row[0] = 1.0
+        stops = (replace(system.stops[0], gap=tuple(row), lower=-_OUT_OF_REACH, upper=_OUT_OF_REACH),)
+    mass, damping, stiffness = (matrix.T @ part @ matrix for part in (system.mass, system.damping, system.stiffness))
+    locked = replace(
+        system, mass=mass, damping=damping, stiffness=stiffness, stops=stops, coordinates=tuple(system.coordinates[k] for k in kept),
+        absorber=None, primary=None, model=None, parameters=None,
+    )  # fmt: skip
+    return locked, tuple(_reduced(force, matrix) for force in forces)
+
+
+def _reduced(force: Force, matrix: np.ndarray) -> Force:
+    """A load with T'f in place of f."""
+    if isinstance(force, Constant):
+        return Constant(matrix.T @ force.load)
+    if isinstance(force, Record):
+        return replace(force, load=matrix.T @ force.load)
+    assert isinstance(force, Harmonic) and force.cosine is not None and force.sine is not None
+    return replace(force, cosine=matrix.T @ force.cosine, sine=matrix.T @ force.sine)

@@ -2,12 +2,14 @@
 
 The complex Morlet wavelet psi(t) = exp(-t^2/B) exp(2 pi i C t)/sqrt(pi B) has unit response to a tone of its own frequency.
 So twice the modulus of the transform, divided by the square root of the scale, is an amplitude: a pure tone of amplitude A shows A.
+
+The wavelet is a Gaussian over frequency, so that a row of the spectrum has a narrow band around its frequency. The inverse transform is
+taken at times as far apart as the band allows, and polynomials between these give the others. A row then costs as much as it has times.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,19 +18,21 @@ from typing import Any
 import numpy as np
 
 from bvp.shown import shown
-from transitions.transform import PER_ENVELOPE, amplitude_rows, envelope
 
-__all__ = ["Spectrum", "SpectrumRows", "TooCoarse", "Wavelet", "checked", "morlet_rows", "morlet_spectrum"]
+__all__ = ["Spectrum", "TooCoarse", "Wavelet", "checked", "morlet_spectrum"]
 
 _WIDTHS = 4.0  # standard deviations of the wavelet's own spectrum that stay below the Nyquist frequency
-_UNTRUE = 0.02  # median of what the rate and the signal disagree by, in standard deviations of the signal
-_STILL = 1e-6  # a stretch this much smaller than the largest has nothing to show
-_CELLS = 3_000_000  # amplitudes up to which no time is left out
-_POWER = 1e-4  # part of the power outside the band that is looked at by default, on each side
+_UNTRUE = 0.02  # largest median difference of the rate and the signal's rises, in standard deviations of the signal
+_STILL = 1e-6  # an interval this much smaller than the largest is not checked
+_CELLS = 3_000_000  # number of amplitudes above which times are left out
+_POWER = 1e-4  # fraction of the power outside the default band, on each side
+_PER_ENVELOPE = 8  # least number of times in a standard deviation of a wavelet's envelope
+_REACH = 9.0  # standard deviations, in time and in frequency, beyond which a Gaussian is below the rounding of its largest value
+_NODES = np.arange(-2, 4)  # of the polynomials between the times of a slow row; their error is 3e-7 of the amplitude
 
 
 class TooCoarse(ValueError):
-    """A record has too few samples for what was asked; the message is one line and says which step would do."""
+    """A record has too few samples; the message is one line and says which step is fine enough."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +42,8 @@ class Wavelet:
     Parameters
     ----------
     bandwidth, centre : float
-        B and C, above 0: at a frequency of one period a unit of time the envelope is exp(-t^2/(B C^2)), which lasts longer, and parts
-        neighbouring frequencies better, the larger C sqrt(B) is.
+        B and C, above 0. At a frequency of one period in a unit of time the envelope is exp(-t^2/(B C^2)). A larger C sqrt(B) makes it
+        longer, and separates neighbouring frequencies better.
     """
 
     bandwidth: float = 2.0
@@ -62,14 +66,18 @@ class Wavelet:
 
     @property
     def reach(self) -> float:
-        """Periods from an edge within which it is felt: the e-folding time of the response, sqrt(B) scales (Torrence & Compo, Bull. Am.
-        Meteorol. Soc. 79 (1998) 61, Section 3g)."""
+        """Periods over which an edge of the record has an effect: the e-folding time of the response, sqrt(B) scales (Torrence & Compo,
+        Bull. Am. Meteorol. Soc. 79 (1998) 61, Section 3g)."""
         return math.sqrt(self.bandwidth) * self.centre
+
+    def envelope(self, frequency: float) -> float:
+        """Standard deviation of the envelope, in time, at an angular frequency."""
+        return self.sharpness / frequency
 
 
 @dataclass(frozen=True, eq=False)
-class SpectrumRows(ABC):
-    """Amplitudes over time and frequency, one row after the other.
+class Spectrum:
+    """Amplitudes over time and frequency, which are computed when they are first needed.
 
     Parameters
     ----------
@@ -80,16 +88,36 @@ class SpectrumRows(ABC):
     span : (float, float)
         First and last time of the record.
     wavelet : Wavelet
+    signal : ndarray
+        The signal in units of `unit`, at all times of the record. `times` are every `stride`-th of them.
+    unit, step : float
+    stride : int
     """
 
     times: np.ndarray
     frequencies: np.ndarray
     span: tuple[float, float]
     wavelet: Wavelet
+    signal: np.ndarray
+    unit: float
+    step: float
+    stride: int
 
-    @abstractmethod
     def rows(self) -> Iterator[np.ndarray]:
-        """The amplitudes (m,) at each frequency, from the lowest on."""
+        """The amplitudes (m,) at each frequency, lowest first, one row at a time."""
+        if "amplitudes" in vars(self):
+            yield from self.amplitudes
+            return
+        for row in _rows(self.signal, self.step, self.frequencies, self.stride, self.wavelet):
+            yield self.unit * row
+
+    @cached_property
+    def amplitudes(self) -> np.ndarray:
+        """All amplitudes, (k, m)."""
+        out = np.empty((len(self.frequencies), len(self.times)))
+        for kept, row in zip(out, self.rows(), strict=True):
+            kept[:] = row
+        return out
 
     @cached_property
     def octaves(self) -> float:
@@ -98,14 +126,14 @@ class SpectrumRows(ABC):
 
     @property
     def cone(self) -> np.ndarray:
-        """Lowest angular frequency (m,) at each time that the edges of the record do not reach; infinite at the edges."""
+        """Lowest angular frequency (m,) at each time without an effect of the record's edges; infinite at the edges."""
         near = np.minimum(self.times - self.span[0], self.span[1] - self.times)
         with np.errstate(divide="ignore"):
             return np.where(near > 0.0, 2.0 * math.pi * self.wavelet.reach / near, np.inf)
 
     def inside(self, times: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-        """Part of the wavelet (...) that lies within the record, 1/2 to 1, at times and frequencies of one shape: what is left of a tone's
-        amplitude near an edge."""
+        """Fraction of the wavelet (...) inside the record, 1/2 to 1, at times and frequencies of one shape. Near an edge a tone shows this
+        fraction of its amplitude."""
         from scipy.special import erf
 
         with np.errstate(divide="ignore"):
@@ -114,44 +142,47 @@ class SpectrumRows(ABC):
         return 0.5 * (erf((times - self.span[0]) / scale) + erf((self.span[1] - times) / scale))
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrum(SpectrumRows):
-    """Amplitudes over time and frequency.
+def morlet_spectrum(
+    times: np.ndarray,
+    signal: np.ndarray,
+    rate: np.ndarray | None = None,
+    *,
+    frequencies: tuple[float, float] | None = None,
+    per_octave: int = 24,
+    wavelet: Wavelet | None = None,
+    most: int | None = None,
+) -> Spectrum:
+    """The wavelet spectrum of a signal, by the complex Morlet wavelet.
 
     Parameters
     ----------
-    amplitudes : (k, m) float
-    times, frequencies, span, wavelet
-        As of `SpectrumRows`.
-    """
+    times : (m,) float
+        Uniform.
+    signal : (m,) float
+        Its rest position at each end is subtracted. Otherwise the edges of the record would show it.
+    rate : (m,) float, optional
+        Its derivative at the same times. With it a record with too large a step is found at any frequency: a tone that the samples miss
+        has another rate than the tone that they seem to show.
+    frequencies : (float, float), optional
+        Lowest and highest angular frequency. By default the band with all but 1e-4 of the power, and an octave more on each side. The
+        record limits it: below by the cone of influence, above by the Nyquist frequency.
+    per_octave : int
+        Frequencies in an octave.
+    wavelet : Wavelet, optional
+    most : int, optional
+        Largest number of times, for a picture.
 
-    amplitudes: np.ndarray
+    Returns
+    -------
+    Spectrum
+        Its times are every k-th of the record's. Where that loses nothing, there are fewer than 3e6 amplitudes.
 
-    def rows(self) -> Iterator[np.ndarray]:
-        return iter(self.amplitudes)
-
-
-@dataclass(frozen=True, eq=False)
-class _Computed(SpectrumRows):
-    """A spectrum whose rows are computed each time they are asked for: at every `stride`-th sample of a signal in parts of `size`."""
-
-    signal: np.ndarray
-    step: float
-    stride: int
-    size: float
-
-    def rows(self) -> Iterator[np.ndarray]:
-        for row in amplitude_rows(self.signal, self.step, self.frequencies, self.stride, self.wavelet):
-            yield self.size * row
-
-
-def morlet_spectrum(times: np.ndarray, signal: np.ndarray, rate: np.ndarray | None = None, **options: Any) -> Spectrum:
-    """The wavelet spectrum of a signal, as `morlet_rows` computes it.
-
-    Parameters
-    ----------
-    times, signal, rate, **options
-        As for `morlet_rows`, which says what is refused, too.
+    Raises
+    ------
+    TooCoarse
+        If the step is too large for the highest frequency, or for the signal.
+    ValueError
+        For times that are not uniform, a signal that is not finite, or a range of frequencies that is empty or too low for the record.
 
     Examples
     --------
@@ -161,62 +192,13 @@ def morlet_spectrum(times: np.ndarray, signal: np.ndarray, rate: np.ndarray | No
     >>> round(float(spectrum.frequencies[np.argmax(middle)]), 6), round(float(middle.max()), 4)
     (2.0, 0.3)
     """
-    found = morlet_rows(times, signal, rate, **options)
-    amplitudes = np.empty((len(found.frequencies), len(found.times)))
-    for kept, row in zip(amplitudes, found.rows(), strict=True):
-        kept[:] = row
-    return Spectrum(found.times, found.frequencies, found.span, found.wavelet, amplitudes)
-
-
-def morlet_rows(
-    times: np.ndarray,
-    signal: np.ndarray,
-    rate: np.ndarray | None = None,
-    *,
-    frequencies: tuple[float, float] | None = None,
-    per_octave: int = 24,
-    wavelet: Wavelet | None = None,
-    most: int | None = None,
-) -> SpectrumRows:
-    """The wavelet spectrum of a signal, by the complex Morlet wavelet, row by row.
-
-    Parameters
-    ----------
-    times : (m,) float
-        Uniform.
-    signal : (m,) float
-        What it rests about at each end is taken off, as the edges of the record would show it otherwise.
-    rate : (m,) float, optional
-        Its derivative at the same times. A tone that the samples cannot show has another rate than the tone that they seem to show, so
-        with it a record that is too coarse is told from one that is not, whatever its frequencies.
-    frequencies : (float, float), optional
-        Lowest and highest angular frequency. By default an octave more on each side than the band with all but 1e-4 of the power, as far
-        as the record goes: down to where the cone of influence closes, up to where the wavelet passes the Nyquist frequency.
-    per_octave : int
-        Frequencies in an octave.
-    wavelet : Wavelet, optional
-    most : int, optional
-        Times at most, for a picture: what happens between them is left out.
-
-    Returns
-    -------
-    SpectrumRows
-        Its times are each so many-th of the record's, so that there are fewer than 3e6 amplitudes where that loses nothing.
-
-    Raises
-    ------
-    TooCoarse
-        Where the samples lie too far apart for the highest frequency, or for the signal.
-    ValueError
-        For times that are not uniform, a signal that is not finite, a range of frequencies that is empty or below what the record can show.
-    """
     wavelet = wavelet or Wavelet()
     times, signal, step = checked(times, signal)
     if isinstance(per_octave, bool) or not isinstance(per_octave, int) or per_octave < 1:
         raise ValueError(f"per_octave is a whole number of 1 or more; received {shown(per_octave)}")
     span = (float(times[0]), float(times[-1]))
     size = _power_of_two(signal)
-    signal = signal / size  # so that no square of it leaves the range of doubles
+    signal = signal / size  # no square of it overflows
     lowest = 4.0 * math.pi * wavelet.reach / (span[1] - span[0])
     highest = math.pi / (step * (1.0 + _WIDTHS / wavelet.sharpness))
     low, high = frequencies if frequencies is not None else _band(signal - signal.mean(), step, lowest, highest)
@@ -233,15 +215,15 @@ def morlet_rows(
         _require_fine(signal, np.asarray(rate, dtype=float) / size, step, window=2.0 * math.pi / low)
     count = max(2, round(per_octave * math.log2(high / low)) + 1)
     grid = np.geomspace(low, high, count)
-    stride = max(1, int(envelope(wavelet, high) / (PER_ENVELOPE * step)))
+    stride = max(1, int(wavelet.envelope(high) / (_PER_ENVELOPE * step)))
     stride = min(stride, max(1, math.ceil(count * len(times) / _CELLS)))
     if most is not None:
         stride = max(stride, math.ceil(len(times) / most))
-    return _Computed(times[::stride], grid, span, wavelet, signal, step, stride, size)
+    return Spectrum(times[::stride], grid, span, wavelet, signal, size, step, stride)
 
 
 def _power_of_two(signal: np.ndarray) -> float:
-    """The power of two next to the largest value, by which others are divided without rounding; 1 of nothing."""
+    """The power of two next to the largest value, 1 for zeros. Division by it does not round."""
     largest = float(np.abs(signal).max())
     return math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
 
@@ -252,7 +234,7 @@ def checked(times: Any, signal: Any) -> tuple[np.ndarray, np.ndarray, float]:
     Raises
     ------
     ValueError
-        In one line, for what is none.
+        With a message of one line, for anything else.
     """
     complex_one = next((part for part in (np.asarray(times), np.asarray(signal)) if np.iscomplexobj(part)), None)
     if complex_one is not None:
@@ -270,7 +252,7 @@ def checked(times: Any, signal: Any) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _band(signal: np.ndarray, step: float, lowest: float, highest: float) -> tuple[float, float]:
-    """The band with the power of the signal, an octave wider on each side, within the bounds of the record."""
+    """The band with the power of the signal and an octave more on each side, within the limits of the record."""
     if lowest >= highest:
         raise TooCoarse(f"a record of {len(signal)} samples has no frequency with room for a wavelet; expected more samples")
     power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))) ** 2
@@ -284,11 +266,11 @@ def _band(signal: np.ndarray, step: float, lowest: float, highest: float) -> tup
 
 
 def _require_fine(signal: np.ndarray, rate: np.ndarray, step: float, window: float) -> None:
-    """Refuse samples between which the signal does other things than they show: its rises are not those of the rate.
+    """Refuse samples whose step is too large: the signal's rises differ from the integral of its rate.
 
-    Over a step the signal rises by the integral of the rate, for which the trapezoid is taken. A tone that turns by an angle x in a step is
-    off by |2 sin(x/2) - x cos(x/2)| of its amplitude: little while x is small, more than twice from x = pi on, where it is seen as another.
-    The median passes over the few steps with an impact in them, where the rate jumps.
+    The integral is taken by the trapezoid. For a tone whose phase advances by x in a step, the difference is |2 sin(x/2) - x cos(x/2)| of
+    its amplitude. This is small while x is small, and more than 2 from x = pi on, where the samples show another tone. The median leaves
+    out the few steps with an impact, where the rate jumps.
     """
     if rate.shape != signal.shape or not np.isfinite(rate).all():
         raise ValueError(f"the rate has a finite value for each of the {len(signal)} of the signal; received shape {rate.shape}")
@@ -299,10 +281,85 @@ def _require_fine(signal: np.ndarray, rate: np.ndarray, step: float, window: flo
         part = slice(min(first, len(off) - length), min(first, len(off) - length) + length)
         here = float(np.std(signal[part]))
         wrong = float(np.median(np.abs(off[part])))
-        # What turns so fast that the samples hardly move still shows in the rate.
+        # A tone so fast that the samples hardly move still shows in the rate.
         if max(here, wrong) > _STILL * size and wrong > _UNTRUE * here:
             better = step * min(0.5, _UNTRUE * here / wrong)
             raise TooCoarse(
                 f"the record's step {step:.4g} is too coarse near time {first * step:.4g} after its start: its rates and its rises "
                 f"differ by {wrong / max(here, 1e-300):.2g} of the signal, expected below {_UNTRUE:g}; try a step of {better:.2g}"
             )
+
+
+def _rows(signal: np.ndarray, step: float, frequencies: np.ndarray, stride: int, wavelet: Wavelet) -> Iterator[np.ndarray]:
+    """Amplitudes (m,) at each `stride`-th sample, for each of the rising angular frequencies."""
+    rates = [1]  # distance of the times at which a row is transformed, in those of the result
+    for frequency in frequencies[::-1]:
+        room = wavelet.envelope(frequency) / (_PER_ENVELOPE * stride * step)
+        rates.append(max(rates[-1], 2 ** max(0, math.floor(math.log2(room)))))
+    rates = rates[:0:-1]
+    first = 0
+    while first < len(frequencies):
+        stop = first + rates[first:].count(rates[first])
+        yield from _octave(signal, step, frequencies[first:stop], frequencies[0], stride, rates[first], wavelet)
+        first = stop
+
+
+def _octave(
+    signal: np.ndarray, step: float, frequencies: np.ndarray, lowest: float, stride: int, rate: int, wavelet: Wavelet
+) -> Iterator[np.ndarray]:
+    """Rows that are transformed at every `rate`-th time of the result."""
+    from scipy.fft import ifft, next_fast_len, rfft
+
+    count = -(-len(signal) // stride)
+    reach = math.ceil(_REACH * wavelet.envelope(frequencies[0]) / step)
+    columns = next_fast_len(-(-(len(signal) + 2 * reach) // (rate * stride)))
+    length = columns * rate * stride
+    transform = rfft(_at_rest(signal, step, lowest, reach, length), overwrite_x=True)
+    spacing = 2.0 * math.pi / (length * step)
+    weights = _weights(rate)
+    ahead = np.arange(_NODES[0], -(-count // rate) + _NODES[-1]) % columns
+    for frequency in frequencies:
+        width = _REACH / wavelet.envelope(frequency)
+        bins = np.arange(math.ceil((frequency - width) / spacing), math.floor((frequency + width) / spacing) + 1)
+        # The transform of a real signal is conjugate at negative frequencies, and repeats above the Nyquist frequency.
+        wrapped = bins % length
+        beyond = wrapped > length // 2
+        values = transform[np.where(beyond, length - wrapped, wrapped)]
+        values[beyond] = values[beyond].conj()
+        values *= np.exp(-0.5 * (wavelet.envelope(frequency) * (spacing * bins - frequency)) ** 2)
+        # Shifted by the row's own frequency, which does not change the amplitude: the result varies as slowly as the envelope.
+        narrow = np.zeros(columns, dtype=complex)
+        np.add.at(narrow, (bins - bins[len(bins) // 2]) % columns, values)
+        slow = 2.0 / (rate * stride) * ifft(narrow, overwrite_x=True)
+        if rate > 1:
+            slow = (np.lib.stride_tricks.sliding_window_view(slow[ahead], len(_NODES)) @ weights).ravel()
+        yield np.abs(slow[:count])
+
+
+def _weights(rate: int) -> np.ndarray:
+    """Lagrange's polynomials (6, rate) of the nodes, at each part of the interval between the middle two."""
+    at = np.arange(rate) / rate
+    others = [np.delete(_NODES, k) for k in range(len(_NODES))]
+    return np.array([np.prod([(at - j) / (node - j) for j in rest], axis=0) for node, rest in zip(_NODES, others, strict=True)])
+
+
+def _at_rest(signal: np.ndarray, step: float, lowest: float, reach: int, length: int) -> np.ndarray:
+    """The signal in a circle of `length` samples, without its rest position at the faint end. Beyond the loud end, `reach` samples have the
+    rest position of that end.
+
+    Subtracting one mean would leave a step at the faint end that is larger than the motion there. The rest position at an end is the mean
+    over three of the longest periods with Hann's weights. These suppress tones: the lowest frequency to 1 %, higher ones by the third power
+    more."""
+    count = min(len(signal), max(8, math.ceil(6.0 * math.pi / (lowest * step))))
+    weights = np.hanning(count + 2)[1:-1]
+    weights /= weights.sum()
+    begin, end = signal[:count], signal[-count:]
+    first, last = float(weights @ begin), float(weights @ end)
+    out = np.zeros(length)
+    if np.ptp(begin) < np.ptp(end):
+        out[: len(signal)] = signal - first
+        out[len(signal) : len(signal) + reach] = last - first
+    else:
+        out[: len(signal)] = signal - last
+        out[-reach:] = first - last
+    return out

@@ -1,4 +1,4 @@
-"""A stage of a motion: what is told of it, in words and as plain data, and what changes from one stage to the next."""
+"""A stage of a motion as data and in words, and the changes between stages."""
 
 from __future__ import annotations
 
@@ -6,32 +6,56 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-__all__ = ["Change", "Companion", "Follows", "Stage", "changes", "stage_from_data", "stages_as_data"]
+__all__ = [
+    "Change", "Companion", "Follows", "Stage", "changes", "counted_label", "family_name", "stage_from_data", "stages_as_data",
+]  # fmt: skip
+
+
+def family_name(name: str, label: str, family: str) -> str:
+    """What a family is called in messages: the name that the user gave, else its label, else its id.
+
+    Examples
+    --------
+    >>> family_name("S95E22-", "S55E22+", "a:b:c"), family_name("", "S55E22+", "a:b:c"), family_name("", "", "a:b:c")
+    ('S95E22-', 'S55E22+', 'a:b:c')
+    """
+    return name or label or family
+
+
+def counted_label(called: str, label: str) -> str:
+    """The label counted on a family's orbit, if it differs from what the family is called; else "".
+
+    Examples
+    --------
+    >>> counted_label("S95E22-", "S75E22-"), counted_label("S75E22-", "S75E22-")
+    ('S75E22-', '')
+    """
+    return label if label != called else ""
 
 
 @dataclass(frozen=True)
 class Follows:
-    """What a stage follows.
+    """The family that a stage follows.
 
     Parameters
     ----------
     family, label : str
         Id, and the label of its orbit in the middle of the stage ("" outside the grammar of labels).
     harmonic : int
-        k of the harmonic k 2 pi/T that the ridge is at.
+        The harmonic k 2 pi/T that the ridge is at.
     deviation : float
-        Mean distance of the ridge from it, in octaves.
+        Mean distance of the ridge from the harmonic, in octaves.
     share : float
-        Part of the orbit's amplitude that the harmonic carries, mean over the stage.
+        Share of the orbit's amplitude that the harmonic has, mean over the stage.
     impacts : int
-        In a period of the orbit; 0 of a linear mode.
+        In a period of the orbit; 0 for a linear mode.
     harmonics : tuple of int
-        Rising: this one, and those others that carry a fifth both of the orbit's amplitude and of the motion's.
+        Rising: this one, and the others with a fifth both of the orbit's amplitude and of the motion's.
     others : tuple of str
-        Ids of the other families that fit as well (`transitions.following.best_of` says what that means): by spectrum and impacts they are
-        not told apart, and this one is named because it has the fewest impacts in a period.
+        Ids of the other families that fit as well (`transitions.following.best_of`). Spectrum and impacts do not distinguish them. This
+        family is named because it has the fewest impacts in a period.
     name : str
-        What the family is called in place of its label: that of the start has one name in all stages.
+        A name in place of the label. The family of the start has one name in all stages.
     """
 
     family: str
@@ -46,19 +70,13 @@ class Follows:
 
     @property
     def called(self) -> str:
-        """Its name, else its label, else its id.
-
-        Examples
-        --------
-        >>> Follows("a", "S55E22+", 5, 0.0, 0.5, 2, (5,), (), "S95E22-").called
-        'S95E22-'
-        """
-        return self.name or self.label or self.family
+        """Its name, as `family_name` decides."""
+        return family_name(self.name, self.label, self.family)
 
     @property
     def counted(self) -> str:
-        """The label, where the family is called otherwise."""
-        return self.label if self.name != self.label and self.name else ""
+        """Its label, as `counted_label` decides."""
+        return counted_label(self.called, self.label)
 
     @property
     def beside(self) -> str:
@@ -75,7 +93,7 @@ class Follows:
 
 @dataclass(frozen=True)
 class Companion:
-    """Another ridge that goes on for half of a stage or more: its frequency and amplitude (0 where it is not) in those of the stage's."""
+    """Another ridge over half of a stage or more: ratios of its mean frequency and amplitude to those of the stage (0 where missing)."""
 
     ratio: float
     amplitude: float
@@ -83,30 +101,30 @@ class Companion:
 
 @dataclass(frozen=True)
 class Stage:
-    """An interval in which one ridge holds.
+    """An interval in which one ridge of the spectrum is the largest.
 
     Parameters
     ----------
     start, end : float
         Times.
     periods : float
-        Of the ridge.
+        Number of periods of the ridge.
     frequency : float
         Angular, geometric mean over the stage.
     frequencies, energies : (float, float)
-        Lowest and highest in it; the energy is the total.
+        Lowest and highest in the stage; the energy is the total.
     share : float
-        Part of the amplitude of the relative motion that the ridge carries, mean over the stage.
+        Share of the relative motion's amplitude that the ridge has, mean over the stage.
     dissipated_nes, dissipated_lo : float
-        In it.
+        Energies dissipated in the stage.
     impacts : int
-        In it.
+        Number of impacts in the stage.
     companions : tuple of Companion
         Strongest first.
     follows : Follows or None
-        None: it is at no harmonic of any family that carries a fifth of the orbit's amplitude, or no families were given.
+        None if the ridge is at no harmonic with a fifth of an orbit's amplitude, or if no families were given.
     why : str
-        Why it does not follow the family that the motion starts on; "" where it does, or the motion starts on none.
+        Why it does not follow the family that the motion starts on; "" if it does, or if the motion starts on none.
     """
 
     start: float
@@ -125,7 +143,7 @@ class Stage:
 
     @property
     def text(self) -> str:
-        """What it follows, in words.
+        """The family that it follows, in words.
 
         Examples
         --------
@@ -135,15 +153,16 @@ class Stage:
         why = f": {self.why}" if self.why else ""
         if self.follows is None:
             return f"follows no family{why}"
-        counted = f" (counted {self.follows.counted} here)" if self.follows.counted else ""
-        which = f"harmonic {self.follows.harmonic} of {self.follows.called}{counted}{self.follows.beside}"
-        count = len(self.follows.others)
+        follows = self.follows
+        counted = f" (counted {follows.counted} here)" if follows.counted else ""
+        which = f"harmonic {follows.harmonic} of {follows.called}{counted}{follows.beside}"
+        count = len(follows.others)
         return which + (f" ({count} other{'s fit' if count > 1 else ' fits'} as well)" if count else "") + why
 
 
 @dataclass(frozen=True)
 class Change:
-    """A family that is taken up or left: time, "capture" or "escape", id, label and harmonic, and its name as of `Follows`."""
+    """The beginning (kind "capture") or end ("escape") of following a family, which is described as in `Follows`."""
 
     time: float
     kind: str
@@ -152,19 +171,24 @@ class Change:
     harmonic: int
     name: str = ""
 
+    @property
+    def called(self) -> str:
+        """The family's name, else its label, else its id."""
+        return self.name or self.label or self.family
+
 
 def changes(stages: Sequence[Stage]) -> list[Change]:
     """The captures and escapes between stages, in order of time.
 
-    Stages that follow one family with one harmonic, one right after the other, are not told apart by an escape.
+    Between two successive stages that follow the same harmonic of the same family there is neither.
     """
     out: list[Change] = []
     for i, stage in enumerate(stages):
         if stage.follows is None:
             continue
-        name = stage.follows
-        what = (name.family, name.label, name.harmonic, name.name)
-        one = (name.family, name.harmonic)
+        follows = stage.follows
+        what = (follows.family, follows.label, follows.harmonic, follows.name)
+        one = (follows.family, follows.harmonic)
         before = stages[i - 1].follows if i else None
         after = stages[i + 1].follows if i + 1 < len(stages) else None
         if before is None or (before.family, before.harmonic) != one:
@@ -175,7 +199,7 @@ def changes(stages: Sequence[Stage]) -> list[Change]:
 
 
 def stages_as_data(stages: Sequence[Stage]) -> list[dict[str, Any]]:
-    """Stages as plain data for JSON; what follows no family has ``follows`` null."""
+    """Stages as plain data for JSON; ``follows`` is null if a stage follows no family."""
     out = []
     for stage in stages:
         data = asdict(stage)
@@ -186,12 +210,12 @@ def stages_as_data(stages: Sequence[Stage]) -> list[dict[str, Any]]:
 
 
 def stage_from_data(data: dict[str, Any]) -> Stage:
-    """A stage from what `stages_as_data` makes of it.
+    """A stage from an item of `stages_as_data`.
 
     Raises
     ------
     KeyError, TypeError
-        For what is none.
+        For anything else.
     """
     follows = data["follows"]
     return Stage(

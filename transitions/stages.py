@@ -1,29 +1,27 @@
-"""Stages of a motion: intervals in which one ridge of its spectrum holds, and the family of the undamped system that it follows."""
+"""Stages of a motion: intervals in which one ridge of its spectrum is the largest, and the families of the undamped system beside it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from transitions.families import Families, Meeting
-from transitions.following import EQUAL_SHARE, Match, best_of, lasting, steady, stretches
-from transitions.lines import Around, lines_of, partner, unlike
+from transitions.following import EQUAL_SHARE, Around, Match, best_of, family_intervals, lasting, lines_of, partner, steady, unlike
 from transitions.record import Record
-from transitions.ridges import HOLDS, SHARE, Held, Ridge, amplitude_of_motion, beside, held, periods, ridges
-from transitions.spectrum import Spectrum, SpectrumRows, morlet_rows, morlet_spectrum
+from transitions.ridges import LEAST_PERIODS, SHARE, Ridge, RidgeInterval, amplitude_of_motion, beside, periods, ridge_intervals, ridges
+from transitions.spectrum import Spectrum, morlet_spectrum
 from transitions.stage import Companion, Follows, Stage
 from transitions.start_family import StartFamily, why_another
 
 __all__ = ["spectrum_of", "stages_of"]
 
-_PLACES = 4.0  # in a period of the ridge, at which it is compared with families
+_PLACES = 4.0  # number of places in a period at which a ridge is compared with families
 _MOST_PLACES = 4000
-_NOTHING = 1e-300  # an energy of which there is a logarithm
+_NOTHING = 1e-300  # in place of an energy or amplitude of 0, so that its logarithm and quotients exist
 
 
 def spectrum_of(record: Record, gap: Sequence[float], **options: Any) -> Spectrum:
@@ -47,15 +45,15 @@ def stages_of(
     families: Families | None = None,
     *,
     start: StartFamily | None = None,
-    spectrum: SpectrumRows | None = None,
+    spectrum: Spectrum | None = None,
     on_progress: Callable[[float], object] | None = None,
 ) -> list[Stage]:
     """The stages of a motion.
 
-    A stage is an interval in which one ridge of the spectrum of the gap coordinate is the largest, and carries a fifth of the amplitude,
-    for three of its periods or more. What it follows is told by its frequency and the energy, both averaged over three periods: within
-    0.05 octave of a harmonic of a family's orbit at that energy that carries a fifth of that orbit's amplitude. A family with impacts is
-    followed only where there is an impact within one of its periods, and a linear mode only where there is none.
+    A stage is an interval in which one ridge of the spectrum of the gap coordinate is the largest and has a fifth of the amplitude, for
+    three of its periods or more. It follows a family by its frequency and the energy, both averaged over three periods. The frequency lies
+    within 0.05 octave of a harmonic of the family's orbit at this energy, and the harmonic has a fifth of the orbit's amplitude. A family
+    with impacts needs an impact within one of its periods. A linear mode needs one of its periods without impact.
 
     Parameters
     ----------
@@ -63,11 +61,11 @@ def stages_of(
     gap : (n,) float
         (1, -1) for u1 - u2.
     families : Families, optional
-        As `transitions.families.families_of` gives them, for the same gap coordinate.
+        The result of `transitions.families.families_of` for the same gap coordinate.
     start : StartFamily, optional
-        The family that the motion starts on: stages have its name, and say why they do not follow it.
-    spectrum : SpectrumRows, optional
-        Of the gap coordinate; by default that of the default wavelet, of which a row at a time is kept.
+        The family that the motion starts on. Stages have its name, or say why they do not follow it.
+    spectrum : Spectrum, optional
+        Spectrum of the gap coordinate. By default that of the default wavelet, one row at a time.
     on_progress : callable, optional
         Called with the time up to which the stages are known.
 
@@ -85,13 +83,13 @@ def stages_of(
     """
     w, rate = record.along(gap)
     if families is not None and not np.allclose(families.gap, gap, rtol=1e-12, atol=0.0):
-        raise ValueError(f"the families are told by the gap coordinate {families.gap}; the stages are asked for that of {tuple(gap)}")
-    spectrum = spectrum or morlet_rows(record.times, w, rate)
+        raise ValueError(f"the families have the gap coordinate {families.gap}; the stages are asked for {tuple(gap)}")
+    spectrum = spectrum or morlet_spectrum(record.times, w, rate)
     if not np.ptp(w) > 0.0:
         return []
     found = ridges(spectrum, record.times, w)
     out: list[Stage] = []
-    for interval in held(spectrum, found):
+    for interval in ridge_intervals(spectrum, found):
         for part in _parts(record, w, spectrum, found, interval, families):
             stage = _stage(record, spectrum, found, part)
             out.append(stage if start is None or families is None else _beside_start(stage, start, families, record, spectrum, part))
@@ -100,16 +98,24 @@ def stages_of(
     return out
 
 
-_Cut = tuple[Sequence[Meeting], int, int, tuple[int, ...]]
-"""What a `_Part` has besides its interval."""
-
-
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Part of an interval, and the families that fit it, the best first, at the places `first` to `last` where they are compared, with the
-    harmonics of the first that are shown; `matches` are all that the interval was compared with."""
+    """A part of an interval of a ridge.
 
-    held: Held
+    Parameters
+    ----------
+    interval : RidgeInterval
+    meetings : sequence of Meeting
+        The families that fit it, the best first.
+    first, last : int
+        The places at which it is compared with families.
+    harmonics : tuple of int
+        The harmonics of the best family that the motion shows.
+    matches : sequence of Match
+        All comparisons of the interval.
+    """
+
+    interval: RidgeInterval
     meetings: Sequence[Meeting] = ()
     first: int = 0
     last: int = 0
@@ -117,7 +123,7 @@ class _Part:
     matches: Sequence[Match] = ()
 
     def unlike(self, family: str) -> float | None:
-        """Mean difference of the lines of a family with this id, at that of its harmonics where it is least; None where it was not
+        """Mean difference of the lines of a family with this id, at the harmonic with the least difference; None if the family was not
         compared here."""
         part = slice(self.first, self.last + 1)
         own = [match for match in self.matches if match.meeting.family.id == family]
@@ -126,79 +132,84 @@ class _Part:
 
 
 def _parts(
-    record: Record, w: np.ndarray, spectrum: SpectrumRows, found: Sequence[Ridge], interval: Held, families: Families | None
+    record: Record, w: np.ndarray, spectrum: Spectrum, found: Sequence[Ridge], interval: RidgeInterval, families: Families | None
 ) -> list[_Part]:
-    """The interval, cut where another family is followed, or other harmonics of it are shown."""
+    """The interval, cut at each change of the family that it follows, or of the family's harmonics that it shows."""
     if families is None:
         return [_Part(interval)]
     step = float(spectrum.times[1] - spectrum.times[0])
     pitch = interval.frequencies
-    turns = np.concatenate([[0.0], np.cumsum(0.5 * (pitch[1:] + pitch[:-1]))]) * step / (2.0 * math.pi)
+    cycles = np.concatenate([[0.0], np.cumsum(0.5 * (pitch[1:] + pitch[:-1]))]) * step / (2.0 * math.pi)
     times = spectrum.times[interval.first : interval.last + 1]
     energy = np.interp(times, record.times, record.energy)
-    even = np.linspace(0.0, turns[-1], min(_MOST_PLACES, int(_PLACES * turns[-1]) + 2))
-    places = np.unique(np.searchsorted(turns, even).clip(0, len(turns) - 1))
-    around = Around(turns, places)
+    even = np.linspace(0.0, cycles[-1], min(_MOST_PLACES, int(_PLACES * cycles[-1]) + 2))
+    places = np.unique(np.searchsorted(cycles, even).clip(0, len(cycles) - 1))
+    around = Around(cycles, places)
     mean_pitch = np.exp(around.mean(np.log(pitch)))
     mean_energy = np.exp(around.mean(np.log(np.maximum(energy, _NOTHING))))
-    at = turns[places]
-    meetings = [_where_it_can(item, record, times[places], mean_pitch) for item in families.meet(mean_energy, mean_pitch)]
+    at = cycles[places]
     lines = lines_of(found, interval, around)
-
-    @cache
-    def parts(count: int) -> np.ndarray:
-        # An orbit of so many periods of the ridge shows its whole range within half of them on each side.
-        size = amplitude_of_motion(record.times, w, times[places], 2.0 * mean_pitch / count)
-        return lines.amplitudes / np.maximum(size, _NOTHING)
-
-    @cache
-    def rate(length: float) -> np.ndarray:
-        # Counted between impacts as well, so that a window's edges do not fall on one side or the other of an impact.
-        low, high = (np.interp(edge, turns, times) for edge in around.window(length))
-        counts = np.arange(1.0, len(record.impacts) + 1.0)
-        impacts = np.interp(high, record.impacts, counts) - np.interp(low, record.impacts, counts) if len(counts) else np.zeros(len(at))
-        return np.asarray(impacts / np.subtract(*around.window(length)[::-1]) * length)
-
-    def match(item: Meeting) -> Match:
+    met = [_where_it_can(item, record, times[places], mean_pitch) for item in families.meet(mean_energy, mean_pitch)]
+    met = [item for item in met if lasting(item, at)]
+    shares, counts = {}, {}
+    for k in {item.harmonic for item in met}:
+        # An orbit of k periods of the ridge shows its full range within half of them on each side.
+        size = amplitude_of_motion(record.times, w, times[places], 2.0 * mean_pitch / k)
+        shares[k] = lines.amplitudes / np.maximum(size, _NOTHING)
+        counts[k] = _impacts_around(record, times, around, k * math.ceil(LEAST_PERIODS / k))
+    matches = []
+    for item in met:
         k = item.harmonic
         own = item.family.shares_at(item.point, families.gap)
-        length = k * math.ceil(HOLDS / k)
-        return Match(item, unlike(own, k, lines.ratios, parts(k)), rate(length) - length * item.family.impacts / k)
-
-    matches = [match(item) for item in meetings if lasting(item, at)]
-    cut: list[_Cut] = []
-    for stretch in stretches(matches, at):
-        if stretch.match is None:
-            cut.append(((), stretch.first, stretch.last, ()))
+        miscount = counts[k] - k * math.ceil(LEAST_PERIODS / k) * item.family.impacts / k
+        matches.append(Match(item, unlike(own, k, lines.ratios, shares[k]), miscount))
+    cut: list[_Part] = []
+    for piece in family_intervals(matches, at):
+        if piece.match is None:
+            cut.append(_Part(interval, (), piece.first, piece.last, (), matches))
             continue
-        first, last = int(places[stretch.first]), int(places[stretch.last])
+        first, last = int(places[piece.first]), int(places[piece.last])
         impacts = _impacts(record, times[first], times[last])
-        best = best_of(stretch, matches, impacts, turns[last] - turns[first])
-        part = slice(stretch.first, stretch.last + 1)
+        best = best_of(piece, matches, impacts, cycles[last] - cycles[first])
+        part = slice(piece.first, piece.last + 1)
         own, k = best[0].family.shares_at(best[0].point[part], families.gap).T, best[0].harmonic
-        seen = partner(len(own), k, lines.ratios[:, part], parts(k)[:, part])
+        seen = partner(len(own), k, lines.ratios[:, part], shares[k][:, part])
         shown = (own >= SHARE) & (seen >= SHARE - EQUAL_SHARE)
         shown[k - 1] = True  # the ridge itself
-        for begin, end, harmonics in steady(shown, at[part]):
-            begin, end = stretch.first + begin, stretch.first + end
-            cut.append((best, begin, end, tuple(k + 1 for k in harmonics)))
-    return _joined(cut, matches, interval, places, turns)
+        for begin, end, indices in steady(shown, at[part]):
+            cut.append(_Part(interval, best, piece.first + begin, piece.first + end, tuple(i + 1 for i in indices), matches))
+    return _joined(cut, places, cycles)
 
 
-def _joined(cut: Sequence[_Cut], matches: Sequence[Match], interval: Held, places: np.ndarray, turns: np.ndarray) -> list[_Part]:
-    """The parts, each up to where the next one begins; those of no family that last less than three periods are left out."""
+def _impacts_around(record: Record, times: np.ndarray, around: Around, length: float) -> np.ndarray:
+    """Number of impacts (j,) in windows of `length` periods around the places.
+
+    The count is interpolated between impacts, so that it does not jump if an impact passes the edge of a window. At the ends of the ridge
+    the windows are shorter, and the count is scaled."""
+    low, high = around.window(length)
+    first, last = (np.interp(edge, around.cycles, times) for edge in (low, high))
+    counts = np.arange(1.0, len(record.impacts) + 1.0)
+    if not len(counts):
+        return np.zeros(len(low))
+    impacts = np.interp(last, record.impacts, counts) - np.interp(first, record.impacts, counts)
+    return impacts / (high - low) * length
+
+
+def _joined(cut: Sequence[_Part], places: np.ndarray, cycles: np.ndarray) -> list[_Part]:
+    """The parts with their columns: each lasts until the next one begins. Parts of no family that last less than three periods are left
+    out."""
     out = []
-    for i, (meetings, begin, end, harmonics) in enumerate(cut):
-        first = 0 if i == 0 else int(places[begin])
-        last = len(turns) - 1 if i + 1 == len(cut) else int(places[cut[i + 1][1]])
-        if meetings or turns[last] - turns[first] >= HOLDS:
-            part = Held(interval.ridge, interval.first + first, interval.first + last)
-            out.append(_Part(part, meetings, begin, end, harmonics, matches))
+    for i, part in enumerate(cut):
+        first = 0 if i == 0 else int(places[part.first])
+        last = len(cycles) - 1 if i + 1 == len(cut) else int(places[cut[i + 1].first])
+        if part.meetings or cycles[last] - cycles[first] >= LEAST_PERIODS:
+            begin = part.interval.first
+            out.append(replace(part, interval=RidgeInterval(part.interval.ridge, begin + first, begin + last)))
     return out
 
 
 def _where_it_can(meeting: Meeting, record: Record, times: np.ndarray, pitch: np.ndarray) -> Meeting:
-    """The meeting without the places where the motion has impacts and the family none, or the other way round."""
+    """The meeting without the places at which only one of motion and family has impacts."""
     period = 2.0 * math.pi * meeting.harmonic / pitch
     impacts = record.impacts
     if len(impacts):
@@ -211,8 +222,8 @@ def _where_it_can(meeting: Meeting, record: Record, times: np.ndarray, pitch: np
     return meeting._replace(deviation=np.where(near == (meeting.family.impacts > 0), meeting.deviation, np.nan))
 
 
-def _stage(record: Record, spectrum: SpectrumRows, found: Sequence[Ridge], part: _Part) -> Stage:
-    ridge = part.held
+def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Part) -> Stage:
+    ridge = part.interval
     start, end = float(spectrum.times[ridge.first]), float(spectrum.times[ridge.last])
     pitch = ridge.frequencies
     energy = record.energy[np.searchsorted(record.times, start) : np.searchsorted(record.times, end, "right")]
@@ -251,11 +262,11 @@ def _stage(record: Record, spectrum: SpectrumRows, found: Sequence[Ridge], part:
     )
 
 
-def _beside_start(stage: Stage, start: StartFamily, families: Families, record: Record, spectrum: SpectrumRows, part: _Part) -> Stage:
-    """The stage with the name of the family that the motion starts on, or with the reason why it does not follow that."""
+def _beside_start(stage: Stage, start: StartFamily, families: Families, record: Record, spectrum: Spectrum, part: _Part) -> Stage:
+    """The stage with the name of the family that the motion starts on, or with the reason why it does not follow that family."""
     if stage.follows is not None and stage.follows.family == start.family:
         return replace(stage, follows=replace(stage.follows, name=start.name))
-    ridge = part.held
+    ridge = part.interval
     times = spectrum.times[ridge.first : ridge.last + 1]
     return replace(stage, why=why_another(start, families, record, stage, times, ridge.frequencies, part.unlike(start.family)))
 
@@ -264,7 +275,7 @@ def _impacts(record: Record, start: float, end: float) -> int:
     return int(np.searchsorted(record.impacts, end, "right") - np.searchsorted(record.impacts, start))
 
 
-def _companions(found: Sequence[Ridge], part: Held, frequency: float) -> tuple[Companion, ...]:
+def _companions(found: Sequence[Ridge], part: RidgeInterval, frequency: float) -> tuple[Companion, ...]:
     length = part.last + 1 - part.first
     amplitude = float(np.mean(part.amplitudes))
     out = []

@@ -1,27 +1,36 @@
-"""The family that a motion starts on: how long the motion keeps its impact sequence, and why a stage is not read as following it."""
+"""The family that a motion starts on: how long the motion keeps its impact sequence, and why a stage does not follow it."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from transitions.families import NEAR, Families
-from transitions.leaving import Leaving, leaving
-from transitions.ridges import HOLDS, SHARE
+from transitions.ridges import LEAST_PERIODS, SHARE
+from transitions.stage import counted_label, family_name
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
     from transitions.record import Record
     from transitions.stage import Stage
 
-__all__ = ["StartFamily", "impacts_from", "start_family", "start_from_data", "why_another"]
+__all__ = ["Leaving", "StartFamily", "impacts_from", "leaving", "start_family", "start_from_data", "why_another"]
 
-_PLACES = 64  # of a stage, at which it is compared with the family
+_PLACES = 64  # number of places in a stage at which it is compared with the family
 _SAME_STATE = 1e-6  # relative distance of two states of one orbit that is computed twice
+
+
+class Leaving(NamedTuple):
+    """The first impact of a motion that differs from its orbit: number (from 1), time, stop, and the stop of the orbit."""
+
+    impact: int
+    time: float
+    stop: str
+    expected: str
 
 
 @dataclass(frozen=True)
@@ -31,12 +40,12 @@ class StartFamily:
     Parameters
     ----------
     family, name, label : str
-        Id; what the family is called ("" for its id); the computed label of the orbit at the start ("" outside the grammar of labels).
+        Id; the name of the family ("" for its id); the computed label of the orbit at the start ("" outside the grammar of labels).
     end : float
-        Time up to which the motion keeps the impact sequence of the orbit: that of the first impact at another stop, else of the last one,
-        or the end of a motion that goes on impacting.
+        Time up to which the motion keeps the impact sequence of the orbit: the first impact at another stop, else the last impact, else
+        the end of a motion with more impacts to come.
     impacts : int
-        Up to there.
+        Number of impacts up to there.
     left : Leaving or None
         The first impact at another stop.
     """
@@ -50,30 +59,30 @@ class StartFamily:
 
     @property
     def called(self) -> str:
-        """Its name, or its id where it has none.
+        """Its name, or its id if it has none.
 
         Examples
         --------
         >>> StartFamily("a:b:c", "", "", 9.0, 3).called
         'a:b:c'
         """
-        return self.name or self.family
+        return family_name(self.name, "", self.family)
 
     @property
     def explained(self) -> str:
-        """The name, with the computed label where that is another one.
+        """The name, with the computed label if that differs.
 
         Examples
         --------
         >>> StartFamily("a:b:c", "S95E22-", "S75E22-", 9.0, 3).explained
         'S95E22- (counted S75E22- at the start)'
         """
-        other = f" (counted {self.label} at the start)" if self.label and self.label != self.called else ""
-        return self.called + other
+        label = counted_label(self.called, self.label)
+        return f"{self.called} (counted {label} at the start)" if label else self.called
 
     @property
     def kept(self) -> str:
-        """What the motion keeps of the impact sequence, in words.
+        """The number of impacts that keep the impact sequence, in words.
 
         Examples
         --------
@@ -90,14 +99,14 @@ def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float
     ----------
     orbit : Orbit
     u, v : (n,) float
-        Its state at time 0 or half a period later, or the mirror image of that where the system has one.
+        Its state at time 0 or half a period later, or the mirror image of one of these if the system has odd symmetry.
 
     Returns
     -------
     list of (float, str)
-        In order of time; of the mirrored orbit where the state is a mirror image.
+        In order of time; for a mirror image those of the mirrored orbit.
     """
-    from branches.words import mirror
+    from branches.sequences import mirror
 
     period, wanted = orbit.period, np.concatenate([u, v])
     begins = (0.0, 0.5 * period)
@@ -112,22 +121,47 @@ def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float
     return sorted(zip(times.tolist(), stops if sign > 0.0 else mirror(stops), strict=True))
 
 
+def leaving(orbit: Sequence[tuple[float, str]], impacts: Sequence[tuple[float, str]]) -> Leaving | None:
+    """The first impact of a motion at another stop than the orbit's; None if the motion keeps the sequence.
+
+    Parameters
+    ----------
+    orbit : sequence of (float, str)
+        Times and stops of the impacts in one period, from the start of the motion on. An impact at time 0 counts as the last one of the
+        period: the motion starts after it.
+    impacts : sequence of (float, str)
+        Times and stops of the motion's impacts.
+
+    Examples
+    --------
+    >>> leaving([(1.0, "+"), (3.0, "-")], [(1.0, "+"), (1.9, "+"), (2.5, "-")])
+    Leaving(impact=2, time=1.9, stop='+', expected='-')
+    >>> leaving([(0.0, "+"), (3.0, "-")], [(2.8, "-"), (5.0, "+"), (7.0, "-")])
+    """
+    cycle = [stop for time, stop in orbit if time > 0.0] + [stop for time, stop in orbit if time <= 0.0]
+    for k, (time, stop) in enumerate(impacts):
+        expected = cycle[k % len(cycle)] if cycle else "none"
+        if stop != expected:
+            return Leaving(k + 1, time, stop, expected)
+    return None
+
+
 def start_family(
     family: str, name: str, orbit: Orbit, state: tuple[np.ndarray, np.ndarray], impacts: Sequence[tuple[float, str]], end: float | None
 ) -> StartFamily:
-    """How long a motion keeps the impact sequence of the orbit that it starts on.
+    """The family of a start, and how long the motion keeps the impact sequence of its orbit.
 
     Parameters
     ----------
     family, name : str
-        As of `StartFamily`.
+        As for `StartFamily`.
     orbit : Orbit
     state : u, v (n,)
-        The start of the motion, as of `impacts_from`.
+        The start of the motion, as for `impacts_from`.
     impacts : sequence of (float, str)
         Times and stops of the motion's impacts.
     end : float or None
-        The end of the motion; None where no impact is possible after the last one.
+        The end of the motion; None if no impact is possible after the last one.
     """
     left = leaving(impacts_from(orbit, *state), impacts)
     if left is not None:
@@ -137,12 +171,12 @@ def start_family(
 
 
 def start_from_data(data: dict[str, Any] | None) -> StartFamily | None:
-    """The family of a start from what `dataclasses.asdict` makes of it; None from None. A named tuple stays one, or is a list in a file.
+    """The family of a start from the result of `dataclasses.asdict`; None from None. In a file the named tuple is a list.
 
     Raises
     ------
     KeyError, TypeError
-        For what is none.
+        For anything else.
     """
     if data is None:
         return None
@@ -159,20 +193,20 @@ def why_another(
     pitch: np.ndarray,
     unlike: float | None,
 ) -> str:
-    """Why a stage is not read as following the family of the start, in words.
+    """Why a stage does not follow the family of the start, in words.
 
     Parameters
     ----------
     start : StartFamily
     families : Families
-        "" where the family of the start is not among them.
+        The reason is "" if the family of the start is not among them.
     record : Record
     stage : Stage
-        Which does not follow it.
+        A stage that does not follow the family.
     times, pitch : (j,) float
         Times and angular frequencies of the stage's ridge.
     unlike : float or None
-        Mean difference of the lines of the motion and of the family (`transitions.lines.unlike`); None where they were not compared.
+        Mean difference of the lines of the motion and of the family (`transitions.following.unlike`); None if they were not compared.
     """
     family = next((family for family in families.members if family.id == start.family), None)
     if family is None:
@@ -203,7 +237,7 @@ def why_another(
     if part < SHARE:
         return f"{which} carries {part:.0%} of the orbit's amplitude, {SHARE:.0%} is required"
     rate = stage.impacts / stage.periods * k
-    if abs(rate - family.impacts) * HOLDS / k >= 1.0:
+    if abs(rate - family.impacts) * LEAST_PERIODS / k >= 1.0:
         return f"it has {rate:.2g} impacts in a period of {name}, not {family.impacts}"
     if unlike is not None and unlike > SHARE:
         return f"its harmonics have other amplitudes than those of {name}"
@@ -214,7 +248,7 @@ def why_another(
 
 def _change(own: np.ndarray, times: np.ndarray, pitch: np.ndarray) -> float:
     """Largest change in octaves of the logarithm (j,) of a frequency within three periods of the ridge."""
-    spans = HOLDS * 2.0 * np.pi / pitch
+    spans = LEAST_PERIODS * 2.0 * np.pi / pitch
     return max(
         (float(np.ptp(own[(times >= time) & (times <= time + span)])) for time, span in zip(times, spans, strict=True)), default=0.0
     )

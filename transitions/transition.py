@@ -1,34 +1,39 @@
-"""What the picture of a motion shows: the record, how its spectrum is made, its stages, and the families that it is laid over."""
+"""A motion with its stages: the data of its picture, the families behind it, and its files (CSV, JSON, NPZ, MAT)."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.export.picture_data import Layout, read_data, told, write_data
+from bvp.system import ImpactSystem
 from transitions.record import Record
 from transitions.spectrum import Spectrum, Wavelet
-from transitions.stage import Stage
+from transitions.stage import Stage, stage_from_data, stages_as_data
 from transitions.stages import spectrum_of
-from transitions.start_family import StartFamily
+from transitions.start_family import StartFamily, start_from_data
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from branches.diagram.atlas_data import Atlas
-    from bvp.system import ImpactSystem
 
-__all__ = ["Transition", "atlas_behind", "require_same"]
+__all__ = ["Transition", "atlas_behind", "read_transition", "require_same", "write_transition"]
 
 BACKBONE = 1.0
-"""Families with so many impacts in half a period at most are drawn behind every motion."""
-
+"""Largest number of impacts in half a period of the families that are drawn behind every motion."""
 
 SHOWN = 20_000
-"""Times of a spectrum that is drawn, at most: the picture has fewer columns than that."""
+"""Largest number of times in a spectrum that is drawn. The picture has fewer columns."""
+
+_SINGLE = ("times", "energy", "nes_energy", "lo_energy", "dissipated_nes", "dissipated_lo")
+_WIDE = ("displacements", "velocities")
+_LAYOUT = Layout("transition", _SINGLE, _WIDE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +43,7 @@ class Transition:
     Parameters
     ----------
     system : ImpactSystem
-        That moves, with its dampers and restitution.
+        With its dampers and restitution.
     record : Record
     gap : tuple of n floats
         The relative displacement: (1, -1) for u1 - u2.
@@ -60,11 +65,11 @@ class Transition:
 
     @cached_property
     def spectrum(self) -> Spectrum:
-        """The wavelet spectrum of the relative displacement, at as many times as a picture shows."""
+        """The wavelet spectrum of the relative displacement, at the times of a picture."""
         return spectrum_of(self.record, self.gap, wavelet=self.wavelet, frequencies=self.frequencies, most=SHOWN)
 
     def with_stages(self, stages: Sequence[Stage]) -> Transition:
-        """The same with other stages; its spectrum, which does not depend on them, is not made again."""
+        """The same with other stages. The spectrum does not depend on them and is kept."""
         other = replace(self, stages=tuple(stages))
         if "spectrum" in vars(self):
             vars(other)["spectrum"] = self.spectrum
@@ -72,7 +77,7 @@ class Transition:
 
 
 def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
-    """The families over which a motion is laid: those that its stages follow, and those with two impacts a period or fewer.
+    """The families drawn behind a motion: those that its stages follow, and those with at most two impacts in a period.
 
     Parameters
     ----------
@@ -82,7 +87,7 @@ def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
     Raises
     ------
     ValueError
-        Where the motion is of a system with other masses, springs or stops.
+        If the systems differ in their masses, springs or stops.
     """
     from branches.diagram.atlas_data import atlas_of
 
@@ -91,7 +96,7 @@ def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
     followed |= set() if transition.start is None else {transition.start.family}
     rows = [row for row in catalogue.families() if row.impacts <= BACKBONE or row.id in followed]
     branches = [catalogue.branch(row.id) for row in rows]
-    # A name without a cited point is for every family with the label: those that are followed are named first.
+    # Families that are followed are named first.
     pinned: dict[str, dict[str, float]] = {
         stage.follows.label: {} for stage in transition.stages if stage.follows is not None and stage.follows.impacts
     }
@@ -102,7 +107,7 @@ def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
 
 
 def require_same(undamped: ImpactSystem, moving: ImpactSystem) -> None:
-    """Refuse families of another system than the one that moves, dampers and restitution apart.
+    """Refuse families of another system than the one that moves. Dampers and restitution may differ.
 
     Raises
     ------
@@ -112,3 +117,52 @@ def require_same(undamped: ImpactSystem, moving: ImpactSystem) -> None:
     same = undamped.mass.shape == moving.mass.shape and np.array_equal(undamped.mass, moving.mass)
     if not (same and np.array_equal(undamped.stiffness, moving.stiffness) and places[0] == places[1]):
         raise ValueError("the families belong to a system with other masses, springs or stops than the one that moves")
+
+
+def write_transition(transition: Transition, path: str | os.PathLike[str]) -> None:
+    """Write a motion as csv, json, npz or mat, by the suffix of the file.
+
+    Each row is a time. The head has the system, the times of the impacts, the gap coordinate, the wavelet and the stages.
+
+    Raises
+    ------
+    branches.export.ExportError
+        For another suffix.
+    branches.files.WriteFailure
+        If the file cannot be written; an old file is then unchanged.
+    """
+    record = transition.record
+    about: dict[str, Any] = {
+        "schema": 1,
+        "content": "transition",
+        "system": transition.system.describe(),
+        "impacts": record.impacts.tolist(),
+        "gap": list(transition.gap),
+        "wavelet": {"bandwidth": transition.wavelet.bandwidth, "centre": transition.wavelet.centre},
+        "frequencies": None if transition.frequencies is None else list(transition.frequencies),
+        "stages": stages_as_data(transition.stages),
+        "start": None if transition.start is None else asdict(transition.start),
+    }
+    write_data(_LAYOUT, about, {name: getattr(record, name) for name in (*_SINGLE, *_WIDE)}, path)
+
+
+def read_transition(path: str | os.PathLike[str]) -> Transition:
+    """Read a motion.
+
+    Raises
+    ------
+    branches.export.ExportError
+        With one line: the file cannot be read, or something is missing in it.
+    """
+    about, columns = read_data(_LAYOUT, path)
+    with told(os.fspath(path)):
+        band = about["frequencies"]
+        return Transition(
+            ImpactSystem.from_description(about["system"]),
+            Record(**{name: columns[name] for name in (*_SINGLE, *_WIDE)}, impacts=about["impacts"]),
+            tuple(float(x) for x in about["gap"]),
+            tuple(stage_from_data(item) for item in about["stages"]),
+            Wavelet(float(about["wavelet"]["bandwidth"]), float(about["wavelet"]["centre"])),
+            None if band is None else (float(band[0]), float(band[1])),
+            start_from_data(about.get("start")),
+        )

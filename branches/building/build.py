@@ -17,25 +17,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.between_events import DigitWork
-from branches.building.bounds import Plan
 from branches.building.frontier import Frontier
-from branches.building.grazings import KnownGrazings
-from branches.building.levels import energies_of, open_ranges
-from branches.building.seeds import Answer, Link, Seed, plain_seed, read_seed
+from branches.building.plan import Plan, energies_of, open_ranges
+from branches.building.seeds import Answer, KnownGrazings, Link, Seed, plain_seed, read_seed
 from branches.building.work import work
-from branches.catalogue.closures import distance, event_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.errors import CatalogueError, readable
-from branches.catalogue.known import KnownFamilies, Place
+from branches.catalogue.event_orbits import distance_from_orbit, event_orbit, orbit_of_event, unknowns_of
+from branches.catalogue.identify import FamilyPlace, KnownFamilies
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.identity import canonical_orbit, presentations
 from branches.linear_modes import linear_modes
-from branches.words import impacts_per_period, parse_word
+from branches.sequences import impacts_per_period, parse_sequence
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.catalogue.store import Catalogue
-    from branches.stretch import Stretch
+    from branches.catalogue.catalogue import Catalogue
+    from branches.presentation import Presentation
 
 __all__ = ["Progress", "build", "refuse_other_plan"]
 
@@ -97,7 +95,7 @@ def build(
     dict
         ``families``, ``points``, ``events``, ``edges``, ``levels`` (energies searched and families new at each), ``settled`` (whether the
         last level found nothing new, and no range of energies is open), ``open`` (ranges (low, high) in which no search settled: see
-        `branches.building.levels.open_ranges`), ``unsettled`` (energies at which a search did not settle), ``beyond`` (neighbours outside
+        `branches.building.plan.open_ranges`), ``unsettled`` (energies at which a search did not settle), ``beyond`` (neighbours outside
         the limits), ``halves`` (families of which one side of a branch point was followed, the other being its image), ``lost``
         (bifurcations at which no new family was found, in words), ``digits`` (``orbits`` solved in fifty digits to decide their stability,
         and the ``seconds`` that it took), ``missed`` (events that a family needs and does not have, in words), ``failed`` (what could not
@@ -124,8 +122,9 @@ def refuse_other_plan(catalogue: Catalogue, plan: Plan) -> bool:
         return False
     if earlier != json.loads(json.dumps(plan.plain())):
         with readable(catalogue.path, "the plan of its build"):
-            there = _told(earlier)
-        raise CatalogueError(f"{catalogue.path} was built for {there}; received {_told(plan.plain())}; expected the same, or another file")
+            there = _in_words(earlier)
+        received = _in_words(plan.plain())
+        raise CatalogueError(f"{catalogue.path} was built for {there}; received {received}; expected the same, or another file")
     return True
 
 
@@ -146,12 +145,12 @@ class _Build:
         self.grazings = KnownGrazings()
         self.joins: dict[tuple[str, bool], list[tuple[str, float, EventOrbit]]] = {}
         self.problems: dict[tuple[Any, ...], MultipointProblem] = {}
-        self.places: dict[str, tuple[int, Place | None]] = {}
-        self.images: dict[str, tuple[Stretch, ...]] = {}
+        self.places: dict[str, tuple[int, FamilyPlace | None]] = {}
+        self.images: dict[str, tuple[Presentation, ...]] = {}
         self.last: list[tuple[str, Seed]] = []
         self.points = self.events = 0
         begun = {"level": -1, "families": 0}
-        self.told: dict[str, Any] = {
+        self.report: dict[str, Any] = {
             "beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun,
             "digits": DigitWork()._asdict(), "missed": [],
         }  # fmt: skip
@@ -165,25 +164,25 @@ class _Build:
         """Everything, from the first level of energies to the one that adds nothing."""
         if not self._take_up():
             self._begin()
-        levels = self.told["levels"]
+        levels = self.report["levels"]
         for level in range(len(levels), LEVELS):
             if level >= FEWEST and not levels[-1]["new"]:
                 break
             energies = energies_of(level, self.plan.bounds.energy)
-            if self.told["begun"]["level"] != level:
+            if self.report["begun"]["level"] != level:
                 with self.catalogue.transaction():
-                    self.told["begun"] = {"level": level, "families": len(self.known)}
+                    self.report["begun"] = {"level": level, "families": len(self.known)}
                     self._note()
                     self._queue(("energy", energy) for energy in energies)
             self._empty(level)
-            levels.append({"energies": len(energies), "new": len(self.known) - self.told["begun"]["families"]})
+            levels.append({"energies": len(energies), "new": len(self.known) - self.report["begun"]["families"]})
             self._note()
         self._connect_last()
-        still_open = open_ranges(len(levels), self.plan.bounds.energy, self.told["unsettled"])
-        told = {name: value for name, value in self.told.items() if name != "begun"}
+        still_open = open_ranges(len(levels), self.plan.bounds.energy, self.report["unsettled"])
+        report = {name: value for name, value in self.report.items() if name != "begun"}
         report = {
             "families": len(self.known), "points": self.points, "events": self.events, "edges": len(self.catalogue.edges()),
-            "settled": levels[-1]["new"] == 0 and not still_open, "open": still_open, **told,
+            "settled": levels[-1]["new"] == 0 and not still_open, "open": still_open, **report,
         }  # fmt: skip
         self.catalogue.note("built", report)
         return report
@@ -224,7 +223,7 @@ class _Build:
                 return Seed("orbit", orbit, plan, wide, further)
         raise CatalogueError(
             f"{self.catalogue.path} holds the family {branch.id}, h {h.min():.6g}:{h.max():.6g}, quarter period from {alpha.min():.6g}, "
-            f"{impacts / 2:g} impacts in half a period, which a build for {_told(plan.plain())} would lose; "
+            f"{impacts / 2:g} impacts in half a period, which a build for {_in_words(plan.plain())} would lose; "
             "expected wider limits, or another file"
         )
 
@@ -235,10 +234,10 @@ class _Build:
         with readable(self.catalogue.path, "what its build has come to"):
             noted = self.catalogue.progress("told")
             # a build that an older version began lacks what that version did not count
-            whole = {name: value for name, value in self.told.items() if name in _COUNTED_LATER} | noted
-            if {name: type(value) for name, value in whole.items()} != {name: type(value) for name, value in self.told.items()}:
+            whole = {name: value for name, value in self.report.items() if name in _COUNTED_LATER} | noted
+            if {name: type(value) for name, value in whole.items()} != {name: type(value) for name, value in self.report.items()}:
                 raise TypeError
-            self.told = whole
+            self.report = whole
         for row in self.catalogue.families():
             self._remember(row.id, self.catalogue.branch(row.id))
         with readable(self.catalogue.path, "what its build has unfolded"):
@@ -289,7 +288,7 @@ class _Build:
             for name, seed in self.last:
                 place = self.known.place(self.system, self._images(name, seed))
                 if place is None:
-                    self.told["beyond"] += 1
+                    self.report["beyond"] += 1
                     if seed.link is not None:
                         unknown[seed.link.source, seed.link.event] = seed.link
                 else:
@@ -303,7 +302,7 @@ class _Build:
             self._note()
 
     def _note(self) -> None:
-        self.catalogue.note("told", self.told)
+        self.catalogue.note("told", self.report)
 
     # -- one seed -------------------------------------------------------------------------------------------------------------
 
@@ -320,7 +319,7 @@ class _Build:
             self.places[name] = (self.known.count(images), place)
         return place is not None
 
-    def _images(self, name: str, seed: Seed) -> tuple[Stretch, ...]:
+    def _images(self, name: str, seed: Seed) -> tuple[Presentation, ...]:
         if seed.images:
             return seed.images
         if name not in self.images:  # of a build that is gone on with
@@ -328,9 +327,9 @@ class _Build:
         return self.images[name]
 
     def _solved(self, orbit: EventOrbit) -> tuple[MultipointProblem, np.ndarray]:
-        key = (orbit.ends, orbit.word)
+        key = (orbit.ends, orbit.sequence)
         if key not in self.problems:
-            self.problems[key] = MultipointProblem(self.system, orbit.ends, parse_word(orbit.word))
+            self.problems[key] = MultipointProblem(self.system, orbit.ends, parse_sequence(orbit.sequence))
         return self.problems[key], unknowns_of(self.problems[key], orbit)
 
     def _take(self, name: str, seed: Seed, answer: Answer | None) -> None:
@@ -346,28 +345,28 @@ class _Build:
             self._connect(seed.link, place.id)
             return
         if answer.beyond or answer.failed or answer.halves or answer.lost or answer.unsettled:
-            self.told["beyond"] += answer.beyond
-            self.told["halves"] += answer.halves
-            self.told["lost"] += answer.lost
-            self.told["failed"] += answer.failed
-            self.told["unsettled"] += answer.unsettled
+            self.report["beyond"] += answer.beyond
+            self.report["halves"] += answer.halves
+            self.report["lost"] += answer.lost
+            self.report["failed"] += answer.failed
+            self.report["unsettled"] += answer.unsettled
             self._note()
         if answer.branch is not None and answer.branch.digit_work.orbits:
-            self.told["digits"] = (DigitWork(**self.told["digits"]) + answer.branch.digit_work)._asdict()
+            self.report["digits"] = (DigitWork(**self.report["digits"]) + answer.branch.digit_work)._asdict()
             self._note()
         if answer.branch is not None and answer.packed is not None:
-            id = next((id for id in answer.branch.whole.ids if id in self.catalogue), None)
+            id = next((id for id in answer.branch.full_family.ids if id in self.catalogue), None)
             if id is not None:
                 # Beside a branch point an orbit can be told only by following it.
                 if not self._covers(self.catalogue.family(id), answer.branch, seed):
                     at = float(answer.branch.points["h"][answer.branch.start])
-                    self.told["failed"].append(f"{id}: a piece of it, followed from h = {at:.10g}, is not kept")
+                    self.report["failed"].append(f"{id}: a piece of it, followed from h = {at:.10g}, is not kept")
                     self._note()
             else:
                 id = self.catalogue.add(answer.packed)
                 self._remember(id, answer.branch)
                 if answer.missed:
-                    self.told["missed"] += answer.missed
+                    self.report["missed"] += answer.missed
                     self._note()
                 for link in answer.ends:
                     self._connect(link, link.target)
@@ -376,7 +375,7 @@ class _Build:
             if reached is not None and reached.source == id and reached.kind == "switch":
                 # What was computed as the new family's first orbit led back to the old one.
                 self._connect(replace(reached, kind="dead end", note=_LOST), None)
-                self.told["lost"].append(f"{id}: {reached.event} at h = {reached.h:.10g}: {_LOST}")
+                self.report["lost"].append(f"{id}: {reached.event} at h = {reached.h:.10g}: {_LOST}")
                 self._note()
             else:
                 self._connect(reached, id)
@@ -422,7 +421,7 @@ class _Build:
             return same[0][0] if same else ""
         # Two families can meet more than once at one energy. An orbit and its image are told apart by nothing: then the first will do.
         problem, y = self._solved(link.there)
-        apart = [distance(problem, y, np.array(orbit.start)) for _, orbit in same]
+        apart = [distance_from_orbit(problem, y, np.array(orbit.start)) for _, orbit in same]
         return next(id for (id, _), far in zip(same, apart, strict=True) if far < 10.0 * max(min(apart), _SAME))
 
 
@@ -435,7 +434,7 @@ def _kin(item: tuple[str, Seed]) -> Hashable:
     seed = item[1]
     if seed.kind == "grazing":
         return None if seed.value.mark is None else ("grazing", *(f"{number:.6e}" for number in seed.value.mark))
-    return (seed.images[0].ends, seed.images[0].word) if seed.images else None
+    return (seed.images[0].ends, seed.images[0].sequence) if seed.images else None
 
 
 def _asked(seed: Seed) -> tuple[bool, int]:
@@ -448,7 +447,7 @@ def _is_last(seed: Seed) -> bool:
     return seed.further is not None and seed.further < 0
 
 
-def _told(plan: dict[str, Any]) -> str:
+def _in_words(plan: dict[str, Any]) -> str:
     bounds = plan["bounds"]
     low, high = bounds["energy"]
     within = f"h {low:g}:{high:g}, quarter period up to {bounds['quarter_period']:g}, up to {bounds['impacts']} impacts"

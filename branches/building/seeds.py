@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from branches.building.bounds import Bounds, Plan
+from branches.building.plan import Bounds, Plan
 from branches.catalogue.rows import EventOrbit
-from branches.words import PERIODIC
+from branches.sequences import PERIODIC
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue.packing import PackedFamily
-    from branches.stretch import Stretch
+    from branches.presentation import Presentation
 
-__all__ = ["Answer", "Grazing", "Link", "Seed", "plain_seed", "read_seed"]
+__all__ = ["Answer", "Grazing", "KnownGrazings", "Link", "Seed", "plain_seed", "read_seed"]
 
 
 class Seed(NamedTuple):
@@ -34,7 +34,7 @@ class Seed(NamedTuple):
     wide: bool = False
     further: int | None = None
     link: Link | None = None
-    images: tuple[Stretch, ...] = ()
+    images: tuple[Presentation, ...] = ()
 
     @property
     def is_closed(self) -> bool:
@@ -86,10 +86,10 @@ class Link:
 class Answer(NamedTuple):
     """What came of a seed.
 
-    seeds: what is to be done next. branch: the family that was followed, with its `whole` known. packed: its rows for the catalogue.
+    seeds: what is to be done next. branch: the family that was followed, with its `full_family` known. packed: its rows for the catalogue.
     ends: links without a family on the other side, with the reason as their note. beyond: how many neighbours lie outside the limits.
     failed: what could not be done, in words. halves: 1 for a family of which one side of a branch point was followed, where the other is
-    its image (`branches.passing.is_half`). lost: bifurcations at which no new family was found, in words. unsettled: energies at which
+    its image (`is_half`). lost: bifurcations at which no new family was found, in words. unsettled: energies at which
     the search did not settle. missed: events that the family needs and does not have, in words (`branches.missed`).
     """
 
@@ -141,4 +141,57 @@ def _orbit(plain: dict[str, Any] | None) -> EventOrbit | None:
 
 
 def _kept(plain: dict[str, Any]) -> EventOrbit:
-    return EventOrbit(tuple(plain["ends"]), plain["word"], tuple(plain["start"]), tuple(plain["flight_times"]))
+    return EventOrbit(tuple(plain["ends"]), plain["sequence"], tuple(plain["start"]), tuple(plain["flight_times"]))
+
+
+Mark = tuple[float, float, float]
+
+SAME = 1e-7
+"""Relative difference of energies, quarter periods and patterns below which two grazing orbits are one. Events are located to 1e-10."""
+
+
+class KnownGrazings:
+    """The grazing orbits that were unfolded, with how many generations of families without a reversal were asked for there.
+
+    Examples
+    --------
+    >>> known = KnownGrazings()
+    >>> known.add((0.5, 1.7, 3.2), (False, 0))
+    >>> known.has((0.5 + 1e-12, 1.7, 3.2), (False, 0)), known.has((0.5, 1.7, 3.2), (False, 1)), known.has((0.5, 1.7, 3.2), (True, 0))
+    (True, False, False)
+    >>> known.add((0.6, 1.7, 3.2), (True, 0))
+    >>> known.has((0.6, 1.7, 3.2), (False, 0))
+    True
+    """
+
+    def __init__(self) -> None:
+        self._marks: dict[tuple[bool, int], list[tuple[Mark, int]]] = {}
+
+    def add(self, mark: Mark | None, asked: tuple[bool, int]) -> None:
+        """Remember a grazing orbit that was unfolded.
+
+        Parameters
+        ----------
+        mark : (float, float, float) or None
+            `branches.grazing.touching.Touching.mark`; what has none is never known.
+        asked : (bool, int)
+            In which limits - the wide ones or not -, and how many generations further.
+        """
+        if mark is not None:
+            self._marks.setdefault((asked[0], _cell(mark)), []).append((mark, asked[1]))
+
+    def has(self, mark: Mark | None, asked: tuple[bool, int]) -> bool:
+        """Whether it was unfolded in those limits or in wider ones, for at least as many generations."""
+        if mark is None:
+            return False
+        cell = _cell(mark)
+        return any(
+            further >= asked[1] and all(abs(a - b) <= SAME * b for a, b in zip(mark, other, strict=True))
+            for wide in {asked[0], True}
+            for near in (cell - 1, cell, cell + 1)
+            for other, further in self._marks.get((wide, near), ())
+        )
+
+
+def _cell(mark: Mark) -> int:
+    return int(mark[1] * 1e4)

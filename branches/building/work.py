@@ -16,31 +16,33 @@ import numpy as np
 
 from branches.between_events import DigitWork
 from branches.branch import Branch, BranchEvent
-from branches.building.bounds import Plan
+from branches.building.plan import Plan
 from branches.building.seeds import Answer, Grazing, Link, Seed
-from branches.catalogue.closures import kept_orbit, orbit_of_event, presented, unknowns_of
-from branches.catalogue.packing import pack
+from branches.catalogue.event_orbits import kept_orbit, orbit_of_event, presented, unknowns_of
+from branches.catalogue.packing import pack_family
 from branches.catalogue.rows import EventOrbit
-from branches.discovery.search import WITHOUT_ORIGIN, discover
 from branches.family import RESONANCES
+from branches.grazing.at_linear_modes import beginnings
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.grazing.touching import touching
-from branches.identity import first_of, presentations, segment_images, with_canonical_word
-from branches.linear_modes import beginnings, linear_modes
+from branches.identity import first_of, presentations, segment_images, symmetries, with_canonical_sequence
+from branches.linear_modes import linear_modes
 from branches.missed import missed_events
-from branches.name_search import Limits
-from branches.passing import Runs, is_half, one_family
-from branches.switching import TYPES, Birth, births
+from branches.naming.search import Limits
+from branches.passing import Runs, one_family, order
+from branches.search.discovery import WITHOUT_ORIGIN, discover
+from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
+from branches.switching import TYPES, EmanatingFamily, emanating_families
 from branches.tracing import SETTINGS, follow_family
-from branches.words import PERIODIC, impacts_per_period, parse_word
+from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
-    from branches.stretch import Stretch
+    from branches.presentation import Presentation
     from bvp.system import ImpactSystem
     from continuation.settings import Settings
 
-__all__ = ["ends_of", "work"]
+__all__ = ["ends_of", "is_half", "work"]
 
 BESIDE = (0.0, 3e-4, -3e-4)
 """Where else energies are searched, relatively, while a search does not settle: near an energy at which a family grazes, starts that are
@@ -52,10 +54,13 @@ _MULTIPLIED = max(q for _, q in RESONANCES)
 _TUPLED = 3
 """Turns up to which families are switched to from one without a reversal."""
 
+NEARLY = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
+"""Relative differences of states and flight times up to which an orbit nearly has a symmetry."""
+
 _BEYOND = "what meets the family here lies beyond the bounds"
 
 _OTHER = "what was found next to the event is no family that has its orbit, but"
-"""Of a dead end, with the ends and word of what was found."""
+"""Of a dead end, with the ends and sequence of what was found."""
 
 
 @lru_cache(maxsize=4)
@@ -96,7 +101,7 @@ def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
             continue
         found = discover(system, beside, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
         # What is found is primitive, and between its own reversals.
-        images = [with_canonical_word(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
+        images = [with_canonical_sequence(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
         seeds += [_seed_of(system, some, plan) for some in images]
         if found.settled:
             break
@@ -104,8 +109,8 @@ def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
 
 
 def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:
-    from branches.name_errors import NameNotFound
-    from branches.names import AmbiguousName, resolve
+    from branches.naming.families import AmbiguousName, resolve
+    from branches.naming.reference_points import NameNotFound
 
     limits = Limits(plan.named.energy, plan.named.quarter_period, plan.named.impacts)
     try:
@@ -121,10 +126,10 @@ def ends_of(system: ImpactSystem) -> tuple[str, ...]:
 
 
 def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
-    (index, turns), plan = source.value, source.plan
+    (index, cover), plan = source.value, source.plan
     mode = linear_modes(system)[index]
-    seeds, over = [], f"{turns} turn{'s' if turns > 1 else ''}"
-    for found in beginnings(mode, turns, plan.bounds.impacts, energy=plan.bounds.energy):
+    seeds, over = [], f"{cover} turn{'s' if cover > 1 else ''}"
+    for found in beginnings(mode, cover, plan.bounds.impacts, energy=plan.bounds.energy):
         assert found.there is not None and found.beside is not None
         link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{over}: {found.kind}")
         seed = _seed(found.beside.problem, found.beside.y, plan)
@@ -137,36 +142,36 @@ def _seed(problem: MultipointProblem, y: np.ndarray, plan: Plan) -> Seed:
     return _seed_of(problem.system, presentations(problem, y), plan)
 
 
-def _seed_of(system: ImpactSystem, images: list[Stretch], plan: Plan) -> Seed:
+def _seed_of(system: ImpactSystem, images: list[Presentation], plan: Plan) -> Seed:
     return Seed("orbit", kept_orbit(system, first_of(images)), plan, images=tuple(images))
 
 
 def _reached(seed: Seed, link: Link, source: Seed, problem: MultipointProblem, y: np.ndarray) -> Seed:
     """A seed that was reached from another one, where the orbit y is one of both families."""
     plan, image = seed.plan, seed.images[0]
-    inside = plan.bounds.holds(alpha=image.quarter_period, impacts=impacts_per_period(image.word, image.ends))
+    inside = plan.bounds.holds(alpha=image.quarter_period, impacts=impacts_per_period(image.sequence, image.ends))
     if inside and image.ends != PERIODIC:
         further = None
     elif inside and not source.is_closed:
         further = plan.generations
     else:
         further = -1 if source.further is None else source.further - 1
-    there = presented(problem, y, image.ends, image.word)
+    there = presented(problem, y, image.ends, image.sequence)
     return seed._replace(link=replace(link, there=there), wide=source.wide and not inside, further=further)
 
 
 def _follow(system: ImpactSystem, seed: Seed) -> Answer:
     bounds = seed.bounds
     orbit: EventOrbit = seed.value
-    problem = MultipointProblem(system, orbit.ends, parse_word(orbit.word))
+    problem = MultipointProblem(system, orbit.ends, parse_sequence(orbit.sequence))
     y = unknowns_of(problem, orbit)
     try:
         branch = _followed(problem, y, bounds.energy, bounds.quarter_period)
-        wider = branch.whole.reach(bounds.energy, bounds.quarter_period)
+        wider = branch.full_family.reach(bounds.energy, bounds.quarter_period)
         if wider is not None:
             branch = _followed(problem, y, *wider)
     except (RuntimeError, NotConverged) as error:
-        return Answer((), failed=(f"{'-'.join(orbit.ends)}:{orbit.word}: {error}",))
+        return Answer((), failed=(f"{'-'.join(orbit.ends)}:{orbit.sequence}: {error}",))
     seeds: list[Seed] = []
     ends: list[Link] = []
     lost: list[str] = []
@@ -193,15 +198,29 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
             ends.append(_end(branch, event, _BEYOND))
     halves, failed = _ends_cut(branch)
     missed = tuple(f"{branch.id}: {found.text}" for found in missed_events(branch) if not found.hidden)
-    return Answer(tuple(seeds), branch, pack(branch), tuple(ends), beyond, failed, halves, tuple(lost), missed=missed)
+    return Answer(tuple(seeds), branch, pack_family(branch), tuple(ends), beyond, failed, halves, tuple(lost), missed=missed)
 
 
 def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
     """1 for a family that is cut where its own image goes on, else 0; and what is said of its ends that are cut elsewhere."""
     cut = [i for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED", "REPEATED")]
     failed = [i for i in cut if not is_half(branch, i)]
-    told = tuple(f"{branch.id}: {branch.ended[i].reason}: {branch.ended[i].text}" for i in failed)
-    return int(len(failed) < len(cut)), told
+    reasons = tuple(f"{branch.id}: {branch.ended[i].reason}: {branch.ended[i].text}" for i in failed)
+    return int(len(failed) < len(cut)), reasons
+
+
+def is_half(branch: Branch, end: int) -> bool:
+    """Whether a branch that is stuck at an end (0 or 1) is stuck beside an orbit of more symmetry than its own.
+
+    That orbit is a branch point, where the family meets one of more symmetry. The symmetry maps the family onto itself and exchanges its
+    two sides: what lies beyond is the image of what was followed.
+    """
+    last = len(branch) - 1
+    place, inside = (0, last) if end == 0 else (last, 0)
+    length = branch.points["arclength"]
+    middle = int(np.argmin(np.abs(length - 0.5 * (length[place] + length[inside]))))
+    there, own = (cycle_of(branch.problem, branch.unknowns(i)) for i in (place, middle))
+    return any(order(symmetries(there, nearly)) > order(symmetries(own, nearly)) for nearly in NEARLY)
 
 
 def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, float], quarter_period: float) -> Branch:
@@ -248,7 +267,7 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
     seeds, dead, beyond = [], [], 0
     template, orbit = source.link, source.value.orbit
     assert template is not None
-    problem = MultipointProblem(system, orbit.ends, parse_word(orbit.word))
+    problem = MultipointProblem(system, orbit.ends, parse_sequence(orbit.sequence))
 
     def accept(alpha: float, impacts: int) -> bool:
         nonlocal beyond
@@ -268,7 +287,7 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
         elif item.kind != "dead end":
             beyond += 1
     if not seeds and not dead:
-        reasons = "; ".join(dict.fromkeys(item.reason for item in found if item.reason)) or "no other word fits"
+        reasons = "; ".join(dict.fromkeys(item.reason for item in found if item.reason)) or "no other sequence fits"
         dead.append(replace(template, kind="dead end", note=_BEYOND if beyond else reasons))
     return Answer(tuple(seeds), ends=tuple(dead), beyond=beyond)
 
@@ -279,36 +298,36 @@ def _end(branch: Branch, event: BranchEvent, note: str | None) -> Link:
     return Link(branch.id, event.id, event.type, "dead end", event.h, event.alpha, None, note, here=here, width=width)
 
 
-def _has_event(birth: Birth) -> bool:
+def _has_event(family: EmanatingFamily) -> bool:
     """Whether the family that is crossed has an event of its own there, at which switching finds the one that crosses it."""
-    return birth.turns <= (_TUPLED if birth.problem.periodic else _MULTIPLIED)
+    return family.cover <= (_TUPLED if family.problem.periodic else _MULTIPLIED)
 
 
 def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tuple[list[Seed], int, list[Link]]:
     """The families that are born or cross at a bifurcation."""
     link = replace(_end(branch, event, event.note), kind="switch")
     try:
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", RuntimeWarning)
-            found = births(branch, event)
+            found = emanating_families(branch, event)
     except (RuntimeError, ValueError) as error:
         return [], 0, [replace(link, kind="dead end", note=str(error))]
     seeds, beyond = [], 0
-    dead = [replace(link, kind="dead end", note=str(warning.message)) for warning in told]
-    for birth in found:
-        seed = _seed(birth.problem, birth.step.y, source.plan)
+    dead = [replace(link, kind="dead end", note=str(warning.message)) for warning in caught]
+    for family in found:
+        seed = _seed(family.problem, family.step.y, source.plan)
         image = seed.images[0]
-        if not source.bounds.holds(alpha=image.quarter_period, impacts=impacts_per_period(image.word, image.ends)):
+        if not source.bounds.holds(alpha=image.quarter_period, impacts=impacts_per_period(image.sequence, image.ends)):
             beyond += 1
             continue
         seed = _reached(seed, link, source, branch.problem, branch.unknowns(event.point))
         assert seed.link is not None
-        if birth.turns and _has_event(birth):
-            # Of a family of more symmetry, or of several turns, that is crossed: the same event on that family has the edge.
+        if family.cover and _has_event(family):
+            # Of a family of more symmetry, or of a multiple cover, that is crossed: the same event on that family has the edge.
             seeds.append(seed._replace(link=None))
         elif seed.link.there is None:
             # The corrector fell onto another family that is near: it is followed, but was not born here.
-            dead.append(replace(link, kind="dead end", note=f"{_OTHER} {'-'.join(image.ends)}:{''.join(image.word)}"))
+            dead.append(replace(link, kind="dead end", note=f"{_OTHER} {'-'.join(image.ends)}:{''.join(image.sequence)}"))
             seeds.append(seed._replace(link=None))
         else:
             seeds.append(seed)

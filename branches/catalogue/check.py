@@ -1,28 +1,27 @@
-"""Whether a catalogue is what it says: every checksum, every point, every edge. Nothing is repaired."""
+"""Verification of a catalogue: every checksum, every point, every edge."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.catalogue.closures import distance, unknowns_of
-from branches.catalogue.errors import CatalogueDamaged, translated
-from branches.catalogue.rows import EDGE_COLUMNS, NODE_COLUMNS, Edge, Node
+from branches.catalogue.errors import CatalogueDamaged
+from branches.catalogue.event_orbits import distance_from_orbit, unknowns_of
+from branches.catalogue.rows import Edge, Node
 from branches.missed import missed_events
-from branches.words import parse_word
+from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue.rows import EventOrbit
-    from branches.catalogue.store import Catalogue
+    from branches.catalogue.store import CatalogueStore
     from branches.events import BranchEvent
 
-__all__ = ["Failure", "check"]
-
-Row = TypeVar("Row")
+__all__ = ["Failure", "check_catalogue"]
 
 RESIDUAL = 1e-12
 """Largest residual of a point, scaled by its state, and largest drift of its energy, relatively."""
@@ -31,40 +30,41 @@ CLOSURE = 1e-10
 """Largest residual of an edge's orbit in the problems of its two families."""
 
 SAME = 1e-8
-"""How far, relatively, the same orbit may be apart where it was located twice."""
+"""Largest relative distance of an orbit that was located twice from itself."""
 
 TOUCH = 1e-8
 """How far an orbit at a located grazing may be beyond it: clearance, speed relative to sqrt(2 h), flight time."""
 
 
 class Failure(NamedTuple):
-    """What fails, where: the id of a family, or the two ends of an edge; and in which way."""
+    """A failure. where: the id of a family, the two ends of an edge, or a table. text: what is wrong."""
 
     where: str
     text: str
 
 
-def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None) -> tuple[dict[str, int], list[Failure]]:
-    """Look at everything that a catalogue holds.
+def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object] | None = None) -> tuple[dict[str, int], list[Failure]]:
+    """Verify everything in a catalogue. Nothing is repaired.
 
     Parameters
     ----------
-    catalogue : Catalogue
+    catalogue : CatalogueStore
     on_family : callable, optional
-        Called with the number of families that were looked at so far.
+        Called with the number of verified families.
 
     Returns
     -------
     counts : dict
-        How many families, points, events and edges were looked at, and how many events are ``hidden`` by rounding (`branches.missed`).
+        How many families, points, events and edges were verified, and how many events are ``hidden`` by rounding (`branches.missed`).
     failures : list of Failure
-        Empty where everything holds.
+        Empty if everything holds.
     """
     counts = {"families": 0, "points": 0, "events": 0, "edges": 0, "hidden": 0}
-    failures = list(_file(catalogue))
-    kept: dict[str, _Kept] = {}
+    failures: list[Failure] = []
+    _file(catalogue, failures)
+    intact: dict[str, _Family] = {}
     try:
-        ids = [id for (id,) in catalogue._select("families", ("id",), "ORDER BY id")]
+        ids = [id for (id,) in catalogue._select("SELECT id FROM families ORDER BY id")]
     except CatalogueDamaged as damage:
         return counts, [*failures, Failure("families", str(damage))]
     for id in ids:
@@ -73,13 +73,13 @@ def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None
         except ValueError as damage:
             failures.append(Failure(id, str(damage)))
             continue
-        kept[id] = _Kept(branch.ends, branch.word, branch.events)
+        intact[id] = _Family(branch.ends, branch.sequence, branch.events)
         failures += (Failure(id, text) for text in _family(branch))
         if all(0 <= event.point < len(branch) for event in branch.events):
             missed = missed_events(branch)
             failures += (Failure(id, f"an event ({' or '.join(m.types)}) is missed {m.text}") for m in missed if not m.hidden)
             counts["hidden"] += sum(m.hidden for m in missed)
-        followed = branch.whole.ids[0]
+        followed = branch.full_family.ids[0]
         if followed != id:
             failures.append(Failure(id, f"its points and ends give the id {followed}"))
         counts["families"] += 1
@@ -87,79 +87,58 @@ def check(catalogue: Catalogue, on_family: Callable[[int], object] | None = None
         counts["events"] += len(branch.events)
         if on_family is not None:
             on_family(counts["families"])
-    edges, damaged = _each(catalogue, "edges", EDGE_COLUMNS, Edge.read)
-    nodes, more = _each(catalogue, "nodes", NODE_COLUMNS, Node.read)
-    for edge in edges:
+    nodes = {Node.of(row).id for row in _intact(catalogue, "nodes", failures)}
+    for edge in map(Edge.of, _intact(catalogue, "edges", failures)):
         counts["edges"] += 1
         where = f"{edge.source} {edge.source_event or edge.type} > {edge.target}"
-        failures += (Failure(where, text) for text in _edge(catalogue, edge, kept, {node.id for node in nodes}))
-    return counts, [*failures, *damaged, *more]
+        failures += (Failure(where, text) for text in _edge(catalogue, edge, intact, nodes))
+    return counts, failures
 
 
-def _each(
-    catalogue: Catalogue, table: str, columns: tuple[str, ...], read: Callable[[tuple[Any, ...]], Row]
-) -> tuple[list[Row], list[Failure]]:
-    """The rows of a table that fit their checksums, and what is wrong with the others."""
-    rows: list[Row] = []
-    failures = []
+def _file(catalogue: CatalogueStore, failures: list[Failure]) -> None:
+    """Verify the pages of the file, and the tables that hold neither families nor the graph."""
     try:
-        found = catalogue._select(table, columns, "ORDER BY 1, 2")
-    except CatalogueDamaged as damage:
-        return rows, [Failure(table, str(damage))]
-    for values in found:
-        where = " ".join(str(value) for value in values[:2])
-        try:
-            rows.append(read(catalogue._checked(values, f"the row {where} of {table}")))
-        except ValueError as damage:
-            failures.append(Failure(where, str(damage)))
-    return rows, failures
-
-
-def _file(catalogue: Catalogue) -> Iterator[Failure]:
-    """The pages of the file, and the tables that hold no families."""
-    try:
-        with translated(catalogue.path):
-            told = [text for (text,) in catalogue._connection.execute("PRAGMA quick_check(8)")]
-            if told != ["ok"]:
-                yield Failure("file", "; ".join(told))
-            stray = catalogue._connection.execute(
-                "SELECT count(*) FROM points p LEFT JOIN families f ON p.family = f.number"
-                " WHERE f.number IS NULL OR p.number < f.first_point OR p.number >= f.first_point + f.points"
-            ).fetchone()[0]
-            if stray:
-                yield Failure("points", f"{stray} points belong to no family")
+        texts = [text for (text,) in catalogue._select("PRAGMA integrity_check(8)")]
+        if texts != ["ok"]:
+            failures.append(Failure("file", "; ".join(texts)))
+        stray = Counter(table for table, *_ in catalogue._select("PRAGMA foreign_key_check"))
+        failures += (Failure(table, f"{count} rows of the table {table} belong to no family") for table, count in stray.items())
         _ = catalogue.scene, catalogue.provenance
-        yield from _counts(catalogue)
-        yield from (Failure(table, text) for table, text in catalogue.damaged_work())
     except CatalogueDamaged as damage:
-        yield Failure("file", str(damage))
+        failures.append(Failure("file", str(damage)))
+    for table in ("work", "progress"):
+        for key, text in _intact(catalogue, table, failures):
+            try:
+                catalogue._parsed(table, key, text)
+            except CatalogueDamaged as damage:
+                failures.append(Failure(table, str(damage)))
 
 
-def _counts(catalogue: Catalogue) -> Iterator[Failure]:
-    """Tables that have more or fewer rows than they were given."""
-    with translated(catalogue.path):
-        catalogue._connection.execute("SAVEPOINT counts")  # of one moment, also where another process writes
-        try:
-            given = catalogue._rows()
-            there = {table: catalogue._connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0] for table in given}
-        finally:
-            catalogue._connection.execute("RELEASE counts")
-    for table, count in there.items():
-        if count != given[table]:
-            yield Failure(table, f"the table {table} has {count} rows, {given[table]} were kept")
+def _intact(catalogue: CatalogueStore, table: str, failures: list[Failure]) -> list[tuple[Any, ...]]:
+    """The rows of a table that fit their checksums. The others are failures."""
+    rows = []
+    try:
+        for row in catalogue._select(f"SELECT * FROM {table}"):
+            try:
+                rows.append(catalogue._checked(table, row))
+            except CatalogueDamaged as damage:
+                failures.append(Failure(table, str(damage)))
+    except CatalogueDamaged as damage:
+        failures.append(Failure(table, str(damage)))
+    return rows
 
 
 # -- points -------------------------------------------------------------------------------------------------------------------
 
 
 def _family(branch: Branch) -> Iterator[str]:
-    """What fails among the points and events of a family; of many points of one kind the first is told, and how many more."""
+    """Failures among the points and events of a family. Of several points with the same kind of failure the first is reported."""
     grazing = {event.point for event in branch.events if event.type == "GR"}
-    told: dict[str, list[str]] = {}
+    found: dict[str, list[str]] = {}
     for i in range(len(branch)):
         for kind, text in _point(branch, i, i in grazing):
-            told.setdefault(kind, []).append(f"point {i}, h = {branch.points['h'][i]:.8g}: {text}")
-    for texts in told.values():
+            found.setdefault(kind, []).append(f"point {i}, h = {branch.points['h'][i]:.8g}: {text}")
+    for texts in found.values():
         yield texts[0] + (f" (and {len(texts) - 1} more points)" if len(texts) > 1 else "")
     if not (np.diff(branch.points["arclength"]) >= 0.0).all():
         yield "its points are not in order of arclength"
@@ -171,7 +150,7 @@ def _family(branch: Branch) -> Iterator[str]:
 
 
 def _point(branch: Branch, i: int, grazing: bool) -> Iterator[tuple[str, str]]:
-    """What fails at a point, as (kind, words)."""
+    """Failures at a point, as (kind, text)."""
     problem, columns = branch.problem, branch.points
     found = _evaluate(problem, branch.unknowns(i))
     h, alpha = float(columns["h"][i]), float(columns["alpha"][i])
@@ -199,11 +178,11 @@ def _point(branch: Branch, i: int, grazing: bool) -> Iterator[tuple[str, str]]:
         yield "admissibility", "whether it is admissible could not be decided"
 
 
-def _evaluate(problem: MultipointProblem, y: np.ndarray, residual: float = RESIDUAL) -> Solution | float:
-    """The orbit as it stands, or its residual where that is too large.
+def _evaluate(problem: MultipointProblem, y: np.ndarray) -> Solution | float:
+    """The orbit without corrections, or its residual if that is too large.
 
-    Only start and flight times are kept. Where the nodes of a long unstable segment have lost digits by propagation, those that fit
-    best are taken: start and flight times stay.
+    Only start and flight times are stored. The nodes of a long unstable segment can lose digits by propagation. Then the nodes that fit
+    best are used; start and flight times stay.
     """
     zero = np.zeros(2 * problem.unknowns)
     first, step = problem.parameters, problem.size + 1
@@ -227,33 +206,33 @@ def _evaluate(problem: MultipointProblem, y: np.ndarray, residual: float = RESID
 # -- edges --------------------------------------------------------------------------------------------------------------------
 
 
-class _Kept(NamedTuple):
-    """What the edges of a family are compared with."""
+class _Family(NamedTuple):
+    """What the edges at a family are compared with."""
 
     ends: tuple[str, str]
-    word: str
+    sequence: str
     events: tuple[BranchEvent, ...]
 
 
-def _edge(catalogue: Catalogue, edge: Edge, kept: dict[str, _Kept], nodes: set[str]) -> Iterator[str]:
-    """What fails at an edge."""
+def _edge(catalogue: CatalogueStore, edge: Edge, families: dict[str, _Family], nodes: set[str]) -> Iterator[str]:
+    """Failures of an edge."""
     solved: list[tuple[MultipointProblem, np.ndarray]] = []
     sides = (("source", edge.source, edge.source_event, edge.source_orbit), ("target", edge.target, edge.target_event, edge.target_orbit))
     for side, id, event, orbit in sides:
-        family = kept.get(id or "")
+        family = families.get(id or "")
         if family is None and id not in nodes:
             yield f"its {side} {id} is not in the catalogue, or is damaged"
             continue
         if family is not None and (event or side == "source"):
-            yield from _event(family, side, event, edge, kept.get(edge.source))
+            yield from _event(family, side, event, edge, families.get(edge.source))
         if orbit is None:
             if family is not None:
                 yield f"it has no orbit of its {side}, so it cannot be seen to close"
             continue
-        if family is not None and (orbit.ends, orbit.word) != (family.ends, family.word):
-            yield f"the orbit of its {side} is one of {'-'.join(orbit.ends)}:{orbit.word}, not of that family"
+        if family is not None and (orbit.ends, orbit.sequence) != (family.ends, family.sequence):
+            yield f"the orbit of its {side} is one of {'-'.join(orbit.ends)}:{orbit.sequence}, not of that family"
         try:
-            problem = MultipointProblem(catalogue.system, orbit.ends, parse_word(orbit.word))
+            problem = MultipointProblem(catalogue.system, orbit.ends, parse_sequence(orbit.sequence))
             y = unknowns_of(problem, orbit)
         except ValueError as error:
             yield f"the orbit of its {side} cannot be read: {error}"
@@ -261,7 +240,7 @@ def _edge(catalogue: Catalogue, edge: Edge, kept: dict[str, _Kept], nodes: set[s
         yield from _solves(problem, y, side, orbit, edge)
         solved.append((problem, y))
     if len(solved) == 2:
-        apart = distance(*solved[0], _start(*solved[1]))
+        apart = distance_from_orbit(*solved[0], _start(*solved[1]))
         if not apart <= SAME:
             yield f"its two orbits are not the same: they are {apart:.1e} of their size apart"
 
@@ -275,8 +254,8 @@ def _solves(problem: MultipointProblem, y: np.ndarray, side: str, orbit: EventOr
         yield f"the orbit of its {side} has h = {problem.energy(y):.17g}, the edge h = {edge.h:.17g}"
 
 
-def _event(family: _Kept, side: str, id: str, edge: Edge, source: _Kept | None) -> Iterator[str]:
-    """Whether the edge, which is where its source has its event, is at its event on a family."""
+def _event(family: _Family, side: str, id: str, edge: Edge, source: _Family | None) -> Iterator[str]:
+    """Failures of the edge's place, which is that of its source's event, against its event on a family."""
     event = next((event for event in family.events if event.id == id), None)
     if event is None:
         yield f"its {side} has no event {id!r}"

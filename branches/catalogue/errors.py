@@ -1,7 +1,8 @@
-"""What can be wrong with the file of a catalogue, said in one line each."""
+"""Errors of a catalogue, each with a message of one line."""
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,29 +13,41 @@ from bvp.shown import shown
 
 __all__ = ["CatalogueDamaged", "CatalogueError", "CatalogueInUse", "not_taken", "readable", "translated"]
 
-_REFUSED = {
-    "SQLITE_IOERR_WRITE": "the system refused to write into it, or into the files -wal and -shm that belong to it",
-    "SQLITE_IOERR_FSYNC": "the system refused to bring what was written onto the disk",
-    "SQLITE_IOERR_TRUNCATE": "the system refused to shorten it, or the file -wal that belongs to it",
-    "SQLITE_IOERR_SHMSIZE": "the system refused to make room for the file -shm that belongs to it",
-}
-"""What the system did not do, by SQLite's names."""
-
 
 class CatalogueError(ValueError):
-    """A file that cannot be used as the catalogue that was asked for; the message is one line."""
+    """A file that cannot be used as a catalogue, or a wrong argument."""
 
 
 class CatalogueDamaged(CatalogueError):
-    """A catalogue of which a part cannot be trusted; the message names the part."""
+    """A part of a catalogue cannot be trusted. The message names the part."""
 
 
 class CatalogueInUse(CatalogueError):
-    """A catalogue that another process is writing; the message names it."""
+    """Another process writes the catalogue. The message names the process."""
+
+
+_MESSAGES: tuple[tuple[str, type[Exception], str], ...] = (
+    ("SQLITE_FULL", WriteFailure, "cannot write {path}: no space is left on the device; what it held is whole"),
+    ("SQLITE_READONLY", WriteFailure, "cannot write {path}: it, or its directory, is read-only"),
+    ("SQLITE_(BUSY|LOCKED)", CatalogueInUse, "{path} is being read or written by another program; try again when it has finished"),
+    (
+        "SQLITE_IOERR_(WRITE|FSYNC|TRUNCATE|SHMSIZE)",
+        WriteFailure,
+        "cannot write {path}: the system refused to write it, or the files -wal and -shm beside it{limit}; what it held is whole",
+    ),
+    ("SQLITE_NOTADB", CatalogueDamaged, "{path} is no catalogue: it is no SQLite file"),
+    ("SQLITE_CANTOPEN", CatalogueError, "cannot open {path}, or the files -wal and -shm beside it"),
+    ("SQLITE_CORRUPT", CatalogueDamaged, "{path} is damaged or cut short: {error}"),
+    ("SQLITE_IOERR", CatalogueDamaged, "{path} is damaged: {error}"),
+    (".*closed database", CatalogueError, "the catalogue {path} is closed; expected one that is open"),
+    (".*no such", CatalogueDamaged, "{path} is damaged: it has {error}"),
+    (".*Could not decode", CatalogueDamaged, "{path} is damaged: {error}"),
+)
+"""Regular expressions for SQLite's error code and text, with the error to raise. The first match counts."""
 
 
 def not_taken(expected: str, value: object) -> CatalogueError:
-    """The error for an argument of another kind than is expected.
+    """The error for an argument of the wrong type.
 
     Examples
     --------
@@ -46,7 +59,7 @@ def not_taken(expected: str, value: object) -> CatalogueError:
 
 @contextmanager
 def readable(path: Path, what: str) -> Iterator[None]:
-    """Say that a part of a catalogue is not what it should be, where the block cannot make sense of it.
+    """Report a part of a catalogue as damaged if the block cannot interpret it.
 
     Raises
     ------
@@ -62,49 +75,33 @@ def readable(path: Path, what: str) -> Iterator[None]:
 
 @contextmanager
 def translated(path: Path) -> Iterator[None]:
-    """Say what SQLite reports in the user's words.
+    """Report SQLite's errors in the user's words.
 
     Parameters
     ----------
     path : Path
-        The file that is read or written in the block.
+        The file that the block reads or writes.
 
     Raises
     ------
     CatalogueError, CatalogueDamaged
-        Where the file cannot be read.
+        If the file cannot be read.
     WriteFailure
-        Where it cannot be written; what it held stays whole.
+        If the file cannot be written. It keeps what it held.
     """
     try:
         yield
     except sqlite3.Error as error:
+        text = " ".join(str(error).split())
         code = getattr(error, "sqlite_errorname", None) or ""
-        if code == "SQLITE_FULL":
-            raise WriteFailure(f"cannot write {path}: no space is left on the device; what it held is whole") from error
-        if code.startswith("SQLITE_READONLY"):
-            raise WriteFailure(f"cannot write {path}: it, or its directory, is read-only") from error
-        if code.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
-            raise CatalogueInUse(f"{path} is being read or written by another program; try again when it has finished") from error
-        if code in _REFUSED:
-            raise WriteFailure(f"cannot write {path}: {_REFUSED[code]}{_limit()}; what it held is whole") from error
-        if isinstance(error, sqlite3.ProgrammingError) and "closed" in str(error):
-            raise CatalogueError(f"the catalogue {path} is closed; expected one that is open") from error
-        if code == "SQLITE_NOTADB":
-            raise CatalogueDamaged(f"{path} is no catalogue: it is no SQLite file") from error
-        if code.startswith("SQLITE_CANTOPEN"):
-            raise CatalogueError(f"cannot open {path}, or the files -wal and -shm that belong to it") from error
-        if code.startswith(("SQLITE_CORRUPT", "SQLITE_IOERR")):
-            raise CatalogueDamaged(f"{path} is damaged: {error}") from error
-        if isinstance(error, sqlite3.OperationalError) and str(error).startswith("no such"):
-            raise CatalogueDamaged(f"{path} is damaged: it has {error}") from error
-        if isinstance(error, sqlite3.OperationalError) and str(error).startswith("Could not decode"):
-            raise CatalogueDamaged(f"{path} is damaged: {str(error)[:1].lower()}{str(error)[1:].splitlines()[0][:80]}") from error
+        for pattern, kind, message in _MESSAGES:
+            if re.match(pattern, f"{code} {text}"):
+                raise kind(message.format(path=path, error=f"{text[:1].lower()}{text[1:80]}", limit=_limit())) from error
         raise
 
 
 def _limit() -> str:
-    """The limit on the size of files, where there is one: SQLite does not tell whether it was the reason."""
+    """The limit on the size of files, if there is one: SQLite does not report whether it was the reason."""
     try:
         import resource
     except ImportError:  # Windows

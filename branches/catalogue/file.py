@@ -1,4 +1,4 @@
-"""The file of a catalogue: opened to read or to write, changed in whole transactions, every row compared with its checksum."""
+"""The SQLite file of a catalogue: opening, transactions, and rows with checksums."""
 
 from __future__ import annotations
 
@@ -13,26 +13,34 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from branches.catalogue import schema
+from branches.catalogue import schema2
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError, not_taken, translated
 from branches.catalogue.lock import WriterLock
-from branches.catalogue.opening import open_settled, open_to_read, open_to_write, settle
-from branches.catalogue.rows import crc_of
-from branches.catalogue.scene import SceneRecord, difference
+from branches.catalogue.opening import (
+    KEYED,
+    SCHEMA,
+    checksum,
+    close_settled,
+    create_tables,
+    open_to_read,
+    open_to_write,
+    refuse_special,
+    schema_of,
+)
+from branches.catalogue.rows import SceneRecord, difference
 from branches.files import WriteFailure
 from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["COUNTED", "CatalogueFile"]
+__all__ = ["CatalogueFile"]
 
-COUNTED = ("families", "nodes", "edges", "work", "progress")
-"""Tables whose rows are counted in the transaction that changes them, for nothing else in the file would tell of a row that is gone."""
+_LIBRARIES = ("saltus", "numpy", "scipy", "numba", "networkx")
 
 
 class CatalogueFile:
-    """What `branches.catalogue.store.Catalogue` is as a file; its parameters and errors are described there."""
+    """The file of a `branches.catalogue.Catalogue`, which describes parameters and errors."""
 
     def __init__(
         self, path: str | os.PathLike[str], mode: str = "r", *, scene: Any = None, provenance: Mapping[str, Any] | None = None
@@ -46,27 +54,21 @@ class CatalogueFile:
         self._depth = 0
         self._process = os.getpid()
         record = None if scene is None else SceneRecord.of(scene)
-        if mode == "a":
+        if mode == "r":
+            self._connection = open_to_read(self.path)
+        else:
             self.path = Path(os.path.realpath(path))
-            if self.path.exists() and not self.path.is_file():
-                kind = "a directory" if self.path.is_dir() else "a device or a pipe"
-                raise CatalogueError(f"cannot write {path}: it is {kind}, expected the file of a catalogue")
-            self._lock = WriterLock(self.path)
-        try:
-            if mode == "a":
-                self._look_before_writing()
-            self._connection = open_to_write(self.path) if mode == "a" else open_to_read(self.path)
-        except BaseException:
-            if self._lock is not None:
-                self._lock.release()
-            raise
+            self._connection = self._open_to_write(record)
         try:
             with translated(self.path):
-                if mode == "a" and schema.is_empty(self._connection):
+                schema = schema_of(self._connection, self.path)
+                if schema is None and mode == "a":
                     self._make(record, dict(provenance or {}))
-                schema.require(self._connection, self.path)
-                if mode == "a":
-                    self._add_checksums()
+                elif schema is None:
+                    raise CatalogueError(f"{self.path} is no catalogue: it is empty")
+                self._old = schema is not None and schema < SCHEMA
+                if self._old:
+                    schema2.add_views(self._connection)
             if record is not None:
                 self.require_system(record.system)
         except BaseException:
@@ -75,34 +77,32 @@ class CatalogueFile:
 
     def __enter__(self) -> Self:
         with translated(self.path):
-            _ = self._connection.total_changes  # refused where it is closed
+            _ = self._connection.total_changes  # fails if it is closed
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         self.close()
 
     def close(self) -> None:
-        """Leave one single file behind. A process that was forked from the writer's does nothing."""
+        """Leave one single file. A process that was forked from the writer's does nothing."""
         if os.getpid() != self._process:
             return
         self._changed()
         if self._lock is None:
             self._connection.close()
             return
-        settle(self._connection)
+        close_settled(self._connection)
         self._lock.release()
 
     @cached_property
     def scene(self) -> SceneRecord:
         """The scene that it belongs to."""
-        names = [field.name for field in fields(SceneRecord)]
-        kept = self._whole("scene", names)
-        return SceneRecord(**{name: kept[name] for name in names})
+        return SceneRecord(**self._values("scene", [field.name for field in fields(SceneRecord)]))
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
         """Versions and settings that it was made with."""
-        return self._whole("provenance", ["created", "schema", "versions"])
+        return self._values("provenance", ["created", "schema", "versions"])
 
     @cached_property
     def system(self) -> ImpactSystem:
@@ -112,32 +112,35 @@ class CatalogueFile:
         return ImpactSystem.from_description(self.scene.system)
 
     def require_system(self, system: Mapping[str, Any]) -> None:
-        """Refuse another system than that of the catalogue, given as it describes itself.
+        """Refuse another system than that of the catalogue.
+
+        Parameters
+        ----------
+        system : mapping
+            As `ImpactSystem.describe` gives it.
 
         Raises
         ------
         CatalogueError
-            Naming what differs.
+            With the differences.
         """
-        told = difference(self.scene.system, system)
-        if told is not None:
-            raise CatalogueError(f"{self.path} belongs to another system: there {told}")
+        differs = difference(self.scene.system, system)
+        if differs is not None:
+            raise CatalogueError(f"{self.path} belongs to another system: there {differs}")
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """All that is added in the block is kept together, or nothing of it."""
+        """Commit everything that the block adds, or nothing of it."""
         self._writable()
         with translated(self.path):
             if self._depth == 0:
                 self._connection.execute("BEGIN IMMEDIATE")
-            elif not self._connection.in_transaction:
-                raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
             self._depth += 1
             try:
+                self._require_transaction()
                 yield
                 if self._depth == 1:
-                    if not self._connection.in_transaction:
-                        raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
+                    self._require_transaction()
                     self._connection.execute("COMMIT")
             except BaseException:
                 if self._depth == 1 and self._connection.in_transaction:
@@ -147,49 +150,96 @@ class CatalogueFile:
                 self._depth -= 1
                 self._changed()
 
+    # -- rows -----------------------------------------------------------------------------------------------------------------
+
+    def _select(self, statement: str, values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+        with translated(self.path):
+            return self._connection.execute(statement, values).fetchall()
+
+    def _rows(self, table: str, rest: str = "", values: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+        """Rows of a table, without their checksums.
+
+        Raises
+        ------
+        CatalogueDamaged
+            If a row does not fit its checksum.
+        """
+        for row in self._select(f"SELECT * FROM {table} {rest}", values):
+            yield self._checked(table, row)
+
+    def _checked(self, table: str, row: tuple[Any, ...]) -> tuple[Any, ...]:
+        if checksum(row[:-1]) != row[-1]:
+            what = row[0] if table in KEYED else " ".join(str(value) for value in row[:3])
+            raise CatalogueDamaged(f"{self.path} is damaged: the row {what!r} of the table {table} does not fit its checksum")
+        return row[:-1]
+
+    def _values(self, table: str, required: Iterable[str] = ()) -> dict[str, Any]:
+        """The JSON values of a table by key.
+
+        Raises
+        ------
+        CatalogueDamaged
+            If a required key is missing.
+        """
+        values = {key: self._parsed(table, key, text) for key, text in self._rows(table)}
+        for key in required:
+            if key not in values:
+                raise CatalogueDamaged(f"{self.path} is damaged: {key} is missing in the table {table}")
+        return values
+
+    def _parsed(self, table: str, key: str, text: str) -> Any:
+        try:
+            value = json.loads(text)
+            if value is None:
+                raise ValueError("null says nothing")
+            return value
+        except (TypeError, ValueError) as error:
+            raise CatalogueDamaged(f"{self.path} is damaged: {key!r} in the table {table} cannot be read") from error
+
+    def _insert(self, table: str, row: Iterable[Any], verb: str = "INSERT") -> bool:
+        """Add a row with its checksum in the open transaction; False if it was ignored."""
+        row = tuple(row)
+        marks = ", ".join("?" * (len(row) + 1))
+        try:
+            return self._connection.execute(f"{verb} INTO {table} VALUES ({marks})", (*row, checksum(row))).rowcount > 0
+        except sqlite3.IntegrityError as error:
+            raise CatalogueError(f"{self.path}: {error}") from error
+
     # -- inside ---------------------------------------------------------------------------------------------------------------
+
+    def _open_to_write(self, scene: SceneRecord | None) -> sqlite3.Connection:
+        refuse_special(self.path, "write")
+        if not self.path.exists() and scene is None:
+            raise CatalogueError(f"there is no catalogue {self.path}; expected a scene to make one for")
+        self._lock = WriterLock(self.path)
+        try:
+            connection = open_to_write(self.path)
+            with translated(self.path):
+                schema = schema_of(connection, self.path)
+            if schema is None or schema == SCHEMA:
+                return connection
+            connection.close()
+            schema2.convert(self.path, type(self), scene)
+            return open_to_write(self.path)
+        except BaseException:
+            self._lock.release()
+            raise
 
     def _make(self, scene: SceneRecord | None, provenance: dict[str, Any]) -> None:
         import datetime
 
-        from branches.catalogue.provenance import versions
-
         if scene is None:
-            raise CatalogueError(f"there is no catalogue {self.path}; expected a scene to make one for")
+            raise CatalogueError(f"{self.path} is empty; expected a scene to make a catalogue for")
         created = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
-        made = {"created": created, "schema": schema.SCHEMA, "versions": versions(), **provenance}
+        made = {"created": created, "versions": _versions(), **provenance, "schema": SCHEMA}
         with self.transaction():
-            schema.create(self._connection)
-            for table, content in (("scene", vars(scene) | {"rows": dict.fromkeys(COUNTED, 0)}), ("provenance", made)):
+            create_tables(self._connection)
+            for table, content in (("scene", vars(scene)), ("provenance", made)):
                 for key, value in content.items():
-                    row = (key, json.dumps(value, allow_nan=False))
-                    self._insert(table, ("key", "value"), row, crc_of(row))
-
-    def _add_checksums(self) -> None:
-        """Give the rows of a catalogue from before all tables had checksums theirs."""
-        for table, value in (("work", "payload"), ("progress", "value")):
-            if schema.has_checksums(self._connection, table):
-                continue
-            with self.transaction():
-                self._connection.execute(f"ALTER TABLE {table} ADD COLUMN crc INTEGER")
-                rows = self._connection.execute(f"SELECT key, {value} FROM {table}").fetchall()
-                self._connection.executemany(f"UPDATE {table} SET crc = ? WHERE key = ?", ((crc_of(row), row[0]) for row in rows))
-                self._count(table, len(rows))
-
-    def _look_before_writing(self) -> None:
-        """Refuse a file of another kind or schema while it is as it was: opening it to write already changes it."""
-        connection = open_settled(self.path)
-        if connection is None:
-            return
-        try:
-            with translated(self.path):
-                if not schema.is_empty(connection):
-                    schema.require(connection, self.path)
-        finally:
-            connection.close()
+                    self._insert(table, (key, json.dumps(value, allow_nan=False)))
 
     def _changed(self) -> None:
-        """Forget what was read before a transaction, or before it was closed."""
+        """Forget what was read before a transaction."""
 
     def _writable(self) -> None:
         if self._lock is None:
@@ -197,63 +247,21 @@ class CatalogueFile:
         if os.getpid() != self._process:
             raise CatalogueError(f"{self.path} is written by process {self._process}, not by this one, which was forked from it")
 
-    def _select(self, table: str, columns: tuple[str, ...], rest: str = "", values: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-        """Rows of a table, each with its checksum behind it where the table has one."""
-        with translated(self.path):
-            crc = ", crc" if table in COUNTED and len(columns) > 1 and schema.has_checksums(self._connection, table) else ""
-            return self._connection.execute(f"SELECT {', '.join(columns)}{crc} FROM {table} {rest}", values).fetchall()
+    def _require_transaction(self) -> None:
+        # SQLite rolls the whole transaction back if the disk is full. What follows must not be committed alone.
+        if not self._connection.in_transaction:
+            raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
 
-    def _table(self, table: str) -> dict[str, Any]:
-        with translated(self.path):
-            rows = self._connection.execute(f"SELECT key, value, crc FROM {table}").fetchall()
-        return {key: json.loads(value) for key, value in (self._checked(row, f"{row[0]} in the table {table}") for row in rows)}
 
-    def _whole(self, table: str, keys: Iterable[str]) -> dict[str, Any]:
-        """What a table by key holds, where none of the keys lacks."""
-        kept = self._table(table)
-        missing = [key for key in keys if key not in kept]
-        if missing:
-            raise CatalogueDamaged(f"{self.path} is damaged: {missing[0]} is missing in the table {table}")
-        return kept
+def _versions() -> dict[str, str | None]:
+    """Versions of Python, SQLite and the libraries; None for one that is not installed as a package."""
+    import platform
+    from importlib import metadata
 
-    def _rows(self) -> dict[str, int]:
-        """How many rows each of the tables `COUNTED` was given; nothing of a catalogue from before they were counted."""
-        with translated(self.path):
-            row = self._connection.execute("SELECT key, value, crc FROM scene WHERE key = 'rows'").fetchone()
-        return {} if row is None else dict(json.loads(self._checked(row, "rows in the table scene")[1]))
-
-    def _checked(self, values: Iterable[Any], what: str) -> tuple[Any, ...]:
-        """A row's values without the checksum at their end.
-
-        Raises
-        ------
-        CatalogueDamaged
-            Where it does not fit.
-        """
-        *kept, crc = values
-        if crc_of(tuple(kept)) != crc:
-            raise CatalogueDamaged(f"{self.path} is damaged: {what} does not fit its checksum")
-        return tuple(kept)
-
-    def _insert(self, table: str, columns: tuple[str, ...], values: tuple[Any, ...], crc: int, ignore: bool = False) -> None:
-        marks = ", ".join("?" * (len(columns) + 1))
-        verb = "INSERT OR IGNORE" if ignore else "INSERT"
-        self._change(table, f"{verb} INTO {table} ({', '.join(columns)}, crc) VALUES ({marks})", (*values, crc), 1)
-
-    def _delete(self, table: str, where: str, values: tuple[Any, ...]) -> None:
-        self._change(table, f"DELETE FROM {table} WHERE {where}", values, -1)
-
-    def _change(self, table: str, statement: str, values: tuple[Any, ...], sign: int) -> None:
-        """Add or take away rows of a table, in the transaction that is open, and count them."""
+    found: dict[str, str | None] = {"python": platform.python_version(), "sqlite": sqlite3.sqlite_version}
+    for name in _LIBRARIES:
         try:
-            changed = self._connection.execute(statement, values).rowcount
-        except sqlite3.IntegrityError as error:
-            raise CatalogueError(f"{self.path}: {error}") from error
-        self._count(table, sign * changed)
-
-    def _count(self, table: str, change: int) -> None:
-        """Note that a table has so many rows more, in the transaction that is open."""
-        if table in COUNTED and change and (rows := self._rows()):
-            rows[table] = rows.get(table, 0) + change
-            row = ("rows", json.dumps(rows))
-            self._connection.execute("UPDATE scene SET value = ?, crc = ? WHERE key = ?", (row[1], crc_of(row), row[0]))
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = None
+    return found

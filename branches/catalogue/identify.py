@@ -1,44 +1,200 @@
-"""Which family of a catalogue an orbit lies on, however it is started, mirrored, or run."""
+"""Which of several families an orbit belongs to, however it is started, mirrored or run.
+
+An orbit belongs to a family if it is a point of the family's curve. It must lie between two neighbouring points of the family, and, after
+a correction on the hyperplane through the orbit, on the curve to within the error of both.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
-from branches.catalogue.known import KnownFamilies, Place
+import numpy as np
+
 from branches.identity import all_presentations
-from branches.words import parse_ends, parse_word
+from branches.sequences import parse_ends, parse_sequence
+from bvp.kernels.step import locate, metric_direction
+from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
-    import numpy as np
-
+    from branches.branch import Branch
     from branches.catalogue.rows import FamilyRow
-    from branches.catalogue.store import Catalogue
-    from branches.words import Ends, Word
-    from bvp.multipoint import MultipointProblem
+    from branches.catalogue.store import CatalogueStore
+    from branches.presentation import Presentation
+    from branches.sequences import Ends, ImpactSequence
+    from bvp.system import ImpactSystem
 
-__all__ = ["KeptFamilies"]
+__all__ = ["CatalogueFamilies", "FamilyPlace", "KnownFamilies"]
+
+NEAR = 0.1
+"""Distance from the chord between two points, relative to its length, within which the curve is tried. Steps turn by a twentieth, so the
+curve stays within a hundredth of its chord."""
+
+ON = 1e-7
+"""Distance in the metric of the arclength at which an orbit is on the curve. Orbits are located to 1e-10."""
+
+_STEPS = 3
+"""Corrections on the hyperplane: it is flat in the unknowns, and nearly flat in the metric."""
 
 _MARGIN = 1e-6
-"""How far, relatively, an orbit's energy may be beyond the ends of a family that is looked at."""
+"""Largest relative distance of an orbit's energy from the range of a family that is tried."""
 
 
-class KeptFamilies:
-    """The families of a catalogue; the points of those that may have an orbit are read when it is asked for.
+class FamilyPlace(NamedTuple):
+    """A place on a known family: the family's id, and the arclength there."""
+
+    id: str
+    arclength: float
+
+
+class _Curve:
+    """A family's points in the metric of its arclength."""
+
+    def __init__(self, branch: Branch) -> None:
+        columns = branch.points
+        modes = branch.system.modes
+        states = np.hstack([columns["start_u"], columns["start_v"]]) @ modes.from_state.T
+        self.branch = branch
+        self.positions = np.column_stack([states / np.sqrt(2.0 * columns["h"])[:, None], np.log(columns["h"]), np.log(columns["alpha"])])
+        self.chords = np.diff(self.positions, axis=0)
+        self.lengths = np.maximum(np.linalg.norm(self.chords, axis=1), 1e-150)
+        self.reach = NEAR * self.lengths + ON
+        # What is near a chord is no further outside the ranges of the chord's energies and quarter periods than that.
+        ends = self.positions[:, -2:]
+        self.low = np.minimum(ends[:-1], ends[1:]) - self.reach[:, None]
+        self.high = np.maximum(ends[:-1], ends[1:]) + self.reach[:, None]
+
+    def arclength(self, position: np.ndarray, times: np.ndarray) -> float | None:
+        """The arclength of an orbit; None if it is not on the curve."""
+        branch = self.branch
+        level = position[-2:]
+        beside = np.flatnonzero(((self.low <= level) & (level <= self.high)).all(axis=1))
+        if not beside.size:
+            return None
+        away, chords = position - self.positions[beside], self.chords[beside]
+        parts = np.clip(np.einsum("ij,ij->i", away, chords) / self.lengths[beside] ** 2, 0.0, 1.0)
+        distance = np.linalg.norm(away - parts[:, None] * chords, axis=1)
+        for k in np.flatnonzero(distance <= self.reach[beside]):
+            i, along = int(beside[k]), float(parts[k])
+            # From the nearer of the two points: at an end that grazes, and at a bifurcation, there is nothing to correct.
+            j = i + (along > 0.5)
+            columns = branch.points
+            longest = float(np.max(times))
+            here = float(np.linalg.norm(position - self.positions[j]))
+            if here <= ON:
+                if (np.abs(columns["flight_times"][j] - times) <= 10.0 * ON * longest).all():
+                    return float(columns["arclength"][j])
+                # If the flight times change fast along the family, the correction distinguishes points this near.
+            found = self._corrected(i, j, position)
+            if found is not None and (np.abs(found - times) <= 10.0 * ON * longest).all():
+                return float(columns["arclength"][i] + along * (columns["arclength"][i + 1] - columns["arclength"][i]))
+        return None
+
+    def _corrected(self, i: int, j: int, position: np.ndarray) -> np.ndarray | None:
+        """Flight times of the family's orbit on the hyperplane through a position near the chord i, from its point j; None if that
+        orbit is elsewhere."""
+        problem = self.branch.problem
+        ends = self.branch.unknowns(i), self.branch.unknowns(i + 1)
+        y = ends[j - i]
+        tangent = np.zeros(2 * problem.unknowns)
+        tangent[: problem.unknowns] = (ends[1] - ends[0]) / self.lengths[i]
+        here, direction = np.empty((2, problem.size + 2))
+        for _ in range(_STEPS):
+            along = np.ascontiguousarray(tangent[: problem.unknowns])
+            energy, alpha = locate(problem.segment, y, here)
+            _, length = metric_direction(problem.segment, y, here, energy, alpha, along, direction)
+            if not length > 0.0:
+                return None
+            tangent = np.concatenate([along / length, np.zeros(problem.unknowns)])
+            solution = problem.step(y, tangent, float((position - here) @ direction) / length, full=False)
+            if solution is None:
+                return None
+            if float(np.linalg.norm(solution.position - position)) <= ON:
+                return problem.flight_times(solution.y)
+            y, tangent = solution.y, solution.tangent
+        return None
+
+
+class KnownFamilies:
+    """The families found so far, by their ends and impact sequence.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> known = KnownFamilies()
+    >>> branch = saltus.trace("S13O00+", energy=(0.2, 1.0))
+    >>> known.add("one", branch)
+    >>> orbit = branch.orbit_at(energy=0.55).solution
+    >>> known.find(branch.problem, orbit.y).id
+    'one'
+    >>> other = saltus.trace("S13O00+", energy=(1.2, 1.5))
+    >>> known.find(other.problem, other.unknowns(5)) is None
+    True
+    """
+
+    def __init__(self) -> None:
+        self._curves: dict[tuple[tuple[str, str], tuple[str, ...]], list[tuple[str, _Curve]]] = {}
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, id: str, branch: Branch) -> None:
+        """Remember a family by its id."""
+        key = (branch.ends, tuple(branch.problem.word))
+        self._curves.setdefault(key, []).append((id, _Curve(branch)))
+        self._count += 1
+
+    def find(self, problem: MultipointProblem, y: np.ndarray) -> FamilyPlace | None:
+        """The known family that an orbit belongs to; None if it belongs to none."""
+        return self.place(problem.system, all_presentations(problem, y))
+
+    def count(self, images: Sequence[Presentation]) -> int:
+        """The number of families with the ends and impact sequence of an orbit's images."""
+        return len(self._curves.get((images[0].ends, images[0].sequence), []))
+
+    def place(self, system: ImpactSystem, images: Sequence[Presentation], first: int = 0) -> FamilyPlace | None:
+        """The known family to which one of an orbit's images belongs; None if there is none.
+
+        Parameters
+        ----------
+        system : ImpactSystem
+        images : sequence of Presentation
+            Its `presentations`.
+        first : int
+            How many families with these ends and this impact sequence to leave out, in the order in which they were added.
+        """
+        weights = np.concatenate([system.modes.squares, np.ones(len(system.modes.squares))])
+        for image in images:
+            curves = self._curves.get((image.ends, image.sequence), [])[first:]
+            if not curves:
+                continue
+            energy = 0.5 * float(np.sum(weights * image.start**2))
+            position = np.concatenate([image.start / np.sqrt(2.0 * energy), [np.log(energy), np.log(image.quarter_period)]])
+            for id, curve in curves:
+                at = curve.arclength(position, image.times)
+                if at is not None:
+                    return FamilyPlace(id, at)
+        return None
+
+
+class CatalogueFamilies:
+    """The families of a catalogue. Their points are read when an orbit may belong to them.
 
     Parameters
     ----------
-    catalogue : Catalogue
+    catalogue : CatalogueStore
     """
 
-    def __init__(self, catalogue: Catalogue) -> None:
+    def __init__(self, catalogue: CatalogueStore) -> None:
         self._catalogue = catalogue
         self._known = KnownFamilies()
-        self._waiting: dict[tuple[Ends, Word], list[FamilyRow]] = {}
-        for row in catalogue.families():
-            self._waiting.setdefault((parse_ends(row.ends), parse_word(row.word)), []).append(row)
+        self._waiting: dict[tuple[Ends, ImpactSequence], list[FamilyRow]] = {}
+        for row in catalogue.all_families():
+            self._waiting.setdefault((parse_ends(row.ends), parse_sequence(row.sequence)), []).append(row)
 
-    def find(self, problem: MultipointProblem, y: np.ndarray) -> Place | None:
-        """The family that an orbit lies on, and where; None where it lies on none.
+    def find(self, problem: MultipointProblem, y: np.ndarray) -> FamilyPlace | None:
+        """The family that an orbit belongs to, and where; None if it belongs to none.
 
         Parameters
         ----------
@@ -49,13 +205,13 @@ class KeptFamilies:
         """
         h = problem.energy(y)
         images = all_presentations(problem, y)
-        for key in dict.fromkeys((image.ends, image.word) for image in images):
-            kept = []
+        for key in dict.fromkeys((image.ends, image.sequence) for image in images):
+            far = []
             for row in self._waiting.pop(key, []):
                 if row.h[0] * (1.0 - _MARGIN) <= h <= row.h[1] * (1.0 + _MARGIN):
                     self._known.add(row.id, self._catalogue.branch(row.id))
                 else:
-                    kept.append(row)
-            if kept:
-                self._waiting[key] = kept
+                    far.append(row)
+            if far:
+                self._waiting[key] = far
         return self._known.place(problem.system, images)

@@ -1,4 +1,7 @@
-"""One writer at a time: a lock that the system lets go when its holder dies, and a note beside it that says who holds it."""
+"""One writer at a time: a lock that the system releases when its holder dies, with a note that names the holder.
+
+SQLite has no such lock: it locks a file for one transaction at a time, or keeps readers out.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +16,15 @@ from branches.files import WriteFailure, reason
 __all__ = ["WriterLock"]
 
 _held: dict[str, int] = {}
-"""Locks of this process, with its number: the system's own belong to the process, and would let it in twice. A forked process has a
-copy of this, but none of the locks."""
+"""Locks by path, with the number of the process that holds them. The system's locks belong to a process and would admit it twice. A forked
+process has a copy of this, but none of the locks."""
 
 
 class WriterLock:
-    """Holds FILE.lock while FILE is written.
+    """Hold FILE.lock while FILE is written.
 
-    A record lock (`fcntl.lockf`) belongs to the process: it ends with it, however it ends, and is not handed on to the workers that
-    it forks. So a file left behind by a killed process locks nothing.
+    A record lock (`fcntl.lockf`) belongs to a process and ends with it, also if it is killed. Forked workers do not inherit it. So a file
+    that a killed process left behind locks nothing.
 
     Parameters
     ----------
@@ -33,7 +36,7 @@ class WriterLock:
     CatalogueInUse
         Naming the process that writes it: its number, host, and since when.
     WriteFailure
-        Where the directory cannot be written.
+        If the directory cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -44,17 +47,17 @@ class WriterLock:
             raise CatalogueInUse(f"{path} is being written by this very process ({self._process})")
         while True:
             try:
-                # Not truncated: it may say who writes.
+                # Not truncated: its note may name the writer.
                 self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
             except OSError as error:
                 raise WriteFailure(f"cannot write {path}: {reason(error)}") from error
             try:
                 _lock(self._file)
             except OSError:
-                told = _told(self._file)
+                holder = _holder(self._file)
                 os.close(self._file)
-                raise CatalogueInUse(f"{path} is being written by {told}; expected one writer at a time") from None
-            # Its last holder may have removed the file between the two calls: then another one counts.
+                raise CatalogueInUse(f"{path} is being written by {holder}; expected one writer at a time") from None
+            # The last holder may have removed the file between the two calls. Then another file counts.
             if _same(self._file, self._path):
                 break
             os.close(self._file)
@@ -68,12 +71,12 @@ class WriterLock:
             os.lseek(self._file, 0, os.SEEK_SET)
             os.write(self._file, note)
         except OSError:
-            # A full disk cannot take the note; the lock holds without it.
+            # A full disk cannot take the note. The lock holds without it.
             pass
         _held[key] = self._process
 
     def release(self) -> None:
-        """Let go. A process that was forked from the holder's does nothing."""
+        """Release the lock. A process that was forked from the holder's does nothing."""
         if self._file < 0 or os.getpid() != self._process:
             return
         self._path.unlink(missing_ok=True)
@@ -88,7 +91,7 @@ def _lock(file: int) -> None:
     except ImportError:  # Windows
         import msvcrt
 
-        # Far behind the note, which stays readable.
+        # Far behind the note, so that it can be read.
         os.lseek(file, 1 << 20, os.SEEK_SET)
         msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
     else:
@@ -102,8 +105,8 @@ def _same(file: int, path: Path) -> bool:
         return False
 
 
-def _told(file: int) -> str:
-    """Who holds the lock, as far as the note says."""
+def _holder(file: int) -> str:
+    """The holder of the lock, as the note names it."""
     try:
         os.lseek(file, 0, os.SEEK_SET)
         note: Any = json.loads(os.read(file, 4096))

@@ -1,196 +1,272 @@
-"""The points of a family: a row each, with columns for what is asked for in queries, and three blobs for all of them together.
+"""The points of a family as a catalogue stores them.
 
-``layout`` tells what the blobs hold, as lists of [name, width] (width null for a column of one number a point): ``states``, from which the
-orbits are solved again; ``others``; ``multipliers`` is their number, as (re, im). ``derived`` names the columns that are not stored
-because others give them exactly. Multipliers are stored as differences from what tau gives, impact speeds as differences from those of an
-exact flight over the flight times.
+The columns `QUERIED` are columns of a table, for queries. All others are in one compressed array, a numpy .npz file with one member:
+``bytes`` (W, N) uint8, byte k of each of the N points in row k. The layout lists [name, dtype, shape] of the columns in this order.
+
+Two kinds of columns become small before they are compressed. Both are taken as integers in the order of the floats, so that no bit is lost.
+
+- ``smooth`` columns are replaced by their third differences along the family.
+- ``predicted`` columns, which others give exactly or nearly, are replaced by the difference from this prediction. If a prediction changes
+  by rounding, as between machines, the numbers change by as much.
 """
 
 from __future__ import annotations
 
+import io
+import math
 import zlib
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
 
 import numpy as np
 
-from branches.catalogue.coding import decode, encode
-from branches.catalogue.errors import CatalogueDamaged
+from branches.stability import impact_speeds
 
 if TYPE_CHECKING:
     from bvp.multipoint import MultipointProblem
 
-__all__ = ["BLOBS", "POINT_COLUMNS", "Packed", "columns_of", "layout_of", "rows_of"]
+__all__ = [
+    "PREDICTIONS",
+    "QUERIED",
+    "Columns",
+    "Layout",
+    "as_floats",
+    "as_integers",
+    "checksum_of_points",
+    "decode",
+    "encode",
+    "folded",
+    "queried",
+    "queried_rows",
+    "unfolded",
+]
 
-NUMBERS = ("h", "alpha", "arclength", "tau")
-POINT_COLUMNS = (*NUMBERS, "stable", "label")
-BLOBS = ("states", "multipliers", "others")
-STATES = ("start_u", "start_v", "flight_times")
-TYPES = {"reliable": bool, "half_waves": int}
-"""Columns of `others` that are no float64."""
+QUERIED = ("h", "alpha", "arclength", "tau", "stable", "label")
+
+_SMOOTH = ("start_u", "start_v", "flight_times", "tau_half")
+
+_ORDER = 3
+"""Order of the differences of smooth columns: higher ones amplify rounding."""
 
 Columns = dict[str, np.ndarray]
+Layout = dict[str, list[tuple[str, str, list[int]]]]
+"""Columns by kind: smooth, predicted, plain."""
 
 
-class Packed(NamedTuple):
-    """The points of a family as they are stored: rows in the order of `POINT_COLUMNS`, their checksum, blobs in the order of `BLOBS`."""
-
-    rows: list[tuple[Any, ...]]
-    columns_crc: int
-    blobs: tuple[bytes, ...]
+def queried_rows(columns: Columns) -> list[tuple[Any, ...]]:
+    """The columns `QUERIED` as rows of a table; NaN becomes None."""
+    lists = [[None if value != value else value for value in columns[name].tolist()] for name in QUERIED]
+    return list(zip(*lists, strict=True))
 
 
-def layout_of(columns: Columns, ends: tuple[str, str]) -> dict[str, Any]:
-    """How the points of a family are laid out.
+def queried(rows: list[tuple[Any, ...]]) -> Columns:
+    """The inverse of `queried_rows`.
 
     Raises
     ------
     ValueError
-        For a column that cannot be kept.
+        If a value has the wrong type.
     """
-    given = _derived(columns, ends)
-    derived = [name for name, values in given.items() if name in columns and _same(values, columns[name])]
-    layout: dict[str, Any] = {"states": [], "multipliers": columns["multipliers"].shape[1], "others": [], "derived": derived}
-    for name, values in columns.items():
-        if name in (*POINT_COLUMNS, "multipliers") or name in derived:
-            continue
-        if (values.dtype != np.float64 and name not in TYPES) or values.ndim > 2:
-            raise ValueError(f"column {name!r} of the points has the type {values.dtype} {values.shape}, expected float64, one or two axes")
-        layout["states" if name in STATES else "others"].append([name, values.shape[1] if values.ndim == 2 else None])
-    return layout
+    types = {"stable": np.int8, "label": str}
+    try:
+        lists = zip(QUERIED, zip(*rows, strict=True), strict=True)
+        return {name: np.array(values, dtype=types.get(name, float)) for name, values in lists}
+    except (OverflowError, TypeError, ValueError) as error:
+        raise ValueError(f"its points cannot be read: {error}") from error
 
 
-def rows_of(columns: Columns, layout: dict[str, Any], problem: MultipointProblem) -> Packed:
-    """The points as they are stored."""
-    count = len(columns["h"])
-    lists: list[Sequence[Any]] = [_nulls(columns[name]) for name in NUMBERS]
-    lists.append([int(value) for value in columns["stable"]])
-    lists.append([str(label) for label in columns["label"]])
-    blobs = []
-    for name in BLOBS:
-        if name == "multipliers":
-            values = np.ascontiguousarray(columns[name], complex).view(float)
-        else:
-            parts = [columns[part].reshape(count, -1).astype(float) for part, _ in layout[name]]
-            values = np.concatenate(parts, axis=1) if parts else np.empty((count, 0))
-        blobs.append(encode(values, _predicted(name, columns, layout, problem)))
-    return Packed(list(zip(*lists, strict=True)), _crc(lists), tuple(blobs))
+def checksum_of_points(columns: Columns, arrays: bytes) -> int:
+    """CRC32 of all that is stored of a family's points: the columns `QUERIED` and the .npz file."""
+    crc = zlib.crc32(arrays)
+    for name in QUERIED:
+        crc = zlib.crc32(columns[name].tobytes(), crc)
+    return crc
 
 
-def columns_of(packed: Packed, layout: dict[str, Any], problem: MultipointProblem, where: str) -> Columns:
-    """The inverse of `rows_of`; that the blobs fit their own checksums was seen before.
-
-    Parameters
-    ----------
-    packed : Packed
-    layout : dict
-        Of the family.
-    problem : MultipointProblem
-        Of the family's orbits.
-    where : str
-        File and family, for messages.
+def encode(columns: Columns, problem: MultipointProblem) -> tuple[bytes, Layout]:
+    """All columns but `QUERIED` as an .npz file, with their layout.
 
     Raises
     ------
-    CatalogueDamaged
-        Naming the part that does not fit.
+    ValueError
+        For a column that cannot be stored.
     """
-    lists = dict(zip(POINT_COLUMNS, zip(*packed.rows, strict=True), strict=True))
-    try:
-        fits = _crc([lists[name] for name in POINT_COLUMNS]) == packed.columns_crc
-    except (TypeError, ValueError):
-        # A text where a number was, or the other way round.
-        fits = False
-    if not fits:
-        raise CatalogueDamaged(f"{where}: the columns of its points do not fit their checksum")
-    count = len(lists["h"])
-    columns: Columns = {name: np.array(lists[name], dtype=float) for name in NUMBERS}
-    columns["stable"] = np.array(lists["stable"], dtype=np.int8)
-    columns["label"] = np.array(lists["label"], dtype=str)
-    for name, blob in zip(BLOBS, packed.blobs, strict=True):
-        try:
-            width = 2 * layout[name] if name == "multipliers" else sum(1 if size is None else size for _, size in layout[name])
-            values = decode(blob, count, width, _predicted(name, columns, layout, problem))
-        except ValueError as error:
-            raise CatalogueDamaged(f"{where}: the {name} of its points: {error}") from error
-        if name == "multipliers":
-            columns[name] = values.view(complex)
+    layout: Layout = {"smooth": [], "predicted": [], "plain": []}
+    parts: dict[str, list[np.ndarray]] = {kind: [] for kind in layout}
+    for name, values in columns.items():
+        if name in QUERIED:
             continue
-        at = 0
-        for part, size in layout[name]:
-            block = values[:, at : at + (1 if size is None else size)]
-            columns[part] = np.ascontiguousarray(block[:, 0] if size is None else block).astype(TYPES.get(part, float))
-            at += block.shape[1]
-    derived = _derived(columns, problem.ends)
-    for name in layout["derived"]:
-        columns[name] = derived[name]
+        if values.dtype.kind not in "fcib":
+            raise ValueError(f"column {name!r} of the points has the type {values.dtype}, expected numbers")
+        kind, numbers = "plain", np.ascontiguousarray(values)
+        if name in _SMOOTH:
+            kind, numbers = "smooth", as_integers(values)
+        elif name in PREDICTIONS and (predicted := _predicted(name, columns, problem)).shape == values.shape:
+            kind, numbers = "predicted", as_integers(values) - as_integers(predicted)
+        layout[kind].append((name, values.dtype.str, list(values.shape[1:])))
+        parts[kind].append(numbers.view(np.uint8).reshape(len(values), _width(layout[kind][-1])))
+    blocks = {kind: np.concatenate(block, axis=1) for kind, block in parts.items() if block}
+    for kind, change in (("smooth", _differences), ("predicted", np.asarray)):
+        if kind in blocks:
+            blocks[kind] = folded(change(blocks[kind].view("<u8"))).view(np.uint8)
+    file = io.BytesIO()
+    np.savez_compressed(file, bytes=np.ascontiguousarray(np.concatenate(list(blocks.values()), axis=1).T))
+    return file.getvalue(), layout
+
+
+def decode(blob: bytes, layout: Layout, columns: Columns, problem: MultipointProblem) -> Columns:
+    """The inverse of `encode`.
+
+    Parameters
+    ----------
+    blob : bytes
+    layout : dict
+    columns : dict of str to ndarray
+        The columns `QUERIED`.
+    problem : MultipointProblem
+        Of the family's orbits.
+
+    Returns
+    -------
+    dict of str to ndarray
+        All columns.
+
+    Raises
+    ------
+    ValueError
+        If the file or its size is not as expected.
+    """
+    count, widths = len(columns["h"]), [sum(map(_width, listed)) for listed in layout.values()]
+    try:
+        stored = np.load(io.BytesIO(blob))["bytes"]
+    except (OSError, KeyError, EOFError, ValueError, BadZipFile, zlib.error) as error:
+        raise ValueError(f"its array cannot be read: {error}") from error
+    if stored.shape != (sum(widths), count):
+        raise ValueError(f"its array has the shape {stored.shape}, expected {sum(widths), count}")
+    smooth, predicted, plain = (np.ascontiguousarray(block.T) for block in np.split(stored, np.cumsum(widths)[:-1]))
+    columns = dict(columns)
+    columns |= _columns(plain, layout["plain"])
+    columns |= _columns(_ordered(_sums(unfolded(smooth))), layout["smooth"])
+    if layout["predicted"]:
+        others = [as_integers(_predicted(name, columns, problem)).reshape(count, -1) for name, _, _ in layout["predicted"]]
+        columns |= _columns(_ordered(unfolded(predicted) + np.concatenate(others, axis=1)), layout["predicted"])
     return columns
 
 
-# -- what columns say of others -----------------------------------------------------------------------------------------------
+def _columns(block: np.ndarray, listed: list[tuple[str, str, list[int]]]) -> Columns:
+    """The columns in a block of numbers of all points."""
+    data = block.view(np.uint8)
+    columns, at = {}, 0
+    for name, dtype, shape in listed:
+        width = _width((name, dtype, shape))
+        columns[name] = np.ascontiguousarray(data[:, at : at + width]).reshape(-1).view(dtype).reshape(len(data), *shape)
+        at += width
+    return columns
 
 
-def _derived(columns: Columns, ends: tuple[str, str]) -> Columns:
-    """What other columns give: by the expressions that made them, so to the last bit."""
-    frequency = 2.0 * np.pi / (4.0 * columns["alpha"])
-    start = columns["start_v"]
-    return {
-        "frequency": frequency,
-        "frequency_index": columns["half_waves"] * frequency,
-        "velocities": start.copy() if ends[0] == "origin" else np.full(start.shape, np.nan),
-    }
+def _width(column: tuple[str, str, list[int]]) -> int:
+    """Bytes of a column at each point."""
+    _, dtype, shape = column
+    return np.dtype(dtype).itemsize * math.prod(shape)
 
 
-def _predicted(name: str, columns: Columns, layout: dict[str, Any], problem: MultipointProblem) -> np.ndarray | None:
-    """Numbers near those of a blob, from columns that are read before it; NaN where there are none."""
-    if name == "multipliers" and layout[name] == 2:
-        return _multipliers(columns["tau"])
-    if name == "others" and any(part == "impact_speeds" for part, _ in layout[name]):
-        parts = [
-            _speeds(columns, problem) if part == "impact_speeds" else np.full((len(columns["h"]), size or 1), np.nan)
-            for part, size in layout[name]
-        ]
-        return np.concatenate(parts, axis=1)
-    return None
+# -- integers -----------------------------------------------------------------------------------------------------------------
 
 
-def _multipliers(tau: np.ndarray) -> np.ndarray:
-    """Real and imaginary parts, (N, 4), of the pair of multipliers whose product is 1 and whose sum is tau."""
-    half = 0.5 * tau
+def as_integers(values: np.ndarray) -> np.ndarray:
+    """Unsigned integers whose differences, modulo 2^64, count the floats between two values."""
+    return _ordered(np.ascontiguousarray(values).view("<u8"))
+
+
+def as_floats(integers: np.ndarray) -> np.ndarray:
+    """The inverse of `as_integers`."""
+    return _ordered(integers).view("<f8")
+
+
+def _ordered(bits: np.ndarray) -> np.ndarray:
+    """Bits of floats as integers in order, and back: the bits of negative floats count backwards."""
+    signed = bits.view("<i8")
+    return (signed ^ ((signed >> 63) & np.int64(0x7FFFFFFFFFFFFFFF))).view("<u8")
+
+
+def folded(differences: np.ndarray) -> np.ndarray:
+    """Small unsigned integers for small differences of either sign."""
+    signed = differences.view("<i8")
+    return ((signed << 1) ^ (signed >> 63)).view("<u8")
+
+
+def unfolded(values: np.ndarray) -> np.ndarray:
+    """The inverse of `folded`, from an array of any type with 8 bytes a number."""
+    numbers = values.view("<u8")
+    return (numbers >> np.uint64(1)) ^ (np.uint64(0) - (numbers & np.uint64(1)))
+
+
+def _differences(integers: np.ndarray) -> np.ndarray:
+    for _ in range(_ORDER):
+        integers = np.concatenate([integers[:1], integers[1:] - integers[:-1]])
+    return integers
+
+
+def _sums(differences: np.ndarray) -> np.ndarray:
+    for _ in range(_ORDER):
+        differences = np.cumsum(differences, axis=0, dtype=np.uint64)
+    return differences
+
+
+# -- predictions --------------------------------------------------------------------------------------------------------------
+
+
+def _predicted(name: str, columns: Columns, problem: MultipointProblem) -> np.ndarray:
+    """A column as others give it; 0 where they give no finite number."""
     with np.errstate(all="ignore"):
-        root = np.sqrt(np.abs((half - 1.0) * (half + 1.0)))
-        outer = half + np.copysign(root, half)
-        circle, zero = np.abs(half) < 1.0, np.zeros(len(tau))
-        return np.stack(
-            [
-                np.where(circle, half, outer), np.where(circle, root, zero),
-                np.where(circle, half, 1.0 / outer), np.where(circle, -root, zero),
-            ], axis=1,
-        )  # fmt: skip
+        predicted = PREDICTIONS[name](columns, problem)
+    return np.where(np.isfinite(predicted), predicted, 0.0)
+
+
+def _frequency(columns: Columns, problem: MultipointProblem) -> np.ndarray:
+    return 2.0 * np.pi / (4.0 * columns["alpha"])
+
+
+def _frequency_index(columns: Columns, problem: MultipointProblem) -> np.ndarray:
+    return columns["half_waves"] * _frequency(columns, problem)
+
+
+def _velocities(columns: Columns, problem: MultipointProblem) -> np.ndarray:
+    return columns["start_v"] if problem.ends[0] == "origin" else np.full(columns["start_v"].shape, np.nan)
+
+
+def _multipliers(columns: Columns, problem: MultipointProblem) -> np.ndarray:
+    """The pair of multipliers, (N, 2) complex, whose product is 1 and whose sum is tau."""
+    half = 0.5 * columns["tau"]
+    root = np.sqrt(np.abs((half - 1.0) * (half + 1.0)))
+    outer = half + np.copysign(root, half)
+    circle = np.abs(half) < 1.0
+    pairs = np.zeros((len(half), 2), complex)
+    pairs.real = np.where(circle, half, [outer, 1.0 / outer]).T
+    pairs.imag = np.where(circle, [root, -root], 0.0).T
+    return pairs
 
 
 def _speeds(columns: Columns, problem: MultipointProblem) -> np.ndarray:
-    """Impact speeds of exact flights from the start over the flight times, of all points at once; NaN for a system with damping."""
-    from branches.stability import impact_speeds
-
-    segment, (_, mean, _, _) = problem.segment, problem.modes.blocks
+    """Impact speeds of exact flights from the start over the flight times; NaN for a system with damping."""
+    segment, mean = problem.segment, problem.modes.mean
     start = np.concatenate([columns["start_u"], columns["start_v"]], axis=1)
-    # Term by term: what a matrix product gives to the last bit is not the same everywhere.
+    # Term by term: the last bits of a matrix product depend on the machine.
     state = np.array([sum(start[:, j] * row[j] for j in range(problem.size)) for row in problem.modes.from_state]).T
     starts, times = state, columns["flight_times"]
     ends = np.full((len(state), problem.inner + 1, problem.size), np.nan)
-    with np.errstate(all="ignore"):
-        for i in range(problem.inner + 1) if not mean.any() else ():
-            ends[:, i] = _flown(problem, state, times[:, i])
-            if i < problem.inner:
-                rate = sum(ends[:, i, j] * segment.gap_rate[i, j] for j in range(problem.size))
-                state = ends[:, i] - (segment.jump[i] * rate)[:, None] * segment.push[i]
-        return impact_speeds(problem, starts, ends)
+    for i in range(problem.inner + 1) if not mean.any() else ():
+        ends[:, i] = _flown(problem, state, times[:, i])
+        if i < problem.inner:
+            rate = sum(ends[:, i, j] * segment.gap_rate[i, j] for j in range(problem.size))
+            state = ends[:, i] - (segment.jump[i] * rate)[:, None] * segment.push[i]
+    return impact_speeds(problem, starts, ends)
 
 
 def _flown(problem: MultipointProblem, states: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Where undamped free flights over times (N,) lead from states (N, 2 n): the formulas of `bvp.kernels.flight`."""
-    pairs, _, delta, matrix = problem.modes.blocks
+    """States after undamped free flights over times (N,) from states (N, 2 n): the formulas of `bvp.kernels.flight`."""
+    pairs, _, delta, matrix = problem.modes.flight
     out = np.full(states.shape, np.nan)
     for (i, j), square in zip(pairs, delta, strict=True):
         if j < 0:
@@ -203,21 +279,10 @@ def _flown(problem: MultipointProblem, states: np.ndarray, times: np.ndarray) ->
     return out
 
 
-def _same(one: np.ndarray, other: np.ndarray) -> bool:
-    return one.shape == other.shape and one.dtype == other.dtype and one.tobytes() == other.tobytes()
-
-
-def _nulls(values: np.ndarray) -> list[float | None]:
-    """Numbers for SQLite, which has no NaN."""
-    return [None if value != value else value for value in values.tolist()]
-
-
-def _crc(lists: Sequence[Sequence[Any]]) -> int:
-    crc = 0
-    for name, values in zip(POINT_COLUMNS, lists, strict=True):
-        if name == "label":
-            data = "\n".join(values).encode()
-        else:
-            data = np.array([np.nan if value is None else value for value in values], "<f8").tobytes()
-        crc = zlib.crc32(data, crc)
-    return crc
+PREDICTIONS: dict[str, Callable[[Columns, MultipointProblem], np.ndarray]] = {
+    "frequency": _frequency,
+    "frequency_index": _frequency_index,
+    "velocities": _velocities,
+    "multipliers": _multipliers,
+    "impact_speeds": _speeds,
+}

@@ -1,40 +1,41 @@
-"""What the rows of a catalogue say, without their points: families, events, edges, and nodes that are no families. Neither numpy nor
-compiled kernels are needed to read them."""
+"""Rows of a catalogue: families without their points, events, edges, nodes that are no families, and the scene.
+
+Neither numpy nor compiled kernels are needed to read them.
+"""
 
 from __future__ import annotations
 
 import json
 import math
-import struct
-import zlib
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from dataclasses import astuple, dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
+from branches.events import BranchEvent
+
 __all__ = [
-    "EDGE_COLUMNS",
-    "EVENT_COLUMNS",
-    "FAMILY_COLUMNS",
-    "NODE_COLUMNS",
     "Edge",
     "EventOrbit",
     "FamilyRow",
     "LabelInterval",
     "Node",
+    "SceneRecord",
     "StabilityInterval",
-    "crc_of",
+    "compact_json",
     "crosses",
     "dead_end_id",
-    "no_nan",
+    "difference",
+    "event_from_row",
+    "event_values",
 ]
 
 _ON_BOUND = 1e-10
-"""How far, relatively, the last orbit of a family can be from the energy that cut it: as for `Branch.orbits_at`."""
+"""Largest relative distance of a family's last orbit from the energy bound that cut it: as for `Branch.orbits_at`."""
 
 
 class LabelInterval(NamedTuple):
-    """Part of a family with one label: from where the last one ends, in arclength, and its ranges of energy and quarter period."""
+    """An interval of a family with one label: its ranges of arclength, energy and quarter period. It begins where the last one ends."""
 
     label: str
     arclength: tuple[float, float]
@@ -43,7 +44,7 @@ class LabelInterval(NamedTuple):
 
 
 class StabilityInterval(NamedTuple):
-    """Part of a family that is stable (1), unstable (0) or undecided (-1)."""
+    """An interval of a family that is stable (1), unstable (0) or undecided (-1)."""
 
     stable: int
     arclength: tuple[float, float]
@@ -52,7 +53,7 @@ class StabilityInterval(NamedTuple):
 
 
 def crosses(h: tuple[float, float], energy: float) -> bool:
-    """Whether a range of energies holds an energy, to the accuracy to which the end of a family lies on the bound that cut it.
+    """Whether a range of energies contains an energy, to the accuracy of a family's end on the bound that cut it.
 
     Examples
     --------
@@ -62,133 +63,92 @@ def crosses(h: tuple[float, float], energy: float) -> bool:
     return h[0] * (1.0 - _ON_BOUND) <= energy <= h[1] * (1.0 + _ON_BOUND)
 
 
-@dataclass(frozen=True)
-class FamilyRow:
-    """A family without its points.
+class FamilyRow(NamedTuple):
+    """A family without its points. The fields are the columns of the table.
 
     Attributes
     ----------
-    id, label, ends, word : str
+    number : int
+        Its row.
+    id, label, ends, sequence : str
         As of `branches.branch.Branch`; `ends` joined by a hyphen, or ``periodic``.
     impacts : float
         In half a period.
-    h, alpha : (float, float)
-        Lowest and highest.
+    h_low, h_high, alpha_low, alpha_high : float
+        Ranges of energy and quarter period.
     points, events : int
         How many.
     start : int
         Index of the point that it was started from.
     stable_fraction : float
-        Part of its arclength that is stable.
-    label_names : tuple of str
-        All labels along it, each once.
+        Stable fraction of its arclength.
+    names : str
+        All labels along it, with spaces between.
     details : str
-        `labels`, `stability`, `ended` and `layout` as JSON: read where they are asked for.
-    first_point, columns_crc : int
-        Row of its first point; checksum of the columns of its points.
-    number : int
-        Its row.
+        JSON: `labels`, `stability`, `ended` and `layout`. It is parsed when needed.
     """
 
+    number: int
     id: str
     label: str
     ends: str
-    word: str
+    sequence: str
     impacts: float
-    h: tuple[float, float]
-    alpha: tuple[float, float]
+    h_low: float
+    h_high: float
+    alpha_low: float
+    alpha_high: float
     points: int
     events: int
     start: int
     stable_fraction: float
-    label_names: tuple[str, ...]
+    names: str
     details: str
-    first_point: int
-    columns_crc: int
-    number: int
 
-    @cached_property
+    @property
+    def h(self) -> tuple[float, float]:
+        """Lowest and highest energy."""
+        return self.h_low, self.h_high
+
+    @property
+    def alpha(self) -> tuple[float, float]:
+        """Shortest and longest quarter period."""
+        return self.alpha_low, self.alpha_high
+
+    @property
+    def label_names(self) -> tuple[str, ...]:
+        """All labels along it, each once."""
+        return tuple(self.names.split())
+
+    @property
     def labels(self) -> tuple[LabelInterval, ...]:
-        """Where along the family each label holds."""
-        return tuple(LabelInterval(name, *map(tuple, rest)) for name, *rest in self._read["labels"])
+        """The intervals with one label each."""
+        return tuple(LabelInterval(name, *map(tuple, rest)) for name, *rest in _parsed(self.details)["labels"])
 
-    @cached_property
+    @property
     def stability(self) -> tuple[StabilityInterval, ...]:
-        """Where along the family it is stable, unstable, undecided."""
-        return tuple(StabilityInterval(code, *map(tuple, rest)) for code, *rest in self._read["stability"])
+        """The stable, unstable and undecided intervals."""
+        return tuple(StabilityInterval(code, *map(tuple, rest)) for code, *rest in _parsed(self.details)["stability"])
 
-    @cached_property
+    @property
     def ended(self) -> tuple[tuple[str, str], ...]:
-        """Reason and words, at the first point and at the last."""
-        return tuple((reason, text) for reason, text in self._read["ended"])
+        """Reason and text, at the first point and at the last."""
+        return tuple((reason, text) for reason, text in _parsed(self.details)["ended"])
 
-    @cached_property
-    def layout(self) -> dict[str, Any]:
-        """How the blobs of its points are laid out (see `branches.catalogue.points`)."""
-        return self._read["layout"]
-
-    @cached_property
-    def _read(self) -> dict[str, Any]:
-        return json.loads(self.details)
+    @property
+    def layout(self) -> Any:
+        """The columns in the array of its points (see `branches.catalogue.points`)."""
+        return _parsed(self.details)["layout"]
 
     def arclengths(self, name: str, fits: Callable[[Any], bool], energy: float | None = None) -> list[tuple[float, float]]:
-        """Where along the family the intervals of ``labels`` or ``stability`` are whose label or code fits, and that cross an energy."""
-        return [
-            (s[0], s[1])
-            for value, s, h, _ in self._read[name]
-            if (energy is None or crosses(h, energy)) and fits(value)
-        ]
-
-    def values(self) -> tuple[Any, ...]:
-        """The row, without its number and checksum, as it is stored."""
-        return (
-            self.id, self.label, self.ends, self.word, self.impacts, *self.h, *self.alpha, self.points, self.events, self.start,
-            self.stable_fraction, " ".join(self.label_names), self.details, self.first_point, self.columns_crc,
-        )  # fmt: skip
-
-    @classmethod
-    def make(
-        cls,
-        *,
-        labels: tuple[LabelInterval, ...],
-        stability: tuple[StabilityInterval, ...],
-        ended: tuple[tuple[str, str], ...],
-        layout: dict[str, Any],
-        **fields: Any,
-    ) -> FamilyRow:
-        """A row from what its details say and its other fields."""
-        total = stability[-1].arclength[1] - stability[0].arclength[0]
-        stable = sum(part.arclength[1] - part.arclength[0] for part in stability if part.stable == 1)
-        details = {"labels": labels, "stability": stability, "ended": ended, "layout": layout}
-        return cls(
-            stable_fraction=stable / total if total > 0.0 else float(stability[0].stable == 1),
-            label_names=tuple(dict.fromkeys(part.label for part in labels if part.label)),
-            details=_json(details),
-            **fields,
-        )
-
-    @classmethod
-    def read(cls, number: int, values: tuple[Any, ...]) -> FamilyRow:
-        """The inverse of `values`."""
-        (
-            id, label, ends, word, impacts, h_low, h_high, alpha_low, alpha_high, points, events, start, fraction, names, details,
-            first_point, columns_crc,
-        ) = values  # fmt: skip
-        return cls(
-            id, label, ends, word, impacts, (h_low, h_high), (alpha_low, alpha_high), points, events, start, fraction,
-            tuple(names.split()), details, first_point, columns_crc, number,
-        )  # fmt: skip
+        """Ranges of arclength of the intervals of ``labels`` or ``stability`` that cross an energy and whose label or code fits."""
+        intervals = _parsed(self.details)[name]
+        return [(s[0], s[1]) for value, s, h, _ in intervals if (energy is None or crosses(h, energy)) and fits(value)]
 
 
-FAMILY_COLUMNS = (
-    "id", "label", "ends", "word", "impacts", "h_low", "h_high", "alpha_low", "alpha_high", "points", "events", "start",
-    "stable_fraction", "label_names", "details", "first_point", "columns_crc",
-)  # fmt: skip
-
-EVENT_COLUMNS = (
-    "id", "type", "point", "number", "h", "alpha", "arclength", "status", "bracket_low", "bracket_high", "residual", "label",
-    "stop", "p", "q", "breaks", "note", "stable", "multiplier", "more",
-)  # fmt: skip
+@lru_cache(maxsize=4096)
+def _parsed(details: str) -> dict[str, Any]:
+    return json.loads(details)
 
 
 @dataclass(frozen=True)
@@ -198,7 +158,7 @@ class Node:
     Attributes
     ----------
     id : str
-        ``L11+``; of a dead end it is made from the edge that ends there.
+        ``L11+``; for a dead end see `dead_end_id`.
     kind : str
         ``linear mode`` or ``dead end``.
     label : str
@@ -218,18 +178,15 @@ class Node:
     note: str = ""
 
     def values(self) -> tuple[Any, ...]:
-        """The row without its checksum."""
+        """The row as it is stored."""
         low, high = self.h or (None, None)
-        return self.id, self.kind, self.label, low, high, self.alpha, self.note
+        return self.id, self.kind, self.label, _number(low), _number(high), _number(self.alpha), self.note
 
     @classmethod
-    def read(cls, values: tuple[Any, ...]) -> Node:
+    def of(cls, values: tuple[Any, ...]) -> Node:
         """The inverse of `values`."""
         id, kind, label, low, high, alpha, note = values
         return cls(id, kind, label, None if low is None else (low, high), alpha, note)
-
-
-NODE_COLUMNS = ("id", "kind", "label", "h_low", "h_high", "alpha", "note")
 
 
 @dataclass(frozen=True)
@@ -239,7 +196,7 @@ class EventOrbit:
     Attributes
     ----------
     ends : (str, str)
-    word : str
+    sequence : str
     start : tuple of 2 n float
         Displacements, then velocities, at the start of the solved segment.
     flight_times : tuple of float
@@ -247,23 +204,17 @@ class EventOrbit:
     """
 
     ends: tuple[str, str]
-    word: str
+    sequence: str
     start: tuple[float, ...]
     flight_times: tuple[float, ...]
 
-    def values(self) -> tuple[str, bytes, int]:
-        """Problem (JSON), states (float64, little-endian) and their checksum."""
-        problem = _json([*self.ends, self.word, len(self.start), len(self.flight_times)])
-        numbers = [*map(float, self.start), *map(float, self.flight_times)]
-        states = struct.pack(f"<{len(numbers)}d", *numbers)
-        return problem, states, zlib.crc32(states)
-
     @classmethod
-    def read(cls, problem: str, states: bytes) -> EventOrbit:
-        """The inverse of `values`."""
-        first, last, word, count, flights = json.loads(problem)
-        numbers = struct.unpack(f"<{count + flights}d", states)
-        return cls((first, last), word, numbers[:count], numbers[count:])
+    def of(cls, text: str | None) -> EventOrbit | None:
+        """The orbit from its JSON text."""
+        if text is None:
+            return None
+        ends, sequence, start, flight_times = json.loads(text)
+        return cls(tuple(ends), sequence, tuple(start), tuple(flight_times))
 
 
 @dataclass(frozen=True)
@@ -275,21 +226,21 @@ class Edge:
     source : str
         Id of the family, or of the linear mode, that has the event.
     source_event : str
-        The event's id there; "" of a linear mode's grazing.
+        The event's id there; "" for the grazing of a linear mode.
     type : str
         Its code: GR, SN, BP, SB, PD, RT.
     kind : str
         How they meet: ``fold``, ``passage``, ``switch``, ``dead end``, ``linear mode``.
     target : str or None
         Id of the node on the other side; None makes a dead end, with `note` as its reason.
-    target_event : str
-        The event's id on the target; "" where it has none of its own.
     h, alpha : float
+    target_event : str
+        The event's id on the target; "" where it has none.
     stop : str or None
-        Contact that is touched or left.
+        The contact that is touched or left.
     note : str or None
     source_orbit, target_orbit : EventOrbit or None
-        The event's orbit as the two families have it, so that it can be checked that the edge closes.
+        The event's orbit as the two families have it, which shows that the edge closes.
     """
 
     source: str
@@ -306,26 +257,18 @@ class Edge:
     target_orbit: EventOrbit | None = None
 
     def values(self) -> tuple[Any, ...]:
-        """The row without its number and checksum."""
-        nothing = (None, None, None)
+        """The row as it is stored."""
+        orbits = (None if orbit is None else compact_json(astuple(orbit)) for orbit in (self.source_orbit, self.target_orbit))
         return (
-            self.source, self.source_event, self.type, self.kind, self.target, self.target_event, self.h, self.alpha, self.stop,
-            self.note, *(self.source_orbit.values() if self.source_orbit else nothing),
-            *(self.target_orbit.values() if self.target_orbit else nothing),
+            self.source, self.source_event, self.type, self.kind, self.target, self.target_event, float(self.h), float(self.alpha),
+            self.stop, self.note, *orbits,
         )  # fmt: skip
 
     @classmethod
-    def read(cls, values: tuple[Any, ...]) -> Edge:
-        """The inverse of `values`; the blobs' checksums are not looked at."""
-        (
-            source, source_event, type, kind, target, target_event, h, alpha, stop, note,
-            source_problem, source_states, _, target_problem, target_states, _,
-        ) = values  # fmt: skip
-        return cls(
-            source, source_event, type, kind, target, h, alpha, target_event, stop, note,
-            None if source_problem is None else EventOrbit.read(source_problem, source_states),
-            None if target_problem is None else EventOrbit.read(target_problem, target_states),
-        )  # fmt: skip
+    def of(cls, values: tuple[Any, ...]) -> Edge:
+        """The inverse of `values`."""
+        source, source_event, type, kind, target, target_event, h, alpha, stop, note, here, there = values
+        return cls(source, source_event, type, kind, target, h, alpha, target_event, stop, note, EventOrbit.of(here), EventOrbit.of(there))
 
 
 def dead_end_id(source: str, event: str) -> str:
@@ -333,27 +276,106 @@ def dead_end_id(source: str, event: str) -> str:
     return f"dead end:{source}:{event}"
 
 
-EDGE_COLUMNS = (
-    "source", "source_event", "type", "kind", "target", "target_event", "h", "alpha", "stop", "note",
-    "source_problem", "source_states", "source_crc", "target_problem", "target_states", "target_crc",
-)  # fmt: skip
+def event_values(event: BranchEvent) -> tuple[Any, ...]:
+    """The row of an event: its fields, with the two numbers of `bracket` and of `p_q` apart."""
+    located = (event.h, event.alpha, event.arclength, event.status, *event.bracket, event.residual)
+    stable = None if event.stable is None else int(event.stable)
+    return (
+        event.id, event.type, int(event.point), int(event.number), *map(_number, located), event.label, event.stop,
+        *(event.p_q or (None, None)), event.breaks, event.note, stable, _number(event.multiplier),
+    )  # fmt: skip
 
 
-def crc_of(values: tuple[Any, ...]) -> int:
-    """Checksum of a row's values.
+def event_from_row(values: tuple[Any, ...]) -> BranchEvent:
+    """The inverse of `event_values`."""
+    (
+        id, type, point, number, h, alpha, arclength, status, low, high, residual, label, stop, p, q, breaks, note, stable, multiplier,
+    ) = values  # fmt: skip
+    bracket = (math.nan if low is None else low, math.nan if high is None else high)
+    return BranchEvent(
+        id, type, point, number, h, alpha, arclength, status, bracket, math.nan if residual is None else residual, label, stop,
+        None if p is None else [p, q], breaks, note, None if stable is None else bool(stable), multiplier,
+    )  # fmt: skip
+
+
+def compact_json(value: Any) -> str:
+    """JSON without spaces; NaN is refused."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)
+
+
+def _number(value: Any) -> Any:
+    """A number of numpy as a float, and NaN as None, for SQLite; text and None stay."""
+    if value is None or isinstance(value, str):
+        return value
+    return None if math.isnan(value) else float(value)
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """The scene of a catalogue.
+
+    Attributes
+    ----------
+    system : dict
+        As `bvp.system.ImpactSystem.describe` gives it.
+    bounds : dict
+        ``energy``, ``quarter_period``, ``impacts``.
+    reference_points : dict of str to dict
+        Cited ``h`` and ``alpha`` by name; they choose among the families that match a bare name.
+    title, source, text : str
+        The scene's title and source, and its TOML if it was read from a file.
+    """
+
+    system: dict[str, Any]
+    bounds: dict[str, Any] = field(default_factory=dict)
+    reference_points: dict[str, dict[str, float]] = field(default_factory=dict)
+    title: str = ""
+    source: str = ""
+    text: str = ""
+
+    @classmethod
+    def of(cls, scene: Any) -> SceneRecord:
+        """The record of a scene, or of a system alone.
+
+        Parameters
+        ----------
+        scene : saltus.Scene, bvp.system.ImpactSystem or SceneRecord
+        """
+        if isinstance(scene, cls):
+            return scene
+        if hasattr(scene, "describe"):
+            return cls(scene.describe())
+        bounds = {key: list(value) if isinstance(value, tuple) else value for key, value in scene.bounds.items()}
+        points = {name: dict(point) for name, point in scene.pins.items()}
+        return cls(scene.system.describe(), bounds, points, scene.title, scene.source, getattr(scene, "text", ""))
+
+
+def difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> str | None:
+    """The differences of two descriptions of systems, as text; None if there are none.
 
     Examples
     --------
-    >>> crc_of(("L11+", 0.5, None)) == crc_of(("L11+", 0.5, None)), crc_of((0.0,)) == crc_of((-0.0,))
-    (True, False)
+    >>> difference({"model": "vibro_impact_nes", "mu": 0.1}, {"model": "vibro_impact_nes", "mu": 0.2})
+    'mu is 0.1, not 0.2'
+    >>> difference({"mass": [[1.0]]}, {"mass": [[1.0]]})
     """
-    return zlib.crc32(repr(values).encode())
+    mine, theirs = dict(_leaves(one)), dict(_leaves(other))
+    differences = []
+    for key in dict.fromkeys([*mine, *theirs]):
+        if mine.get(key) != theirs.get(key):
+            differences.append(f"{key} is {_shown(mine.get(key))}, not {_shown(theirs.get(key))}")
+    if len(differences) > 3:
+        differences = [*differences[:3], f"and {len(differences) - 3} more"]
+    return ", ".join(differences) or None
 
 
-def no_nan(value: float | None) -> float | None:
-    """A number as a float; None for NaN, which SQLite does not know."""
-    return None if value is None or math.isnan(value) else float(value)
+def _leaves(value: Any, name: str = "") -> list[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        return [leaf for key, entry in value.items() for leaf in _leaves(entry, f"{name}.{key}" if name else key)]
+    if isinstance(value, list | tuple) and any(isinstance(entry, list | tuple | Mapping) for entry in value):
+        return [leaf for i, entry in enumerate(value) for leaf in _leaves(entry, f"{name}[{i}]")]
+    return [(name, list(value) if isinstance(value, tuple) else value)]
 
 
-def _json(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":"), allow_nan=False)
+def _shown(value: Any) -> str:
+    return "absent" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""Tables of a catalogue's points and orbits, for export."""
+"""Tables of points and orbits, for export."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from branches.export.table_files import Table
 
 if TYPE_CHECKING:
     from branches.catalogue.rows import FamilyRow
-    from branches.catalogue.store import Catalogue
+    from branches.catalogue.store import CatalogueStore
     from branches.orbit import Orbit
 
 __all__ = ["DEFAULT_COLUMNS", "POINT_NAMES", "orbit_rows", "orbit_samples", "points_table"]
@@ -24,18 +24,18 @@ POINT_NAMES = (
 DEFAULT_COLUMNS = POINT_NAMES[:15]
 
 _RAGGED = ("flight_times", "impact_speeds")
-"""As long as a family has flights and impacts."""
+"""Columns whose rows differ in length from family to family."""
 
 
-def points_table(catalogue: Catalogue, families: Sequence[FamilyRow], columns: Sequence[str] = DEFAULT_COLUMNS) -> Table:
+def points_table(catalogue: CatalogueStore, families: Sequence[FamilyRow], columns: Sequence[str] = DEFAULT_COLUMNS) -> Table:
     """The points of families, one family after the other.
 
     Parameters
     ----------
-    catalogue : Catalogue
+    catalogue : CatalogueStore
     families : sequence of FamilyRow
     columns : sequence of str
-        Of `POINT_NAMES`: those of `branches.branch.Branch.points`, the family's id, and the number of the point in it.
+        From `POINT_NAMES`: those of `branches.branch.Branch.points`, the family's id, and the index of the point.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def points_table(catalogue: Catalogue, families: Sequence[FamilyRow], columns: S
 
 
 def orbit_rows(found: Sequence[tuple[str, Orbit]]) -> Table:
-    """A row for each orbit: what it is, where it starts, and its impacts over a period.
+    """A row for each orbit: its properties, its start, and its impacts over a period.
 
     Parameters
     ----------
@@ -69,6 +69,7 @@ def orbit_rows(found: Sequence[tuple[str, Orbit]]) -> Table:
     states = [np.concatenate(orbit.sample(np.zeros(1)), axis=1)[0] for orbit in orbits]
     n = orbits[0].system.degrees_of_freedom if orbits else 0
     starts = np.array(states).reshape(len(orbits), 2 * n)
+    multipliers = [orbit.multipliers for orbit in orbits]
     return {
         "family": np.array([id for id, _ in found], dtype=str),
         "label": np.array([orbit.label for orbit in orbits], dtype=str),
@@ -77,7 +78,7 @@ def orbit_rows(found: Sequence[tuple[str, Orbit]]) -> Table:
         "stable": np.array([-1 if orbit.stable is None else int(orbit.stable) for orbit in orbits], dtype=np.int8),
         "tau": np.array([orbit.tau for orbit in orbits]),
         "tau_half": np.array([orbit.tau_half for orbit in orbits]),
-        "multipliers": np.array([orbit.multipliers for orbit in orbits], complex).reshape(len(orbits), max(0, 2 * n - 2)),
+        "multipliers": np.array(multipliers, complex).reshape(len(orbits), len(multipliers[0]) if orbits else 0),
         "residual": np.array([orbit.residual for orbit in orbits]),
         "start_u": starts[:, :n],
         "start_v": starts[:, n:],
@@ -88,8 +89,15 @@ def orbit_rows(found: Sequence[tuple[str, Orbit]]) -> Table:
 
 
 def orbit_samples(found: Sequence[tuple[str, Orbit]], count: int) -> Table:
-    """The motion of each orbit over one period, at `count` times that are evenly spread and include both ends: time, displacements u and
-    velocities v, one orbit after the other; ``orbit`` counts them from 0."""
+    """The motion of each orbit over one period, one orbit after the other: time, displacements u and velocities v.
+
+    Parameters
+    ----------
+    found : sequence of (str, Orbit)
+        With the ids of their families.
+    count : int
+        Number of evenly spaced times for each orbit, both ends included.
+    """
     times, u, v = [], [], []
     for _, orbit in found:
         t = np.linspace(0.0, orbit.period, count)

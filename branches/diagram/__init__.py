@@ -6,13 +6,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from branches.diagram.atlas import atlas_figure, draw_atlas
+    from branches.diagram.atlas import atlas_figure, draw_atlas, draw_velocities, velocities_figure
     from branches.diagram.atlas_data import Atlas, atlas_of, regime_bounds, rescaled
     from branches.diagram.branch_picture import branch_figure, draw_branch
     from branches.diagram.files import PICTURE_FORMATS, picture_format
     from branches.diagram.insets import Inset, parse_inset
     from branches.diagram.orbit_picture import draw_orbit, orbit_figure
-    from branches.diagram.velocity_picture import draw_velocities, velocities_figure
 
 __all__ = [
     "PICTURE_FORMATS",
@@ -40,11 +39,11 @@ _HOMES = {
     "atlas_figure": "atlas",
     "atlas_of": "atlas_data",
     "draw_atlas": "atlas",
-    "draw_velocities": "velocity_picture",
+    "draw_velocities": "atlas",
     "parse_inset": "insets",
     "regime_bounds": "atlas_data",
     "rescaled": "atlas_data",
-    "velocities_figure": "velocity_picture",
+    "velocities_figure": "atlas",
     "branch_figure": "branch_picture",
     "draw_branch": "branch_picture",
     "draw_orbit": "orbit_picture",

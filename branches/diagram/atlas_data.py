@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.cut import cut
 from branches.diagram.pinned import pinned_names
-from branches.labels import spelled
+from branches.naming.labels import spelled
 from bvp.shown import shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.impulsive import ImpulsiveOrbits, Manifold
-    from branches.name_pins import Pin
+    from branches.naming.reference_points import Pin
+    from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
 __all__ = ["EVENTS", "Atlas", "Bound", "Curve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
@@ -135,7 +135,7 @@ def thresholds_of(system: ImpactSystem) -> list[Threshold]:
 
     Examples
     --------
-    >>> from bvp import vibro_impact_nes
+    >>> from bvp.system import vibro_impact_nes
     >>> [(mode.label, round(mode.frequency, 6), round(mode.h, 6)) for mode in thresholds_of(vibro_impact_nes())]
     [('L11+', 0.854309, 0.118508), ('L11-', 1.170537, 0.086492)]
     """
@@ -214,7 +214,69 @@ def _pieces(branch: Branch, energy: tuple[float, float] | None) -> list[dict[str
     names = (*COLUMNS, "label", "velocities", "arclength")
     if energy is None:
         return [{name: np.asarray(branch.points[name]) for name in names}] if len(branch) else []
-    return cut(branch, *energy, names)
+    return _cut(branch, *energy, names)
+
+
+_Row = tuple[int, "Orbit | None"]
+"""A point by its index, or an orbit between that point and the next."""
+
+
+def _cut(branch: Branch, low: float, high: float, names: Sequence[str]) -> list[dict[str, np.ndarray]]:
+    """The pieces of a branch that lie within low <= h <= high, in order of arclength.
+
+    Without the orbits at the bounds a family that has no point within a narrow range would be left out, and every other one would end
+    before the bound, at its last point within.
+
+    Parameters
+    ----------
+    branch : Branch
+    low, high : float
+    names : sequence of str
+        Columns of `Branch.points`.
+
+    Returns
+    -------
+    list of dict
+        Of each piece those columns, (N, ...) arrays with N >= 1; a bound where the corrector fails is left out.
+    """
+    h = branch.points["h"]
+    inside = (h >= low) & (h <= high)
+    pieces: list[list[_Row]] = []
+    open_ = False
+    for i in range(len(h)):
+        if inside[i]:
+            if not open_:
+                pieces.append([])
+            pieces[-1].append((i, None))
+        open_ = bool(inside[i])
+        if i + 1 == len(h):
+            break
+        passed = [bound for bound in (low, high) if (h[i] - bound) * (h[i + 1] - bound) < 0.0]
+        for bound in sorted(passed, reverse=bool(h[i] > h[i + 1])):
+            if not open_:
+                pieces.append([])
+            orbit = _between(branch, i, bound)
+            if orbit is not None:
+                pieces[-1].append((i, orbit))
+            open_ = not open_
+    return [{name: _column(branch, piece, name) for name in names} for piece in pieces if piece]
+
+
+def _between(branch: Branch, i: int, energy: float) -> Orbit | None:
+    """The orbit of an energy between points i and i + 1; None where the corrector fails, or ends on another orbit."""
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    part = (energy - h[i]) / (h[i + 1] - h[i])
+    orbit = branch.orbit_between(i, part, energy=energy)
+    if orbit is None:
+        return None
+    off = abs(orbit.alpha - (1.0 - part) * alpha[i] - part * alpha[i + 1])
+    return orbit if off <= abs(alpha[i + 1] - alpha[i]) + 1e-3 * alpha[i] else None
+
+
+def _column(branch: Branch, piece: Sequence[_Row], name: str) -> np.ndarray:
+    column: Any = branch.points[name]
+    values = [column[i] if orbit is None else orbit.described.columns[name][0] for i, orbit in piece]
+    return np.array(values, dtype=None if column.dtype.kind == "U" else column.dtype)  # a label may be longer than all that are kept
 
 
 def _events(branch: Branch, piece: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -226,7 +288,7 @@ def _events(branch: Branch, piece: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _impulsive_curve(found: ImpulsiveOrbits) -> Curve:
-    from branches.labels import parse
+    from branches.naming.labels import parse
 
     labels = [orbit.label for orbit in found.orbits]
     waves = np.array([parse(label).m if label else 1 for label in labels])

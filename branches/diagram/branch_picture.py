@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.diagram.curves import DrawnCurve, curve_runs, draw_curve, draw_events, legend_entries, smooth, visible_codes
 from branches.diagram.files import draw
-from branches.diagram.legends import legend_below
-from branches.diagram.marks import curve_runs, draw_curve, draw_events, label_events, legend_entries, seen
-from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
-from branches.diagram.smooth import Curve, smooth
-from branches.diagram.style import new_figure, picture_settings, settle_layout
+from branches.diagram.room import Room
+from branches.diagram.style import event_style, legend_below, limits_of, new_figure, picture_settings, set_axis, settle_layout
 from branches.diagram.titles import family_text, symbol_of, system_text, velocity_symbol
 from bvp.shown import shown as in_words
 
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 FREQUENCIES = ("index", "fundamental")
 _WIDE, _NARROW = (470.0, 170.0), (210.0, 130.0)  # panels in points (1/72 inch), nearly
 _MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis too: the low ones would be one line
+_FAR, _BESIDE = 150.0, 4.5  # distances of names from their markers, in points: largest, and without a leader
+_CROWD, _CROWD_STEP = 5, 2.5  # this many points, each this near to the one before (points), share one text
+_LETTERS = 24  # in a line of a text for several points
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,49 +96,94 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     if not energies.min() > 0:
         raise ValueError(f"the logarithmic energy axis needs positive energies: the lowest is {energies.min():.6g}")
     panels = [_frequency_panel(branch, frequency), *_start_panels(branch)]
+    event_energies = np.array([event.h for event in branch.events], dtype=float)
+    names, kinds = [event.id for event in branch.events], [event.type for event in branch.events]
     with picture_settings():
         figure = new_figure(5.4)
-        figure.suptitle(f"{family_text(branch.label, branch.ends, branch.word)}   ({system_text(branch.system)})")
+        figure.suptitle(f"{family_text(branch.label, branch.ends, branch.sequence)}   ({system_text(branch.system)})")
         layout: list[Any] = [["frequency"] * (len(panels) - 1), [panel.name for panel in panels[1:]]]
         axes = figure.subplot_mosaic(layout, height_ratios=[1.25, 1.0])
-        event_energies = np.array([event.h for event in branch.events], dtype=float)
-        kinds = [event.type for event in branch.events]
-        curves = {panel.name: _curve(branch, panel, wide=k == 0 or len(panels) == 2) for k, panel in enumerate(panels)}
-        runs = {name: curve_runs(curve.stable, curve.x, curve.y, curve.breaks) for name, curve in curves.items()}
+        drawn = []
         for panel in panels:
             wide = panel.name == "frequency" or len(panels) == 2
-            logarithmic_axis(axes[panel.name], "x", logarithmic_limits(energies), 14 if wide else 7, "energy", "h")
+            set_axis(axes[panel.name], "x", limits_of(energies, log=True), 14 if wide else 7, "energy", "h", log=True)
             margin = (0.18 if wide else 0.22) if kinds else 0.08  # room for a name above and below
             shown = np.concatenate([panel.values, panel.event_values])
-            if panel.name == "frequency" and np.nanmax(shown) > _MANY_FOLD * np.nanmin(shown) > 0:
-                limits = logarithmic_limits(shown, margin)
-                logarithmic_axis(axes[panel.name], "y", limits, 5, panel.words, panel.symbol)
-            else:
-                limits = linear_limits(shown, margin)
-                linear_axis(axes[panel.name], "y", limits, 5, panel.words, panel.symbol)
+            log = bool(panel.name == "frequency" and np.nanmax(shown) > _MANY_FOLD * np.nanmin(shown) > 0)
+            set_axis(axes[panel.name], "y", limits_of(shown, margin, log=log), 5, panel.words, panel.symbol, log=log)
             if panel.note:
                 axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
-        entries = legend_entries(seen((axes[panel.name], runs[panel.name]) for panel in panels), kinds)
+            curve = _curve(branch, panel, wide=wide)
+            drawn.append((axes[panel.name], panel, curve, curve_runs(curve.stable, curve.x, curve.y, curve.breaks)))
+        entries = legend_entries(visible_codes((axes, runs) for axes, _, _, runs in drawn), kinds)
         columns = -(-len(entries) // -(-len(entries) // 6))
-        legend = legend_below(figure, entries, columns)
-        if kinds:
-            legend.set_title(" ")  # room for the words below
+        legend = legend_below(figure, entries, columns, title=" " if kinds else None)  # space for the words below
         settle_layout(figure)
         left_out = names_in_all = 0
-        for panel in panels:
-            draw_curve(axes[panel.name], runs[panel.name], panel.name)
-            draw_events(axes[panel.name], kinds, event_energies, panel.event_values, panel.name)
-            names = [event.id for event in branch.events]
-            drawn = curves[panel.name]
-            line = drawn.x, drawn.y, drawn.breaks
-            missing, count = label_events(axes[panel.name], names, kinds, event_energies, panel.event_values, line)
+        for panel_axes, panel, curve, runs in drawn:
+            draw_curve(panel_axes, runs, panel.name)
+            places = np.stack([event_energies, panel.event_values], axis=1)
+            draw_events(panel_axes, kinds, places, panel.name, clip_on=False)
+            path = np.insert(np.stack([curve.x, curve.y], axis=1), np.flatnonzero(curve.breaks) + 1, np.nan, axis=0)
+            missing, count = write_events(Room(panel_axes, [path]), names, kinds, places)
             left_out, names_in_all = left_out + missing, names_in_all + count
         if left_out:
             legend.set_title(f"{left_out} of {names_in_all} names have no room")
     return figure
 
 
-def _curve(branch: Any, panel: _Panel, *, wide: bool) -> Curve:
+def write_events(room: Room, names: Sequence[str], kinds: Sequence[str], places: np.ndarray) -> tuple[int, int]:
+    """Write the names of special points. Returns how many have no room, and how many there are.
+
+    Parameters
+    ----------
+    room : Room
+    names, kinds : (E,) names and types
+    places : (E, 2) in data coordinates; those that are not finite are left out
+    """
+    shown = np.flatnonzero(np.isfinite(places).all(axis=1)).tolist()
+    radii = np.array([0.5 * event_style(kinds[i]).size + 0.5 for i in shown])
+    room.take_around(places[shown], radii)
+    texts = crowds([names[i] for i in shown], [kinds[i] for i in shown], room.to_page(places[shown]))
+    rows = [row for row, _ in texts]
+    at, radii = room.to_page(places[shown])[rows], radii[rows]
+    waiting = list(range(len(texts)))
+    for over_curves in (False, True):
+        some = [texts[i][1] for i in waiting]
+        done = room.write(some, at[waiting], radii[waiting], far=_FAR, beside=_BESIDE, over_curves=over_curves)
+        waiting = [i for i, text in zip(waiting, done, strict=True) if text is None]
+    return len(waiting), len(texts)
+
+
+def crowds(names: Sequence[str], kinds: Sequence[str], at: np.ndarray) -> list[tuple[int, str]]:
+    """The texts to write: (row of the point that it belongs to, text).
+
+    Each point has its own name. But `_CROWD` or more successive points of one type, each within `_CROWD_STEP` points of the one before,
+    share one text such as GR1-12. So do points of several types in one place, whose markers hide each other.
+
+    Parameters
+    ----------
+    names, kinds : (E,) names and types
+    at : (E, 2) places on the page, in points
+    """
+    places: list[tuple[int, list[str]]] = []
+    for kind in dict.fromkeys(kinds):
+        rows = np.array([row for row, k in enumerate(kinds) if k == kind])
+        far = np.flatnonzero(np.hypot(*np.diff(at[rows], axis=0).T) > _CROWD_STEP) + 1
+        for crowd in np.split(rows, far):
+            texts = [(int(row), names[row]) for row in crowd]
+            if len(crowd) >= _CROWD:
+                texts = [(int(crowd[len(crowd) // 2]), f"{names[crowd[0]]}\N{EN DASH}{names[crowd[-1]].removeprefix(kind)}")]
+            for row, text in texts:
+                same = next((found for other, found in places if np.hypot(*(at[other] - at[row])) <= _CROWD_STEP), None)
+                if same is None:
+                    places.append((row, [text]))
+                else:
+                    same.append(text)
+    return [(row, textwrap.fill(", ".join(found), _LETTERS)) for row, found in places]
+
+
+def _curve(branch: Any, panel: _Panel, *, wide: bool) -> DrawnCurve:
     """The curve of a panel as it is drawn: smooth, and after a break from where the piece before it ended."""
     points = branch.points
     x, arclength = np.asarray(points["h"], dtype=float), np.asarray(points["arclength"], dtype=float)
@@ -147,7 +195,7 @@ def _curve(branch: Any, panel: _Panel, *, wide: bool) -> Curve:
         x, stable, arclength = (np.insert(column, at + 1, column[at]) for column in (x, stable, arclength))
         y = np.insert(y, at + 1, turned)
         breaks = np.insert(breaks, at + 1, False)
-    return smooth(Curve(x, y, stable, breaks), arclength, _WIDE if wide else _NARROW)
+    return smooth(DrawnCurve(x, y, stable, breaks), arclength, _WIDE if wide else _NARROW)
 
 
 def _along(branch: Any, values: np.ndarray) -> np.ndarray:

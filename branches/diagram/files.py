@@ -8,8 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from branches.diagram.style import picture_settings
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -73,6 +71,8 @@ def draw(make: Callable[[], Figure], path_or_file: str | os.PathLike[str] | IO[b
     OSError
         When the file cannot be written.
     """
+    from branches.diagram.style import picture_settings
+
     kind = picture_format(path_or_file, format)
     with picture_settings():
         save(make(), path_or_file, kind)

@@ -1,35 +1,33 @@
-"""Details of a picture shown larger: inside it where they cover no curve, else beside its axes."""
+"""Insets, which show parts of a figure larger: inside it where they cover no curve, else beside its axes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.diagram.placement import Cover, overlapping
-from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
-from branches.diagram.style import BLACK, NORMAL, SMALL
+from branches.diagram.room import Room, overlapping
+from branches.diagram.style import BLACK, GREY, SMALL, limits_of, set_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Detail", "Inset", "Place", "draw_insets", "parse_inset", "place_insets"]
+__all__ = ["Inset", "Place", "draw_inset", "parse_inset", "place_insets"]
 
-_SIZES = ((0.40, 0.36), (0.34, 0.32), (0.30, 0.28))  # parts of the frame, the largest that finds an empty place
+_SIZES = ((0.40, 0.36), (0.34, 0.32), (0.30, 0.28))  # parts of the frame; the largest that finds an empty place is taken
 _STEPS = 24
-_CLEAR = 3.0  # points between a detail and a curve: half a marker on the curve, and some air
-_BESIDE, _MOST_BESIDE = 0.34, 0.5  # part of the width that details beside the axes take, and the most that they may
-_APART = 14.0  # points between the axes and the details beside them
-_LOWEST = 88.0  # points that a detail beside the axes is high at least
-_LOW = 70.0  # points: a lower detail has fewer ticks
-_MARGIN = (31.0, 24.0, 6.0, 6.0)  # room for its own ticks and labels: left, bottom, right, top, in points
-_EDGE = 1.5  # half the width of the room of a frame's edge, in points
-_LETTER = (10.0, 12.0)  # room of its letter, in points
-_LARGER = 1.1  # times that a detail is larger than what it shows, in both directions where the frame has room
-_WIDEST, _HIGHEST = 0.6, 0.8  # parts of the frame that a detail takes at most
+_CLEAR = 3.0  # points between an inset and a curve: half a marker on the curve, and some air
+_BESIDE, _MOST_BESIDE = 0.34, 0.5  # part of the width that insets beside the axes take, and the largest that they may take
+_APART = 14.0  # points between the axes and the insets beside them
+_LOWEST = 88.0  # least height of an inset beside the axes, in points
+_TICK = np.array([38.0, 20.0])  # points for each tick
+_MARGIN = np.array([31.0, 24.0, -6.0, -6.0])  # room for the ticks and labels of an inset: left, bottom, right, top, in points
+_SPACE = _MARGIN[:2] - _MARGIN[2:]
+_LARGER = 1.1  # an inset is larger than what it shows by this factor, in both directions where the frame has room
+_WIDEST, _HIGHEST = 0.6, 0.8  # largest parts of the frame that an inset takes
 
 
 @dataclass(frozen=True)
@@ -45,22 +43,6 @@ class Inset:
         return "inset " + ",".join(f"{low:g}:{high:g}" for low, high in ranges)
 
 
-Box = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Detail:
-    """A detail that was drawn: its axes, and in points the box that it takes with its ticks, and those of its letter outside and inside;
-    the frame (5, 2) around what it shows, in data coordinates, and in points a box around each of its edges."""
-
-    axes: Axes
-    box: Box
-    letter_box: Box
-    inner_letter_box: Box
-    frame: np.ndarray
-    edges: list[Box]
-
-
 def parse_inset(text: str) -> Inset:
     """Read ``LO:HI`` or ``LO:HI,FLO:FHI``.
 
@@ -74,101 +56,103 @@ def parse_inset(text: str) -> Inset:
     >>> parse_inset("1:3,2:5")
     Inset(energy=(1.0, 3.0), frequency=(2.0, 5.0))
     """
-    parts = text.split(",")
-    ranges: list[tuple[float, float]] = []
-    for part in parts:
-        try:
-            low, high = (float(number) for number in part.split(":"))
-        except ValueError:
-            low, high = 0.0, 0.0
-        if not 0.0 < low < high < math.inf:
-            ranges = []
-            break
-        ranges.append((low, high))
-    if not 1 <= len(ranges) <= 2:
+    try:
+        ranges = [tuple(float(number) for number in part.split(":")) for part in text.split(",")]
+    except ValueError:
+        ranges = []
+    if not 1 <= len(ranges) <= 2 or not all(len(pair) == 2 and 0.0 < pair[0] < pair[1] < math.inf for pair in ranges):
         raise ValueError(f"inset {text!r}: expected LO:HI in energy or LO:HI,FLO:FHI with the frequencies too, 0 < LO < HI")
-    return Inset(ranges[0], ranges[1] if len(ranges) == 2 else None)
+    (low, high), *more = ranges
+    return Inset((low, high), (more[0][0], more[0][1]) if more else None)
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where a detail goes: what it shows, its ranges of x and y, the box (4,) in points that it takes with its ticks, and the box of the
-    letter beside the frame around what it shows."""
+    """An inset with the ranges of x and y that it shows, and the box (4,) that it takes with its ticks, in points of the page."""
 
     inset: Inset
     x: tuple[float, float]
     y: tuple[float, float]
     box: np.ndarray
-    letter_box: np.ndarray
 
 
-def place_insets(
-    axes: Axes, insets: Sequence[Inset], curves: Sequence[np.ndarray], keep_off: Callable[[], Sequence[Sequence[float]]]
-) -> list[Place]:
-    """Find a place for each detail: in `axes` where it covers no curve, else beside `axes`, which become narrower for it.
+def place_insets(axes: Axes, insets: Sequence[Inset], curves: Sequence[np.ndarray], room_now: Callable[[], Room]) -> list[Place]:
+    """Find a place for each inset: in `axes` where it covers no curve, else beside `axes`, which become narrower for it.
 
     Parameters
     ----------
-    axes : with its final limits and place in the figure, before anything is drawn that depends on that place
+    axes : with its final limits and its place in the figure, before anything is drawn that depends on that place
     insets : sequence of Inset
-    curves : polylines (n, 2) in data coordinates; all that is drawn as a line
-    keep_off : callable
-        Returns boxes in points that no detail covers, for the present place of `axes`.
-
-    Returns
-    -------
-    list of Place
+    curves : polylines (n, 2) in data coordinates; the insets are to show some of them
+    room_now : callable
+        Returns the room of `axes` in its present place.
 
     Raises
     ------
     ValueError
-        For a detail in which there is nothing, or for which there is no place.
+        For an inset that shows nothing, and for one without a place.
     """
     if not insets:
         return []
-    ranges = [_ranges(inset, curves, axes.get_yscale() == "log") for inset in insets]
-    to_points = 72 / axes.figure.dpi
-    whole = np.array(axes.bbox.extents) * to_points
+    ranges = [(inset.energy, _frequencies(inset, curves, axes.get_yscale() == "log")) for inset in insets]
+    room = room_now()
+    whole = room.frame
     beside: list[int] = []
     while True:
-        frame = np.array(axes.bbox.extents) * to_points
-        cover = Cover(frame.tolist(), [axes.transData.transform(curve) * to_points for curve in curves])
-        corners = [axes.transData.transform([(left, low), (right, high)]).ravel() * to_points for (left, right), (low, high) in ranges]
-        for inset, shown in zip(insets, corners, strict=True):
-            if not cover.within(np.array([shown]))[0]:
+        shown = [room.to_page(np.array(part).T).ravel() for part in ranges]
+        for inset, box in zip(insets, shown, strict=True):
+            if not room.ink_in(box[None])[0]:
                 raise ValueError(f"{inset}: nothing is drawn there")
-        boxes = dict(zip(beside, _column(insets, beside, corners, frame, whole), strict=True))
-        letters = [_beside_frame(shown, cover) for shown in corners]
-        taken = [np.array(box) for box in keep_off()] + corners + letters
+        boxes = dict(zip(beside, _column(insets, beside, shown, room.frame, whole), strict=True))
         for k in range(len(insets)):
             if k in boxes:
                 continue
-            box = _inside(frame, cover, np.array(taken), _LARGER * (corners[k][2:] - corners[k][:2]))
-            if box is None:
+            found = _inside(room, np.array([*shown, *boxes.values()]), _LARGER * (shown[k][2:] - shown[k][:2]) + _SPACE)
+            if found is None:
                 break
-            boxes[k] = box
-            taken.append(box)
+            boxes[k] = found
         else:
-            return [Place(insets[k], *ranges[k], boxes[k], letters[k]) for k in range(len(insets))]
-        # Narrower axes have other empty places: all that are inside are placed anew.
+            return [Place(insets[k], *ranges[k], boxes[k]) for k in range(len(insets))]
+        # Narrower axes have other empty places: all insets inside are placed anew.
         beside = sorted([*beside, k])
-        _narrow(axes, insets, beside, corners, whole)
+        _narrow(axes, insets, beside, shown, whole)
+        room = room_now()
 
 
-def _beside_frame(shown: np.ndarray, cover: Cover) -> np.ndarray:
-    """The box (4,) of a letter beside an upper corner of what is shown (4,): the right one, unless it hides less at the left one."""
-    boxes = np.array([[x, shown[3] - 8.0, x + 8.0, shown[3] + 2.0] for x in (shown[2], shown[0] - 8.0)])
-    return np.asarray(boxes[int(np.argmin(cover.within(boxes)))])
+def _frequencies(inset: Inset, curves: Sequence[np.ndarray], log: bool) -> tuple[float, float]:
+    if inset.frequency is not None:
+        return inset.frequency
+    points = np.concatenate([*curves, np.empty((0, 2))])
+    heights = points[(points[:, 0] >= inset.energy[0]) & (points[:, 0] <= inset.energy[1]), 1]
+    if not np.isfinite(heights).any():
+        raise ValueError(f"{inset}: no family has a point at these energies")
+    return limits_of(heights, log=log)
 
 
-def _narrow(axes: Axes, insets: Sequence[Inset], beside: Sequence[int], corners: Sequence[np.ndarray], whole: np.ndarray) -> None:
-    """Make room beside the axes, which were `whole` (4,) at first, for the widest of the details, larger than what it shows."""
-    width = axes.bbox.width * 72 / axes.figure.dpi
-    share, widest = max(((corners[k][2] - corners[k][0]) / width, k) for k in beside)
-    full = whole[2] - whole[0]
-    margins = _MARGIN[0] + _MARGIN[2] + _APART
-    # share of the narrower axes, larger, and the margins fit into what they leave
-    part = max(_BESIDE, (_LARGER * share + margins / full) / (1.0 + _LARGER * share))
+def _inside(room: Room, taken: np.ndarray, least: np.ndarray) -> np.ndarray | None:
+    """The largest box (4,) in the frame that covers neither a curve nor a box that is taken (a, 4), of this size (2,) at least."""
+    frame = room.frame
+    whole = frame[2:] - frame[:2]
+    if (least > np.array([_WIDEST, _HIGHEST]) * whole).any():
+        return None
+    for part in _SIZES:
+        size = np.maximum(np.array(part) * whole, least)
+        steps = [np.linspace(frame[i] + 3.0, frame[2 + i] - 3.0 - size[i], _STEPS) for i in range(2)]
+        corners = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
+        boxes = np.concatenate([corners, corners + size], axis=1)
+        boxes = boxes[~overlapping(boxes, taken).any(axis=1) & ~room.taken(boxes)]
+        boxes = boxes[room.ink_in(boxes + np.array([-_CLEAR, -_CLEAR, _CLEAR, _CLEAR])) == 0]
+        if len(boxes):
+            return np.asarray(boxes[0])
+    return None
+
+
+def _narrow(axes: Axes, insets: Sequence[Inset], beside: Sequence[int], shown: Sequence[np.ndarray], whole: np.ndarray) -> None:
+    """Make room beside the axes, which were `whole` (4,) at first, for the widest of the insets."""
+    width, full = axes.bbox.width * 72 / axes.figure.dpi, whole[2] - whole[0]
+    share, widest = max(((shown[k][2] - shown[k][0]) / width, k) for k in beside)
+    # The narrower axes leave room for the share of them that is shown, enlarged, and for the margins.
+    part = max(_BESIDE, (_LARGER * share + (_SPACE[0] + _APART) / full) / (1.0 + _LARGER * share))
     if part > _MOST_BESIDE:
         raise ValueError(f"{insets[widest]}: there is no place beside what it shows; expected a smaller part, LO:HI,FLO:FHI")
     place = axes.get_position()
@@ -176,9 +160,9 @@ def _narrow(axes: Axes, insets: Sequence[Inset], beside: Sequence[int], corners:
 
 
 def _column(
-    insets: Sequence[Inset], beside: Sequence[int], corners: Sequence[np.ndarray], frame: np.ndarray, whole: np.ndarray
+    insets: Sequence[Inset], beside: Sequence[int], shown: Sequence[np.ndarray], frame: np.ndarray, whole: np.ndarray
 ) -> list[np.ndarray]:
-    """The boxes of the details beside the axes, one below the other from the top."""
+    """The boxes of the insets beside the axes, one below the other."""
     if not beside:
         return []
     height = (frame[3] - frame[1]) / len(beside)
@@ -186,126 +170,37 @@ def _column(
         raise ValueError(f"{insets[beside[-1]]}: there is no place beside the others; expected fewer insets or smaller parts")
     out = []
     for row, k in enumerate(beside):
-        shown = corners[k][3] - corners[k][1] + _MARGIN[1] + _MARGIN[3]
-        high = min(height, max(_LARGER * shown, whole[2] - frame[2] - _APART))
+        high = min(height, max(_LARGER * (shown[k][3] - shown[k][1]) + _SPACE[1], whole[2] - frame[2] - _APART))
         top = frame[3] - row * height
         out.append(np.array([frame[2] + _APART, top - high, whole[2], top]))
     return out
 
 
-def draw_insets(axes: Axes, places: Sequence[Place], curves: Sequence[np.ndarray], content: Callable[[Axes, str], None]) -> list[Detail]:
-    """Draw each detail in its place, and a frame with the same letter around what it shows.
-
-    Parameters
-    ----------
-    axes : as `place_insets` left it
-    places : as `place_insets` gives them
-    curves : polylines (n, 2) in data coordinates, that the letters keep off
-    content : draws what `axes` shows into other axes; called with them and a name
-
-    Returns
-    -------
-    list of Detail
-    """
-    from matplotlib.patches import Rectangle
-
-    figure = axes.figure
-    to_points = 72 / figure.dpi
-    size = np.array(figure.bbox.size) * to_points
-    logarithmic = axes.get_yscale() == "log"
-    out: list[Detail] = []
-    for k, place in enumerate(places):
-        (left, right), (low, high), box = place.x, place.y, place.box
-        letter = "abcdefghijklmnopqrstuvwxyz"[k % 26]
-        inner = box + np.array([_MARGIN[0], _MARGIN[1], -_MARGIN[2], -_MARGIN[3]])
-        ground = figure.add_axes((box[0] / size[0], box[1] / size[1], (box[2] - box[0]) / size[0], (box[3] - box[1]) / size[1]), zorder=7)
-        ground.set_axis_off()
-        ground.patch.set_visible(False)
-        ground.add_patch(Rectangle((0, 0), 1, 1, transform=ground.transAxes, facecolor="white", edgecolor="none", alpha=0.94))
-        panel = figure.add_axes(
-            (inner[0] / size[0], inner[1] / size[1], (inner[2] - inner[0]) / size[0], (inner[3] - inner[1]) / size[1]), zorder=8
-        )
-        panel.set_label(f"inset-{letter}")
-        logarithmic_axis(panel, "x", (left, right), 4, "", "")
-        ticks = 4 if inner[3] - inner[1] > _LOW else 3
-        (logarithmic_axis if logarithmic else linear_axis)(panel, "y", (low, high), ticks, "", "")
-        panel.set_xlabel(_symbol(axes.get_xlabel()), fontsize=SMALL, labelpad=0.0)
-        panel.set_ylabel(_symbol(axes.get_ylabel()), fontsize=SMALL, labelpad=0.0)
-        panel.tick_params(pad=1.5, labelsize=SMALL)
-        panel.tick_params(axis="x", pad=5.5)  # below the text of a tick of the other axis in the corner
-        content(panel, f"inset-{letter}")
-        style: dict[str, Any] = {"ha": "left", "va": "top", "fontsize": NORMAL, "weight": "bold", "zorder": 6}
-        style["textcoords"] = "offset points"
-        inner_letter_box = _letter(panel, letter, curves, style)
-        (border,) = axes.plot([left, right, right, left, left], [low, low, high, high, low], color=BLACK, linewidth=0.7, zorder=5.5)
-        border.set_gid(f"inset-{letter}-frame")
-        corner = axes.transData.transform((right, high)) * to_points
-        shift = (place.letter_box[0] + 1.5 - corner[0], 1.0)
-        axes.annotate(letter, (right, high), shift, **style)
-        out.append(
-            Detail(
-                panel,
-                (float(box[0]), float(box[1]), float(box[2]), float(box[3])),
-                (*place.letter_box.tolist(),),
-                inner_letter_box,
-                np.array([[left, low], [right, low], [right, high], [left, high], [left, low]]),
-                _edges(*(axes.transData.transform([(left, low), (right, high)]).ravel() * to_points)),
-            )
-        )
-    return out
+def draw_inset(room: Room, place: Place, name: str) -> Axes:
+    """Make the axes of an inset. A frame and two lines indicate what it shows; names keep off all of them."""
+    axes = room.axes
+    left, bottom, right, top = (place.box + _MARGIN) / 72
+    panel = axes.inset_axes((left, bottom, right - left, top - bottom), transform=axes.figure.dpi_scale_trans, zorder=7, label=name)
+    across, up = np.maximum(2, 72 * np.array([right - left, top - bottom]) // _TICK).astype(int).tolist()
+    set_axis(panel, "x", place.x, min(across, 4), "", _symbol(axes.get_xlabel()), log=True)
+    set_axis(panel, "y", place.y, min(up, 4), "", _symbol(axes.get_ylabel()), log=axes.get_yscale() == "log")
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.label.set_fontsize(SMALL)
+        axis.labelpad = 0.0
+    panel.tick_params(pad=1.5, labelsize=SMALL)
+    panel.tick_params(axis="x", pad=5.5)  # below the text of a tick of the other axis in the corner
+    indicated = axes.indicate_inset_zoom(panel, edgecolor=BLACK, linewidth=0.7, alpha=1.0, zorder=2.9)
+    indicated.rectangle.set_gid(f"{name}-frame")
+    lines = [line for line in indicated.connectors or () if line.get_visible()]
+    for part in (indicated.rectangle, *lines):
+        on_screen = part.get_transform().transform_path(part.get_path()).vertices
+        room.take_path(axes.transData.inverted().transform(on_screen))
+    for line in lines:
+        line.set(linewidth=0.4, edgecolor=GREY)
+    room.take(place.box)
+    return panel
 
 
 def _symbol(label: str) -> str:
-    """The symbol at the end of the label of an axis, which has less room in a detail."""
-    return label[label.index("$") :]
-
-
-def _edges(left: float, bottom: float, right: float, top: float) -> list[Box]:
-    """A box around each edge of a frame."""
-    corners = ((left, bottom, right, bottom), (left, top, right, top), (left, bottom, left, top), (right, bottom, right, top))
-    return [(float(a - _EDGE), float(b - _EDGE), float(c + _EDGE), float(d + _EDGE)) for a, b, c, d in corners]
-
-
-def _letter(panel: Axes, letter: str, curves: Sequence[np.ndarray], style: dict[str, Any]) -> Box:
-    """Write the letter into the corner of a detail where it hides least, the upper left one if it can; its box in points."""
-    to_points = 72 / panel.figure.dpi
-    left, bottom, right, top = (float(edge) for edge in np.array(panel.bbox.extents) * to_points)
-    cover = Cover((left, bottom, right, top), [panel.transData.transform(curve) * to_points for curve in curves])
-    wide, high = _LETTER
-    boxes = [(x, y, x + wide, y + high) for y in (top - high, bottom) for x in (left, right - wide)]
-    k = int(np.argmin(cover.within(np.array(boxes))))
-    shift = (3.0 if k % 2 == 0 else 3.0 - wide, -2.0 if k < 2 else high - 2.0)
-    panel.annotate(letter, (k % 2, 1 - k // 2), shift, xycoords="axes fraction", **style)
-    return boxes[k]
-
-
-def _ranges(inset: Inset, curves: Sequence[np.ndarray], logarithmic: bool) -> tuple[tuple[float, float], tuple[float, float]]:
-    left, right = inset.energy
-    if inset.frequency is not None:
-        return inset.energy, inset.frequency
-    points = np.concatenate(curves) if curves else np.zeros((0, 2))
-    heights = points[(points[:, 0] >= left) & (points[:, 0] <= right), 1]
-    heights = heights[np.isfinite(heights)]
-    if not len(heights):
-        raise ValueError(f"{inset}: no family has a point at these energies")
-    return inset.energy, logarithmic_limits(heights, 0.06) if logarithmic else linear_limits(heights, 0.06)
-
-
-def _inside(frame: np.ndarray, cover: Cover, taken: np.ndarray, inside: np.ndarray) -> np.ndarray | None:
-    """The largest box (4,) in the frame that covers no curve and nothing that is taken, with room for `inside` (2,) between its margins;
-    None where there is none."""
-    whole = frame[2:] - frame[:2]
-    least_size = inside + np.array([_MARGIN[0] + _MARGIN[2], _MARGIN[1] + _MARGIN[3]])
-    if (least_size > np.array([_WIDEST, _HIGHEST]) * whole).any():
-        return None
-    for part in _SIZES:
-        size = np.maximum(np.array(part) * whole, least_size)
-        x = np.linspace(frame[0] + 3.0, frame[2] - 3.0 - size[0], _STEPS)
-        y = np.linspace(frame[1] + 3.0, frame[3] - 3.0 - size[1], _STEPS)
-        corners = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        boxes = np.concatenate([corners, corners + size], axis=1)
-        boxes = boxes[~overlapping(boxes, taken).any(axis=1)]
-        empty = boxes[cover.within(boxes + np.array([-_CLEAR, -_CLEAR, _CLEAR, _CLEAR])) == 0]
-        if len(empty):
-            return empty[0]
-    return None
+    """The symbol at the end of the label of an axis, which has less room in an inset."""
+    return label[label.index("$") + 1 : -1]

@@ -8,10 +8,21 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram.files import draw
-from branches.diagram.scales import linear_axis, linear_limits
-from branches.diagram.style import BLACK, BLUE, GREY, LINES, PALE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
+from branches.diagram.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    LINES,
+    PALE,
+    SMALL,
+    VERMILION,
+    limits_of,
+    new_figure,
+    picture_settings,
+    set_axis,
+    settle_layout,
+)
 from branches.diagram.titles import family_text, gap_symbol, symbol_of, system_text, velocity_symbol
-from branches.diagram.walls import beyond, segment_within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,7 +89,7 @@ def orbit_figure(orbit: Any) -> Figure:
             _draw_gap(axes[f"stop{k}"], stop, system, times, u @ gap, at[mine], u_at[mine] @ gap)
         left = ["displacement", *(f"stop{k}" for k in range(len(system.stops)))]
         for name in left:
-            linear_axis(axes[name], "x", (0.0, float(orbit.period)), 6, "time", "t")
+            set_axis(axes[name], "x", (0.0, float(orbit.period)), 6, "time", "t")
         for name in left[:-1]:
             axes[name].set_xlabel("")
             axes[name].tick_params(labelbottom=False)
@@ -107,11 +118,9 @@ def _of_stop(impact: Any, stop: Any, system: Any) -> bool:
 
 def _title(orbit: Any) -> str:
     stable = {1: "stable", 0: "unstable"}.get(orbit.stable, "stability undecided")
-    if orbit.quality.get("approximate", False):
-        stable = f"approximate ({orbit.quality['method']}, to {orbit.quality['tolerance']:.0e})"
-    elif not orbit.quality.get("reliable", True):
+    if not orbit.quality.get("reliable", True):
         stable += " (multipliers not reliable)"
-    family = family_text(orbit.label, orbit.ends, orbit.word)
+    family = family_text(orbit.label, orbit.ends, orbit.sequence)
     return rf"{family}:  $h = {orbit.h:.8g}$,  $\alpha = {orbit.alpha:.8g}$,  {stable}   ({system_text(orbit.system)})"
 
 
@@ -132,7 +141,7 @@ def _draw_displacements(axes: Axes, system: Any, times: np.ndarray, u: np.ndarra
         line.set_gid(f"displacement-{k}")
         _mark_impacts(axes, at, u_at[:, k], f"displacement-{k}")
     axes.axhline(0.0, color=GREY, linewidth=0.4, zorder=1)
-    linear_axis(axes, "y", linear_limits(u, 0.1), 5, "displacement", "u")
+    set_axis(axes, "y", limits_of(u, 0.1), 5, "displacement", "u")
     handles = axes.get_legend_handles_labels()[0]
     if len(at):
         handles.append(Line2D([], [], label="impact", linestyle="none", **_IMPACT))
@@ -144,7 +153,7 @@ def _draw_gap(axes: Axes, stop: Any, system: Any, times: np.ndarray, gap: np.nda
     width = max(high - low, 1e-9 * max(abs(low), abs(high)), 1e-300)
     bounds = [bound for bound in (stop.lower, stop.upper) if np.isfinite(bound)]
     near = [b for b in bounds if low - _FAR * width <= b <= high + _FAR * width]
-    limits = linear_limits(np.array([low, high, *near]), 0.14)
+    limits = limits_of(np.array([low, high, *near]), 0.14)
     name = f"gap-{stop.name}"
     for bound in near:
         away = limits[1] if bound == stop.upper else limits[0]
@@ -154,7 +163,7 @@ def _draw_gap(axes: Axes, stop: Any, system: Any, times: np.ndarray, gap: np.nda
     line.set_gid(name)
     _mark_impacts(axes, at, gap_at, name)
     words = "relative displacement\n" if np.count_nonzero(stop.gap) > 1 else "displacement\n"
-    linear_axis(axes, "y", limits, 4, words, gap_symbol(stop.gap, system.coordinates))
+    set_axis(axes, "y", limits, 4, words, gap_symbol(stop.gap, system.coordinates))
     far = [b for b in bounds if b not in near]
     if far:
         walls = " and ".join(f"{b:.6g}".replace("-", "\N{MINUS SIGN}") for b in far)
@@ -174,27 +183,21 @@ def _draw_plane(figure: Figure, axes: Axes, system: Any, u: np.ndarray, v: np.nd
     start.set_gid("plane-start")
     axes.legend(**_ABOVE)
     names = symbol_of(system.coordinates[i]), (velocity_symbol if n == 1 else symbol_of)(system.coordinates[j])
-    limits = [linear_limits(x, 0.12), linear_limits(y, 0.12)]
+    limits = [limits_of(x, 0.12), limits_of(y, 0.12)]
     for _ in range(2):  # the frame's size depends on its tick texts, and the limits for one scale on the frame's size
-        linear_axis(axes, "x", limits[0], 5, "", names[0])
-        linear_axis(axes, "y", limits[1], 5, "", names[1])
+        set_axis(axes, "x", limits[0], 5, "", names[0])
+        set_axis(axes, "y", limits[1], 5, "", names[1])
         figure.draw_without_rendering()
         if n > 1:
             limits = _one_scale(limits, np.asarray(axes.get_window_extent().size))
-    frame = (limits[0][0], limits[1][0], limits[0][1], limits[1][1])
     for stop in system.stops:
         gap = np.asarray(stop.gap, dtype=float)
-        if np.any(np.delete(gap, [i, j])):
-            continue  # depends on other coordinates: no line in this plane
-        normal = (gap[i], 0.0 if n == 1 else gap[j])
-        for bound, side in ((stop.upper, 1.0), (stop.lower, -1.0)):
-            wall = segment_within(normal, bound, frame)
-            if wall is not None:
-                region = beyond(normal, bound, side, frame)
-                axes.fill(region[:, 0], region[:, 1], facecolor=PALE, edgecolor="none", zorder=1)
-                axes.plot(wall[:, 0], wall[:, 1], color=BLACK, linewidth=1.2, zorder=2)[0].set_gid(f"plane-wall-{stop.name}")
-    linear_axis(axes, "x", limits[0], 5, "", names[0])
-    linear_axis(axes, "y", limits[1], 5, "", names[1])
+        if not np.any(np.delete(gap, [i, j])):  # a stop that depends on other coordinates is no line in this plane
+            normal = np.array([gap[i], 0.0 if n == 1 else gap[j]])
+            _draw_wall(axes, normal, stop.upper, 1.0, limits, stop.name)
+            _draw_wall(axes, normal, stop.lower, -1.0, limits, stop.name)
+    set_axis(axes, "x", limits[0], 5, "", names[0])
+    set_axis(axes, "y", limits[1], 5, "", names[1])
     for _ in range(2 if n > 1 else 0):  # the frame's size depends on whether there is this text
         lengths = np.array([high - low for low, high in limits]) / np.asarray(axes.get_window_extent().size)
         ratio = float(lengths.max() / lengths.min())
@@ -202,6 +205,19 @@ def _draw_plane(figure: Figure, axes: Axes, system: Any, u: np.ndarray, v: np.nd
             large, small = names if lengths[0] < lengths[1] else names[::-1]
             axes.set_xlabel(f"${names[0]}$\nscales differ: ${large}$ is drawn {ratio:.3g} times as large as ${small}$")
             figure.draw_without_rendering()
+
+
+def _draw_wall(axes: Axes, normal: np.ndarray, bound: float, side: float, limits: list[tuple[float, float]], name: str) -> None:
+    """Draw the line normal . x = bound, and shade what lies behind it; the frame cuts both off."""
+    if not np.isfinite(bound) or not normal.any():
+        return
+    foot = normal * bound / (normal @ normal)
+    unit = normal / np.hypot(*normal)
+    reach = 3.0 * np.hypot(*np.abs(limits).max(axis=1)) + 2.0 * np.hypot(*foot)
+    wall = foot + reach * np.outer((-1.0, 1.0), (-unit[1], unit[0]))
+    behind = np.concatenate([wall, wall[::-1] + side * reach * unit])
+    axes.fill(*behind.T, facecolor=PALE, edgecolor="none", zorder=1)
+    axes.plot(*wall.T, color=BLACK, linewidth=1.2, zorder=2, gid=f"plane-wall-{name}")
 
 
 def _one_scale(limits: list[tuple[float, float]], size: np.ndarray) -> list[tuple[float, float]]:

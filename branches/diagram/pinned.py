@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.crossings import Track, nearest_crossing, reaches
-from branches.label import Label
-from branches.labels import matches, parse, parse_name
-from branches.name_errors import PIN_TOLERANCE
-from branches.name_pins import fits_otherwise
+from branches.naming.label import Label
+from branches.naming.labels import matches, parse, parse_name
+from branches.naming.reference_points import PIN_TOLERANCE, Track, fits_otherwise, nearest_crossing, reaches
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.name_pins import Pin
+    from branches.naming.reference_points import Pin
 
 __all__ = ["PinnedName", "pinned_names"]
 

@@ -1,13 +1,19 @@
-"""The look that all pictures share: sizes in print, fonts, Okabe and Ito's colours (safe for the colour-blind), markers."""
+"""The look that all figures share: sizes in print, fonts, Okabe and Ito's colours (safe for the colour-blind), markers, axes, legend."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
+    from matplotlib.ticker import Formatter, Locator
 
 PAGE_WIDTH = 7.2  # inches: both columns of a journal page
 SMALL, NORMAL = 7.0, 8.0  # font sizes in points; nothing is smaller in print
@@ -33,7 +39,7 @@ EVENT_STYLES = {
     "BP": EventStyle("D", 4.8, BLUE, "branch point"),
     "SB": EventStyle("^", 6.0, GREEN, "symmetry breaking"),
     "PD": EventStyle("v", 6.0, PURPLE, "period doubling"),
-    "RT": EventStyle("p", 6.0, SKY, "q-tupling"),
+    "RT": EventStyle("p", 6.0, SKY, "resonance"),
     "NS": EventStyle("h", 6.0, VERMILION, "Krein collision"),
     "GR": EventStyle("o", 5.0, "#FFFFFF", "grazing"),
     "IO": EventStyle("*", 8.5, YELLOW, "impulsive orbit"),
@@ -74,14 +80,14 @@ _SETTINGS: dict[str, Any] = {
 
 
 def picture_settings() -> AbstractContextManager[Any]:
-    """Settings for making and saving a picture; the user's own matplotlib settings neither enter nor are changed for good."""
+    """Settings for making and saving a figure. The user's own matplotlib settings have no effect and are restored afterwards."""
     from matplotlib import style
 
     return style.context(_SETTINGS, after_reset=True)
 
 
 def new_figure(height: float) -> Figure:
-    """An empty figure of the page's width and `height` inches, on a canvas of its own (no pyplot), 200 dots an inch."""
+    """Make an empty figure of the page's width and `height` inches at 200 dots an inch, without pyplot."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -91,6 +97,117 @@ def new_figure(height: float) -> Figure:
 
 
 def settle_layout(figure: Figure) -> None:
-    """Let the layout find its place once and keep it, so that what is placed by the renderer's measure stays true."""
+    """Compute the layout once and keep it, so that everything placed by measure afterwards stays in place."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
+
+
+def legend_below(figure: Figure, entries: Sequence[Any], most: int, *, lengthen: bool = False, **look: Any) -> Legend:
+    """Draw the legend below the panels. It replaces the one that is there.
+
+    Parameters
+    ----------
+    figure : Figure
+    entries : sequence of artists
+    most : int
+        Largest number of columns. There are fewer if the legend would be wider than the figure.
+    lengthen : bool
+        Whether the figure grows by the rows that this adds, so that the panels keep their size.
+    **look
+        As for `matplotlib.figure.Figure.legend`.
+    """
+    heights = []
+    for columns in range(max(1, min(most, len(entries))), 0, -1):
+        for old in list(figure.legends):
+            old.remove()
+        legend = figure.legend(handles=list(entries), loc="outside lower center", ncols=columns, frameon=False, **look)
+        box = legend.get_window_extent()
+        heights.append(box.height)
+        if box.width <= figure.bbox.width:
+            break
+    if lengthen:
+        figure.set_figheight(figure.get_figheight() + (heights[-1] - heights[0]) / figure.dpi)
+    return legend
+
+
+_SINGLE = 1e-9  # a range relatively narrower than this is drawn as one value
+
+
+def limits_of(values: np.ndarray, margin: float = 0.06, *, log: bool = False) -> tuple[float, float]:
+    """Limits of an axis around the finite values, with a margin on both sides.
+
+    Parameters
+    ----------
+    values : array of float, any shape
+    margin : part of the range, of its logarithm for a logarithmic axis
+    log : whether the axis is logarithmic
+
+    Raises
+    ------
+    ValueError
+        For a value that is not positive on a logarithmic axis.
+    """
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    if log and (not finite.size or finite.min() <= 0.0):
+        what = f"the lowest is {finite.min():.6g}" if finite.size else "there is none"
+        raise ValueError(f"a logarithmic axis needs positive values: {what}")
+    if not finite.size:
+        return -1.0, 1.0
+    low, high = float(finite.min()), float(finite.max())
+    size = max(abs(low), abs(high))
+    if high - low <= _SINGLE * size:
+        half = 0.05 * size if size else 1.0
+        return low - half, high + half
+    if log:
+        factor = (high / low) ** margin
+        return low / factor, high * factor
+    return low - margin * (high - low), high + margin * (high - low)
+
+
+def set_axis(
+    axes: Axes, which: str, limits: tuple[float, float], count: int, words: str, symbol: str, *, log: bool = False
+) -> None:
+    """Give an axis its limits, at most about `count` ticks, and its text.
+
+    Parameters
+    ----------
+    axes : Axes
+    which : "x" or "y"
+    limits, count : as they are
+    words, symbol : text of the axis, and its symbol in mathematics
+    log : whether the axis is logarithmic
+    """
+    from matplotlib.ticker import NullFormatter
+
+    label = f"{words}{' ' if words and not words.endswith(chr(10)) else ''}${symbol}$"
+    axes.set(**{f"{which}scale": "log" if log else "linear", f"{which}lim": limits, f"{which}label": label})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    major, minor, texts = _logarithmic_ticks(*limits, count) if log else _linear_ticks(count)
+    axis.set_major_locator(major)
+    axis.set_minor_locator(minor)
+    axis.set_major_formatter(texts)
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _linear_ticks(count: int) -> tuple[Locator, Locator, Formatter]:
+    from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
+
+    texts = ScalarFormatter(useMathText=True)
+    texts.set_powerlimits((-3, 4))
+    return MaxNLocator(count, steps=[1, 2, 5, 10], min_n_ticks=min(count, 3)), NullLocator(), texts
+
+
+def _logarithmic_ticks(low: float, high: float, count: int) -> tuple[Locator, Locator, Formatter]:
+    """Ticks at decades; at 1, 2 and 5 if there are few decades; as on a linear axis if there are none."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, StrMethodFormatter
+
+    decades = np.arange(np.floor(np.log10(low)), np.log10(high) + 1.0)
+    few = np.outer(10.0**decades, (1.0, 2.0, 5.0))
+    few = few[(few >= low) & (few <= high)]
+    if len(few) < 3:
+        return _linear_ticks(count)
+    subs = (1.0,) if len(few) > min(2 * count, 8) else (1.0, 2.0, 5.0)
+    plain = low > 1e-5 and high < 1e6
+    texts = StrMethodFormatter("{x:g}") if plain else LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
+    return LogLocator(subs=subs, numticks=count + 1), LogLocator(subs=range(2, 10), numticks=count + 1), texts

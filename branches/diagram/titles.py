@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
-from branches.words import PERIODIC
+from branches.sequences import PERIODIC
 
 _GREEK = {"mu": r"\mu", "sigma": r"\sigma", "lam": r"\lambda", "rho": r"\rho", "alpha": r"\alpha"}
 
@@ -73,22 +73,22 @@ def short_ids(ids: Iterable[str]) -> dict[str, str]:
     return out
 
 
-def family_text(label: str, ends: tuple[str, str], word: str) -> str:
-    """What a title calls a family: its label as LaTeX, or its ends and word where it has no label.
+def family_text(label: str, ends: tuple[str, str], sequence: str) -> str:
+    """What a title calls a family: its label as LaTeX, or its ends and impact sequence where it has no label.
 
     Examples
     --------
     >>> family_text("", ("rest", "stop"), "++"), family_text("", ("periodic", "periodic"), "++")
-    ('rest to stop, word ++', 'orbits without a reversal, word ++')
+    ('rest to stop, sequence ++', 'orbits without a reversal, sequence ++')
     """
     if label:
-        from branches.labels import latex, parse
+        from branches.naming.labels import latex, parse
 
         return latex(parse(label))
-    shown = word if len(word) <= 24 else f"{word[:18]}\N{HORIZONTAL ELLIPSIS} ({len(word)} letters)"
+    shown = sequence if len(sequence) <= 24 else f"{sequence[:18]}\N{HORIZONTAL ELLIPSIS} ({len(sequence)} letters)"
     if ends == PERIODIC:
-        return f"orbits without a reversal, word {shown}".replace("-", "\N{MINUS SIGN}")
-    return f"{ends[0]} to {ends[1]}" + (f", word {shown}" if shown else "").replace("-", "\N{MINUS SIGN}")
+        return f"orbits without a reversal, sequence {shown}".replace("-", "\N{MINUS SIGN}")
+    return f"{ends[0]} to {ends[1]}" + (f", sequence {shown}" if shown else "").replace("-", "\N{MINUS SIGN}")
 
 
 def gap_symbol(gap: tuple[float, ...], coordinates: tuple[str, ...]) -> str:

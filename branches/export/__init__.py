@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from branches.export.atlas_files import DATA_FORMATS, ExportError, data_format, read_atlas, write_atlas
+    from branches.export.atlas import DATA_FORMATS, ExportError, data_format, read_atlas, write_atlas
 
 __all__ = ["DATA_FORMATS", "ExportError", "data_format", "read_atlas", "write_atlas"]
 
@@ -14,4 +14,4 @@ __all__ = ["DATA_FORMATS", "ExportError", "data_format", "read_atlas", "write_at
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("branches.export.atlas_files"), name)
+    return getattr(import_module("branches.export.atlas"), name)

@@ -24,7 +24,7 @@ import numpy as np
 
 from branches.export.table_files import Table, csv_text, plain_columns, write_binary
 from branches.files import one_line, read_input, reason, replacing, write_text
-from branches.labels import nearest
+from branches.naming.labels import nearest
 
 __all__ = ["DATA_FORMATS", "ExportError", "Layout", "data_format", "read_data", "told", "write_data"]
 

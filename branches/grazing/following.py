@@ -10,13 +10,13 @@ import numpy as np
 
 from branches.branch import Branch, BranchEvent
 from branches.family import Family
-from branches.grazing.candidates import Candidate, candidate
-from branches.grazing.merging import CannotMerge, merged
+from branches.grazing.candidates import Candidate, CannotMerge, candidate, merged
 from branches.grazing.touching import Touching, touching
 from branches.identity import is_solved_as_it_is
+from branches.linear_modes import mode_of
+from branches.sequences import Ends, format_sequence, impacts_per_period
 from branches.tracing import follow_family
-from branches.words import Ends, format_word, impacts_per_period
-from bvp.kernels.metric import locate, metric_direction
+from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.switching import SwitchError, branch_directions
 
@@ -32,7 +32,7 @@ _SOLVED = 1e-15
 """Residual, scaled by the state, from which on a correction has nothing left to correct."""
 
 _SINGULAR = 1e-10
-"""Singular values below this part of the largest are zero: two families of one word cross at the grazing orbit."""
+"""Singular values below this part of the largest are zero: two families of one sequence cross at the grazing orbit."""
 
 _MOVED = 1e-7
 """A correction by more than this, in scales of the orbit, leads to another orbit."""
@@ -52,14 +52,14 @@ class Closure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Neighbour:
-    """A family that meets another one at a grazing orbit, or the reason why a word has none there.
+    """A family that meets another one at a grazing orbit, or the reason why a sequence has none there.
 
     Parameters
     ----------
     kind : str
         "fold": both families exist on the same side of the grazing energy; "passage": on opposite sides; "linear mode": all impacts
         vanish, and the orbit there is one of linear motion; "dead end": no admissible orbits next to the grazing orbit.
-    ends, word : (str, str), str
+    ends, sequence : (str, str), str
         Of the neighbour. Empty for a linear mode.
     label : str
         Of the neighbour next to the grazing orbit, "" outside the grammar; the name of the linear mode.
@@ -69,7 +69,7 @@ class Neighbour:
         Contacts that are grazed.
     impacts : int
         Impacts in a period of the neighbour.
-    turns : int
+    cover : int
         How often the grazing orbit, over the period that was given, runs through that of the neighbour.
     reason : str
         Why there are no orbits, where there are none; else "".
@@ -85,13 +85,13 @@ class Neighbour:
 
     kind: str
     ends: Ends | tuple[()]
-    word: str
+    sequence: str
     label: str
     h: float
     alpha: float
     stops: tuple[str, ...]
     impacts: int
-    turns: int
+    cover: int
     reason: str = ""
     branch: Branch | None = None
     event: BranchEvent | None = None
@@ -113,7 +113,7 @@ class Neighbour:
         return replace(self, label=branch.label, branch=branch, event=_same_event(branch, self.there.problem, self.there.y))
 
 
-def neighbours(branch: Branch, event: BranchEvent | str, *, turns: int = 1, **options: Any) -> list[Neighbour]:
+def neighbours(branch: Branch, event: BranchEvent | str, *, cover: int = 1, **options: Any) -> list[Neighbour]:
     """The families that meet a branch at a grazing.
 
     Each grazing instant of the orbit over its period - a touch, or an impact of zero speed - may count as an impact or not. All choices
@@ -124,7 +124,7 @@ def neighbours(branch: Branch, event: BranchEvent | str, *, turns: int = 1, **op
     branch : Branch
     event : BranchEvent or str
         A GR of this branch, or its id.
-    turns : int
+    cover : int
         Periods of the grazing orbit that are unfolded: neighbours of up to that many times its period.
     **options
         As for `branches.tracing.follow_family`.
@@ -146,17 +146,17 @@ def neighbours(branch: Branch, event: BranchEvent | str, *, turns: int = 1, **op
     >>> [(item.kind, item.label) for item in neighbours(branch, "GR2", points=60) if item.label]
     [('fold', 'U1302+'), ('fold', 'S13O11+')]
     """
-    return [item.followed(**options) for item in meetings(branch, event, turns=turns)]
+    return [item.followed(**options) for item in meetings(branch, event, cover=cover)]
 
 
 def meetings(
-    branch: Branch, event: BranchEvent | str, *, turns: int = 1, accept: Callable[[float, int], bool] | None = None
+    branch: Branch, event: BranchEvent | str, *, cover: int = 1, accept: Callable[[float, int], bool] | None = None
 ) -> list[Neighbour]:
     """The same as `neighbours`, each with the first orbit `beside` the grazing one, and not followed.
 
     Parameters
     ----------
-    branch, event, turns
+    branch, event, cover
         As for `neighbours`.
     accept : callable, optional
         (quarter period at the grazing orbit, impacts in a period) -> whether such neighbours are asked for; others are left out unsolved.
@@ -166,15 +166,14 @@ def meetings(
     ValueError
         As `neighbours` does.
     """
-    if isinstance(event, str):
-        event = branch.event(event)
+    event = branch.event(event)
     if event.type != "GR":
         raise ValueError(f"{event.id} is of type {event.type}; neighbours at grazing are those of a GR")
-    if turns < 1:
-        raise ValueError(f"turns is {turns}, expected 1 or more")
+    if cover < 1:
+        raise ValueError(f"cover is {cover}, expected 1 or more")
     solution = branch.orbit(event.point).solution
     here = Closure(branch.problem, solution.y, solution["residual"])
-    found = meetings_at(branch.problem, solution.y, leaves_upward(branch, event.point), turns=turns, accept=accept)
+    found = meetings_at(branch.problem, solution.y, leaves_upward(branch, event.point), cover=cover, accept=accept)
     return [replace(item, here=here) for item in found]
 
 
@@ -183,7 +182,7 @@ def meetings_at(
     y: np.ndarray,
     rising: bool,
     *,
-    turns: int = 1,
+    cover: int = 1,
     accept: Callable[[float, int], bool] | None = None,
     energy: tuple[float, float] = (0.0, np.inf),
 ) -> list[Neighbour]:
@@ -195,7 +194,7 @@ def meetings_at(
     y : (u,) float
     rising : bool
         Whether the family that it was reached on leaves it upward in energy.
-    turns, accept
+    cover, accept
         As for `meetings`.
     energy : (float, float)
         Where the orbits `beside` the grazing one are; what leaves it beyond has none.
@@ -210,16 +209,16 @@ def meetings_at(
     orbit = touching(problem, y)
     if not orbit.hard:
         return [_linear(orbit)]
-    orbit = orbit.repeated(turns)
+    orbit = orbit.repeated(cover)
     own = orbit.smallest(orbit.kept)
     found = []
     for mask in orbit.choices():
         if mask == own:
             continue
         choice = candidate(orbit, mask)
-        if accept is None or not choice.impacts or accept(0.25 * orbit.period / choice.turns, choice.impacts):
+        if accept is None or not choice.impacts or accept(0.25 * orbit.period / choice.cover, choice.impacts):
             found.append(meet(orbit, choice, rising, energy))
-    return sorted(found, key=lambda item: (item.beside is None, item.turns, item.ends, item.word))
+    return sorted(found, key=lambda item: (item.beside is None, item.cover, item.ends, item.sequence))
 
 
 def meet(orbit: Touching, choice: Candidate, rising: bool, energy: tuple[float, float] = (0.0, np.inf)) -> Neighbour:
@@ -238,7 +237,7 @@ def meet(orbit: Touching, choice: Candidate, rising: bool, energy: tuple[float, 
         return _linear(orbit)
     problem = choice.problem(orbit)
     y = problem.pack(choice.start, choice.nodes, choice.times)
-    return _meet(problem, y, orbit.stops, choice.impacts, choice.turns, rising, energy)
+    return _meet(problem, y, orbit.stops, choice.impacts, choice.cover, rising, energy)
 
 
 def _meet(
@@ -246,16 +245,15 @@ def _meet(
     y: np.ndarray,
     stops: tuple[str, ...],
     impacts: int,
-    turns: int,
+    cover: int,
     rising: bool,
     energy: tuple[float, float],
 ) -> Neighbour:
     """Solve a problem at the grazing orbit y, and look for its admissible sides."""
 
     def neighbour(kind: str, **more: Any) -> Neighbour:
-        return Neighbour(
-            kind, problem.ends, format_word(problem.word), "", problem.energy(y), problem.quarter_period(y), stops, impacts, turns, **more
-        )
+        sequence = format_sequence(problem.word)
+        return Neighbour(kind, problem.ends, sequence, "", problem.energy(y), problem.quarter_period(y), stops, impacts, cover, **more)
 
     y, residual, directions = _solve(problem, y)
     if not residual < 1e-12:
@@ -268,7 +266,7 @@ def _meet(
         if steps:
             kind = "fold" if (steps[0].parameter > problem.energy(y)) == rising else "passage"
             inside = [Closure(problem, step.y, step.extra["residual"]) for step in steps if energy[0] <= step.parameter <= energy[1]]
-            # The corrector can fall from a far probe onto several turns of a shorter orbit, or one of more symmetry, that is near.
+            # The corrector can fall from a far probe onto a multiple cover of a shorter orbit, or one of more symmetry, that is near.
             own = [closure for closure in inside if is_solved_as_it_is(problem, closure.y)] or inside
             return neighbour(kind, there=there, beside=own[-1] if own else None)
     return neighbour("dead end", reason="; ".join(dict.fromkeys(sides)), there=there)
@@ -378,8 +376,6 @@ def leaves_upward(branch: Branch, point: int) -> bool:
 
 def _linear(orbit: Touching) -> Neighbour:
     """Linear motion without any impact, with the name of the mode."""
-    from branches.linear_modes import mode_of
-
     mode = mode_of(orbit)
     label = "" if mode is None else mode.label
     which = "a linear motion of several modes" if mode is None else f"the linear mode {label or mode.index + 1}"

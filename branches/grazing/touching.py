@@ -15,8 +15,8 @@ import numpy as np
 
 from branches.identity import pattern_of
 from bvp.cycle import cycle_of
+from bvp.kernels.extrema import crossings
 from bvp.kernels.flight import flow_state
-from bvp.kernels.scan import crossings
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class Touching:
         i = int(np.searchsorted(self.times, local, side="right")) - 1
         elapsed = local - self.times[i] if i >= 0 else local + self.period - self.times[-1]
         out = np.empty(self.after.shape[1])
-        flow_state(*self.system.modes.blocks, self.after[i], float(elapsed), out)
+        flow_state(self.system.modes.flight, self.after[i], float(elapsed), out)
         return out
 
     def at(self, time: float) -> int | None:
@@ -129,14 +129,14 @@ class Touching:
         i = int(np.argmin(apart))
         return i if apart[i] < _SAME * self.period else None
 
-    def repeated(self, turns: int) -> Touching:
+    def repeated(self, cover: int) -> Touching:
         """The same orbit over several periods."""
         count = len(self.times)
-        kept = sum(self.kept << turn * count for turn in range(turns))
-        times = np.concatenate([self.times + turn * self.period for turn in range(turns)])
-        contact, grazing = np.tile(self.contact, turns), np.tile(self.grazing, turns)
-        before, after = np.tile(self.before, (turns, 1)), np.tile(self.after, (turns, 1))
-        return Touching(self.system, turns * self.period, times, contact, before, after, grazing, kept)
+        kept = sum(self.kept << k * count for k in range(cover))
+        times = np.concatenate([self.times + k * self.period for k in range(cover)])
+        contact, grazing = np.tile(self.contact, cover), np.tile(self.grazing, cover)
+        before, after = np.tile(self.before, (cover, 1)), np.tile(self.after, (cover, 1))
+        return Touching(self.system, cover * self.period, times, contact, before, after, grazing, kept)
 
     @cached_property
     def symmetries(self) -> tuple[Symmetry, ...]:
@@ -272,14 +272,14 @@ def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: fl
     for contact in range(len(modes.contact_side)):
         gap, rate, bend = modes.contact_gap[contact], modes.contact_rate[contact], modes.contact_acceleration[contact]
         third = np.ascontiguousarray(bend @ modes.matrix)
-        found = crossings(*modes.blocks, rate, bend, third, np.ascontiguousarray(z), duration, times, np.empty(len(z)))
+        found = crossings(modes.flight, rate, bend, third, np.ascontiguousarray(z), duration, times, np.empty(len(z)))
         for time in times[: min(found, _TURNS)].tolist():
             for _ in range(3):
-                flow_state(*modes.blocks, z, time, state)
+                flow_state(modes.flight, z, time, state)
                 slope = float(bend @ state)
                 if slope != 0.0:
                     time -= float(rate @ state) / slope
-            flow_state(*modes.blocks, z, time, state)
+            flow_state(modes.flight, z, time, state)
             distance = modes.contact_side[contact] * (modes.contact_bound[contact] - float(gap @ state))
             if abs(distance) < tolerance and modes.contact_side[contact] * float(bend @ state) < 0.0:
                 yield contact, time, state.copy()

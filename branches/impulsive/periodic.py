@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.discovery.found import Found, accept
 from branches.family import label_text
-from branches.identity import turns
-from branches.impulsive.scan import FLOOR, Bracket, Scan, scan_energies
-from branches.impulsive.trails import Trails
+from branches.identity import cover_of
+from branches.impulsive.scan import FLOOR, Bracket, ImpulsiveMotions, Scan, scan_energies
 from branches.orbit import Orbit
+from branches.search.orbits import Found, accept
 from bvp.checks import energy_range
-from bvp.kernels.trail import TURN, ZERO
+from bvp.kernels.scan import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
 if TYPE_CHECKING:
@@ -135,7 +134,7 @@ def impulsive_orbits(
 
     Examples
     --------
-    >>> from bvp import vibro_impact_nes
+    >>> from bvp.system import vibro_impact_nes
     >>> found = impulsive_orbits(vibro_impact_nes(), (2.5, 3.5), quarter_period=2.0)
     >>> [(orbit.label, round(orbit.h, 9)) for orbit in found.orbits], found.settled
     ([('U4122-', 2.987367315)], True)
@@ -145,15 +144,15 @@ def impulsive_orbits(
         raise ValueError(f"quarter_period = {quarter_period:g}: expected a number above 0")
     if impacts is not None and impacts < 0:
         raise ValueError(f"impacts = {impacts}: expected 0 or more")
-    trails = Trails(system, 2.0 * quarter_period)
-    scan = scan_energies(trails, (low, high), quarter_period)
-    search = _Search(trails, quarter_period, impacts)
-    for bracket, level in zip(scan.brackets, narrowed(trails, scan.brackets), strict=True):
+    motions = ImpulsiveMotions(system, 2.0 * quarter_period)
+    scan = scan_energies(motions, (low, high), quarter_period)
+    search = _Search(motions, quarter_period, impacts)
+    for bracket, level in zip(scan.brackets, narrowed(motions, scan.brackets), strict=True):
         search.polish(bracket, level)
     return search.result(scan, (low, high))
 
 
-def narrowed(trails: Trails, brackets: list[Bracket]) -> np.ndarray:
+def narrowed(motions: ImpulsiveMotions, brackets: list[Bracket]) -> np.ndarray:
     """log h of each bracket's zero, by Newton's steps kept inside the bracket."""
     if not brackets:
         return np.zeros(0)
@@ -162,17 +161,17 @@ def narrowed(trails: Trails, brackets: list[Bracket]) -> np.ndarray:
     event = np.array([bracket.event for bracket in brackets])
     kind = np.array([bracket.kind for bracket in brackets])
     row = np.arange(len(brackets))
-    sign = trails.at(low).miss[row, event] > 0.0
+    sign = motions.at(low).residual[row, event] > 0.0
     at = 0.5 * (low + high)
     for _ in range(_NARROWINGS):
-        traces = trails.at(at)
+        traces = motions.at(at)
         known = (traces.count > event) & (traces.kind[row, event] == kind)
-        miss, slope = traces.miss[row, event], traces.miss_slope[row, event]
-        below = known & ((miss > 0.0) == sign)
+        residual, slope = traces.residual[row, event], traces.residual_slope[row, event]
+        below = known & ((residual > 0.0) == sign)
         low = np.where(below, at, low)
         high = np.where(known & ~below, at, high)
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = at - miss / slope
+            newton = at - residual / slope
         inside = known & (newton > low) & (newton < high)
         at = np.where(inside, newton, 0.5 * (low + high))
     return at
@@ -181,9 +180,9 @@ def narrowed(trails: Trails, brackets: list[Bracket]) -> np.ndarray:
 class _Search:
     """Polishes brackets one after another, and sorts what they are."""
 
-    def __init__(self, trails: Trails, quarter_period: float, impacts: int | None):
-        self.trails = trails
-        self.system = trails.system
+    def __init__(self, motions: ImpulsiveMotions, quarter_period: float, impacts: int | None):
+        self.motions = motions
+        self.system = motions.system
         self.quarter_period = quarter_period
         self.impacts = impacts
         self.counts: Counter[str] = Counter()
@@ -192,15 +191,15 @@ class _Search:
         self.problems: dict[tuple[str, tuple[str, ...]], MultipointProblem] = {}
 
     def polish(self, bracket: Bracket, level: float) -> None:
-        start, word, nodes, times = self.trails.segment(level, bracket.event)
-        letters = self.trails.modes.contact_letters
+        start, sequence, nodes, times = self.motions.segment(level, bracket.event)
+        letters = self.motions.modes.contact_letters
         end = {ZERO: "origin", TURN: "rest"}.get(bracket.kind) or "stop" + letters[bracket.kind]
-        if end in ("origin", "rest") and not word:
+        if end in ("origin", "rest") and not sequence:
             self.counts["linear"] += 1  # two modes in a rational ratio: a periodic motion without impacts
             return
-        key = (end, word)
+        key = (end, sequence)
         if key not in self.problems:
-            self.problems[key] = MultipointProblem(self.system, ("origin", end), word)
+            self.problems[key] = MultipointProblem(self.system, ("origin", end), sequence)
         problem = self.problems[key]
         try:
             solution = solve_impulsive(problem, problem.pack(start, nodes, times))
@@ -212,7 +211,7 @@ class _Search:
         if not bracket.low - slack <= found <= bracket.high + slack:
             self._leave(bracket, problem, f"Newton's method left the energies between which the zero is, for h = {solution['energy']:.10g}")
             return
-        if turns(problem, solution) > 1:
+        if cover_of(problem, solution) > 1:
             self.counts["repetitions"] += 1
             return
         orbit = accept(problem, solution)

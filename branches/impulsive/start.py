@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.discovery.scope import require_conservative
+from branches.search.scope import require_conservative
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -37,7 +37,7 @@ def impulsive_state(system: ImpactSystem, energy: float) -> tuple[np.ndarray, np
 
     Examples
     --------
-    >>> from bvp import vibro_impact_nes
+    >>> from bvp.system import vibro_impact_nes
     >>> impulsive_state(vibro_impact_nes(), 2.0)
     (array([0., 0.]), array([0., 2.]))
     """
@@ -53,7 +53,7 @@ def oscillator_period(system: ImpactSystem) -> float:
 
     Examples
     --------
-    >>> from bvp import vibro_impact_nes
+    >>> from bvp.system import vibro_impact_nes
     >>> oscillator_period(vibro_impact_nes(mu=0.1, sigma=0.1)) / (2.0 * math.pi)
     1.0
     """

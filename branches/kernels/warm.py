@@ -11,39 +11,45 @@ __all__ = ["kept", "warm"]
 def kept(*, discovery: bool = False, impulsive: bool = False) -> bool:
     """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk; those of `discovery`, and of
     `impulsive` motions, too, if asked."""
-    from branches.kernels.march import march
-    from bvp.kernels.warm import kept as looking_kept
-    from bvp.kernels.warm import stored
+    from branches.kernels.advance import advance_block
+    from bvp.kernels.cache import stored
+    from bvp.kernels.intervals import scan_interval
+    from bvp.kernels.scan import scan
+    from bvp.kernels.stability import orbit_stability
 
-    kernels = [march]
+    kernels = [advance_block, orbit_stability, scan_interval if discovery else scan]
     if impulsive:
         from bvp.kernels.motion import move
-        from bvp.kernels.trail import trail
+        from bvp.kernels.scan import sensitivities
 
-        kernels += [trail, move]
-    return looking_kept(discovery=discovery) and all(map(stored, kernels))
+        kernels += [sensitivities, move]
+    return all(map(stored, kernels))
 
 
 def warm() -> None:
-    """Compile them, by asking for them once: the march for no step at all, which needs no other kernel."""
+    """Compile them, by asking for them once: the block of steps for no step at all, which needs no other kernel."""
     import numpy as np
 
     from branches.family import Family
-    from bvp.kernels.warm import warm as warm_looking
+    from bvp.kernels.observe import two_dof_orbit_observe
+    from bvp.kernels.segment import RESULT
+    from bvp.kernels.stability import orbit_stability
     from bvp.multipoint import MultipointProblem
     from bvp.system import vibro_impact_nes
     from continuation.control import control_of
     from continuation.problem import Step
     from continuation.settings import Settings
 
-    warm_looking()
     problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
+    y, ends, result = np.array([0.8, 0.6, 1.7]), np.ones((1, 4)), np.zeros(len(RESULT))
+    orbit_stability(*problem._packed, y, ends, problem._period, result)
+    two_dof_orbit_observe(*problem._packed, problem._watched, problem._bounds, y, ends, problem._work, result)
     problem.addresses = np.zeros(3, dtype=np.int64)
     family = Family(problem)
     tests = [0.0] * len(family.tests)
     y, tangent, position = (np.zeros(size) for size in (problem.unknowns, 2 * problem.unknowns, problem.size + 2))
     step = Step(True, y, tangent, position, 1.0, 0.0, 0, 0.0, 1.0, 1.0, tests)
-    family._march(step, tests, tests, tests, 1.0, 1.0, 0.01, position, position, 0, control_of(Settings()))
+    family._advance(step, tests, tests, tests, 1.0, 1.0, 0.01, position, position, 0, control_of(Settings()))
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
+from bvp.kernels.arrays import dot
 from bvp.kernels.compiled import allocating, kernel, part
-
-__all__ = ["amplitudes", "block_growth", "dot", "envelope", "fastest_rate", "free_step", "growth_rate"]
+from bvp.kernels.flight import block_product
 
 MARGIN = 1.0 + 1e-9
 """Bounds are widened by this, far more than their own rounding."""
@@ -19,18 +19,10 @@ INVERSE_E = 0.36787944117144233
 """Maximum of x exp(-x)."""
 
 
-@kernel
-def dot(rows, c, z):
-    """rows[c] . z, without the cost of making a view."""
-    total = 0.0
-    for r in range(z.shape[0]):
-        total += rows[c, r] * z[r]
-    return total
-
-
 @part
-def growth_rate(pairs, mean, delta, matrix):
+def growth_rate(flight):
     """(steady, growth): steady where no block damps or grows; growth >= 0 bounds the rate of every block."""
+    pairs, mean, delta, matrix = flight
     steady = True
     growth = 0.0
     for k in range(pairs.shape[0]):
@@ -59,8 +51,9 @@ def block_growth(matrix, start, size):
 
 
 @kernel
-def fastest_rate(pairs, matrix):
+def fastest_rate(flight):
     """A rate that bounds how fast the terms of the series of exp(B t) can grow."""
+    pairs, _, _, matrix = flight
     fastest = 0.0
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
@@ -119,8 +112,9 @@ def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
 
 
 @kernel
-def amplitudes(pairs, mean, delta, matrix, rows, c, z, horizon):
+def amplitudes(flight, rows, c, z, horizon):
     """Bounds of |f|, |f''| and |f'''| for f(t) = rows[c] . exp(B t) z over 0 <= t <= horizon."""
+    pairs, mean, delta, matrix = flight
     level = 0.0
     second = 0.0
     third = 0.0
@@ -208,3 +202,53 @@ def free_step(d, slope, second_bound):
     if second_bound <= 0.0:
         return math.inf
     return (slope + math.sqrt(slope * slope + 2.0 * second_bound * d)) / second_bound
+
+
+NEAR_TERMS = 14
+NEAR_REACH = 0.25
+"""|B| t up to which the series from the start is used: its 14 terms truncate below 1e-19."""
+
+
+@kernel
+def series(flight, contacts, c, z, coefficients, state, other):
+    """coefficients[k] = d^(k)(0)/k! for k >= 1 by repeated B. Returns a rate that bounds how fast the terms can grow."""
+    for r in range(z.shape[0]):
+        state[r] = z[r]
+    factor = 1.0
+    for k in range(1, NEAR_TERMS + 1):
+        block_product(flight.pairs, flight.matrix, state, other)
+        factor /= k
+        coefficients[k] = -contacts.side[c] * dot(contacts.gap, c, other) * factor
+        for r in range(z.shape[0]):
+            state[r] = other[r]
+    return fastest_rate(flight)
+
+
+@kernel
+def near_slope(coefficients, t):
+    """s(t) = d(t)/t and its derivative from the series of d."""
+    s = 0.0
+    derivative = 0.0
+    for k in range(NEAR_TERMS, 0, -1):
+        derivative = derivative * t + s
+        s = s * t + coefficients[k]
+    return s, derivative
+
+
+@kernel
+def near_return(coefficients, jerk, t, window):
+    """One look at the contact just left: (True, time of the return) or (False, step without a return)."""
+    s, fall = near_slope(coefficients, t)
+    s = max(s, 0.0)
+    if fall >= 0.0 or 4.0 * jerk * s > 3.0 * fall * fall or -2.0 * s < fall * window:
+        return False, free_step(s, fall, jerk / 3.0)
+    root = t
+    last = math.inf
+    for _ in range(60):
+        step = -s / fall
+        root += step
+        if abs(step) <= 1e-16 * root or abs(step) >= last:
+            break
+        last = abs(step)
+        s, fall = near_slope(coefficients, root)
+    return True, root

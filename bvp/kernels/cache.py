@@ -23,15 +23,13 @@ from llvmlite.binding import get_host_cpu_name
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, _CacheLocator
 from numba.core.codegen import get_host_cpu_features
 
-__all__ = ["cache_of", "cache_root", "keeps", "sources"]
-
 DAY = 86_400.0
 _KEPT_DAYS = 30.0
 """A folder that was not used for so long is removed."""
 
 config: Any = numba.core.config
 _SOURCES = Path(__file__).resolve().parents[2]
-_IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+) import ", re.MULTILINE)
+_IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+) import (\w+)", re.MULTILINE)
 
 
 def cache_of(function: Any) -> Any:
@@ -78,6 +76,14 @@ def keeps() -> bool:
     return root is not None and os.access(root, os.W_OK)
 
 
+def stored(kernel: Any) -> bool:
+    """Whether compiled code of a kernel is on disk."""
+    folder, name = kernel.stats.cache_path, kernel.py_func.__name__
+    if folder is None or not os.path.isdir(folder):
+        return False
+    return any(f".{name}-" in entry or entry.startswith(f"{name}-") for entry in os.listdir(folder))
+
+
 def sources(path: Path) -> dict[Path, bytes]:
     """The contents of a kernel file and of all the project's files that it imports, directly or not.
 
@@ -112,7 +118,11 @@ def _examined(root: Path) -> tuple[bool, str]:
 def _read(path: Path) -> tuple[bytes, list[Path]]:
     """The contents of a file, and the project's files that it imports when it is loaded."""
     text = path.read_bytes()
-    return text, [_SOURCES.joinpath(*name.decode().split(".")).with_suffix(".py") for name in _IMPORT.findall(text)]
+    imported = []
+    for module, name in _IMPORT.findall(text):
+        place = _SOURCES.joinpath(*module.decode().split("."))
+        imported.append((place / name.decode() if place.is_dir() else place).with_suffix(".py"))
+    return text, imported
 
 
 @cache

@@ -12,25 +12,12 @@ The difference between the two last orders is the error of the lower one. The st
 
 import math
 
+from bvp.kernels import contact_mode as entry
 from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import kernel, part
+from bvp.kernels.contact_mode import contacts_of, flight_of
+from bvp.kernels.energy_budget import add, advance_clock
 from bvp.kernels.impact import gauge
-from bvp.kernels.ledger import add, advance_clock
-from bvp.kernels.phase import (
-    BOUNCES,
-    BOUNCING,
-    HELD_TIME,
-    INITIAL,
-    REFERENCE,
-    REFERENCE_LOW,
-    ROWS,
-    SPAN,
-    SWITCH_ERROR,
-    TIME,
-    TIME_LOW,
-)  # fmt: skip
-
-__all__ = ["LEVELS", "chatter", "extrapolate", "stride_of"]
 
 LEVELS = 10
 """Orders kept."""
@@ -69,16 +56,16 @@ def extrapolate(table, rows, ratio, values):
 
 
 @kernel
-def out_of_reach(phases, f, c, z, span, speed, force):
+def out_of_reach(modes, f, c, z, span, speed, force):
     """True where no other contact can be met within a short `span` in which contact c chatters."""
-    for k in range(phases.side.shape[1]):
-        if k == c or phases.bound[f, k] >= 1e299:
+    for k in range(modes.side.shape[1]):
+        if k == c or modes.bound[f, k] >= 1e299:
             continue
-        d, slope, bend, tolerance = gauge(phases.gap[f], phases.rate[f], phases.acceleration[f], phases.side[f], phases.bound[f], k, z)
+        d, slope, bend, tolerance = gauge(contacts_of(modes, f), k, z)
         kick = 0.0
-        if (phases.held[f] >> k) & 1 == 0:
-            for r in range(phases.push.shape[2]):
-                kick += phases.rate[0, k, r] * phases.push[0, c, r]
+        if (modes.held[f] >> k) & 1 == 0:
+            for r in range(modes.push.shape[2]):
+                kick += modes.rate[0, k, r] * modes.push[0, c, r]
         moved = span * (abs(slope) + abs(kick) * (speed + force * span)) + span * span * abs(bend)
         if d - 4.0 * moved <= tolerance:
             return False
@@ -86,41 +73,41 @@ def out_of_reach(phases, f, c, z, span, speed, force):
 
 
 @part
-def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values):
-    """After an impact at contact c in phase f: True where chattering ends here, with x and the clock and the sums at its end.
+def chatter(modes, f, c, z, x, left, counts, clock, turns, sums, table, values):
+    """After an impact at contact c in contact mode f: True where chattering ends here, with x and the clock and the sums at its end.
 
     `left`: time to the duration or the next break. `table` (LEVELS, 2 n + 2 + D + S), `values` one row of it.
     """
-    restitution = phases.restitution[c]
-    _, slope, bend, tolerance = gauge(phases.gap[f], phases.rate[f], phases.acceleration[f], phases.side[f], phases.bound[f], c, z)
-    width = 2 * phases.shape[0]
+    restitution = modes.restitution[c]
+    _, slope, bend, tolerance = gauge(contacts_of(modes, f), c, z)
+    width = 2 * modes.shape[0]
     parts = sums.shape[0]
     small = restitution < 1.0 and bend < 0.0 and slope * abs(slope) <= -2.0 * bend * FLAT * tolerance
     if restitution == 0.0 or restitution == 1.0 or bend >= 0.0:
-        counts[BOUNCES] = 0
+        counts[entry.BOUNCES] = 0
         return small
-    fastest = fastest_rate(phases.pairs[f], phases.matrix[f])
+    fastest = fastest_rate(flight_of(modes, f))
     span = -2.0 * slope / (bend * (1.0 - restitution))
-    if span * fastest > CHATTER_REACH or counts[BOUNCING] != c:
-        counts[BOUNCES] = 0
-        counts[BOUNCING] = c
+    if span * fastest > CHATTER_REACH or counts[entry.BOUNCING] != c:
+        counts[entry.BOUNCES] = 0
+        counts[entry.BOUNCING] = c
     if span * fastest <= CHATTER_REACH:
         stride = stride_of(restitution)
-        if counts[BOUNCES] == 0:
-            clock[REFERENCE] = clock[TIME]
-            clock[REFERENCE_LOW] = clock[TIME_LOW]
-            counts[ROWS] = 0
-        fresh = counts[BOUNCES] % stride == 0
-        counts[BOUNCES] += 1
+        if counts[entry.BOUNCES] == 0:
+            clock[entry.REFERENCE] = clock[entry.TIME]
+            clock[entry.REFERENCE_LOW] = clock[entry.TIME_LOW]
+            counts[entry.ROWS] = 0
+        fresh = counts[entry.BOUNCES] % stride == 0
+        counts[entry.BOUNCES] += 1
         if fresh:
-            values[0] = (clock[TIME] - clock[REFERENCE]) + (clock[TIME_LOW] - clock[REFERENCE_LOW])
+            values[0] = (clock[entry.TIME] - clock[entry.REFERENCE]) + (clock[entry.TIME_LOW] - clock[entry.REFERENCE_LOW])
             for r in range(width):
                 values[1 + r] = x[r]
             for i in range(parts):
                 values[1 + width + i] = sums[i, 0] + sums[i, 1]
-            extrapolate(table, counts[ROWS], restitution**stride, values)
-            counts[ROWS] += 1
-            order = min(counts[ROWS], LEVELS) - 1
+            extrapolate(table, counts[entry.ROWS], restitution**stride, values)
+            counts[entry.ROWS] += 1
+            order = min(counts[entry.ROWS], LEVELS) - 1
             if order > 0:
                 ahead = table[order, 0] - values[0]
                 time_error = abs(table[order, 0] - table[order - 1, 0])
@@ -128,11 +115,11 @@ def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values)
                 size_v = 0.0
                 state_error_u = 0.0
                 state_error_v = 0.0
-                for r in range(phases.shape[0]):
+                for r in range(modes.shape[0]):
                     size_u = max(size_u, abs(x[r]))
-                    size_v = max(size_v, abs(x[phases.shape[0] + r]))
+                    size_v = max(size_v, abs(x[modes.shape[0] + r]))
                     state_error_u = max(state_error_u, abs(table[order, 1 + r] - table[order - 1, 1 + r]))
-                    k = 1 + phases.shape[0] + r
+                    k = 1 + modes.shape[0] + r
                     state_error_v = max(state_error_v, abs(table[order, k] - table[order - 1, k]))
                 energy_error = 0.0
                 for i in range(parts):
@@ -140,18 +127,18 @@ def chatter(phases, f, c, z, x, left, counts, clock, turns, sums, table, values)
                     energy_error += abs(table[order, k] - table[order - 1, k])
                 good = time_error * fastest <= SWITCH_TIME and state_error_u <= SWITCH_LEVEL * max(size_u, size_v / fastest)
                 good = good and state_error_v <= SWITCH_LEVEL * max(size_v, size_u * fastest)
-                good = good and energy_error <= SWITCH_LEVEL * abs(clock[INITIAL])
-                if (good or small) and 0.0 <= ahead < left and out_of_reach(phases, f, c, z, 2.0 * span, slope, -bend):
-                    clock[SWITCH_ERROR] = max(clock[SWITCH_ERROR], time_error)
+                good = good and energy_error <= SWITCH_LEVEL * abs(clock[entry.INITIAL])
+                if (good or small) and 0.0 <= ahead < left and out_of_reach(modes, f, c, z, 2.0 * span, slope, -bend):
+                    clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], time_error)
                     for r in range(width):
                         x[r] = table[order, 1 + r]
                     for i in range(parts):
                         add(sums, i, table[order, 1 + width + i] - values[1 + width + i])
-                    advance_clock(phases, clock, turns, ahead)
-                    if phases.held[f] != 0:
-                        clock[HELD_TIME] += ahead
-                    clock[SPAN] = ahead
+                    advance_clock(modes, clock, turns, ahead)
+                    if modes.held[f] != 0:
+                        clock[entry.HELD_TIME] += ahead
+                    clock[entry.SPAN] = ahead
                     return True
     if small:
-        clock[SWITCH_ERROR] = max(clock[SWITCH_ERROR], span)
+        clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], span)
     return small

@@ -11,8 +11,6 @@ from numba.extending import intrinsic
 
 from bvp.kernels.cache import cache_of
 
-__all__ = ["address_of", "allocating", "call_at", "inlined", "kernel", "part", "sized", "whole_at"]
-
 _COUNTED: dict[str, Any] = {"_nrt": True}  # numba's own run time for arrays; said in full, for what a kernel calls inherits it
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
 

@@ -25,8 +25,6 @@ from numba import int64, uint64
 
 from bvp.kernels.compiled import kernel, part
 
-__all__ = ["eliminate", "forward", "apply_reflectors"]
-
 
 @part
 def _reflector(column, first, last):

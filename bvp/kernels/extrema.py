@@ -12,12 +12,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import int64
 
-from bvp.kernels.bounds import block_growth, envelope
+from bvp.kernels.arrays import dot, inner
+from bvp.kernels.bounds import amplitudes
 from bvp.kernels.compiled import inlined, kernel, part
-from bvp.kernels.flight import circular, flow_state
-
-__all__ = ["Observed", "amplitude_bound", "clearance", "look", "refine", "safe_step", "separate", "sign_changes"]
+from bvp.kernels.flight import Contacts, Flight, circular, flow_state
+from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
 STEP_LIMIT = 100000
 """Steps after which a search gives up and says so; a flight of a thousand periods takes some ten thousand."""
@@ -37,52 +38,33 @@ class Observed(NamedTuple):
     velocity_second: np.ndarray  # (2, N)
 
 
-@kernel
-def dot(a, b):
-    """a . b"""
-    total = 0.0
-    for r in range(a.shape[0]):
-        total += a[r] * b[r]
-    return total
+class Track(NamedTuple):
+    """A linear functional f(t) = value . z(t) along one flight from z, and its bounds: what the loops of this file walk along."""
+
+    flight: Flight
+    value: np.ndarray  # (N,) row of f
+    rate: np.ndarray  # (N,) row of f'
+    second: np.ndarray  # (N,) row of f''
+    z: np.ndarray  # (N,)
+    parts: np.ndarray  # (N,) alpha and beta of each mode where `pure`, else scratch
+    pure: bool  # every block is a pair that neither damps nor grows
+    level: float  # bound of |f|
+    curvature: float  # of |f''|
+    jerk: float  # of |f'''|
 
 
-@kernel
-def amplitude_bound(pairs, mean, delta, matrix, row, z, horizon):
-    """Bound of |row . z(t)| for 0 <= t <= horizon; attained in the limit for undamped modes with incommensurate frequencies."""
-    total = 0.0
-    for k in range(pairs.shape[0]):
-        i = pairs[k, 0]
-        j = pairs[k, 1]
-        if j < -1:
-            growth = block_growth(matrix, i, -j)
-            weight = 0.0
-            norm = 0.0
-            for r in range(i, i - j):
-                weight += row[r] * row[r]
-                norm += z[r] * z[r]
-            total += (math.exp(growth * horizon) if growth > 0.0 else 1.0) * math.sqrt(weight * norm)
-            continue
-        growth = math.exp(mean[k] * horizon) if mean[k] > 0.0 else 1.0
-        if j < 0:
-            total += growth * abs(row[i] * z[i])
-            continue
-        first = row[i] * z[i] + row[j] * z[j]
-        second = row[i] * ((matrix[i, i] - mean[k]) * z[i] + matrix[i, j] * z[j])
-        second += row[j] * (matrix[j, i] * z[i] + (matrix[j, j] - mean[k]) * z[j])
-        if delta[k] < 0.0:
-            total += growth * math.sqrt(first * first + second * second / -delta[k])
-        else:
-            c, s = envelope(mean[k], delta[k], horizon)
-            total += abs(first) * c + abs(second) * s
-    return total
+@part
+def track_of(flight, value, rate, second, z, duration, parts):
+    """The `Track` of value . z(t) for 0 <= t <= duration."""
+    pure, level, curvature, jerk = separate(flight, value, z, duration, parts)
+    return Track(flight, value, rate, second, z, parts, pure, level, curvature, jerk)
 
 
 @inlined
-def separate(pairs, mean, delta, matrix, value, second, z, horizon, parts):
-    """(pure, bound of |f|, of |f''|, of |f'''|) for f = value . z(t), 0 <= t <= horizon, f'' = second . z(t).
-
-    `pure`: every block is a pair that neither damps nor grows; then parts (N,) are alpha, beta of each mode in turn, else they are
-    not set, and there is no bound of |f'''| (given as 0)."""
+def separate(flight, value, z, horizon, parts):
+    """(pure, bound of |f|, of |f''|, of |f'''|) for f = value . z(t), 0 <= t <= horizon; parts (N,) are filled if the flight is
+    pure."""
+    pairs, mean, delta, matrix = flight
     level = 0.0
     curvature = 0.0
     jerk = 0.0
@@ -90,9 +72,8 @@ def separate(pairs, mean, delta, matrix, value, second, z, horizon, parts):
         i = pairs[k, 0]
         j = pairs[k, 1]
         if j < 0 or mean[k] != 0.0 or delta[k] > 0.0:
-            level = amplitude_bound(pairs, mean, delta, matrix, value, z, horizon)
-            curvature = amplitude_bound(pairs, mean, delta, matrix, second, z, horizon)
-            return False, level, curvature * (1.0 + 1e-12), 0.0
+            level, curvature, jerk = amplitudes(flight, value[None, :], 0, z, horizon)
+            return False, level, curvature, jerk
         alpha = value[i] * z[i] + value[j] * z[j]
         beta = value[i] * (matrix[i, i] * z[i] + matrix[i, j] * z[j]) + value[j] * (matrix[j, i] * z[i] + matrix[j, j] * z[j])
         parts[2 * k] = alpha
@@ -107,12 +88,14 @@ def separate(pairs, mean, delta, matrix, value, second, z, horizon, parts):
 
 
 @part
-def look(pairs, mean, delta, matrix, pure, parts, value, rate, second, z, t):
-    """f, f' and f'' at t; `parts` is scratch where the flight is not pure."""
+def look(track, t):
+    """f, f' and f'' at t."""
+    delta = track.flight.delta
+    parts = track.parts
     f = 0.0
     slope = 0.0
     bend = 0.0
-    if pure:
+    if track.pure:
         for k in range(delta.shape[0]):
             c, s = circular(delta[k], t)
             here = parts[2 * k] * c + parts[2 * k + 1] * s
@@ -120,10 +103,10 @@ def look(pairs, mean, delta, matrix, pure, parts, value, rate, second, z, t):
             slope += parts[2 * k + 1] * c + delta[k] * parts[2 * k] * s
             bend += delta[k] * here
     else:
-        flow_state(pairs, mean, delta, matrix, z, t, parts)
-        f = dot(value, parts)
-        slope = dot(rate, parts)
-        bend = dot(second, parts)
+        flow_state(track.flight, track.z, t, parts)
+        f = inner(track.value, parts)
+        slope = inner(track.rate, parts)
+        bend = inner(track.second, parts)
     return f, slope, bend
 
 
@@ -150,35 +133,36 @@ def safe_step(f, slope, bend, curvature, jerk):
     return step
 
 
-@inlined
-def sign_changes(pairs, mean, delta, matrix, value, rate, second, z, duration, sign, work):
-    """Sign changes of value . z(t) for 0 < t < duration after an earlier `sign` (0: none yet). Returns (changes, last sign),
-    changes < 0 when the search gave up. Values within rounding of zero have no sign."""
-    pure, level, curvature, jerk = separate(pairs, mean, delta, matrix, value, second, z, duration, work)
-    level = 1e-13 * (level + 1e-300)
-    changes = 0
-    t = 0.0
-    floor = 1e-13 * duration
-    for _ in range(STEP_LIMIT):
-        f, slope, bend = look(pairs, mean, delta, matrix, pure, work, value, rate, second, z, t)
-        if abs(f) > level:
-            now = 1 if f > 0.0 else -1
-            if sign != 0 and now != sign:
-                changes += 1
-            sign = now
-        if t >= duration:
-            return changes, sign
-        t = min(duration, t + max(safe_step(f, slope, bend, curvature, jerk), floor))
-    return -1, sign
+@part
+def walk(track, duration, floor, inside, edge, sign, before, f_before, t, steps):
+    """Walk on to the next sample at which f has another sign than `sign` (0: any sign), in steps that hold one zero at most.
+
+    (before, f_before) is the last sample and t the time of the next one. A value up to `inside`, or `edge` at both ends of the flight, has
+    no sign. Steps are at least `floor` long. Returns (True, last sample before, its value, sample with the sign, its value, time of the
+    next one, steps made), or (False, ...) at the end, where the next time is infinite, and after STEP_LIMIT steps."""
+    found = False
+    here = before
+    f = f_before
+    while not found and t <= duration and steps < STEP_LIMIT:
+        before = here
+        f_before = f
+        here = t
+        f, slope, bend = look(track, here)
+        steps += 1
+        found = abs(f) > (edge if here == 0.0 or here >= duration else inside) and (sign == 0 or (f > 0.0) != (sign > 0))
+        t = math.inf if here >= duration else min(duration, here + max(safe_step(f, slope, bend, track.curvature, track.jerk), floor))
+    return found, before, f_before, here, f, t, steps
 
 
 @kernel
-def refine(pairs, mean, delta, matrix, pure, value, rate, second, z, low, high, root, positive, tolerance, work):
-    """The zero of f = value . z(t) between low and high, where it changes sign once, from a guess `root`; `positive`: its sign at low."""
+def refine(track, low, f_low, high, f_high, tolerance):
+    """The zero of f between low and high, where it changes sign once."""
+    root = low + f_low / (f_low - f_high) * (high - low)
+    positive = f_high <= 0.0
     for _ in range(100):
         if not (low <= root <= high):
             root = 0.5 * (low + high)
-        f, slope, bend = look(pairs, mean, delta, matrix, pure, work, value, rate, second, z, root)
+        f, slope, bend = look(track, root)
         if (f > 0.0) == positive:
             low = root
         else:
@@ -193,62 +177,174 @@ def refine(pairs, mean, delta, matrix, pure, value, rate, second, z, low, high, 
     return root
 
 
+@inlined
+def sign_changes(flight, value, rate, second, z, duration, sign, work):
+    """Sign changes of value . z(t) for 0 < t < duration after an earlier `sign` (0: none yet). Returns (changes, last sign),
+    changes < 0 when the search gave up. Values within rounding of zero have no sign."""
+    track = track_of(flight, value, rate, second, z, duration, work)
+    level = 1e-13 * (track.level + 1e-300)
+    changes = 0
+    here, f, t, steps = 0.0, 0.0, 0.0, 0
+    while True:
+        found, _, _, here, f, t, steps = walk(track, duration, 1e-13 * duration, level, level, sign, here, f, t, steps)
+        if not found:
+            return changes if t == math.inf else -1, sign
+        if sign != 0:
+            changes += 1
+        sign = 1 if f > 0.0 else -1
+
+
 @kernel
-def value_at(pairs, mean, delta, matrix, pure, row, z, t, work):
-    """row . z(t); `work` is used where the flight is not pure only."""
-    total = 0.0
-    if pure:
-        for k in range(delta.shape[0]):
-            i = pairs[k, 0]
-            j = pairs[k, 1]
-            c, s = circular(delta[k], t)
-            total += row[i] * (c * z[i] + s * (matrix[i, i] * z[i] + matrix[i, j] * z[j]))
-            total += row[j] * (c * z[j] + s * (matrix[j, i] * z[i] + matrix[j, j] * z[j]))
-    else:
-        flow_state(pairs, mean, delta, matrix, z, t, work)
-        total = dot(row, work)
-    return total
+def crossings(flight, value, rate, second, z, duration, times, work):
+    """Times in (0, duration) where value . z(t) changes sign, into `times`; a zero at the very end is no change. Returns how many there
+    are (those beyond the length of `times` are counted, not kept); -1 when the search gave up."""
+    track = track_of(flight, value, rate, second, z, duration, work)
+    level = 1e-13 * track.level
+    f = inner(value, z)
+    if abs(f) <= level:
+        f = inner(rate, z)
+    sign = 1 if f >= 0.0 else -1
+    count = 0
+    here, f, t, steps = 0.0, 0.0, 0.0, 0
+    while True:
+        found, before, f_before, here, f, t, steps = walk(track, duration, 1e-12 * duration, 0.0, level, sign, here, f, t, steps)
+        if not found:
+            return count if t == math.inf else -1
+        if count < times.shape[0]:
+            times[count] = refine(track, before, f_before, here, f, 1e-13 * duration)
+        count += 1
+        sign = -sign
+
+
+@kernel
+def rises(flight, value, rate, second, z, duration, sign, times, work):
+    """Times in [0, duration) at which f = value . z(t) crosses zero upwards, into `times`, after an earlier `sign` of f (0: none yet).
+
+    Values within rounding of zero have no sign. A crossing at the beginning, where the flight before ended below zero, is at time 0.
+    Returns (count, last sign); count is -1 where the search gave up or there is no room."""
+    track = track_of(flight, value, rate, second, z, duration, work)
+    level = 1e-13 * (track.level + 1e-300)
+    count = 0
+    here, f, t, steps = 0.0, 0.0, 0.0, 0
+    while True:
+        found, before, f_before, here, f, t, steps = walk(track, duration, 1e-13 * duration, level, level, sign, here, f, t, steps)
+        if not found:
+            return count if t == math.inf else -1, sign
+        if f > 0.0 and sign < 0:
+            if count == times.shape[0]:
+                return -1, sign
+            times[count] = refine(track, before, f_before, here, f, 1e-16 * duration) if here > 0.0 else 0.0
+            count += 1
+        sign = int64(1) if f > 0.0 else int64(-1)
 
 
 @part
-def clearance(pairs, mean, delta, matrix, observed, stop, z, duration, work):
+def clearance(flight, observed, stop, z, duration, work):
     """Least distance to the bounds of one stop at the turning points of w inside a flight: (distance, side, time); distance
-    is infinite where w does not turn, NaN when the search gave up."""
-    rate = observed.gap_rate[stop]
-    second = observed.gap_second[stop]
-    third = observed.gap_third[stop]
-    pure, _level, curvature, jerk = separate(pairs, mean, delta, matrix, rate, third, z, duration, work)
+    is infinite where w does not turn, NaN when the search gave up. work (2, N)."""
+    track = track_of(
+        flight, observed.gap_rate[stop], observed.gap_second[stop], observed.gap_third[stop], z, duration, work[0, : z.shape[0]]
+    )
+    state = work[1, : z.shape[0]]
     best = math.inf
     best_side = 0.0
     best_time = 0.0
-    floor = 1e-13 * duration
-    before = 0.0
-    f_before = 0.0
     sign = 0
-    t = 0.0
-    for _ in range(STEP_LIMIT):
-        f, slope, bend = look(pairs, mean, delta, matrix, pure, work, rate, second, third, z, t)
-        now = 1 if f > 0.0 else -1 if f < 0.0 else sign
-        if sign * now < 0:
-            guess = before + f_before / (f_before - f) * (t - before)
-            turn = refine(
-                pairs, mean, delta, matrix, pure, rate, second, third, z, before, t, guess, sign > 0, 1e-9 * duration, work
-            )
-            w = value_at(pairs, mean, delta, matrix, pure, observed.gap[stop], z, turn, work)
-            if sign > 0:
-                distance = observed.upper[stop] - w
-                side = 1.0
-            else:
-                distance = w - observed.lower[stop]
-                side = -1.0
+    here, f, t, steps = 0.0, 0.0, 0.0, 0
+    while True:
+        found, before, f_before, here, f, t, steps = walk(track, duration, 1e-13 * duration, 0.0, 0.0, sign, here, f, t, steps)
+        if not found:
+            return best if t == math.inf else math.nan, best_side, best_time
+        if sign != 0:
+            turn = refine(track, before, f_before, here, f, 1e-9 * duration)
+            flow_state(flight, z, turn, state)
+            w = inner(observed.gap[stop], state)
+            distance = observed.upper[stop] - w if sign > 0 else w - observed.lower[stop]
             if distance < best:
                 best = distance
-                best_side = side
+                best_side = 1.0 if sign > 0 else -1.0
                 best_time = turn
-        sign = now
-        if t >= duration:
-            return best, best_side, best_time
-        before = t
-        f_before = f
-        t = min(duration, t + max(safe_step(f, slope, bend, curvature, jerk), floor))
-    return math.nan, 0.0, 0.0
+        sign = 1 if f > 0.0 else -1
+
+
+PEAK_ROWS = 6
+"""Rows of the scratch array."""
+
+IDLE_LIMIT = 8
+"""Searches without time passing after which there is no way on."""
+
+FRUITLESS = 2
+"""Such searches after which time is made to pass."""
+
+PAUSE = 1e-3
+"""That time, in radians. Rate and two derivatives are zero to rounding at its begin, so that |u| can exceed its values at both
+ends by no more than a part 1e-13 of its amplitude."""
+
+
+@kernel
+def row_times_matrix(rows, c, matrix, out):
+    """out[0] = rows[c] matrix."""
+    for r in range(matrix.shape[1]):
+        total = 0.0
+        for k in range(matrix.shape[0]):
+            total += rows[c, k] * matrix[k, r]
+        out[0, r] = total
+
+
+@kernel
+def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
+    """peaks (n,): the larger of themselves and |u| over a flight of `duration` from z (N,), with (u, v) = leave z. False where the search
+    gave up.
+
+    scratch (PEAK_ROWS, 1, N), edge (2, 1), work of `impact.work_array`."""
+    n = peaks.shape[0]
+    now = scratch[3, 0]
+    later = scratch[4, 0]
+    side = edge[0]
+    bound = edge[1]
+    bound[0] = 0.0
+    watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], bound)  # a velocity in the place of a gap
+    for i in range(n):
+        level, _, _ = amplitudes(flight, leave, i, z, duration)
+        if level <= peaks[i]:
+            continue
+        peaks[i] = max(peaks[i], abs(dot(leave, i, z)))
+        for r in range(z.shape[0]):
+            now[r] = z[r]
+            scratch[0, 0, r] = leave[n + i, r]
+        row_times_matrix(leave, n + i, flight.matrix, scratch[1])
+        row_times_matrix(scratch[1], 0, flight.matrix, scratch[2])
+        rate = dot(leave, n + i, z)
+        # At rest, or without acceleration too, as where an impulse hits another coordinate, the next derivative tells where it goes.
+        if abs(rate) <= rounding_level(flight, leave, n + i, z):
+            rate = dot(scratch[1], 0, z)
+            if abs(rate) <= rounding_level(flight, scratch[1], 0, z):
+                rate = dot(scratch[2], 0, z)
+        side[0] = -1.0 if rate > 0.0 else 1.0
+        left = duration
+        leaving = -1
+        idle = 0
+        while left > 0.0 and peaks[i] < level:
+            status, _, step = next_impact(flight, watched, leaving, now, left, work)
+            if status == NONE:
+                step = left
+            idle = idle + 1 if step == 0.0 else 0
+            if idle > IDLE_LIMIT:
+                return False
+            resumed = idle > FRUITLESS
+            if resumed:
+                # At rest with no derivative that tells where it goes, as where a force on a far coordinate begins: a little later one does.
+                rate, bend, _ = amplitudes(flight, scratch[0], 0, now, left)
+                step = min(left, PAUSE * math.sqrt(rate / bend)) if bend > 0.0 else left
+            flow_state(flight, now, step, later)
+            peaks[i] = max(peaks[i], abs(dot(leave, i, later)))
+            for r in range(z.shape[0]):
+                now[r] = later[r]
+            left -= step
+            if status != TOUCH and status != EXHAUSTED:
+                side[0] = -side[0]
+            leaving = -1 if status == OUTSIDE or status == EXHAUSTED else 0
+            if resumed:
+                leaving = -1
+                side[0] = -1.0 if dot(scratch[0], 0, now) > 0.0 else 1.0
+    return True

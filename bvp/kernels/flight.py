@@ -18,14 +18,11 @@ Layout of the arrays, shared by all kernels
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from bvp.kernels.compiled import allocating, inlined, kernel, part
-
-__all__ = [
-    "block_product", "circular", "flight_at", "flow_block", "flow_inside", "flow_matrix", "flow_pair", "flow_state", "sample_flights",
-]  # fmt: skip
 
 SERIES_LIMIT = 0.03
 """|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
@@ -35,6 +32,27 @@ APART_LIMIT = 1.0
 
 TAYLOR_TERMS = 18
 """Degree of the Taylor polynomial of a larger block at a norm of 1/2: truncation below 1e-22."""
+
+
+class Flight(NamedTuple):
+    """B of free flight in blocks: the layout above."""
+
+    pairs: np.ndarray  # (P, 2) int64
+    mean: np.ndarray  # (P,)
+    delta: np.ndarray  # (P,)
+    matrix: np.ndarray  # (N, N)
+
+
+class Contacts(NamedTuple):
+    """Rows of m contacts: w = gap . z, w' = rate . z, w'' = acceleration . z; z+ = z - (1 + r) push (rate . z) at an impact."""
+
+    gap: np.ndarray  # (m, N)
+    rate: np.ndarray  # (m, N)
+    acceleration: np.ndarray  # (m, N)
+    side: np.ndarray  # (m,) +1 upper, -1 lower
+    bound: np.ndarray  # (m,)
+    push: np.ndarray  # (m, N)
+    restitution: np.ndarray  # (m,)
 
 
 @part
@@ -148,8 +166,9 @@ def block_state(mean, matrix, start, size, t, z, out):
 
 
 @part
-def flow_inside(pairs, mean, delta, matrix, z, t, out):
+def flow_inside(flight, z, t, out):
     """`flow_state` as part of a loop that does little else: to hand over so many arrays takes as long as the flight."""
+    pairs, mean, delta, matrix = flight
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
@@ -166,14 +185,15 @@ def flow_inside(pairs, mean, delta, matrix, z, t, out):
 
 
 @kernel
-def flow_state(pairs, mean, delta, matrix, z, t, out):
+def flow_state(flight, z, t, out):
     """out = exp(B t) z."""
-    flow_inside(pairs, mean, delta, matrix, z, t, out)
+    flow_inside(flight, z, t, out)
 
 
 @inlined
-def flow_matrix(pairs, mean, delta, matrix, t, out):
+def flow_matrix(flight, t, out):
     """out = exp(B t), dense (N, N)."""
+    pairs, mean, delta, matrix = flight
     size = out.shape[1]
     for r in range(size):
         for c in range(size):
@@ -229,8 +249,8 @@ def flight_at(begins, time):
 
 
 @kernel
-def sample_flights(pairs, mean, delta, matrix, begins, states, times, out):
+def sample_flights(flight, begins, states, times, out):
     """out[i] = state at times[i] of flights of one system that begin at begins (F,) with states (F, N), as in `flight_at`."""
     for i in range(times.shape[0]):
         k = flight_at(begins, times[i])
-        flow_state(pairs, mean, delta, matrix, states[k], times[i] - begins[k], out[i])
+        flow_state(flight, states[k], times[i] - begins[k], out[i])

@@ -11,18 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import int64
 
+from bvp.kernels.arrays import dot
 from bvp.kernels.compiled import kernel
-from bvp.kernels.extrema import refine, safe_step
-from bvp.kernels.flight import circular
-from bvp.kernels.impact import HIT, NONE, TOUCH, next_impact
-from bvp.kernels.restitution import restitute
+from bvp.kernels.extrema import Track, refine, safe_step
+from bvp.kernels.flight import Contacts, Flight, circular
+from bvp.kernels.impact import HIT, NONE, next_hit
+from bvp.kernels.restitution import arrive, restitute
 
-__all__ = [
-    "ACCELERATION", "CLEARANCE", "COLUMNS", "CONTACT", "DERIVATIVE", "DURATION", "FREE", "Flow", "MISS", "SECOND", "SPEED", "STUCK",
-    "THIRD", "TIME", "TURNS", "TURN_LIMIT", "advance", "amplitude", "follow", "nearest_turns", "start_at",
-]  # fmt: skip
-
-STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, MISS, ACCELERATION, CLEARANCE, SECOND, TURNS, THIRD, COLUMNS = (
+STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, RESIDUAL, ACCELERATION, CLEARANCE, SECOND, TURNS, THIRD, COLUMNS = (
     0, 4, 8, 10, 12, 13, 15, 17, 18, 20, 21, 22, 24,
 )  # fmt: skip
 """Columns of a record, one row a flight: state and its derivative after impact k (4 each); time of impact k; duration of the flight;
@@ -40,17 +36,8 @@ TURN_LIMIT = 20000
 class Flow(NamedTuple):
     """A system of two degrees of freedom and one stop, and a curve of starts, as the kernels know them."""
 
-    pairs: np.ndarray
-    mean: np.ndarray
-    delta: np.ndarray
-    matrix: np.ndarray
-    gap: np.ndarray  # (m, 4) rows of the contacts; so are the next ones
-    gap_rate: np.ndarray
-    acceleration: np.ndarray
-    side: np.ndarray
-    bound: np.ndarray
-    push: np.ndarray
-    restitution: np.ndarray
+    flight: Flight
+    contacts: Contacts
     squares: np.ndarray  # (2,) squares of the frequencies
     across: np.ndarray  # (2,) unit vector along the stop, in modal coordinates
     limits: np.ndarray  # (2,) bounds of the gap coordinate, infinite where there is none
@@ -127,6 +114,8 @@ def follow(flow, theta, longest, most, record, work):
     y = work[7, :4]
     dy = work[8, :4]
     begin = work[9, :4]
+    velocity = work[10, :4]
+    contacts = flow.contacts
     slack = 0.05 * longest
     start_at(flow, theta, z, dz)
     time = 0.0
@@ -140,63 +129,30 @@ def follow(flow, theta, longest, most, record, work):
         record[k, TIME] = time
         record[k, TIME + 1] = time_rate
         record[k, CLEARANCE] = math.nan
-        duration = 0.0
-        while True:
-            found, contact, passed = next_impact(
-                flow.pairs,
-                flow.mean,
-                flow.delta,
-                flow.matrix,
-                flow.gap,
-                flow.gap_rate,
-                flow.acceleration,
-                flow.side,
-                flow.bound,
-                leaving,
-                z,
-                longest - time - duration + 2.0 * slack,
-                work,
-            )
-            duration += passed
-            if found != TOUCH:
-                break
-            advance(flow.squares, passed, z, z, y, dy)
-            for r in range(4):
-                z[r] = y[r]
-            leaving = contact
+        found, contact, duration = next_hit(flow.flight, contacts, leaving, z, longest - time + 2.0 * slack, work, y)
         if found != HIT:
             record[k, DURATION] = math.inf
             record[k, CONTACT] = FREE if found == NONE else STUCK
             return k + 1
         advance(flow.squares, duration, begin, dz, y, dy)
-        rate = 0.0
-        change = 0.0
-        bend = 0.0
-        for r in range(4):
-            rate += flow.gap_rate[contact, r] * y[r]
-            change += flow.gap[contact, r] * dy[r]
-            bend += flow.acceleration[contact, r] * y[r]
-        later = -change / rate
         for r in range(2):
-            dy[r] += y[r + 2] * later
-            dy[r + 2] -= flow.squares[r] * y[r] * later
-        rate_change = 0.0
-        for r in range(4):
-            rate_change += flow.gap_rate[contact, r] * dy[r]
+            velocity[r] = y[r + 2]
+            velocity[r + 2] = -flow.squares[r] * y[r]
+        later = arrive(contacts.gap, contact, velocity, dy)
         record[k, DURATION] = duration
         record[k, DURATION + 1] = later
         record[k, CONTACT] = contact
-        record[k, SPEED] = flow.side[contact] * rate
-        record[k, SPEED + 1] = flow.side[contact] * rate_change
-        record[k, ACCELERATION] = flow.side[contact] * bend
-        record[k, MISS] = flow.across[0] * y[2] + flow.across[1] * y[3]
-        record[k, MISS + 1] = flow.across[0] * dy[2] + flow.across[1] * dy[3]
+        record[k, SPEED] = contacts.side[contact] * dot(contacts.rate, contact, y)
+        record[k, SPEED + 1] = contacts.side[contact] * dot(contacts.rate, contact, dy)
+        record[k, ACCELERATION] = contacts.side[contact] * dot(contacts.acceleration, contact, y)
+        record[k, RESIDUAL] = flow.across[0] * y[2] + flow.across[1] * y[3]
+        record[k, RESIDUAL + 1] = flow.across[0] * dy[2] + flow.across[1] * dy[3]
         time += duration
         time_rate += later
         if time > longest + slack:
             return k + 1
-        restitute(flow.gap_rate, flow.push, flow.restitution, contact, y, z)
-        restitute(flow.gap_rate, flow.push, flow.restitution, contact, dy, dz)
+        restitute(contacts, contact, y, z)
+        restitute(contacts, contact, dy, dz)
         leaving = int64(contact)
     return most + 1
 
@@ -212,7 +168,7 @@ def nearest_turns(flow, row, horizon, work):
     w_bound = 0.0
     for r in range(2):
         # w, w', w'', w''' as rows: each derivative turns (a, b) into (-w^2 b, a).
-        rows[0, r] = flow.gap[0, r]
+        rows[0, r] = flow.contacts.gap[0, r]
         rows[0, r + 2] = 0.0
     for order in range(1, 4):
         for r in range(2):
@@ -220,8 +176,9 @@ def nearest_turns(flow, row, horizon, work):
             rows[order, r + 2] = rows[order - 1, r]
     duration = min(row[DURATION], horizon)
     for r in range(2):
-        w_bound += abs(flow.gap[0, r]) * abs(flow.squares[r]) * amplitude(flow.squares[r], z[r], z[r + 2], duration, int64(1))
+        w_bound += abs(flow.contacts.gap[0, r]) * abs(flow.squares[r]) * amplitude(flow.squares[r], z[r], z[r + 2], duration, int64(1))
     w_bound *= 1.0 + 1e-12
+    track = Track(flow.flight, rows[1, :4], rows[2, :4], rows[3, :4], z, work[13, :4], False, 0.0, w_bound, 0.0)
     best = math.inf
     second = math.inf
     best_time = 0.0
@@ -245,10 +202,7 @@ def nearest_turns(flow, row, horizon, work):
             slope += rows[2, r] * (c * z[r] + s * z[r + 2])
         now = 1 if f_after > 0.0 else -1 if f_after < 0.0 else sign
         if sign * now < 0:
-            turn = refine(
-                flow.pairs, flow.mean, flow.delta, flow.matrix, False, rows[1, :4], rows[2, :4], rows[3, :4], z, t, after,
-                0.5 * (t + after), sign > 0, 1e-10 * duration, work[13, :4],
-            )  # fmt: skip
+            turn = refine(track, t, f, after, f_after, 1e-10 * duration)
             advance(flow.squares, turn, z, dz, y, dy)
             w = 0.0
             for r in range(4):

@@ -12,24 +12,15 @@ import math
 import numpy as np
 from numba import int64
 
-from bvp.kernels.bounds import dot
-from bvp.kernels.compiled import inlined, kernel, part, sized
+from bvp.kernels.compiled import inlined, part
 from bvp.kernels.flight import block_product, flow_matrix
 from bvp.kernels.pencil import complement
-from bvp.kernels.restitution import strike
-from bvp.kernels.segment import ORIGIN, REST, STOP, sized_rows, start_state
-
-__all__ = ["half_map", "half_map_scratch", "planar_half_map", "section_basis"]
+from bvp.kernels.restitution import arrive, strike
+from bvp.kernels.segment import ORIGIN, REST, STOP, start_state
 
 
-@kernel
+@inlined
 def section_basis(segment, node, kind, z, vectors, out):
-    """See `_section_basis`."""
-    _section_basis(segment, node, kind, z, vectors, out)
-
-
-@part
-def _section_basis(segment, node, kind, z, vectors, out):
     """Rows of `out` (n - 1, n): orthonormal, perpendicular to the velocity (origin), the force (rest) or the stop's normal (stop),
     oriented with it, so that determinants taken with it change sign only through zero."""
     half = z.shape[0] // 2
@@ -69,8 +60,8 @@ def half_map_scratch(size):
     return np.empty((size + 3, size)), np.empty((1, size, size)), np.empty((3, max(2, half), half))
 
 
-@part
-def _half_map(segment, y, ends, work, square, small, phi):
+@inlined
+def half_map(segment, y, ends, work, square, small, phi):
     """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; scratch: `work`
     (>= N + 3, N), `square` (>= 1, N, N), `small` (3, max(n, 2), n). Returns the largest factor by which an
     impact magnifies rounding (1: none)."""
@@ -88,9 +79,9 @@ def _half_map(segment, y, ends, work, square, small, phi):
     first = small[1]
     last = small[2]
     start_state(segment.start_map, segment.start_offset, y, z)
-    _section_basis(segment, k + 1, kind, z, vectors, first)
+    section_basis(segment, k + 1, kind, z, vectors, first)
     final_kind = segment.shape[4]
-    _section_basis(segment, k, final_kind, ends[k], vectors, last)
+    section_basis(segment, k, final_kind, ends[k], vectors, last)
     magnified = 1.0
     reach = 0.0
     for r in range(size):
@@ -120,35 +111,28 @@ def _half_map(segment, y, ends, work, square, small, phi):
             start_state(segment.start_map, segment.start_offset, y, z)
             normal = 0.0
             work_done = 0.0
-            square = 0.0
             for r in range(half):
-                g = segment.gap[k + 1, r]
-                normal += g * z[half + r]
-                square += g * g
+                normal += segment.gap[k + 1, r] * z[half + r]
                 work_done += segment.weights[r] * z[r] * v[r]
             for r in range(half):
                 v[half + r] = -work_done / normal * segment.gap[k + 1, r]
     at = s
     for i in range(k + 1):
-        flow_matrix(segment.pairs, segment.mean, segment.delta, segment.matrix, y[at], flow)
+        flow_matrix(segment.flight, y[at], flow)
         at += size + 1
         hit = i < k or final_kind == STOP
         jump = segment.jump[i] if i < k else 0.0  # at the far end the orbit is cut, not reflected
-        through = 0.0
         if hit:
-            block_product(segment.pairs, segment.matrix, ends[i], field)
+            block_product(segment.flight.pairs, segment.flight.matrix, ends[i], field)
             strike(segment.gap_rate, segment.push, i, jump, field, field)
-            through = dot(segment.gap, i, field)
         if i < k:
             magnified = max(magnified, magnification(segment, i, ends[i], reach))
         for column in range(columns):
             v = work[5 + column]
-            block_product(segment.pairs, flow, v, x)
+            block_product(segment.flight.pairs, flow, v, x)
             if hit:
                 strike(segment.gap_rate, segment.push, i, jump, x, x)
-                along = dot(segment.gap, i, x)
-                for r in range(size):
-                    x[r] = x[r] - along / through * field[r] if through != 0.0 else math.inf
+                arrive(segment.gap, i, field, x)
             for r in range(size):
                 v[r] = x[r]
     for column in range(columns):
@@ -166,15 +150,3 @@ def _half_map(segment, y, ends, work, square, small, phi):
                 phi[b, column] = displacement
                 phi[half - 1 + b, column] = velocity
     return magnified
-
-
-@kernel
-def half_map(segment, y, ends, work, square, small, phi):
-    """See `_half_map`."""
-    return _half_map(segment, y, ends, work, square, small, phi)
-
-
-@inlined
-def planar_half_map(segment, y, ends, work, square, small, phi):
-    """See `_half_map`; N = 4."""
-    return _half_map(sized_rows(segment), y, sized(ends, 4), sized(work, 4), sized(square, 4), sized(small, 2), sized(phi, 2))

@@ -12,7 +12,7 @@ bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d
 
 Steps therefore shrink onto a root quadratically until it is certified, and Newton on the exact flight does the rest.
 
-Only the contact just left is treated apart, and only until its distance is well above the tolerance: see `bvp.kernels.near`.
+Only the contact just left is treated apart, and only until its distance is well above the tolerance: see `bvp.kernels.bounds`.
 """
 
 import math
@@ -20,24 +20,10 @@ import math
 import numpy as np
 from numba import int64
 
-from bvp.kernels.bounds import amplitudes, dot, free_step, growth_rate
+from bvp.kernels.arrays import dot
+from bvp.kernels.bounds import NEAR_REACH, NEAR_TERMS, amplitudes, free_step, growth_rate, near_return, series
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import block_product, flow_inside, flow_state
-from bvp.kernels.near import SERIES_REACH, SERIES_TERMS, near_return, series
-
-__all__ = [
-    "CONTACT_TOLERANCE",
-    "EXHAUSTED",
-    "HIT",
-    "NONE",
-    "OUTSIDE",
-    "PRESSED",
-    "TOUCH",
-    "contact_level",
-    "next_impact",
-    "rounding_level",
-    "work_array",
-]
 
 CONTACT_TOLERANCE = 1e-13
 """THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of w
@@ -69,22 +55,23 @@ numbers."""
 
 def work_array(size, contacts):
     """Scratch array of the kernels here for N = `size` states and m = `contacts`."""
-    return np.zeros((WORK_ROWS, max(size, contacts, SERIES_TERMS + 1)))
+    return np.zeros((WORK_ROWS, max(size, contacts, NEAR_TERMS + 1)))
 
 
 @kernel
-def contact_level(gap, bound, c, z):
+def contact_level(contacts, c, z):
     """The contact tolerance of contact c in units of its distance."""
-    total = abs(bound[c])
+    total = abs(contacts.bound[c])
     for r in range(z.shape[0]):
-        total += abs(gap[c, r] * z[r])
+        total += abs(contacts.gap[c, r] * z[r])
     return CONTACT_TOLERANCE * total
 
 
 @kernel
-def rounding_level(pairs, matrix, rows, c, z):
+def rounding_level(flight, rows, c, z):
     """Sixteen roundings of rows[c] . z for a z that a flight has computed: the two entries of a pair round with each other's
     size."""
+    pairs, _, _, matrix = flight
     total = 0.0
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
@@ -106,19 +93,19 @@ def rounding_level(pairs, matrix, rows, c, z):
 
 
 @part
-def gauge(gap, rate_rows, acceleration, side, bound, c, z):
+def gauge(contacts, c, z):
     """(d, d', d'', contact tolerance) of contact c at the state z."""
     w = 0.0
     slope = 0.0
     bend = 0.0
-    size = abs(bound[c])
+    size = abs(contacts.bound[c])
     for r in range(z.shape[0]):
-        part = gap[c, r] * z[r]
+        part = contacts.gap[c, r] * z[r]
         w += part
         size += abs(part)
-        slope += rate_rows[c, r] * z[r]
-        bend += acceleration[c, r] * z[r]
-    return side[c] * (bound[c] - w), -side[c] * slope, -side[c] * bend, CONTACT_TOLERANCE * size
+        slope += contacts.rate[c, r] * z[r]
+        bend += contacts.acceleration[c, r] * z[r]
+    return contacts.side[c] * (contacts.bound[c] - w), -contacts.side[c] * slope, -contacts.side[c] * bend, CONTACT_TOLERANCE * size
 
 
 @part
@@ -129,12 +116,12 @@ def quadratic_step(d, slope, bend):
 
 
 @kernel
-def polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, jerk, z, t, state):
+def polish_root(flight, contacts, c, jerk, z, t, state):
     """Zero of d along the exact flight by steps of third order, from a time near it, down to rounding."""
     last = math.inf
     for _ in range(60):
-        flow_inside(pairs, mean, delta, matrix, z, t, state)
-        d, slope, bend, _ = gauge(gap, rate_rows, acceleration, side, bound, c, state)
+        flow_inside(flight, z, t, state)
+        d, slope, bend, _ = gauge(contacts, c, state)
         if slope >= 0.0:
             break
         step = quadratic_step(d, slope, bend)
@@ -147,10 +134,7 @@ def polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
 
 
 @kernel
-def resolve_turn(
-    pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, curvature, jerk,
-    z, t, slope, bend, tolerance, fresh, state,
-):  # fmt: skip
+def resolve_turn(flight, contacts, c, curvature, jerk, z, t, slope, bend, tolerance, fresh, state):
     """What a certified turning point after time t is: (HIT or TOUCH, its time) or (NONE, step from t without either). `fresh`: as in
     `judge`."""
     turn = t
@@ -161,8 +145,8 @@ def resolve_turn(
         turn = min(max(turn + change, t), last)
         if count > 0 and 0.5 * bend * change * change <= 1e-3 * tolerance:
             break
-        flow_inside(pairs, mean, delta, matrix, z, turn, state)
-        d, slope, bend, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, state)
+        flow_inside(flight, z, turn, state)
+        d, slope, bend, tolerance = gauge(contacts, c, state)
     least = d - 0.5 * slope * slope / bend
     if least > tolerance or (fresh and least >= -tolerance):
         ahead = free_step(max(least, 0.0), 0.0, curvature)
@@ -172,7 +156,7 @@ def resolve_turn(
     if least >= -tolerance:
         return TOUCH, max(turn, t)
     start = max(turn - math.sqrt(-2.0 * least / bend), t)
-    return HIT, polish_root(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, jerk, z, start, state)
+    return HIT, polish_root(flight, contacts, c, jerk, z, start, state)
 
 
 @kernel
@@ -217,22 +201,19 @@ def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
 
 
 @kernel
-def start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z):
+def start_contact(flight, contacts, leaving, z):
     """(status, contact the flight leaves): OUTSIDE with the contact passed, else NONE with `leaving` or a contact that z is
     on."""
-    for c in range(side.shape[0]):
+    for c in range(contacts.side.shape[0]):
         if c == leaving:
             continue
-        d = side[c] * (bound[c] - dot(gap, c, z))
-        tolerance = contact_level(gap, bound, c, z)
+        d = contacts.side[c] * (contacts.bound[c] - dot(contacts.gap, c, z))
+        tolerance = contact_level(contacts, c, z)
         if not d >= -tolerance:
             return OUTSIDE, c
-        if (
-            leaving < 0
-            and d <= tolerance
-            and -side[c] * dot(rate_rows, c, z) >= -rounding_level(pairs, matrix, rate_rows, c, z)
-        ):
-            leaving = c
+        if leaving < 0 and d <= tolerance:
+            if -contacts.side[c] * dot(contacts.rate, c, z) >= -rounding_level(flight, contacts.rate, c, z):
+                leaving = c
     return NONE, leaving
 
 
@@ -246,19 +227,19 @@ def same_row(rows, a, b):
 
 
 @kernel
-def parting(pairs, mean, delta, matrix, acceleration, side, c, z, window, other):
+def parting(flight, contacts, c, z, window, other):
     """Time over which a contact whose distance, rate and acceleration are 0 to rounding parts for certain, the third derivative of its
     distance staying above 0; 0 where that is not."""
-    block_product(pairs, matrix, z, other)
-    third = -side[c] * dot(acceleration, c, other)
-    if third <= rounding_level(pairs, matrix, acceleration, c, other):
+    block_product(flight.pairs, flight.matrix, z, other)
+    third = -contacts.side[c] * dot(contacts.acceleration, c, other)
+    if third <= rounding_level(flight, contacts.acceleration, c, other):
         return 0.0
-    _, fourth, _ = amplitudes(pairs, mean, delta, matrix, acceleration, c, z, window)
+    _, fourth, _ = amplitudes(flight, contacts.acceleration, c, z, window)
     return third / fourth if fourth > 0.0 else window
 
 
 @kernel
-def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, leaving, z, horizon, work):
+def next_impact(flight, contacts, leaving, z, horizon, work):
     """The first hit or touch of the flight from z within 0 <= t <= horizon.
 
     `leaving` is the contact that the flight starts on (-1: none is told), whose distance there is taken to be 0 exactly, and whose rate
@@ -279,10 +260,10 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
     released = leaving < -1
     if released:
         leaving = -2 - leaving
-    status, leaving = start_contact(pairs, matrix, gap, rate_rows, side, bound, leaving, z)
+    status, leaving = start_contact(flight, contacts, leaving, z)
     if status != NONE:
         return status, leaving, 0.0
-    steady, growth = growth_rate(pairs, mean, delta, matrix)
+    steady, growth = growth_rate(flight)
     near = leaving >= 0
     fresh = int64(-1)  # bits of the contacts that have been within the tolerance since the start
     reach = -1.0
@@ -302,33 +283,31 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
             window = min(window, 1.0 / growth)
         step = min(window, horizon - t)
         known = -1
-        for c in range(side.shape[0]):
+        for c in range(contacts.side.shape[0]):
             if c == found:
                 continue
             if renew:
-                if c > 0 and known == c - 1 and same_row(gap, c - 1, c):
+                if c > 0 and known == c - 1 and same_row(contacts.gap, c - 1, c):
                     second = last_second
                     jerk[c] = jerk[c - 1]
                 else:
-                    level, second, jerk[c] = amplitudes(
-                        pairs, mean, delta, matrix, gap, c, state, min(window, 2.0 * (horizon - t))
-                    )
+                    level, second, jerk[c] = amplitudes(flight, contacts.gap, c, state, min(window, 2.0 * (horizon - t)))
                     last_second = second
                 known = c
                 curvature[c] = second
-                if level < side[c] * bound[c]:
+                if level < contacts.side[c] * contacts.bound[c]:
                     curvature[c] = -1.0  # w cannot reach the bound
             if curvature[c] < 0.0:
                 continue
-            d, slope, bend, tolerance = gauge(gap, rate_rows, acceleration, side, bound, c, state)
+            d, slope, bend, tolerance = gauge(contacts, c, state)
             if c == leaving and near:
                 near_jerk = max(near_jerk, jerk[c])
                 if count == 0:
                     force = -math.inf
                     still = 0.0
                     if not (told and slope > 0.0):
-                        force = rounding_level(pairs, matrix, acceleration, c, z)
-                        still = rounding_level(pairs, matrix, rate_rows, c, z)
+                        force = rounding_level(flight, contacts.acceleration, c, z)
+                        still = rounding_level(flight, contacts.rate, c, z)
                     if released:
                         force *= RELEASED
                         still *= RELEASED
@@ -337,7 +316,7 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                     ahead = 0.0
                     if slope <= (0.0 if told else still) and bend <= force:
                         if bend >= -force:
-                            ahead = parting(pairs, mean, delta, matrix, acceleration, side, c, z, window, other)
+                            ahead = parting(flight, contacts, c, z, window, other)
                         if ahead == 0.0:
                             if curvature[c] > force:
                                 return PRESSED, c, 0.0
@@ -352,12 +331,12 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                     near = False
                 else:
                     if reach < 0.0:
-                        reach = series(pairs, matrix, gap, side, c, z, coefficients, state, other)
+                        reach = series(flight, contacts, c, z, coefficients, state, other)
                         if parts:
                             coefficients[1] = 0.0
                             coefficients[2] = 0.0
-                        flow_state(pairs, mean, delta, matrix, z, t, state)
-                    near = reach * t <= SERIES_REACH
+                        flow_state(flight, z, t, state)
+                    near = reach * t <= NEAR_REACH
             if d > tolerance:
                 fresh &= ~(int64(1) << c)
             if c == leaving and near:
@@ -369,14 +348,11 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
                 if status == HIT or (status == CROSSED and slope < 0.0):
                     status = HIT
                     start = max(t + value, 0.0)
-                    value = polish_root(
-                        pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, jerk[c], z, start, other
-                    )
+                    value = polish_root(flight, contacts, c, jerk[c], z, start, other)
                 elif status == TURN:
                     status, value = resolve_turn(
-                        pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, bound, c, curvature[c], jerk[c], z, t,
-                        slope, bend, tolerance, new, other
-                    )  # fmt: skip
+                        flight, contacts, c, curvature[c], jerk[c], z, t, slope, bend, tolerance, new, other
+                    )
                 elif status == TOUCH:
                     value = t
                 elif status == CROSSED:
@@ -391,5 +367,21 @@ def next_impact(pairs, mean, delta, matrix, gap, rate_rows, acceleration, side, 
         if t + step >= horizon:
             return kind, found, horizon
         t += step
-        flow_inside(pairs, mean, delta, matrix, z, t, state)
+        flow_inside(flight, z, t, state)
     return EXHAUSTED, -1, t
+
+
+@kernel
+def next_hit(flight, contacts, leaving, z, horizon, work, state):
+    """`next_impact` after all touches before it, with z (N,) moved to the last of them. Returns (status, contact, time from the given z).
+    `state` (N,) is scratch."""
+    elapsed = 0.0
+    while True:
+        status, contact, time = next_impact(flight, contacts, leaving, z, horizon - elapsed, work)
+        elapsed += time
+        if status != TOUCH:
+            return status, contact, elapsed
+        flow_state(flight, z, time, state)
+        for r in range(z.shape[0]):
+            z[r] = state[r]
+        leaving = int64(contact)

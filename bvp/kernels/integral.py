@@ -1,4 +1,4 @@
-"""Exact integrals of products along a flight: sum over R meters of weight (a . z(s)) (b . z(s)), integrated over 0 <= s <= t.
+"""Exact integrals of products along a flight: sum over R products of weight (a . z(s)) (b . z(s)), integrated over 0 <= s <= t.
 
 Where every block that takes part turns or decays at rates that differ - pairs that oscillate, pairs whose two real rates are apart, single
 rates, loads that are constant - a . z is a sum of exponentials, and the integral of each product is
@@ -15,11 +15,10 @@ import math
 
 import numpy as np
 
-from bvp.kernels.bounds import dot, fastest_rate
+from bvp.kernels.arrays import dot
+from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import allocating, kernel
 from bvp.kernels.flight import block_product, flow_matrix, flow_state
-
-__all__ = ["ROWS", "integrals", "integral_work"]
 
 TERMS = 19
 """Taylor terms on a stretch with a rate times time of 1 at most: truncation below 1e-17."""
@@ -41,9 +40,9 @@ of it is the digits that a product can lose."""
 ROWS = 8
 
 
-def integral_work(size, meters):
+def integral_work(size, products):
     """Scratch array of `integrals` for N = `size` states."""
-    return np.zeros((ROWS + 2 * meters, max(2 * size, TERMS + 1)))
+    return np.zeros((ROWS + 2 * products, max(2 * size, TERMS + 1)))
 
 
 @kernel
@@ -65,9 +64,10 @@ def mean_exponential(real, imaginary, end_real, end_imaginary, t):
 
 
 @kernel
-def rates(pairs, mean, delta, matrix, t, work):
+def rates(flight, t, work):
     """Rates of the two exponentials of each block and their values at t, into rows 0-3 of work (real, imaginary, value); larger blocks
     have none."""
+    pairs, mean, delta, matrix = flight
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
@@ -95,9 +95,10 @@ def rates(pairs, mean, delta, matrix, t, work):
 
 
 @kernel
-def weights(pairs, mean, delta, matrix, rows, c, z, t, work, at):
+def weights(flight, rows, c, z, t, work, at):
     """Complex weights of the exponentials in rows[c] . z(s), into rows at and at + 1 of work; False where they would cancel or do not
     exist."""
+    pairs, mean, delta, matrix = flight
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
@@ -171,8 +172,9 @@ def terms_of(x):
 
 
 @kernel
-def series_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, fastest, stretches, work, out):
+def series_integrals(flight, first, second, weight, z, t, fastest, stretches, work, out):
     """out += the integrals, stretch by stretch, by Taylor series."""
+    pairs, _, _, matrix = flight
     size = z.shape[0]
     h = t / stretches
     state = work[4, :size]
@@ -202,14 +204,15 @@ def series_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, fa
                 total += part * RECIPROCAL[order - 1]
             out[c] += weight[c] * (total + work[a, 0] * work[a + 1, 0]) * h
         if stretch + 1 < stretches:
-            flow_state(pairs, mean, delta, matrix, state, h, other)
+            flow_state(flight, state, h, other)
             for r in range(size):
                 state[r] = other[r]
 
 
 @allocating
-def doubled_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, fastest, out):
+def doubled_integrals(flight, first, second, weight, z, t, fastest, out):
     """out += the integrals, by doubling."""
+    matrix = flight.matrix
     size = z.shape[0]
     doublings = 0
     h = t
@@ -243,7 +246,7 @@ def doubled_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, f
                 half[r, q] = entry * h
         span = h
         for _ in range(doublings):
-            flow_matrix(pairs, mean, delta, matrix, span, flow)
+            flow_matrix(flight, span, flow)
             for r in range(size):
                 for q in range(size):
                     entry = 0.0
@@ -266,33 +269,34 @@ def doubled_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, f
 
 
 @kernel
-def integrals(pairs, mean, delta, matrix, first, second, weight, z, t, work, out):
+def integrals(flight, first, second, weight, z, t, work, out):
     """out (R,) = weight times the integral of (first . z(s)) (second . z(s)) over 0 <= s <= t. `work` comes from `integral_work`."""
-    meters = first.shape[0]
-    for c in range(meters):
+    pairs = flight.pairs
+    products = first.shape[0]
+    for c in range(products):
         out[c] = 0.0
-    if meters == 0 or t == 0.0:
+    if products == 0 or t == 0.0:
         return
     apart = True
-    for c in range(meters):
+    for c in range(products):
         at = ROWS
-        apart = weights(pairs, mean, delta, matrix, second, c, z, t, work, 4)
+        apart = weights(flight, second, c, z, t, work, 4)
         if apart:
-            apart = weights(pairs, mean, delta, matrix, first, c, z, t, work, at)
+            apart = weights(flight, first, c, z, t, work, at)
         if not apart:
             break
         if c == 0:
-            rates(pairs, mean, delta, matrix, t, work)
+            rates(flight, t, work)
         same = True
         for k in range(2 * pairs.shape[0]):
             same = same and work[4, k] == work[at, k] and work[5, k] == work[at + 1, k]
         out[c] = weight[c] * product_integral(2 * pairs.shape[0], work, 4, 4 if same else at, t)
     if apart:
         return
-    for c in range(meters):
+    for c in range(products):
         out[c] = 0.0
-    fastest = fastest_rate(pairs, matrix)
+    fastest = fastest_rate(flight)
     if fastest * t <= STRETCHES:
-        series_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, fastest, int(fastest * t) + 1, work, out)
+        series_integrals(flight, first, second, weight, z, t, fastest, int(fastest * t) + 1, work, out)
     else:
-        doubled_integrals(pairs, mean, delta, matrix, first, second, weight, z, t, fastest, out)
+        doubled_integrals(flight, first, second, weight, z, t, fastest, out)

@@ -7,7 +7,7 @@ the velocities (rest), or the velocity along the stop at an impact (stop). An in
         agree with each other, so that the starts between stay in a tube about the flight of the middle, of width |z'| times theirs;
     no turning point inside the tube reaches a stop, or the one that could moves monotonically and reaches it only at an end;
     no impact's speed reaches zero, or it does so monotonically at an end;
-    each passage of the tube by zero is one where the Jacobian of (start, time) varies by less than itself: there is one orbit at most,
+    each crossing of the tube by zero is one where the Jacobian of (start, time) varies by less than itself: there is one orbit at most,
         and Newton's method finds it.
 
 An interval that cannot be closed is split, and its halves begin with the flight that was open. Where the word of impacts changes, the
@@ -21,12 +21,9 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import allocating, kernel, part
+from bvp.kernels.end_crossings import refine_zero
 from bvp.kernels.follow import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow, nearest_turns
-from bvp.kernels.passages import refine_zero
-from bvp.kernels.places import place, unplace
 from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, GRAZED, JUMP, SPLIT, flight_verdict, touching
-
-__all__ = ["CANDIDATES", "COUNTS", "OPENINGS", "STATE", "begin_interval", "scan_interval"]
 
 COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget")
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
@@ -207,7 +204,7 @@ def scan_interval(flow, times, impacts, longest, most, records, levels, stack, c
     """Scan on in an interval of starts, until about as many flights are followed as `passes` says.
 
     times, impacts (3,): see `flight_verdict`. records (3 D + 3, K + 2, COLUMNS), levels (3 D + 3,), stack (2 D, 10): room for D halvings.
-    candidates (C, 8): kind, inner impacts, theta, time in the last flight, miss, converged, low and high end of the interval.
+    candidates (C, 8): kind, inner impacts, theta, time in the last flight, residual, converged, low and high end of the interval.
     openings (O, 4): theta, width, flight and reason of what stays open, GRAZED where that is as narrow as rounding about a grazing.
     counts (7,): see COUNTS, added to. state (STATE,): see there; more candidates or openings than their room say that there was too little
     of it. Returns whether the interval is done."""
@@ -349,3 +346,32 @@ def scan_interval(flow, times, impacts, longest, most, records, levels, stack, c
     state[CANDIDATES] = candidate
     state[OPENINGS] = opening
     return top == 0
+
+
+@kernel
+def place(low, high, kind, x):
+    """Parameter of the start at x in [0, 1], and its derivative. kind: 0 linear, 1 quadratic at the low end, 2 at the high end, 3 both."""
+    span = high - low
+    if kind == 0:
+        return low + span * x, span
+    if kind == 1:
+        return low + span * x * x, 2.0 * span * x
+    if kind == 2:
+        return high - span * (1.0 - x) * (1.0 - x), 2.0 * span * (1.0 - x)
+    s = math.sin(0.5 * math.pi * x)
+    return low + span * s * s, 0.5 * math.pi * span * math.sin(math.pi * x)
+
+
+@kernel
+def unplace(low, high, kind, theta):
+    """x of a parameter, the inverse of `place`."""
+    part = (theta - low) / (high - low)
+    if kind == 0:
+        return part
+    if kind == 1:
+        return math.sqrt(max(part, 0.0))
+    if kind == 2:
+        return 1.0 - math.sqrt(max((high - theta) / (high - low), 0.0))
+    if part < 0.5:
+        return 2.0 / math.pi * math.asin(math.sqrt(max(part, 0.0)))
+    return 1.0 - 2.0 / math.pi * math.asin(math.sqrt(max((high - theta) / (high - low), 0.0)))

@@ -2,32 +2,17 @@
 
 import math
 
+from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import kernel
+from bvp.kernels.contact_mode import begin_anew, flight_of, times_matrix
+from bvp.kernels.energy_budget import damped
+from bvp.kernels.extrema import peak_flight
 from bvp.kernels.flight import flight_at, flow_state
-from bvp.kernels.ledger import damped
-from bvp.kernels.motion import NEW_PHASE, PAUSED, REACHED, move
-from bvp.kernels.peaks import peak_flight
-from bvp.kernels.phase import (
-    CLEAR,
-    CLEAR_TIME,
-    HELD_TIME,
-    IMPACTS,
-    INITIAL,
-    LAST_IMPACT,
-    MARK,
-    PHASE,
-    RUNNING,
-    TIME,
-    TOUCHES,
-    begin_anew,
-    times_matrix,
-)  # fmt: skip
-
-__all__ = ["many", "raise_peaks", "sample", "spent", "states_after"]
+from bvp.kernels.motion import NEW_MODE, PAUSED, REACHED, move
 
 
 @kernel
-def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, peaks, log, scratch, summary, modal):
+def many(modes, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, peaks, log, scratch, summary, modal):
     """Motions from starts (B, 2 n), the `first`-th and on, without a record of events; starts become final states, modal (B, 2 n) their
     modal coordinates.
 
@@ -35,47 +20,47 @@ def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, 
     from (NaN: not proven), time held, initial energy (given), 0, sums, each mark's time (NaN: not reached) and
     sums, peaks where they are wanted.
 
-    Returns (reason, start): NEW_PHASE at the start that wants one more phase - add it and call again from there; PAUSED where
+    Returns (reason, start): NEW_MODE at the start that wants one more contact mode - add it and call again from there; PAUSED where
     counts[PASSES] are used up, of which counts[RUNNING] tells the next call to go on; or REACHED and B.
     """
-    width = 2 * phases.shape[0]
+    width = 2 * modes.shape[0]
     parts = sums.shape[0]
     for b in range(first, starts.shape[0]):
-        if counts[RUNNING] == 0:
+        if counts[entry.RUNNING] == 0:
             begin_anew(counts, clock, turns, sums)
             for k in range(width):
                 x[k] = starts[b, k]
-            clock[INITIAL] = summary[b, 7]
+            clock[entry.INITIAL] = summary[b, 7]
             for q in range(fractions.shape[0]):
                 marks[q, 0] = fractions[q]
-            if not clock[INITIAL] > 0.0:
-                counts[MARK] = fractions.shape[0]
+            if not clock[entry.INITIAL] > 0.0:
+                counts[entry.MARK] = fractions.shape[0]
             for k in range(peaks.shape[0]):
                 peaks[k] = 0.0
-        counts[RUNNING] = 0
+        counts[entry.RUNNING] = 0
         status = move(
-            phases, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch
+            modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch
         )
         if status == PAUSED:
-            counts[RUNNING] = 1
-        if status == NEW_PHASE or status == PAUSED:
+            counts[entry.RUNNING] = 1
+        if status == NEW_MODE or status == PAUSED:
             return status, b
         row = summary[b]
         row[0] = status
-        row[1] = duration if status == REACHED else clock[TIME]
-        row[2] = counts[IMPACTS]
-        row[3] = counts[TOUCHES]
-        row[4] = clock[LAST_IMPACT] if counts[IMPACTS] > 0 else math.nan
-        row[5] = clock[CLEAR_TIME] if counts[CLEAR] > 0 else math.nan
-        row[6] = clock[HELD_TIME]
-        times_matrix(phases.leave[counts[PHASE]], z, x)
+        row[1] = duration if status == REACHED else clock[entry.TIME]
+        row[2] = counts[entry.IMPACTS]
+        row[3] = counts[entry.TOUCHES]
+        row[4] = clock[entry.LAST_IMPACT] if counts[entry.IMPACTS] > 0 else math.nan
+        row[5] = clock[entry.CLEAR_TIME] if counts[entry.CLEAR] > 0 else math.nan
+        row[6] = clock[entry.HELD_TIME]
+        times_matrix(modes.leave[counts[entry.MODE]], z, x)
         for k in range(width):
             starts[b, k] = x[k]
-        times_matrix(phases.to_modes[counts[PHASE]], z, modal[b])
+        times_matrix(modes.to_modes[counts[entry.MODE]], z, modal[b])
         for k in range(parts):
             row[9 + k] = sums[k, 0] + sums[k, 1]
         at = 9 + parts
-        reached = counts[MARK] if clock[INITIAL] > 0.0 else 0
+        reached = counts[entry.MARK] if clock[entry.INITIAL] > 0.0 else 0
         for q in range(fractions.shape[0]):
             for k in range(1 + parts):
                 row[at + k] = marks[q, 1 + k] if q < reached else math.nan
@@ -86,44 +71,43 @@ def many(phases, starts, duration, most, first, fractions, z, x, counts, clock, 
 
 
 @kernel
-def states_after(phases, numbers, states, out):
+def states_after(modes, numbers, states, out):
     """out[k] = (u, v) with which the k-th flight begins, of flights as in `sample`."""
     for k in range(states.shape[0]):
-        times_matrix(phases.leave[numbers[k, 2]], states[k], out[k])
+        times_matrix(modes.leave[numbers[k, 2]], states[k], out[k])
 
 
 @kernel
-def sample(phases, begins, numbers, states, times, z, out):
-    """out[i] = (u, v) at times[i] of flights that begin at begins (ascending) in the phases numbers[:, 2] with the given states; the last
+def sample(modes, begins, numbers, states, times, z, out):
+    """out[i] = (u, v) at times[i] of flights that begin at begins (ascending) in the modes numbers[:, 2] with the given states; the last
     begin counts. z (N,) is scratch."""
     for i in range(times.shape[0]):
         k = flight_at(begins, times[i])
         f = numbers[k, 2]
-        flow_state(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f], states[k], times[i] - begins[k], z)
-        times_matrix(phases.leave[f], z, out[i])
+        flow_state(flight_of(modes, f), states[k], times[i] - begins[k], z)
+        times_matrix(modes.leave[f], z, out[i])
 
 
 @kernel
-def spent(phases, begins, numbers, states, sums, times, work, integral, out):
+def spent(modes, begins, numbers, states, sums, times, work, integral, out):
     """out[i] = the sums at times[i], of flights as in `sample` that begin with the given sums."""
     for i in range(times.shape[0]):
         k = flight_at(begins, times[i])
         f = numbers[k, 2]
-        damped(phases, f, states[k], times[i] - begins[k], work, integral)
+        damped(modes, f, states[k], times[i] - begins[k], work, integral)
         for p in range(out.shape[1]):
             out[i, p] = sums[k, p]
-        for r in range(phases.part.shape[0]):
-            out[i, phases.part[r]] += integral[r]
+        for r in range(modes.part.shape[0]):
+            out[i, modes.part[r]] += integral[r]
 
 
 @kernel
-def raise_peaks(phases, begins, numbers, states, end, scratch, edge, work, peaks):
+def raise_peaks(modes, begins, numbers, states, end, scratch, edge, work, peaks):
     """peaks (n,): the larger of themselves and |u| over flights as in `sample`, the last of which ends at `end`; scratch, edge, work and
     what is returned are those of `peak_flight`."""
     for k in range(begins.shape[0]):
         f = numbers[k, 2]
         flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]
-        blocks = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
-        if not peak_flight(*blocks, phases.leave[f], states[k], flight, peaks, scratch, edge, work):
+        if not peak_flight(flight_of(modes, f), modes.leave[f], states[k], flight, peaks, scratch, edge, work):
             return False
     return True

@@ -15,12 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.arrays import set_2
-from bvp.kernels.compiled import inlined, part, sized
-from bvp.kernels.flight import block_product, flow_matrix
-from bvp.kernels.restitution import strike, strike_columns
+from bvp.kernels.compiled import inlined, kernel, part, sized
+from bvp.kernels.flight import block_product, flow_matrix, flow_state
+from bvp.kernels.restitution import land, strike
 from bvp.kernels.segment import start_state
-
-__all__ = ["Factor", "evaluate", "fill", "make_factor"]
 
 
 class Factor(NamedTuple):
@@ -39,7 +37,7 @@ class Factor(NamedTuple):
 
 def make_factor(segment):
     """Work space for `segment`."""
-    size = segment.matrix.shape[1]
+    size = segment.flight.matrix.shape[1]
     k = int(segment.shape[0])
     start = segment.start_map.shape[1] + 1
     closers = size + 1 if segment.shape[1] else segment.end_map.shape[0]
@@ -69,7 +67,7 @@ def sized_factor(factor):
 @inlined
 def evaluate(segment, y, before, flights, z, residual):
     """Residual of the problem at y, and for each flight the state at its end and exp(B t)."""
-    size = segment.matrix.shape[1]
+    size = segment.flight.matrix.shape[1]
     k = segment.shape[0]
     s = segment.start_map.shape[1]
     start_state(segment.start_map, segment.start_offset, y, z)
@@ -78,8 +76,8 @@ def evaluate(segment, y, before, flights, z, residual):
         if i > 0:
             z = y[at : at + size]
             at += size
-        flow_matrix(segment.pairs, segment.mean, segment.delta, segment.matrix, y[at], flights[i])
-        block_product(segment.pairs, flights[i], z, before[i])
+        flow_matrix(segment.flight, y[at], flights[i])
+        block_product(segment.flight.pairs, flights[i], z, before[i])
         at += 1
         row = i * (size + 1)
         if i < k or segment.shape[1] == 1:
@@ -106,21 +104,19 @@ def evaluate(segment, y, before, flights, z, residual):
 
 @part
 def jacobian_blocks(segment, i, factor, landing, push_rate):
-    """landing = R exp(B t_i) (dense), push_rate = R B z(t_i): what an impact makes of a node's and a flight time's change."""
-    size = segment.matrix.shape[1]
+    """landing = J (dense) and push_rate = F of flight i (see `bvp.kernels.restitution`)."""
+    size = segment.flight.matrix.shape[1]
     for r in range(size):
         for c in range(size):
             landing[r, c] = factor.flights[i, r, c]
-    block_product(segment.pairs, segment.matrix, factor.before[i], push_rate)
-    if i < segment.shape[0] or segment.shape[1] == 1:
-        strike(segment.gap_rate, segment.push, i, segment.jump[i], push_rate, push_rate)
-        strike_columns(segment.gap_rate, segment.push, i, segment.jump[i], landing)
+    jump = segment.jump[i] if i < segment.shape[0] or segment.shape[1] == 1 else 0.0
+    land(segment.flight, segment.gap_rate, segment.push, i, jump, factor.before[i], landing, push_rate)
 
 
 @part
 def fill(segment, y, factor):
     """Write the scaled transpose of the Jacobian at y into the factor arrays (before: `evaluate` at y)."""
-    size = segment.matrix.shape[1]
+    size = segment.flight.matrix.shape[1]
     rows = size + 1
     k = segment.shape[0]
     s = segment.start_map.shape[1]
@@ -190,3 +186,14 @@ def fill(segment, y, factor):
                         total += segment.end_map[e, b] * along[b]
                     column[at + states] += total * scale[at + states]
         at = after
+
+
+@kernel
+def nodes_by_flight(segment, start, times, before, nodes):
+    """States after each inner impact into `nodes` (k, N), from the start state (N,) over flight times of which the first k count; `before`
+    (N,) is scratch."""
+    for r in range(start.shape[0]):
+        before[r] = start[r]
+    for i in range(nodes.shape[0]):
+        flow_state(segment.flight, before if i == 0 else nodes[i - 1], times[i], nodes[i])
+        strike(segment.gap_rate, segment.push, i, segment.jump[i], nodes[i], nodes[i])

@@ -7,8 +7,6 @@ from bvp.kernels.elimination import apply_reflectors, eliminate, forward
 from bvp.kernels.multipoint import evaluate, fill
 from bvp.kernels.segment import start_state
 
-__all__ = ["conditioning", "correct", "factorise", "null_vector", "set_scale", "solve"]
-
 RESIDUAL_ROUNDING = 2e-15
 """Scaled residual that is nothing but rounding: 9 eps, for states at the ends of flights of size 1."""
 
@@ -16,7 +14,7 @@ RESIDUAL_ROUNDING = 2e-15
 @inlined
 def set_scale(segment, y, factor):
     """Scale of the unknowns: largest displacement, largest velocity (both in modal units) and longest flight."""
-    size = segment.matrix.shape[1]
+    size = segment.flight.matrix.shape[1]
     half = size // 2
     k = segment.shape[0]
     s = segment.start_map.shape[1]
@@ -75,7 +73,7 @@ def factorise(segment, y, factor, displacement, velocity):
     of: where a mode goes by itself it is that mode's cosine alone, and a pivot relative to that would jump from -1 to 1 where the cosine
     is zero."""
     fill(segment, y, factor)
-    size = segment.matrix.shape[1]
+    size = segment.flight.matrix.shape[1]
     rows = size + 1
     k = segment.shape[0]
     start = segment.start_map.shape[1] + 1
@@ -111,7 +109,7 @@ def factorise(segment, y, factor, displacement, velocity):
 @inlined
 def solve(segment, factor, right, out):
     """Least-norm solution (in scaled unknowns) of J out = right; `right` is overwritten."""
-    rows = segment.matrix.shape[1] + 1
+    rows = segment.flight.matrix.shape[1] + 1
     k = segment.shape[0]
     unknowns = factor.scale.shape[0]
     forward(k, rows, factor.window, factor.closing, factor.diagonal, right)
@@ -127,7 +125,7 @@ def solve(segment, factor, right, out):
 def conditioning(segment, factor, right):
     """Size of the smallest singular value of the last factorised Jacobian, its equations scaled to length 1: from the growth of two right
     sides of unit entries with irregular signs. `right` is overwritten."""
-    rows = segment.matrix.shape[1] + 1
+    rows = segment.flight.matrix.shape[1] + 1
     norms = factor.work[1]
     largest = 0.0
     for pattern in range(2):
@@ -144,7 +142,7 @@ def conditioning(segment, factor, right):
 def null_vector(segment, factor, out):
     """Null vector of the last factorised Jacobian, unit length in the scaled unknowns; returned: its entry before unscaling
     is +1 along the last reflected axis, so its orientation is the one that the determinant's sign refers to."""
-    rows = segment.matrix.shape[1] + 1
+    rows = segment.flight.matrix.shape[1] + 1
     unknowns = factor.scale.shape[0]
     out[:unknowns] = 0.0
     out[unknowns - 1] = 1.0
@@ -158,7 +156,7 @@ def null_vector(segment, factor, out):
 @part
 def scaled_residual(segment, residual, displacement, velocity):
     """Largest residual, displacements and velocities each by their own scale."""
-    size = segment.matrix.shape[1]
+    size = segment.flight.matrix.shape[1]
     half = size // 2
     rows = size + 1
     k = segment.shape[0]
@@ -193,7 +191,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     z = factor.work[2]
     update = factor.work[3]
     null = factor.work[4]
-    size = segment.matrix.shape[1]
+    size = segment.flight.matrix.shape[1]
     held = False
     for j in range(unknowns):
         if row[j] != 0.0:

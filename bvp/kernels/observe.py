@@ -4,32 +4,11 @@ import math
 
 from numba import int64
 
+from bvp.kernels import segment as entry
 from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import kernel, part, sized
 from bvp.kernels.extrema import Observed, clearance, sign_changes
-from bvp.kernels.result import (
-    ABSORBER_END,
-    ABSORBER_START,
-    CLEARANCE,
-    CLEARANCE_FLIGHT,
-    CLEARANCE_SIDE,
-    CLEARANCE_STOP,
-    CLEARANCE_TIME,
-    FIRST_QUARTER,
-    FLIGHT,
-    FLIGHT_INDEX,
-    GAVE_UP,
-    IN_PHASE,
-    SECOND_QUARTER,
-    SPEED,
-    SPEED_NODE,
-    SPEEDS,
-    WAVES_ABSORBER,
-    WAVES_PRIMARY,
-)
 from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP, sized_rows, start_state, total_time, unpack
-
-__all__ = ["orbit_observe", "planar_orbit_observe"]
 
 
 @kernel
@@ -57,26 +36,26 @@ def bends(segment, observed, stop, i, end):
 def turns_of(segment, observed, coordinate, z, duration, sign, scratch, result):
     """`sign_changes` of one observed velocity along a flight; a search that gives up is noted in `result`."""
     found, last = sign_changes(
-        segment.pairs, segment.mean, segment.delta, segment.matrix, observed.velocity[coordinate],
+        segment.flight, observed.velocity[coordinate],
         observed.velocity_rate[coordinate], observed.velocity_second[coordinate], z, duration, sign, scratch,
     )  # fmt: skip
     if found < 0:
-        result[GAVE_UP] = 1.0
+        result[entry.GAVE_UP] = 1.0
     return found, last
 
 
 @part
 def observe(segment, observed, y, ends, work, result):
     """Admissibility, impact speeds, flight times and half-waves of the orbit at y (`ends`: states at the end of each flight)."""
-    size = segment.matrix.shape[1]
+    size = segment.flight.matrix.shape[1]
     k = segment.shape[0]
     s = segment.start_map.shape[1]
     start = work[0, :size]
     scratch = work[1, :size]
     start_state(segment.start_map, segment.start_offset, y, start)
     best = math.inf
-    set_1(result[CLEARANCE_FLIGHT : CLEARANCE_TIME + 1], 0.0)
-    result[GAVE_UP] = 0.0
+    set_1(result[entry.CLEARANCE_FLIGHT : entry.CLEARANCE_TIME + 1], 0.0)
+    result[entry.GAVE_UP] = 0.0
     slowest = math.inf
     slowest_node = -1
     shortest = math.inf
@@ -85,7 +64,7 @@ def observe(segment, observed, y, ends, work, result):
     changes_primary = 0
     sign_absorber = int64(0)
     sign_primary = int64(0)
-    total = total_time(segment.matrix, segment.start_map, segment.shape, y)
+    total = total_time(segment.flight.matrix, segment.start_map, segment.shape, y)
     middle = 0.5 * total if segment.shape[2] == 2 else total
     elapsed = 0.0
     early = 0
@@ -121,11 +100,9 @@ def observe(segment, observed, y, ends, work, result):
                 slowest_node = i
         if duration > 0.0:
             for stop in range(observed.gap.shape[0]):
-                distance, side, time = clearance(
-                    segment.pairs, segment.mean, segment.delta, segment.matrix, observed, stop, z, duration, scratch
-                )
+                distance, side, time = clearance(segment.flight, observed, stop, z, duration, work[1:3])
                 if math.isnan(distance):
-                    result[GAVE_UP] = 1.0
+                    result[entry.GAVE_UP] = 1.0
                 for end in range(2):
                     resting = (end == 0 and i == 0 and segment.shape[3] == REST) or (
                         end == 1 and i == k and segment.shape[4] == REST
@@ -141,10 +118,10 @@ def observe(segment, observed, y, ends, work, result):
                             time = 0.0 if end == 0 else duration
                 if distance < best:
                     best = distance
-                    result[CLEARANCE_FLIGHT] = i
-                    result[CLEARANCE_STOP] = stop
-                    result[CLEARANCE_SIDE] = side
-                    result[CLEARANCE_TIME] = time
+                    result[entry.CLEARANCE_FLIGHT] = i
+                    result[entry.CLEARANCE_STOP] = stop
+                    result[entry.CLEARANCE_SIDE] = side
+                    result[entry.CLEARANCE_TIME] = time
             if half_waves:
                 for coordinate in range(2):
                     sign = sign_absorber if coordinate == 0 else sign_primary
@@ -156,23 +133,23 @@ def observe(segment, observed, y, ends, work, result):
                         changes_primary += found
                         sign_primary = sign
         at += size + 1
-    result[CLEARANCE] = best
-    result[SPEED] = slowest
-    result[SPEED_NODE] = slowest_node
-    result[SPEEDS] = speeds
-    result[FLIGHT] = shortest
-    result[FLIGHT_INDEX] = shortest_index
+    result[entry.CLEARANCE] = best
+    result[entry.SPEED] = slowest
+    result[entry.SPEED_NODE] = slowest_node
+    result[entry.SPEEDS] = speeds
+    result[entry.FLIGHT] = shortest
+    result[entry.FLIGHT_INDEX] = shortest_index
     if segment.shape[2] == 1:
         changes_absorber = 2 * changes_absorber + 1
         changes_primary = 2 * changes_primary + 1
         early = k
-    result[WAVES_ABSORBER] = changes_absorber if half_waves else -1
-    result[WAVES_PRIMARY] = changes_primary if half_waves else -1
-    result[FIRST_QUARTER] = early
-    result[SECOND_QUARTER] = k if segment.shape[2] == 1 else k - early
-    result[ABSORBER_START] = math.nan
-    result[ABSORBER_END] = math.nan
-    result[IN_PHASE] = -1.0
+    result[entry.WAVES_ABSORBER] = changes_absorber if half_waves else -1
+    result[entry.WAVES_PRIMARY] = changes_primary if half_waves else -1
+    result[entry.FIRST_QUARTER] = early
+    result[entry.SECOND_QUARTER] = k if segment.shape[2] == 1 else k - early
+    result[entry.ABSORBER_START] = math.nan
+    result[entry.ABSORBER_END] = math.nan
+    result[entry.IN_PHASE] = -1.0
     if half_waves:
         first_absorber = 0.0
         first_primary = 0.0
@@ -184,12 +161,12 @@ def observe(segment, observed, y, ends, work, result):
             last_absorber += observed.velocity[0, r] * ends[k, r]
             last_primary += observed.velocity[1, r] * ends[k, r]
         if segment.shape[3] == ORIGIN:
-            result[ABSORBER_START] = first_absorber
-            result[IN_PHASE] = 1.0 if first_absorber * first_primary > 0.0 else 0.0
+            result[entry.ABSORBER_START] = first_absorber
+            result[entry.IN_PHASE] = 1.0 if first_absorber * first_primary > 0.0 else 0.0
         if segment.shape[4] == ORIGIN:
-            result[ABSORBER_END] = last_absorber
+            result[entry.ABSORBER_END] = last_absorber
             if not last_absorber * last_primary > 0.0:
-                result[IN_PHASE] = 0.0
+                result[entry.IN_PHASE] = 0.0
 
 
 @part
@@ -221,7 +198,7 @@ def orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, e
 
 
 @kernel
-def planar_orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
+def two_dof_orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
     """See `orbit_observe`; N = 4."""
     segment = sized_rows(unpack(pairs, rows, scalars, start_map, shape))
     observe(segment, unpack_observed(sized(observed, 4), bounds), y, sized(ends, 4), work, result)

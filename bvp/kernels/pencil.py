@@ -14,20 +14,18 @@ whose cyclic product has the nontrivial Floquet multipliers as eigenvalues: `bvp
 impact grazes; no inverse is formed.
 
 A node may also be a plain cut of a flight (no contact): it constrains nothing and its duration is fixed. The pencil is then
-rectangular there; `cuts` marks such nodes.
+rectangular there; row[i] < 0 marks such a node.
 """
 
 import math
 
-from bvp.kernels.compiled import inlined, kernel, part, sized
+from bvp.kernels.compiled import inlined, part
 from bvp.kernels.flight import block_product, flow_matrix
-from bvp.kernels.restitution import strike, strike_columns
-
-__all__ = ["complement", "landing_map", "landings", "pencil", "planar_landings", "planar_pencil"]
+from bvp.kernels.restitution import land
 
 
-@part
-def _complement(vectors, count, out, factor):
+@inlined
+def complement(vectors, count, out, factor):
     """Rows of `out` (N - count, N): orthonormal basis of the complement of the first `count` rows of `vectors` (overwritten).
     `factor` (>= count,): scratch."""
     size = vectors.shape[1]
@@ -66,33 +64,6 @@ def _complement(vectors, count, out, factor):
                     x[r] -= inner * vectors[c, r]
 
 
-@kernel
-def complement(vectors, count, out, factor):
-    """See `_complement`."""
-    _complement(vectors, count, out, factor)
-
-
-@inlined
-def planar_complement(vectors, count, out, factor):
-    """See `_complement`; N = 4."""
-    _complement(sized(vectors, 4), count, sized(out, 4), factor)
-
-
-@part
-def landing_map(pairs, mean, delta, matrix, gap_rate, push, contact, jump, duration, before, scale, landing, along):
-    """landing = R exp(B t), along = R B z(t), in states divided by `scale`; jump = 0 leaves the impact out."""
-    size = along.shape[0]
-    flow_matrix(pairs, mean, delta, matrix, duration, landing)
-    block_product(pairs, matrix, before, along)
-    if jump != 0.0:
-        strike(gap_rate, push, contact, jump, along, along)
-        strike_columns(gap_rate, push, contact, jump, landing)
-    for r in range(size):
-        along[r] /= scale[r]
-        for c in range(size):
-            landing[r, c] *= scale[c] / scale[r]
-
-
 @part
 def _constraints(gap, weights, after, scale, conservative, free, vectors):
     """Rows that a perturbation of a node is orthogonal to; returns how many."""
@@ -109,40 +80,27 @@ def _constraints(gap, weights, after, scale, conservative, free, vectors):
     return count
 
 
-@part
-def _landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
-    """maps (P, N, N) and along (P, N): J_i and F_i of the flight after each node, which lands on the next."""
-    nodes = duration.shape[0]
+@inlined
+def landings(flight, gap_rate, push, jump, before, duration, row, scale, maps, along):
+    """maps (P, N, N) and along (P, N): J_i and F_i of the flight after each node, which lands on the next, in states divided by `scale`."""
+    nodes, size = along.shape
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
-        landing_map(
-            pairs, mean, delta, matrix, gap_rate, push, contact, 0.0 if row[j] < 0 else jump[contact], duration[i],
-            before[j], scale, maps[i], along[i],
-        )  # fmt: skip
-
-
-@kernel
-def landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
-    """See `_landings`."""
-    _landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along)
+        flow_matrix(flight, duration[i], maps[i])
+        land(flight, gap_rate, push, contact, 0.0 if row[j] < 0 else jump[contact], before[j], maps[i], along[i])
+        for r in range(size):
+            along[i, r] /= scale[r]
+            for c in range(size):
+                maps[i, r, c] *= scale[c] / scale[r]
 
 
 @inlined
-def planar_landings(pairs, mean, delta, matrix, gap_rate, push, jump, before, duration, row, scale, maps, along):
-    """See `_landings`; N = 4."""
-    _landings(
-        pairs, mean, delta, sized(matrix, 4), sized(gap_rate, 4), sized(push, 4), jump, sized(before, 4), duration, row, sized(scale, 4),
-        sized(maps, 4), sized(along, 4),
-    )  # fmt: skip
-
-
-@part
-def _pencil(complement, weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor):
+def pencil(weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor):
     """Factors of the product pencil: left[i] = E_i, right[i] = A_i. The arrays are (P, N, N); factor i uses the first rows and
     columns: E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N less the constraints of a node and m_i = d_{i+1}, or for a cut
     m_i = d_{i+1} of an unconstrained node. row[i] < 0 marks a cut. maps, along: of `landings`.
-    complement: of `complement` and its like; scratch (5, max(N, 2), N), factor (2,)."""
+    scratch (5, max(N, 2), N), factor (2,)."""
     nodes, size = after.shape
     basis = scratch[0]
     following = scratch[1]
@@ -190,16 +148,76 @@ def _pencil(complement, weights, gap, conservative, after, row, scale, maps, alo
         basis, following = following, basis
 
 
-@kernel
-def pencil(weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor):
-    """See `_pencil`."""
-    _pencil(complement, weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor)
+@part
+def departure(first, last):
+    """|last - first|/|first|."""
+    length = 0.0
+    defect = 0.0
+    for r in range(first.shape[0]):
+        length += first[r] ** 2
+        defect += (last[r] - first[r]) ** 2
+    return math.sqrt(defect / length)
 
 
 @inlined
-def planar_pencil(weights, gap, after, row, scale, maps, along, left, right, scratch, factor):
-    """See `_pencil`; N = 4 and an energy is conserved."""
-    _pencil(
-        planar_complement, sized(weights, 4), sized(gap, 4), True, sized(after, 4), row, sized(scale, 4), sized(maps, 4), sized(along, 4),
-        sized(left, 4), sized(right, 4), sized(scratch, 4), factor,
-    )  # fmt: skip
+def trivial_directions(flight, weights, gap, after, row, turns, scale, maps, along, scratch):
+    """How well the product of saltation matrices, `turns` times round the given nodes, keeps the flow and the energy:
+    (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|). scratch (4, N)."""
+    nodes, size = after.shape
+    first = scratch[0]
+    flow = scratch[1]
+    work = scratch[2]
+    field = scratch[3]
+    block_product(flight.pairs, flight.matrix, after[0], first)
+    for r in range(size):
+        first[r] /= scale[r]
+        flow[r] = first[r]
+    for count in range(turns * nodes):
+        i = count % nodes
+        j = i + 1 if i + 1 < nodes else 0
+        contact = max(row[j], 0)
+        cut = row[j] < 0
+        for a in range(size):
+            total = 0.0
+            for r in range(size):
+                total += maps[i, a, r] * flow[r]
+            work[a] = total
+        if not cut:
+            block_product(flight.pairs, flight.matrix, after[j], field)
+            hit = 0.0
+            speed = 0.0
+            for r in range(size):
+                hit += gap[contact, r] * scale[r] * work[r]
+                speed += gap[contact, r] * scale[r] * along[i, r]
+            for r in range(size):
+                work[r] += (field[r] / scale[r] - along[i, r]) * hit / speed
+        for r in range(size):
+            flow[r] = work[r]
+    kept_flow = departure(first, flow)
+    for r in range(size):
+        first[r] = weights[r] * after[0, r] * scale[r]
+        flow[r] = first[r]
+    for count in range(turns * nodes - 1, -1, -1):
+        i = count % nodes
+        j = i + 1 if i + 1 < nodes else 0
+        contact = max(row[j], 0)
+        cut = row[j] < 0
+        if not cut:
+            block_product(flight.pairs, flight.matrix, after[j], field)
+            turned = 0.0
+            speed = 0.0
+            for r in range(size):
+                turned += flow[r] * (field[r] / scale[r] - along[i, r])
+                speed += gap[contact, r] * scale[r] * along[i, r]
+            for r in range(size):
+                flow[r] += turned / speed * gap[contact, r] * scale[r]
+        for c in range(size):
+            total = 0.0
+            for r in range(size):
+                total += flow[r] * maps[i, r, c]
+            work[c] = total
+        for r in range(size):
+            flow[r] = work[r]
+    return kept_flow, departure(first, flow)
+
+

@@ -1,9 +1,16 @@
-"""Newton's restitution along M^-1 c. It is linear, so it maps a perturbation as it maps a state."""
+"""An impact: Newton's restitution along M^-1 c, and how it carries a perturbation (docs/theory.md, Impact).
 
-from bvp.kernels.bounds import dot
+Restitution R is linear, so it maps a perturbation as it maps a state. But a perturbed motion arrives at another time. After the flight
+time t the state is z-, and the perturbation dz of the start has become exp(B t) dz. The arrival moves by
+
+    dt = -(g . exp(B t) dz)/(g . B z-)
+
+and the perturbation on the stop, after the impact, is J dz + F dt with J = R exp(B t) and F = R B z-.
+"""
+
+from bvp.kernels.arrays import dot
 from bvp.kernels.compiled import kernel, part
-
-__all__ = ["bounce", "kick", "restitute", "strike", "strike_columns"]
+from bvp.kernels.flight import block_product
 
 SPLIT = 134217729.0
 """2^27 + 1, for the upper half of the digits of a double (Veltkamp)."""
@@ -36,9 +43,9 @@ def strike(rate_rows, push, c, jump, z, out):
 
 
 @kernel
-def restitute(rate_rows, push, restitution, c, z, out):
+def restitute(contacts, c, z, out):
     """`strike` with the contact's own restitution."""
-    strike(rate_rows, push, c, 1.0 + restitution[c], z, out)
+    strike(contacts.rate, contacts.push, c, 1.0 + contacts.restitution[c], z, out)
 
 
 @part
@@ -53,3 +60,21 @@ def strike_columns(rate_rows, push, c, jump, matrix):
         if change != 0.0:
             for r in range(size):
                 matrix[r, column] -= change * push[c, r]
+
+
+@part
+def land(flight, rate_rows, push, c, jump, before, flow, along):
+    """J = R exp(B t) from `flow` = exp(B t), in place, and F = R B z- into `along`, for the state z- = `before`. jump = 0: no impact."""
+    block_product(flight.pairs, flight.matrix, before, along)
+    if jump != 0.0:
+        strike(rate_rows, push, c, jump, along, along)
+        strike_columns(rate_rows, push, c, jump, flow)
+
+
+@part
+def arrive(rows, c, velocity, change):
+    """Move a perturbation `change` along the flow onto rows[c] . z = constant: change += velocity dt. Returns dt."""
+    shift = -dot(rows, c, change) / dot(rows, c, velocity)
+    for r in range(change.shape[0]):
+        change[r] += shift * velocity[r]
+    return shift

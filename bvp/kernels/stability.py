@@ -5,31 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bvp.kernels import segment as entry
 from bvp.kernels.arrays import set_1, set_2
-from bvp.kernels.compiled import kernel, part
-from bvp.kernels.cycle import count_impacts, unfold
-from bvp.kernels.halfmap import planar_half_map
-from bvp.kernels.pencil import planar_landings, planar_pencil
-from bvp.kernels.result import (
-    DETERMINANT,
-    HALF_A,
-    HALF_B,
-    HALF_C,
-    HALF_D,
-    LARGER_IMAGINARY,
-    LARGER_REAL,
-    MAGNIFIED,
-    SINGULAR,
-    SMALLER_IMAGINARY,
-    SMALLER_REAL,
-    TRACE,
-    TRIVIAL,
-)
-from bvp.kernels.segment import unpack
-from bvp.kernels.sweep import planar_sweep
-from bvp.kernels.trivial import planar_trivial_directions
-
-__all__ = ["Period", "make_period", "orbit_stability"]
+from bvp.kernels.compiled import kernel, part, sized
+from bvp.kernels.halfmap import half_map
+from bvp.kernels.pencil import landings, pencil, trivial_directions
+from bvp.kernels.segment import count_impacts, sized_rows, unfold, unpack
+from bvp.kernels.sweep import sweep
 
 
 class Period(NamedTuple):
@@ -67,8 +49,18 @@ def make_period(impacts):
 
 
 @part
+def sized_period(period):
+    """The same scratch, known to be for states of four entries."""
+    return Period(
+        sized(period.before, 4), sized(period.after, 4), period.duration, period.contact, sized(period.maps, 4), sized(period.left, 4),
+        sized(period.right, 4), sized(period.along, 4), sized(period.rows, 4), sized(period.square, 4), sized(period.plane, 2),
+    )  # fmt: skip
+
+
+@part
 def stability_2(segment, y, ends, scratch, result):
     """Half map, and multipliers of the reduced saddle-point matrix, for two degrees of freedom."""
+    narrow = sized_rows(segment)
     size = scratch.before.shape[1]
     impacts = count_impacts(segment.shape)
     # the second half period of an orbit solved as a quarter has the very factors of the first one: all changes its sign
@@ -76,17 +68,17 @@ def stability_2(segment, y, ends, scratch, result):
     nodes = impacts // turns
     if segment.shape[2] != 4:
         phi = scratch.plane[0]
-        result[MAGNIFIED] = planar_half_map(segment, y, ends, scratch.rows, scratch.square, scratch.plane[1:], phi)
-        result[HALF_A] = phi[0, 0]
-        result[HALF_B] = phi[0, 1]
-        result[HALF_C] = phi[1, 0]
-        result[HALF_D] = phi[1, 1]
+        result[entry.MAGNIFIED] = half_map(narrow, y, ends, scratch.rows, scratch.square, scratch.plane[1:], phi)
+        result[entry.HALF_A] = phi[0, 0]
+        result[entry.HALF_B] = phi[0, 1]
+        result[entry.HALF_C] = phi[1, 0]
+        result[entry.HALF_D] = phi[1, 1]
     else:
-        set_1(result[HALF_A : HALF_D + 1], math.nan)
-        result[MAGNIFIED] = 1.0
+        set_1(result[entry.HALF_A : entry.HALF_D + 1], math.nan)
+        result[entry.MAGNIFIED] = 1.0
     unfold(segment, y, ends, scratch.before, scratch.after, scratch.duration, scratch.contact, scratch.rows)
     if nodes == 0:
-        set_1(result[TRACE : SINGULAR + 1], math.nan)
+        set_1(result[entry.TRACE : entry.SINGULAR + 1], math.nan)
         return
     cycle_before = scratch.before[:nodes]
     cycle_after = scratch.after[:nodes]
@@ -101,20 +93,16 @@ def stability_2(segment, y, ends, scratch, result):
     displacement = 0.0
     energy = 0.0
     for r in range(size):
-        energy += segment.weights[r] * cycle_after[0, r] ** 2
+        energy += narrow.weights[r] * cycle_after[0, r] ** 2
     for i in range(nodes):
         for r in range(size // 2):
             displacement = max(displacement, abs(cycle_after[i, r]))
     for r in range(size // 2):
         scale[r] = displacement if displacement > 0.0 else 1.0
         scale[size // 2 + r] = math.sqrt(energy)
-    planar_landings(
-        segment.pairs, segment.mean, segment.delta, segment.matrix, segment.gap_rate, segment.push, segment.jump, cycle_before,
-        cycle_time, cycle_row, scale, maps, along,
-    )  # fmt: skip
-    planar_pencil(
-        segment.weights, segment.gap, cycle_after, cycle_row, scale, maps, along, left, right, scratch.square, scratch.plane[0, 0]
-    )
+    landings(narrow.flight, narrow.gap_rate, narrow.push, narrow.jump, cycle_before, cycle_time, cycle_row, scale, maps, along)
+    factor = scratch.plane[0, 0]
+    pencil(narrow.weights, narrow.gap, True, cycle_after, cycle_row, scale, maps, along, left, right, scratch.square, factor)
     dimension = 2
     frame = scratch.plane[0]
     older = scratch.plane[1]
@@ -128,7 +116,7 @@ def stability_2(segment, y, ends, scratch, result):
         for r in range(dimension):
             for c in range(dimension):
                 older[r, c] = frame[r, c]
-        singular = planar_sweep(left, right, cycle_row, turns, scratch.square, frame, product, exponent)
+        singular = sweep(left, right, cycle_row, cycle_row, True, turns, scratch.square, frame, product, exponent)
         coupling = abs(older[0, 1] * frame[0, 0] + older[1, 1] * frame[1, 0])
         grade = abs(product[0, 1]) + abs(product[0, 0])
         if coupling < 1e-15 or grade < 30.0 * abs(product[1, 1]) * 2.0 ** (exponent[1] - exponent[0]):
@@ -146,30 +134,30 @@ def stability_2(segment, y, ends, scratch, result):
     c22 = w21 * p12 + w22 * p22
     trace = c11 + c22
     determinant = (w11 * w22 - w12 * w21) * product[0, 0] * product[1, 1] * 2.0 ** (exponent[0] + exponent[1])
-    result[TRACE] = trace
-    result[DETERMINANT] = determinant
+    result[entry.TRACE] = trace
+    result[entry.DETERMINANT] = determinant
     difference = 0.5 * (c11 - c22)
     square = difference * difference + c12 * c21
     if square >= 0.0:
         larger = 0.5 * trace + math.copysign(math.sqrt(square), trace)
-        result[LARGER_REAL] = larger
-        result[LARGER_IMAGINARY] = 0.0
-        result[SMALLER_REAL] = determinant / larger if larger != 0.0 else 0.0
-        result[SMALLER_IMAGINARY] = 0.0
+        result[entry.LARGER_REAL] = larger
+        result[entry.LARGER_IMAGINARY] = 0.0
+        result[entry.SMALLER_REAL] = determinant / larger if larger != 0.0 else 0.0
+        result[entry.SMALLER_IMAGINARY] = 0.0
     else:
-        result[LARGER_REAL] = 0.5 * trace
-        result[LARGER_IMAGINARY] = -math.sqrt(-square)
-        result[SMALLER_REAL] = 0.5 * trace
-        result[SMALLER_IMAGINARY] = math.sqrt(-square)
-    flow, level = planar_trivial_directions(
-        segment.pairs, segment.matrix, segment.weights, segment.gap, cycle_after, cycle_row, turns, scale, maps, along, scratch.rows[1:]
+        result[entry.LARGER_REAL] = 0.5 * trace
+        result[entry.LARGER_IMAGINARY] = -math.sqrt(-square)
+        result[entry.SMALLER_REAL] = 0.5 * trace
+        result[entry.SMALLER_IMAGINARY] = math.sqrt(-square)
+    flow, level = trivial_directions(
+        narrow.flight, narrow.weights, narrow.gap, cycle_after, cycle_row, turns, scale, maps, along, scratch.rows[1:]
     )
-    result[TRIVIAL] = max(flow, level)
-    result[SINGULAR] = singular
+    result[entry.TRIVIAL] = max(flow, level)
+    result[entry.SINGULAR] = singular
 
 
 @kernel
 def orbit_stability(pairs, rows, scalars, start_map, shape, y, ends, period, result):
     """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
     segment = unpack(pairs, rows, scalars, start_map, shape)
-    stability_2(segment, y, ends, period, result)
+    stability_2(segment, y, sized(ends, 4), sized_period(period), result)

@@ -1,27 +1,17 @@
 """One step along a family of impacting orbits: predict, correct, tangent."""
 
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels import segment as entry
 from bvp.kernels.arrays import set_1
-from bvp.kernels.compiled import kernel, part, sized
+from bvp.kernels.compiled import inlined, kernel, part, sized
 from bvp.kernels.flight import flow_state
-from bvp.kernels.metric import Metric, constraint_row, locate, metric_direction
 from bvp.kernels.multipoint import sized_factor
 from bvp.kernels.newton import conditioning, correct
-from bvp.kernels.result import (
-    BRANCHING,
-    CONDITIONING,
-    CONTRACTION,
-    CONVERGED,
-    ENERGY,
-    ITERATIONS,
-    QUARTER_PERIOD,
-    RESIDUAL,
-    SLOPE,
-    STEEPNESS,
-    TURN,
-)
-from bvp.kernels.segment import sized_rows, start_state, unpack
-
-__all__ = ["end_states", "orbit_step", "planar_orbit_step"]
+from bvp.kernels.segment import sized_rows, start_state, total_time, unpack
 
 
 @part
@@ -48,12 +38,12 @@ def tangent_at(segment, y, factor, sign, smallest, old_direction, metric, tangen
             metric.direction[r] = -metric.direction[r]
     for j in range(unknowns):
         tangent[j] = null[j] * flip
-    result[ENERGY] = energy
-    result[QUARTER_PERIOD] = alpha
-    result[SLOPE] = change * flip
-    result[TURN] = 1.0 if first else turn
-    result[BRANCHING] = sign * smallest
-    result[STEEPNESS] = 1.0 / length
+    result[entry.ENERGY] = energy
+    result[entry.QUARTER_PERIOD] = alpha
+    result[entry.SLOPE] = change * flip
+    result[entry.TURN] = 1.0 if first else turn
+    result[entry.BRANCHING] = sign * smallest
+    result[entry.STEEPNESS] = 1.0 / length
 
 
 @part
@@ -87,13 +77,13 @@ def _orbit_step(segment, factor, y, tangent, ds, target, most, metric, out, out_
         for j in range(unknowns):
             target += row[j] * y[j]
     good, iterations, contraction, worst, sign, smallest = correct(segment, out, row, target, factor, residual, most, 2e-15)
-    result[CONVERGED] = 1.0 if good else 0.0
-    result[ITERATIONS] = iterations
-    result[CONTRACTION] = contraction
-    result[RESIDUAL] = worst
+    result[entry.CONVERGED] = 1.0 if good else 0.0
+    result[entry.ITERATIONS] = iterations
+    result[entry.CONTRACTION] = contraction
+    result[entry.RESIDUAL] = worst
     if not good:
         return
-    result[CONDITIONING] = conditioning(segment, factor, residual)
+    result[entry.CONDITIONING] = conditioning(segment, factor, residual)
     tangent_at(segment, out, factor, sign, smallest, old.direction, new, out_tangent[:unknowns], result)
     for j in range(unknowns):
         out_tangent[unknowns + j] = (out_tangent[j] - along[j]) / ds if ds != 0.0 else 0.0
@@ -106,7 +96,7 @@ def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, t
 
 
 @kernel
-def planar_orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
+def two_dof_orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
     """See `_orbit_step`; N = 4."""
     _orbit_step(
         sized_rows(unpack(pairs, rows, scalars, start_map, shape)), sized_factor(factor), y, tangent, ds, target, most, sized(metric, 6),
@@ -117,12 +107,81 @@ def planar_orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent
 @kernel
 def end_states(segment, y, work, out):
     """States at the end of each flight, (k + 1, N)."""
-    size = segment.matrix.shape[0]
+    size = segment.flight.matrix.shape[0]
     z = work[0, :size]
     start_state(segment.start_map, segment.start_offset, y, z)
     at = segment.start_map.shape[1]
     for i in range(segment.shape[0] + 1):
         if i > 0:
             z = y[at - size : at]
-        flow_state(segment.pairs, segment.mean, segment.delta, segment.matrix, z, y[at], out[i])
+        flow_state(segment.flight, z, y[at], out[i])
+        at += size + 1
+
+
+class Metric(NamedTuple):
+    """Where the family is, and how it moves, in (start state / sqrt(2 h), log h, log alpha)."""
+
+    position: np.ndarray  # (N + 2,)
+    direction: np.ndarray  # (N + 2,)
+
+
+@inlined
+def locate(segment, y, out):
+    """(start state / sqrt(2 h), log h, log alpha) and (h, alpha)."""
+    size = segment.flight.matrix.shape[1]
+    start_state(segment.start_map, segment.start_offset, y, out[:size])
+    energy = 0.0
+    for r in range(size):
+        energy += 0.5 * segment.weights[r] * out[r] * out[r]
+    alpha = total_time(segment.flight.matrix, segment.start_map, segment.shape, y) / segment.shape[2]
+    speed = math.sqrt(2.0 * energy)
+    for r in range(size):
+        out[r] /= speed
+    out[size] = math.log(energy)
+    out[size + 1] = math.log(alpha) if alpha > 0.0 else -math.inf
+    return energy, alpha
+
+
+@inlined
+def metric_direction(segment, y, position, energy, alpha, tangent, out):
+    """Change of `locate` along `tangent`; returns (d h, length)."""
+    size = segment.flight.matrix.shape[1]
+    s = segment.start_map.shape[1]
+    speed = math.sqrt(2.0 * energy)
+    change = 0.0
+    for r in range(size):
+        total = 0.0
+        for j in range(s):
+            total += segment.start_map[r, j] * tangent[j]
+        out[r] = total / speed
+        change += segment.weights[r] * position[r] * speed * total
+    for r in range(size):
+        out[r] -= position[r] * change / (2.0 * energy)
+    out[size] = change / energy
+    out[size + 1] = total_time(segment.flight.matrix, segment.start_map, segment.shape, tangent) / segment.shape[2] / alpha
+    length = 0.0
+    for r in range(size + 2):
+        length += out[r] * out[r]
+    return change, math.sqrt(length)
+
+
+@part
+def constraint_row(segment, y, energy, alpha, position, direction, row):
+    """Row r with r . dy = <direction, change of `locate` along dy>: the pseudo-arclength condition in the unknowns."""
+    size = segment.flight.matrix.shape[1]
+    s = segment.start_map.shape[1]
+    speed = math.sqrt(2.0 * energy)
+    along = 0.0
+    for r in range(size):
+        along += direction[r] * position[r]
+    set_1(row, 0.0)
+    radial = direction[size] / energy - along / (2.0 * energy)
+    for j in range(s):
+        total = 0.0
+        for r in range(size):
+            total += segment.start_map[r, j] * (direction[r] / speed + radial * segment.weights[r] * position[r] * speed)
+        row[j] = total
+    at = s
+    for _ in range(segment.shape[0] + 1):
+        row[at] = direction[size + 1] / segment.shape[2] / alpha
         at += size + 1

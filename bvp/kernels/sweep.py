@@ -7,9 +7,7 @@ factor is kept triangular, so that small multipliers survive beside large ones.
 import math
 
 from bvp.kernels.arrays import set_2
-from bvp.kernels.compiled import inlined, kernel, part, sized
-
-__all__ = ["planar_sweep", "sweep"]
+from bvp.kernels.compiled import inlined, part
 
 
 @part
@@ -21,8 +19,8 @@ def _rotation(a, b):
     return a / r, b / r
 
 
-@part
-def _sweep(left, right, height, width, square, turns, scratch, frame, product, exponent):
+@inlined
+def sweep(left, right, height, width, square, turns, scratch, frame, product, exponent):
     """One orthogonal sweep round the cycle, which runs through the given factors `turns` times. scratch (4, N, N).
 
     frame (d_0, w): orthonormal columns at node 0, replaced by those that node P is reached with. height[i], width[i] = (m_i, d_{i+1});
@@ -122,17 +120,3 @@ def _sweep(left, right, height, width, square, turns, scratch, frame, product, e
         for c in range(w):
             frame[r, c] = current[r, c]
     return singular
-
-
-@kernel
-def sweep(left, right, height, width, turns, scratch, frame, product, exponent):
-    """See `_sweep`."""
-    return _sweep(left, right, height, width, False, turns, scratch, frame, product, exponent)
-
-
-@inlined
-def planar_sweep(left, right, integers, turns, scratch, frame, product, exponent):
-    """See `_sweep`; N = 4, and all factors are 2 by 2. integers: any array of such, which is not looked at."""
-    return _sweep(
-        sized(left, 4), sized(right, 4), integers, integers, True, turns, sized(scratch, 4), sized(frame, 2), sized(product, 2), exponent
-    )

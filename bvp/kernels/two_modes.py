@@ -1,4 +1,4 @@
-"""A system of two oscillating modes as one row of numbers: their turns, and what dampers take over a flight (see `bvp.kernels.swift`).
+"""A system of two oscillating modes as one row of numbers: their turns, and what dampers take over a flight (see `bvp.kernels.fast_path`).
 
 What is dissipated are integrals of squares of sums of two decaying oscillations: of exponentials of the sums of two rates, in closed form.
 """
@@ -7,13 +7,8 @@ import math
 
 from bvp.kernels.compiled import kernel, part
 
-__all__ = [
-    "AT", "FORM", "FREQUENCY", "INTO", "LEVELS", "LOWER", "MASS", "MEAN", "METERS", "OUT", "PARTS", "PUSH", "PUSH_REST", "RESTITUTION",
-    "STEP", "TURNS", "UPPER", "fraction_time", "spend", "turned", "turned_a_little",
-]  # fmt: skip
-
 MEAN, FREQUENCY, STEP, LOWER, UPPER, RESTITUTION, MASS, PUSH, PUSH_REST = 0, 2, 4, 5, 6, 7, 8, 9, 13
-INTO, OUT, TURNS, FORM, METERS = 17, 33, 49, 97, 105
+INTO, OUT, TURNS, FORM, TERMS = 17, 33, 49, 97, 105
 """Where the numbers of a system stand: m and w of the modes; h; the bounds; restitution; mass across the gap; (p, q) of a unit of speed
 across the gap, as the nearest doubles and what these leave; (p, q) of (u, v), 4 x 4, and back; e^{mt} (cos wt, sin wt) of both modes for
 h, h/2, .. h/2^11; mass and stiffness; then for each meter its part, weight and b . v as a row over (p, q)."""
@@ -98,16 +93,18 @@ def mean_turn(real, imaginary, end_real, end_imaginary, t):
 
 
 @kernel
-def spend(system, meters, p1, q1, p2, q2, t, c1, s1, c2, s2, taken):
+def spend(system, terms, state, t, turns, taken):
     """What each part dissipates over a flight of t (infinite: all to come) from the given state, into taken (PARTS,), and their sum;
-    (c, s) = e^{mt} (cos wt, sin wt) at its end."""
+    state: (p_1, q_1, p_2, q_2); turns: e^{mt} (cos wt, sin wt) of both modes at its end."""
+    p1, q1, p2, q2 = state
+    c1, s1, c2, s2 = turns
     m1 = system[MEAN]
     m2 = system[MEAN + 1]
     w1 = system[FREQUENCY]
     w2 = system[FREQUENCY + 1]
     for k in range(PARTS):
         taken[k] = 0.0
-    if meters == 0:
+    if terms == 0:
         return 0.0
     a1 = mean_decay(2.0 * m1, c1 * c1 + s1 * s1, t)
     a2 = mean_decay(2.0 * m2, c2 * c2 + s2 * s2, t)
@@ -116,8 +113,8 @@ def spend(system, meters, p1, q1, p2, q2, t, c1, s1, c2, s2, taken):
     cs, ss = mean_turn(m1 + m2, w1 + w2, c1 * c2 - s1 * s2, c1 * s2 + s1 * c2, t)
     cd, sd = mean_turn(m1 + m2, w1 - w2, c1 * c2 + s1 * s2, s1 * c2 - c1 * s2, t)
     total = 0.0
-    for k in range(meters):
-        at = METERS + AT * k
+    for k in range(terms):
+        at = TERMS + AT * k
         x1 = system[at + 2] * p1 + system[at + 3] * q1
         y1 = system[at + 2] * q1 - system[at + 3] * p1
         x2 = system[at + 4] * p2 + system[at + 5] * q2
@@ -132,41 +129,42 @@ def spend(system, meters, p1, q1, p2, q2, t, c1, s1, c2, s2, taken):
 
 
 @kernel
-def taken_after(system, meters, p1, q1, p2, q2, t, parts):
+def taken_after(system, terms, state, t, parts):
     """(energy, power) that the dampers have taken after t, and take then."""
+    p1, q1, p2, q2 = state
     m1 = system[MEAN]
     m2 = system[MEAN + 1]
     c1, s1 = turned(m1, system[FREQUENCY], t)
     c2, s2 = turned(m2, system[FREQUENCY + 1], t)
-    taken = spend(system, meters, p1, q1, p2, q2, t, c1, s1, c2, s2, parts)
+    taken = spend(system, terms, state, t, (c1, s1, c2, s2), parts)
     r1 = p1 * c1 + q1 * s1
     i1 = q1 * c1 - p1 * s1
     r2 = p2 * c2 + q2 * s2
     i2 = q2 * c2 - p2 * s2
     power = 0.0
-    for k in range(meters):
-        at = METERS + AT * k
+    for k in range(terms):
+        at = TERMS + AT * k
         rate = system[at + 2] * r1 + system[at + 3] * i1 + system[at + 4] * r2 + system[at + 5] * i2
         power += system[at + 1] * rate * rate
     return taken, power
 
 
 @kernel
-def fraction_time(system, meters, p1, q1, p2, q2, length, whole, wanted, parts):
+def fraction_time(system, terms, state, length, whole, wanted, parts):
     """The time after which the dampers have taken `wanted` of energy on a flight that takes `whole`; `length` may be infinite."""
     low = 0.0
     high = length
     left = whole - wanted
     t = length * wanted / whole if length < math.inf else math.log(whole / left) / (-system[MEAN] - system[MEAN + 1]) if left > 0.0 else 0.0
     for _ in range(200):
-        taken, power = taken_after(system, meters, p1, q1, p2, q2, t, parts)
-        miss = taken - wanted
-        if miss > 0.0:
+        taken, power = taken_after(system, terms, state, t, parts)
+        residual = taken - wanted
+        if residual > 0.0:
             high = t
         else:
             low = t
         # What is left decays, by and large, as an exponential.
-        change = -miss / power if power > 0.0 else math.inf
+        change = -residual / power if power > 0.0 else math.inf
         if high == math.inf or length == math.inf:
             present = whole - taken
             if present > 0.0 < left and power > 0.0:
@@ -174,7 +172,103 @@ def fraction_time(system, meters, p1, q1, p2, q2, length, whole, wanted, parts):
         better = t + change
         if not low <= better <= high:
             better = 0.5 * (low + high) if high < math.inf else 2.0 * t + 1.0
-        if abs(better - t) <= 1e-14 * t or abs(miss) <= 4e-16 * whole:
+        if abs(better - t) <= 1e-14 * t or abs(residual) <= 4e-16 * whole:
             break
         t = better
     return t
+
+
+@part
+def derivatives(rates, row, state):
+    """f, f' and f'' of f = a1 p1 + b1 q1 + a2 p2 + b2 q2."""
+    m1, w1, m2, w2 = rates
+    a1, b1, a2, b2 = row
+    p1, q1, p2, q2 = state
+    x1 = m1 * p1 + w1 * q1
+    y1 = m1 * q1 - w1 * p1
+    x2 = m2 * p2 + w2 * q2
+    y2 = m2 * q2 - w2 * p2
+    f = a1 * p1 + b1 * q1 + a2 * p2 + b2 * q2
+    slope = a1 * x1 + b1 * y1 + a2 * x2 + b2 * y2
+    bend = a1 * (m1 * x1 + w1 * y1) + b1 * (m1 * y1 - w1 * x1) + a2 * (m2 * x2 + w2 * y2) + b2 * (m2 * y2 - w2 * x2)
+    return f, slope, bend
+
+
+@part
+def flown(rates, state, t):
+    """The state after a flight of t."""
+    m1, w1, m2, w2 = rates
+    p1, q1, p2, q2 = state
+    c1, s1 = turned(m1, w1, t)
+    c2, s2 = turned(m2, w2, t)
+    return p1 * c1 + q1 * s1, q1 * c1 - p1 * s1, p2 * c2 + q2 * s2, q2 * c2 - p2 * s2
+
+
+@kernel
+def climb(rates, row, third, fourth, state, length, peak):
+    """The larger of `peak` and of |f| over an interval from the given state, f = a1 p1 + b1 q1 + a2 p2 + b2 q2, |f'''| <= third,
+    |f''''| <= fourth: by parts on which f' keeps its sign, or f'' does and f' has one zero, or f stays below."""
+    t = 0.0
+    size = length
+    f0, g0, h0 = derivatives(rates, row, state)
+    for _ in range(10000):
+        size = min(size, length - t)
+        later = flown(rates, state, size)
+        f1, g1, h1 = derivatives(rates, row, later)
+        ends = max(abs(f0), abs(f1))
+        hull = max(ends, max(abs(f0 + size * g0 / 3.0), abs(f1 - size * g1 / 3.0))) + fourth * size * size * size * size / 384.0
+        square = size * size / 8.0
+        convex = h0 * h1 > 0.0 and min(abs(h0), abs(h1)) > fourth * square
+        if hull > peak:
+            if convex and g0 * g1 < 0.0:
+                # Newton for the one turning point, kept between the ends.
+                s = size * g0 / (g0 - g1)
+                low = 0.0
+                high = size
+                for _ in range(50):
+                    f, g, h = derivatives(rates, row, flown(rates, state, s))
+                    ends = max(ends, abs(f))
+                    if g * g0 > 0.0:
+                        low = s
+                    else:
+                        high = s
+                    better = s - g / h if h != 0.0 else 0.5 * (low + high)
+                    if not low <= better <= high:
+                        better = 0.5 * (low + high)
+                    if abs(h) * (better - s) * (better - s) <= 1e-15 * abs(f):
+                        break
+                    s = better
+            elif not (
+                (convex or min(abs(g0), abs(g1)) > third * square) and g0 * g1 >= 0.0
+                or hull - ends <= 1e-15 * hull or size <= 1e-9 * length
+            ):  # fmt: skip
+                size *= 0.5
+                continue
+            peak = max(peak, ends)
+        state = later
+        f0, g0, h0 = f1, g1, h1
+        t += size
+        if t >= length:
+            break
+        size *= 2.0
+    return peak
+
+
+@kernel
+def raised(rates, row, third, fourth, state, later, length, h, peak):
+    """The larger of `peak` and of |f| over a step of h, of which `length` counts, between two known states."""
+    m1, w1, m2, w2 = rates
+    a1, b1, a2, b2 = row
+    p1, q1, p2, q2 = state
+    n1, j1, n2, j2 = later
+    f0 = a1 * p1 + b1 * q1 + a2 * p2 + b2 * q2
+    g0 = a1 * (m1 * p1 + w1 * q1) + b1 * (m1 * q1 - w1 * p1) + a2 * (m2 * p2 + w2 * q2) + b2 * (m2 * q2 - w2 * p2)
+    f1 = a1 * n1 + b1 * j1 + a2 * n2 + b2 * j2
+    g1 = a1 * (m1 * n1 + w1 * j1) + b1 * (m1 * j1 - w1 * n1) + a2 * (m2 * n2 + w2 * j2) + b2 * (m2 * j2 - w2 * n2)
+    hull = max(max(abs(f0), abs(f0 + h * g0 * (1.0 / 3.0))), max(abs(f1 - h * g1 * (1.0 / 3.0)), abs(f1)))
+    hull += fourth * h * h * h * h * (1.0 / 384.0)
+    if hull <= peak:
+        return peak
+    if length == h and g0 * g1 > 0.0 and min(abs(g0), abs(g1)) > third * h * h * 0.125:
+        return max(peak, max(abs(f0), abs(f1)))
+    return climb(rates, row, third, fourth, state, length, peak)

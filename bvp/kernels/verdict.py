@@ -5,6 +5,7 @@ import math
 from numba import int64
 
 from bvp.kernels.compiled import kernel
+from bvp.kernels.end_crossings import MARGIN, approaches
 from bvp.kernels.follow import (
     ACCELERATION,
     CLEARANCE,
@@ -12,7 +13,7 @@ from bvp.kernels.follow import (
     DERIVATIVE,
     DURATION,
     FREE,
-    MISS,
+    RESIDUAL,
     SECOND,
     SPEED,
     STUCK,
@@ -22,10 +23,7 @@ from bvp.kernels.follow import (
     nearest_turns,
 )
 from bvp.kernels.impact import CONTACT_TOLERANCE
-from bvp.kernels.passages import MARGIN, approaches
 from bvp.kernels.segment import ORIGIN, REST, STOP
-
-__all__ = ["CLOSED", "DONE", "ENDLESS", "GRAZED", "JUMP", "SPLIT", "flight_verdict", "positive", "touching"]
 
 CLOSED, SPLIT, JUMP, DONE, ENDLESS, GRAZED = 0, 1, 2, 3, 4, 5
 """Verdicts on a flight: decided; to be split; the ends are on different sides of a grazing; no more flights; more impacts than are
@@ -78,7 +76,7 @@ def touching(flow, row):
     """Distance to a stop, anywhere in a flight, below which a touch cannot be told from a hit."""
     size = 1.0
     for k in range(2):
-        size += abs(flow.gap[0, k]) * amplitude(flow.squares[k], row[k], row[k + 2], row[THIRD], int64(0))
+        size += abs(flow.contacts.gap[0, k]) * amplitude(flow.squares[k], row[k], row[k + 2], row[THIRD], int64(0))
     return TOUCHING * size
 
 
@@ -89,7 +87,7 @@ def flight_verdict(
     """Judge flight k of an interval from the records of its ends and middle (`jac_`: d theta/d x there; r: half its width in x).
 
     times, impacts (3,): for each kind of far end, the longest time and most inner impacts; a negative time where it is not looked for.
-    found (3, P): times of passages of each kind (for STOP of the impact), count (3,): how many. Returns the verdict."""
+    found (3, P): times of crossings of each kind (for STOP of the impact), count (3,): how many. Returns the verdict."""
     for kind in range(3):
         count[kind] = 0
     earliest = math.inf
@@ -153,17 +151,17 @@ def flight_verdict(
         outer = amplitude(flow.squares[c], vary[c], vary[c + 2], window, int64(0))
         size += inner * inner
         spread += outer * outer
-        wide += abs(flow.gap[0, c]) * (inner + outer)
+        wide += abs(flow.contacts.gap[0, c]) * (inner + outer)
         tube_q += outer * outer
-        force += abs(flow.gap[0, c] * flow.squares[c]) * (inner + outer)
+        force += abs(flow.contacts.gap[0, c] * flow.squares[c]) * (inner + outer)
         outer = amplitude(flow.squares[c], vary[c], vary[c + 2], window, int64(1))
         tube_p += outer * outer
     # On the section of an impact the gap does not vary: from there its variation grows with time.
     near = 0.5 * force * window * window
     for c in range(0, 4, 2):
-        first = (flow.gap[0, 0] * ra[DERIVATIVE + c] + flow.gap[0, 1] * ra[DERIVATIVE + c + 1]) * jac_a
-        second = (flow.gap[0, 0] * rb[DERIVATIVE + c] + flow.gap[0, 1] * rb[DERIVATIVE + c + 1]) * jac_b
-        middle = (flow.gap[0, 0] * rm[DERIVATIVE + c] + flow.gap[0, 1] * rm[DERIVATIVE + c + 1]) * jac_m
+        first = (flow.contacts.gap[0, 0] * ra[DERIVATIVE + c] + flow.contacts.gap[0, 1] * ra[DERIVATIVE + c + 1]) * jac_a
+        second = (flow.contacts.gap[0, 0] * rb[DERIVATIVE + c] + flow.contacts.gap[0, 1] * rb[DERIVATIVE + c + 1]) * jac_b
+        middle = (flow.contacts.gap[0, 0] * rm[DERIVATIVE + c] + flow.contacts.gap[0, 1] * rm[DERIVATIVE + c + 1]) * jac_m
         largest = abs(middle) + 0.5 * abs(second - first) + abs(0.5 * (first + second) - middle)
         near += largest if c == 0 else largest * window
     wide = MARGIN * r * min(wide, near)
@@ -227,11 +225,11 @@ def flight_verdict(
         if count[REST] < 0:
             return NEAR_REST
     if not last and k <= impacts[STOP] and times[STOP] > earliest + window - MARGIN * r * abs(rm[DURATION + 1] * jac_m):
-        first = ra[MISS + 1] * jac_a
-        second = rb[MISS + 1] * jac_b
-        rate = rm[MISS + 1] * jac_m
+        first = ra[RESIDUAL + 1] * jac_a
+        second = rb[RESIDUAL + 1] * jac_b
+        rate = rm[RESIDUAL + 1] * jac_m
         change = MARGIN * (0.5 * abs(second - first) + abs(0.5 * (first + second) - rate))
-        if abs(rm[MISS]) <= MARGIN * r * (abs(rate) + change):
+        if abs(rm[RESIDUAL]) <= MARGIN * r * (abs(rate) + change):
             if abs(rate) <= change:
                 return NEAR_STOP
             found[STOP, 0] = rm[DURATION]

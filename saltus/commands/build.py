@@ -5,19 +5,18 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, outputs, scene_arguments
+from saltus import catalogue_arguments, options, outputs
 from saltus.arguments import energy_range, positive, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, say
-from saltus.files import STANDARD_OUTPUT, check_writable, write_data
-from saltus.printing import words_stream
-from saltus.wording import counted
+from saltus.tables import counted
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
     from pathlib import Path
 
-    from branches.building.bounds import Plan
     from branches.building.build import Progress
+    from branches.building.plan import Bounds, Plan
+    from bvp.system import ImpactSystem
     from saltus.progress import ProgressBar
     from saltus.scene import Scene
 
@@ -32,20 +31,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="processes that work (default: one a core)")
     parser.add_argument("--dask", metavar="ADDRESS", help="work on a Dask cluster in place of processes")
     catalogue_arguments.add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
-    outputs.add_json(parser)
-    scene_arguments.add_arguments(parser)
+    outputs.add_arguments(parser, "json")
+    options.add_scene(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code: 1 where something could not be done."""
-    if arguments.json is not None:
-        check_writable(arguments.json)
-    scene = scene_arguments.from_arguments(arguments)
+    files = outputs.outputs_of(arguments)
+    scene = options.scene_of(arguments)
     place = catalogue_arguments.place_to_save(arguments, scene)
 
-    from branches.building.bounds import Bounds, Plan
+    from branches.building.plan import Bounds, Plan
     from branches.building.work import ends_of
-    from branches.discovery.search import check
+    from branches.search.discovery import check
     from saltus.executors import open_executor
 
     complete = scene.complete
@@ -60,27 +58,24 @@ def run(arguments: argparse.Namespace) -> int:
         plan = Plan.within(bounds)
     check(scene.system, bounds.energy[0], bounds.quarter_period, bounds.impacts, ends_of(scene.system))
     with open_executor(arguments.workers, arguments.dask) as (executor, count):
-        return _build(arguments, scene, place, plan, executor, count)
+        return _build(files, scene, place, plan, executor, count)
 
 
-def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan, executor: Executor, workers: int) -> int:
+def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: Plan, executor: Executor, workers: int) -> int:
     from branches.building.build import build, refuse_other_plan
     from branches.catalogue import Catalogue
     from saltus import __version__
     from saltus.catalogue_records import impacts_text
-    from saltus.first_run import prepare
     from saltus.progress import ProgressBar
+    from saltus.startup import prepare
 
-    words = words_stream(arguments.json == STANDARD_OUTPUT)
     bounds = plan.bounds
     provenance = {"saltus": __version__, "built": plan.plain()}
     with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue:
         refuse_other_plan(catalogue, plan)
-        print(
-            f"build  {place}: h {bounds.energy[0]:g} to {bounds.energy[1]:g}, quarter period up to {bounds.quarter_period:g}, "
-            f"up to {impacts_text(bounds.impacts)}" + (f", and {len(plan.names)} names" if plan.names else ""),
-            file=words, flush=True,
-        )  # fmt: skip
+        energies = f"h {bounds.energy[0]:g} to {bounds.energy[1]:g}"
+        impacts = f"up to {impacts_text(bounds.impacts)}" + (f", and {len(plan.names)} names" if plan.names else "")
+        files.report([f"build  {place}: {energies}, quarter period up to {bounds.quarter_period:g}, {impacts}"])
         prepare(discovery=True)
         try:
             with ProgressBar(None, "families") as bar:
@@ -88,18 +83,24 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         except KeyboardInterrupt:
             say(f"interrupted; {place} keeps what was finished, and the same command goes on")
             return INTERRUPTED
-    for text in report["failed"]:
-        print(f"FAILS  {text}", file=words)
+    files.report(f"FAILS  {text}" for text in report["failed"])
+    files.report(_summary(report, scene, bounds))
+    code = files.write({"json": lambda: outputs.json_text({"schema": outputs.SCHEMA, "bounds": bounds.plain(), **report})})
+    return max(code, FAILED if report["failed"] else DONE)
+
+
+def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
+    """The lines that say what a build has found, and how complete it is."""
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
     new = report["levels"][-1]["new"]
-    settled = "not settled" if new else "settled"
-    settled += f": the last energies gave {counted(new, 'new family') if new else 'no new family'}"
+    complete = "not complete" if new else "complete"
+    complete += f": the last energies gave {counted(new, 'new family') if new else 'no new family'}"
     if report["open"]:
-        settled += ", but open in h = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in report["open"])
+        complete += ", but open in h = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in report["open"])
     lines = [
         f"done   {counted(report['families'], 'family')}, {counted(report['points'], 'point')}, {counted(report['events'], 'event')}, "
         f"{counted(report['edges'], 'edge')}; {counted(report['beyond'], 'neighbour')} beyond the bounds",
-        f"       energies searched: {searched}; {settled}",
+        f"       energies searched: {searched}; {complete}",
         "       with a reversal every family within the bounds is looked for; without one, those that meet one with a reversal",
     ]
     if report["unsettled"]:
@@ -117,20 +118,50 @@ def _build(arguments: argparse.Namespace, scene: Scene, place: Path, plan: Plan,
         lost = counted(len(report["lost"]), "bifurcation")
         lines.append(f"       at {lost} no new family was found (dead ends of the graph, which say why)")
     if not report["families"]:
-        from saltus.empty_bounds import nothing_inside
-
-        lines.append(f"       {nothing_inside(scene.system, bounds, scene.quarter_period)}")
-    print("\n".join(lines), file=words)
-    if arguments.json is not None:
-        _write(arguments.json, {"bounds": bounds.plain(), **report})
-    return FAILED if report["failed"] else DONE
+        lines.append(f"       {_nothing_inside(scene.system, bounds, scene.quarter_period)}")
+    return lines
 
 
 def _show(bar: ProgressBar, progress: Progress) -> None:
     bar.update(progress.families, f"{progress.queued} queued, {progress.points} points, {progress.events} events")
 
 
-def _write(path: str, report: dict[str, Any]) -> None:
-    from saltus.catalogue_records import SCHEMA, json_text
+def _nothing_inside(system: ImpactSystem, bounds: Bounds, longest: float) -> str:
+    """The line about bounds without a family: the shortest orbit at their lowest or highest energy.
 
-    write_data(path, json_text({"schema": SCHEMA, **report}))
+    Parameters
+    ----------
+    system : bvp.system.ImpactSystem
+    bounds : branches.building.plan.Bounds
+    longest : float
+        Longest quarter period of the search. It starts at that of the bounds and is doubled until there is an orbit.
+
+    Examples
+    --------
+    >>> from branches.building.plan import Bounds
+    >>> from bvp.system import vibro_impact_nes
+    >>> print(_nothing_inside(vibro_impact_nes(), Bounds((0.01, 0.02), 2.0, 3), 10.0))
+    nothing lies inside the bounds: no motion reaches a stop below h = 0.05
+    """
+    from branches.building.work import ends_of
+    from branches.naming.search import least_energy
+    from branches.search.discovery import discover
+
+    begin = "nothing lies inside the bounds: "
+    least = least_energy(system)
+    if bounds.energy[1] <= least:
+        return f"{begin}no motion reaches a stop below h = {least:.6g}"
+    quarter_period = bounds.quarter_period
+    while quarter_period < longest:
+        quarter_period = min(2.0 * quarter_period, longest)
+        found = [
+            (orbit.alpha, energy, orbit.label or "-".join(orbit.ends))
+            for energy in bounds.energy
+            for orbit in discover(system, energy, quarter_period=quarter_period, impacts=bounds.impacts, ends=ends_of(system)).orbits
+        ]
+        if found:
+            alpha, energy, name = min(found)
+            shortest = f"the shortest at their lowest and highest energy is {alpha:.6g} ({name}, h = {energy:g})"
+            return f"{begin}no orbit has so short a quarter period; {shortest}"
+    energies = " and at ".join(f"h = {energy:g}" for energy in bounds.energy)
+    return f"{begin}at {energies} no orbit within the impacts has a quarter period up to {quarter_period:g}"

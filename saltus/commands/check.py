@@ -1,13 +1,12 @@
-"""`saltus check FILE`: whether a catalogue is what it says; nothing is repaired."""
+"""`saltus check`: whether a catalogue is what it says; nothing is repaired."""
 
 from __future__ import annotations
 
 import argparse
 
-from saltus import outputs
+from saltus import catalogue_arguments, outputs
 from saltus.errors import DONE, FAILED
-from saltus.files import check_writable
-from saltus.wording import counted
+from saltus.tables import counted
 
 __all__ = ["add_arguments", "run"]
 
@@ -17,31 +16,29 @@ THINGS = {"families": "family", "points": "point", "events": "event", "edges": "
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("file", metavar="FILE", help="the catalogue")
-    outputs.add_json(parser)
+    parser.add_argument("catalogue", nargs="?", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+    catalogue_arguments.add_arguments(parser)
+    outputs.add_arguments(parser, "json")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code: 1 where something fails."""
-    if arguments.json is not None:
-        check_writable(arguments.json)
+    files = outputs.outputs_of(arguments)
 
-    from branches.catalogue import Catalogue
-    from saltus.catalogue_records import tell
-    from saltus.first_run import prepare
     from saltus.progress import ProgressBar
+    from saltus.startup import prepare
 
-    with Catalogue(arguments.file) as catalogue:
+    with catalogue_arguments.open_catalogue(arguments) as catalogue:
         prepare()
 
-        from branches.catalogue.check import check
+        from branches.catalogue.check import check_catalogue
 
         with ProgressBar(len(catalogue), "families") as bar:
-            counts, failures = check(catalogue, bar.update)
+            counts, failures = check_catalogue(catalogue, bar.update)
     looked = ", ".join(counted(counts[name], thing) for name, thing in THINGS.items())
     lines = [f"FAILS  {failure.where}: {failure.text}" for failure in failures]
     lines.append(f"{looked} looked at: " + (f"{counted(len(failures), 'failure')}" if failures else "all hold"))
     if counts["hidden"]:
         lines.append(f"{counted(counts['hidden'], 'event')} hidden by rounding: stability changes there, seen in fifty digits")
-    tell(arguments.json, lines, lambda: {"counts": counts, "failures": [failure._asdict() for failure in failures]})
-    return FAILED if failures else DONE
+    code = files.finish(lines, lambda: {"counts": counts, "failures": [failure._asdict() for failure in failures]})
+    return max(code, FAILED if failures else DONE)

@@ -1,20 +1,22 @@
-"""`saltus continue NAME`: follow a named family of periodic orbits and tell its special points as they are found."""
+"""`saltus continue NAME`: follow a named family of periodic orbits, and print its special points as they are found."""
 
 from __future__ import annotations
 
 import argparse
+import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import Held, held
-from saltus import catalogue_arguments, events_table, outputs, scene_arguments
+from saltus import __version__, catalogue_arguments, options, outputs, tables
 from saltus.arguments import energy_range, one_of, whole_above_zero
 from saltus.errors import DONE, FAILED, INTERRUPTED, exit_code, one_line, say
 
 if TYPE_CHECKING:
     from branches.branch import Branch, Ended
     from branches.catalogue import Catalogue
+    from branches.export.table_files import Table
     from saltus.scene import Scene
 
 __all__ = ["add_arguments", "run"]
@@ -24,7 +26,7 @@ EVENT_TYPES = {
     "BP": "branch point",
     "SB": "symmetry breaking",
     "PD": "period doubling",
-    "RT": "q-tupling",
+    "RT": "p:q resonance",
     "NS": "Krein collision",
     "GR": "grazing",
     "IO": "impulsive orbit",
@@ -57,30 +59,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="index",
         help="axis of the picture: index (default), m 2 pi/T with m the half-waves of the NES, or fundamental, 2 pi/T",
     )
-    outputs.add_arguments(parser)
+    outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--save", action="store_true", help="keep the family in a catalogue")
     catalogue_arguments.add_file(parser, "with --save, the catalogue to keep it in (default: the scene's, in the user's data folder)")
-    scene_arguments.add_arguments(parser)
+    options.add_scene(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    files = outputs.from_arguments(arguments)
-    scene = scene_arguments.from_arguments(arguments)
+    files = outputs.outputs_of(arguments)
+    scene = options.scene_of(arguments)
     arguments.name = catalogue_arguments.named(arguments.name, arguments, scene)
     if arguments.model:
         from saltus.model import explain
 
-        for line in explain(scene.system, arguments.name):
-            print(f"model  {line}", file=files.words, flush=True)
+        files.report(f"model  {line}" for line in explain(scene.system, arguments.name))
     place = catalogue_arguments.place_to_save(arguments, scene) if arguments.save else None
     with held() as interrupt:
         with interrupt.released(), catalogue_arguments.lookup(arguments.name, arguments, scene) as catalogue:
             branch, code = _follow(arguments, scene, files, catalogue, interrupt)
         if branch.others:
-            print(f"cut    {branch.whole.words()}", file=files.words, flush=True)
-        for line in _doubts(branch):
-            print(line, file=files.words, flush=True)
+            files.report([f"cut    {branch.full_family.words()}"])
+        files.report(_warnings(branch))
         code = max(code, _write(branch, files, arguments.frequency))
         if place is not None and any(end.reason == "INTERRUPTED" for end in branch.ended):
             say("a family that was not followed to its ends is not kept in a catalogue")
@@ -94,14 +94,14 @@ def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> 
     from branches.catalogue.widening import CannotWiden
 
     try:
-        words = catalogue_arguments.save(branch, place, scene)
+        words = catalogue_arguments.save_branch(branch, place, scene, __version__)
     except CannotWiden as refused:
         say(one_line(refused))
         return FAILED
     except (ValueError, RuntimeError) as error:
         say(f"{one_line(error)}; the family {branch.id} was not kept")
         return exit_code(error) or FAILED
-    print(words, file=files.words, flush=True)
+    files.report([words])
     return DONE
 
 
@@ -109,21 +109,21 @@ def _follow(
     arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs, catalogue: Catalogue | None, interrupt: Held
 ) -> tuple[Branch, int]:
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
-    from saltus.first_run import prepare
+    from saltus.families import trace
     from saltus.progress import ProgressBar
-    from saltus.tracing import trace
+    from saltus.startup import prepare
 
     prepare()
     with ProgressBar(arguments.points) as bar:
-        tell = partial(bar.line, stream=files.words)
+        report = partial(bar.line, stream=files.words)
 
         def start(text: str) -> None:
-            tell(f"start  {text}")
-            tell(events_table.HEADER)
+            report(f"start  {text}")
+            report(tables.EVENT_HEADER)
 
         def end(ended: Ended) -> None:
             interrupt.keep()
-            tell(f"end    {ended.text}")
+            report(f"end    {ended.text}")
 
         try:
             branch = trace(
@@ -135,7 +135,7 @@ def _follow(
                 direction=arguments.direction,
                 stop_at=arguments.stop_at,
                 on_start=start,
-                on_event=lambda event: tell(events_table.event_line(event)),
+                on_event=lambda event: report(tables.event_line(event)),
                 on_end=end,
                 on_point=bar.update,
             )
@@ -150,36 +150,45 @@ def _follow(
     return branch, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE
 
 
-def _doubts(branch: Branch) -> list[str]:
-    """Say out loud where the multipliers are not reliable."""
+def _warnings(branch: Branch) -> list[str]:
+    """The lines that say where the multipliers are not reliable."""
     import numpy as np
 
-    # At grazing the multipliers have no bound, which the table tells; that is no doubt about their quality.
+    # At grazing the multipliers have no bound. The table shows it, and their quality is not in question.
     from bvp.multipliers import TRIVIAL_LOST
 
     points = branch.points
-    doubtful = ~points["reliable"] & np.isfinite(points["multipliers"]).all(axis=1)
+    uncertain = ~points["reliable"] & np.isfinite(points["multipliers"]).all(axis=1)
     lost = points["trivial"] >= TRIVIAL_LOST
     lines = []
     for which, of, what in (
-        (doubtful, "the multipliers", "are not reliable"),
+        (uncertain, "the multipliers", "are not reliable"),
         (lost, "in products of saltation matrices the trivial multiplier", "is lost"),
     ):
         if which.any():
             energies = points["h"][which]
             lines.append(
-                f"doubt  {of} of {which.sum()} of {len(which)} points {what},"
+                f"warning  {of} of {which.sum()} of {len(which)} points {what},"
                 f" between h = {energies.min():.8g} and {energies.max():.8g}: see quality in the files"
             )
     return lines
 
 
 def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:
-    from branches.record import to_csv, to_json
+    import numpy as np
 
-    def draw(path: Path) -> None:
+    from branches.record import to_csv, to_json, to_record
+
+    def table() -> Table:
+        count = len(branch.points["h"])
+        return {"family": np.full(count, branch.id), "point": np.arange(count), **branch.points}
+
+    def about() -> str:
+        return json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False)
+
+    def plot(path: Path) -> None:
         from branches.diagram import draw_branch
 
         draw_branch(branch, path, frequency=frequency)
 
-    return files.write(json=lambda: to_json(branch), csv=lambda: to_csv(branch), draw=draw)
+    return files.write({"json": lambda: to_json(branch), "csv": lambda: to_csv(branch)}, table=table, about=about, plot=plot)

@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, scene_arguments
+from saltus import catalogue_arguments, options, outputs
 from saltus.arguments import positive, whole_above_zero
 from saltus.errors import DONE, INTERRUPTED, exit_code, one_line, say
-from saltus.events_table import stability_word
-from saltus.outputs import Outputs, add_json
-from saltus.wording import counted
+from saltus.tables import counted, stability_word, table_lines, terminal_width, wrapped
 
 if TYPE_CHECKING:
-    from branches.discovery.search import Discovery
+    from branches.search.discovery import Discovery
 
 __all__ = ["add_arguments", "run", "summary"]
 
@@ -39,56 +37,55 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole_above_zero,
         help="most starts followed (default: a million; fewer where a mode is fast)",
     )
-    add_json(parser)
-    catalogue_arguments.add_file(parser, "tell which family of this catalogue each orbit lies on")
-    scene_arguments.add_arguments(parser)
+    outputs.add_arguments(parser, "json", "csv", "npz", "mat")
+    catalogue_arguments.add_file(parser, "report which family of this catalogue each orbit lies on")
+    options.add_scene(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    files = Outputs(json=arguments.json)
-    files.check()
-    scene = scene_arguments.from_arguments(arguments)
+    files = outputs.outputs_of(arguments)
+    scene = options.scene_of(arguments)
     if arguments.model:
         from saltus.model import explain_search
 
-        for line in explain_search(scene.system):
-            print(f"model  {line}", file=files.words, flush=True)
+        files.report(f"model  {line}" for line in explain_search(scene.system))
 
-    from branches.discovery.search import check
+    from branches.search.discovery import check
 
     longest = scene.quarter_period if arguments.max_quarter_period is None else arguments.max_quarter_period
     ends = None if arguments.ends is None else tuple(arguments.ends.split(","))
-    options: dict[str, Any] = {"quarter_period": longest, "impacts": arguments.max_impacts, "ends": ends}
-    check(scene.system, arguments.energy, **options)
+    within: dict[str, Any] = {"quarter_period": longest, "impacts": arguments.max_impacts, "ends": ends}
+    check(scene.system, arguments.energy, **within)
     if arguments.max_starts is not None:
-        options["budget"] = arguments.max_starts
+        within["budget"] = arguments.max_starts
 
-    from saltus.discovery import discover
-    from saltus.first_run import prepare
-    from saltus.listing import width_of, wrapped
+    from saltus.families import discover
+    from saltus.progress import ProgressBar
+    from saltus.startup import prepare
 
     with catalogue_arguments.given(arguments, scene) as catalogue:
         prepare(discovery=True)
-        found = discover(scene.system, arguments.energy, catalogue=catalogue, **options)
+        with ProgressBar():
+            found = discover(scene.system, arguments.energy, catalogue=catalogue, **within)
     families, code = _families(found, files.words)
-    _print_table(found, families, files.words)
-    for line in wrapped(summary(found), width_of(files.words), 9):
-        print(line, file=files.words, flush=True)
-    if arguments.json is None:
-        return code
+    files.report(_table(found, families, terminal_width(files.words)))
+    files.report(wrapped(summary(found), terminal_width(files.words), 9))
 
-    from branches.discovery.record import to_json
+    from branches.catalogue.tables import orbit_rows
+    from branches.record import discovery_to_json
 
-    return max(code, files.write(json=lambda: to_json(found, families), csv=str, draw=lambda path: None))
+    ids = [family or "" for family in families or repeat(None, len(found.orbits))]
+    texts = {"json": lambda: discovery_to_json(found, families)}
+    return max(code, files.write(texts, table=lambda: orbit_rows(list(zip(ids, found.orbits, strict=True)))))
 
 
 def _families(found: Discovery, stream: Any) -> tuple[Sequence[str | None], int]:
     """The id of each orbit's family, and the exit code: from the catalogue, else, where an orbit has no label to be named by, from
     following it. Empty where no catalogue is given and all orbits have labels."""
     from branches.tracing import follow_family
-    from saltus.first_run import prepare
     from saltus.progress import ProgressBar
+    from saltus.startup import prepare
 
     families = list(found.families) or [None] * len(found.orbits)
     unnamed = [k for k, orbit in enumerate(found.orbits) if not orbit.label and families[k] is None]
@@ -112,32 +109,30 @@ def _families(found: Discovery, stream: Any) -> tuple[Sequence[str | None], int]
     return families, DONE
 
 
-def _print_table(found: Discovery, families: Sequence[str | None], stream: Any) -> None:
-    """Print the orbits as a table that fits the terminal."""
-    from branches.discovery.record import half_period_impacts
-    from saltus.listing import listing, width_of
+def _table(found: Discovery, families: Sequence[str | None], width: int | None) -> list[str]:
+    """The table of the orbits."""
+    from branches.record import half_period_impacts
 
     rows = []
     for orbit, family in zip(found.orbits, families or repeat(None), strict=False):
         velocities = orbit.velocities
         rows.append(
             (
-                orbit.label, " ".join(orbit.ends), orbit.word, f"{half_period_impacts(orbit):g}", f"{orbit.alpha:.8g}",
+                orbit.label, " ".join(orbit.ends), orbit.sequence, f"{half_period_impacts(orbit):g}", f"{orbit.alpha:.8g}",
                 "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities), f"{min(orbit.impact_speeds):.4g}",
                 f"{orbit.tau:.6g}", stability_word(orbit.stable), *([family or "-"] if families else []),
             )
         )  # fmt: skip
-    head = ("label", "ends", "word", "impacts", "alpha", "velocities", "slowest impact", "tau", "stable", "family")
-    for line in listing(head[: 9 + bool(families)], rows, width=width_of(stream), columns="lllrrrrrli"):
-        print(line, file=stream, flush=True)
+    head = ("label", "ends", "sequence", "impacts", "alpha", "velocities", "slowest impact", "tau", "stable", "family")
+    return table_lines(head[: 9 + bool(families)], rows, width=width, columns="lllrrrrrli")
 
 
 def summary(found: Discovery) -> list[str]:
-    """Return the lines that tell how complete a discovery is.
+    """Return the lines that say how complete a discovery is.
 
     Parameters
     ----------
-    found : branches.discovery.search.Discovery
+    found : branches.search.discovery.Discovery
 
     Returns
     -------
@@ -153,12 +148,12 @@ def summary(found: Discovery) -> list[str]:
         f"scan     {counted(counts['starts'], 'start')}, "
         f"intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
         f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counted(counts['grazings'], 'grazing')}",
-        f"orbits   {counted(counts['crossings'], 'crossing')}, {counts['repeated'] + counts['multiple_turns']} of them several turns, "
+        f"orbits   {counted(counts['crossings'], 'crossing')}, {counts['repeated'] + counts['multiple_turns']} of them k-fold covers, "
         f"{counts['polished']} polished, {counted(counts['duplicates'], 'duplicate')}, {counts['inadmissible']} inadmissible, "
         f"{counts['unpolished']} not polished",
     ]
     lines += [
-        f"unpolished  ends {' '.join(item.ends)}  word {item.word or '(none)'}  alpha = {item.alpha:.8g}  "
+        f"unpolished  ends {' '.join(item.ends)}  sequence {item.sequence or '(none)'}  alpha = {item.alpha:.8g}  "
         f"angle = {item.parameter:.15g}: {item.reason}"
         for item in found.unpolished
     ]
@@ -167,7 +162,7 @@ def summary(found: Discovery) -> list[str]:
         lie = "lies" if unknown == 1 else "lie"
         lines.append(f"families {len(set(found.families) - {None})} of the catalogue; {counted(unknown, 'orbit')} {lie} on none of it")
     if found.settled:
-        lines.append("settled  within these bounds the scan leaves nothing undecided")
+        lines.append("complete  within these bounds the scan leaves nothing undecided")
         return lines
     why = []
     if counts["over_budget"]:
@@ -181,4 +176,4 @@ def summary(found: Discovery) -> list[str]:
         why.append(f"{counts['unpolished']} crossings are not polished")
     if counts["one_sided"]:
         why.append(f"{counts['one_sided']} orbits were found from one of their two ends alone")
-    return [*lines, "not settled: " + "; ".join(why)]
+    return [*lines, "not complete: " + "; ".join(why)]

@@ -1,22 +1,35 @@
-"""`saltus export WHAT --out FILE`: what a catalogue holds, as pictures or as data."""
+"""`saltus export WHAT`: what a catalogue holds, as pictures or as data."""
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from saltus.commands import export_data, export_picture
+from saltus import catalogue_arguments, options, outputs
+from saltus.arguments import one_of, positive, whole_above_zero
 from saltus.errors import BadInput, nearest
+from saltus.tables import counted
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.catalogue import Catalogue
+    from branches.diagram.atlas_data import Atlas, Bound
+    from branches.export.table_files import Table
+    from branches.orbit import Orbit
+    from saltus.scene import Scene
 
 __all__ = ["add_arguments", "run"]
 
-WHAT: dict[str, tuple[Any, str]] = {
-    "fep": (export_picture, "frequency-energy plot: a picture, or its data"),
-    "velocities": (export_picture, "start velocities against energy: a picture, or its data"),
-    "graph": (export_data, "the graph: json (node-link), graphml, dot"),
-    "points": (export_data, "a row a point: csv, json, npz, mat"),
-    "orbits": (export_data, "a row an orbit: csv, json, npz, mat"),
+WHAT = {
+    "fep": "frequency-energy plot: a picture, or its data",
+    "velocities": "start velocities against energy: a picture, or its data",
+    "graph": "the graph: json (node-link), graphml, dot",
+    "points": "a row a point: csv, json, npz, mat",
+    "orbits": "a row an orbit: csv, json, npz, mat",
 }
+PICTURES = ("fep", "velocities")
 
 
 class _Choice(dict[str, Any]):
@@ -31,14 +44,266 @@ class _Choice(dict[str, Any]):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parsers = parser.add_subparsers(dest="what", metavar="WHAT", title="what is written", required=True)
-    for what, (module, summary) in WHAT.items():
+    for what, summary in WHAT.items():
         part = parsers.add_parser(what, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        module.add_arguments(part)
+        if what in PICTURES:
+            _add_picture(part)
+        else:
+            _add_data(part, what)
         part.set_defaults(parser=part)
     parsers.choices = parsers._name_parser_map = _Choice(parsers.choices)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    code: int = WHAT[arguments.what][0].run(arguments)
-    return code
+    files = outputs.outputs_of(arguments)
+    if not files.places:
+        known = [f"--{kind}" for kind in outputs.KINDS if hasattr(arguments, kind)]
+        raise BadInput(f"missing: {' or '.join(known)} (see saltus export {arguments.what} --help)")
+    return _picture(arguments, files) if arguments.what in PICTURES else _data(arguments, files)
+
+
+def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add the options of ``graph``, ``points`` and ``orbits``."""
+    names = {"orbits": "orbits: S13O00+@h=1, an id with @h=.."}.get(what, "names of families (default: all)")
+    parser.add_argument("names", metavar="NAME", nargs="*", help=names)
+    outputs.add_arguments(parser, *(("json", "graphml", "dot") if what == "graph" else ("json", "csv", "npz", "mat")))
+    if what == "points":
+        parser.add_argument("--columns", metavar="A,B", help="columns, in this order (default: all but the states)")
+    if what == "orbits":
+        parser.add_argument("--samples", metavar="N", type=whole_above_zero, help="the motion at N times over a period")
+    options.add_filters(parser)
+    catalogue_arguments.add_arguments(parser)
+
+
+def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
+    """Write the graph, or a table of points or orbits."""
+    columns = _columns(arguments.columns) if arguments.what == "points" else ()
+    with catalogue_arguments.open_catalogue(arguments) as catalogue:
+        if arguments.what == "graph":
+            return _graph(catalogue, arguments, files)
+        table = _points(catalogue, arguments, columns) if columns else _orbits(catalogue, arguments)
+
+    from branches.export.table_files import table_text
+
+    thing = "samples" if getattr(arguments, "samples", None) else arguments.what
+    note = counted(len(next(iter(table.values()))), thing[:-1])
+    texts = {"json": lambda: table_text(table, "json", thing)}
+    return files.write(texts, table=lambda: table, notes=dict.fromkeys(files.places, note))
+
+
+def _columns(text: str | None) -> tuple[str, ...]:
+    """The columns of points that were asked for."""
+    from branches.catalogue.tables import DEFAULT_COLUMNS, POINT_NAMES
+
+    if text is None:
+        return DEFAULT_COLUMNS
+    names = tuple(name.strip() for name in text.split(","))
+    for name in names:
+        if name not in POINT_NAMES:
+            hint = nearest(name, POINT_NAMES) or f", expected some of {', '.join(POINT_NAMES)}"
+            raise BadInput(f"unknown column {name!r} of points{hint}")
+        if names.count(name) > 1:
+            raise BadInput(f"column {name!r} is asked for {names.count(name)} times, expected each column once")
+    return names
+
+
+def _points(catalogue: Catalogue, arguments: argparse.Namespace, columns: tuple[str, ...]) -> Table:
+    """The points of the families that are chosen."""
+    from branches.catalogue.tables import points_table
+
+    filters = options.filters_of(arguments)
+    families = catalogue.families(**filters)
+    if arguments.names:
+        chosen = {catalogue.find(name).id for name in arguments.names}
+        families = [row for row in families if row.id in chosen]
+    if not families:
+        raise options.nothing_fits(str(catalogue.path), len(catalogue), filters, arguments.names)
+    return points_table(catalogue, families, columns)
+
+
+def _graph(catalogue: Catalogue, arguments: argparse.Namespace, files: outputs.Outputs) -> int:
+    from branches.catalogue.graph import FLATTENED, graph_text
+
+    graph = catalogue.graph()
+    filters = options.filters_of(arguments)
+    if arguments.names or options.given_filters(filters):
+        kept = {row.id for row in catalogue.families(**filters)}
+        if arguments.names:
+            kept &= {catalogue.find(name).id for name in arguments.names}
+        dropped = [id for id, data in graph.nodes(data=True) if data["kind"] == "family" and id not in kept]
+        graph.remove_nodes_from(dropped)
+        graph.remove_nodes_from([id for id, data in graph.nodes(data=True) if data["kind"] == "dead end" and not graph.degree(id)])
+    if not files.to_stdout:
+        files.report(f"note   {FLATTENED.format(kind)}" for kind in files.places if kind != "json")
+    note = f"{counted(graph.number_of_nodes(), 'node')}, {counted(graph.number_of_edges(), 'edge')}"
+    texts = {kind: lambda kind=kind: graph_text(graph, kind) for kind in files.places}
+    return files.write(texts, notes=dict.fromkeys(files.places, note))
+
+
+def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
+    """The orbits that are named, or those that the families chosen have at an energy."""
+    from branches.catalogue.tables import orbit_rows, orbit_samples
+
+    found: list[tuple[str, Orbit]] = []
+    filters = options.filters_of(arguments)
+    if arguments.names:
+        if options.given_filters(filters):
+            asked = options.filter_words(filters)
+            raise BadInput(f"names and {asked} both choose orbits; expected names, or --energy H for all that cross it")
+        for name in arguments.names:
+            match = catalogue.find(name)
+            if match.kind != "family":
+                raise BadInput(f"{match.id} is a {match.kind}, which has no orbit with impacts; expected the name of an impacting family")
+            if "@" not in name:
+                raise BadInput(f"which orbit of {name}? expected {name}@h=.. or @alpha=..")
+            branch = catalogue.branch(match.id)
+            assert match.h is not None and match.alpha is not None
+            orbits = branch.orbits_at(energy=match.h) if "h=" in name else branch.orbits_at(alpha=match.alpha)
+            if not orbits:
+                raise BadInput(f"the orbit {name} could not be solved for; expected one farther from the end of its family")
+            found.append((match.id, min(orbits, key=_distance_to(match.h, match.alpha))))
+    elif arguments.energy is None:
+        raise BadInput("which orbits? expected names such as S13O00+@h=1, or --energy H for all families that cross it")
+    else:
+        for row in catalogue.families(**filters):
+            found += [(row.id, orbit) for orbit in catalogue.branch(row.id).orbits_at(energy=arguments.energy)]
+        if not found:
+            raise options.nothing_fits(str(catalogue.path), len(catalogue), filters)
+    return orbit_samples(found, arguments.samples) if arguments.samples else orbit_rows(found)
+
+
+def _distance_to(h: float, alpha: float) -> Callable[[Orbit], float]:
+    return lambda orbit: abs(orbit.h / h - 1.0) + abs(orbit.alpha / alpha - 1.0)
+
+
+def _add_picture(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``fep`` and ``velocities``."""
+    outputs.add_arguments(parser, "plot", "json", "csv", "npz", "mat")
+    parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+    parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="families, as `saltus continue --json` writes them")
+    catalogue_arguments.add_file(parser, "families of this catalogue (default: that of the scene in the user's data folder)")
+    parser.add_argument("--data", metavar="FILE", help="draw from data that were exported before")
+    options.add_filters(parser, shown=True)
+    parser.add_argument("--frequency", metavar="AXIS", type=one_of("index", "fundamental"), default="index", help="as in `saltus continue`")
+    parser.add_argument("--impulsive", action="store_true", help="add the impulsive motions: their curve and the periodic ones")
+    parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period of periodic impulsive orbits")
+    parser.add_argument("--regimes", action="store_true", help="add the bounds of the regimes I to IV, which are ours and not the paper's")
+    parser.add_argument(
+        "--inset", metavar="LO:HI[,FLO:FHI]", action="append", default=[], help="show a part larger: its energies, and its frequencies"
+    )
+    parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name N families at most")
+    parser.add_argument("--clearance", metavar="D", type=positive, default=1.0, help="scale lengths by D and energies by its square")
+    parser.add_argument(
+        "--natural-frequency", metavar="W", type=positive, default=1.0, help="scale frequencies by that of the oscillator alone, in rad/s"
+    )
+    options.add_scene(parser)
+
+
+def _picture(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
+    """Draw a picture of many families, or write the data that it is drawn from."""
+    from branches.diagram.insets import parse_inset
+
+    for kind, path in files.places.items():
+        if kind != "plot" and Path(path).suffix.lower() != f".{kind}":
+            raise BadInput(f"--{kind} {path}: expected a file ending in .{kind}")
+    for option in ("names", "inset"):
+        if "plot" not in files.places and getattr(arguments, option):
+            raise BadInput(f"--{option} is of a picture; expected --plot FILE with it")
+    insets = [parse_inset(text) for text in arguments.inset]
+    if sum((bool(arguments.branches), arguments.data is not None, arguments.catalogue is not None)) > 1:
+        raise BadInput("families come from one place: give one of --catalogue, --branches and --data")
+    if arguments.what == "velocities" and insets:
+        raise BadInput("--inset shows a part of the frequency-energy plot; expected it with fep")
+    atlas = _atlas(arguments)
+
+    def write_data(path: Path) -> None:
+        from branches.export import write_atlas
+
+        write_atlas(atlas, path)
+
+    def plot(path: Path) -> None:
+        from branches.diagram.atlas import draw_atlas, draw_velocities
+
+        names = {} if arguments.names is None else {"names": arguments.names}
+        if arguments.what == "velocities":
+            draw_velocities(atlas, path, **names)
+        else:
+            draw_atlas(atlas, path, frequency=arguments.frequency, insets=insets, **names)
+
+    return files.write(files=dict.fromkeys(files.places, write_data), plot=plot)
+
+
+def _require_system(scene: Scene, branch: Branch, path: str) -> None:
+    """Refuse a branch of another system than the one that was asked for."""
+    from branches.catalogue.rows import difference
+
+    found = difference(branch.system.describe(), scene.system.describe())
+    if found is not None:
+        raise BadInput(f"{path} belongs to another system: there {found}")
+
+
+def _atlas(arguments: argparse.Namespace) -> Atlas:
+    from branches.diagram.atlas_data import atlas_of, regime_bounds, rescaled
+
+    if arguments.data is not None:
+        from branches.export import read_atlas
+
+        filters = options.given_filters(options.filters_of(arguments))
+        for option in ("impulsive", "regimes", "energy", "scene", *options.parameters_of(arguments), *filters):
+            if getattr(arguments, option) not in (None, False):
+                raise BadInput(f"--{option} chooses what is in the data, and {arguments.data} holds them already; give it without --data")
+        atlas = read_atlas(arguments.data)
+        if (arguments.clearance, arguments.natural_frequency) == (1.0, 1.0):
+            return atlas
+        return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
+
+    scene = options.scene_of(arguments)
+    branches, everything = _families(arguments, scene)
+    system = branches[0].system
+    curve = periodic = None
+    energy = shown = arguments.energy if isinstance(arguments.energy, tuple) else None
+    if arguments.impulsive:
+        from branches.impulsive import impulsive_manifold, impulsive_orbits
+        from saltus.progress import ProgressBar
+        from saltus.startup import prepare
+
+        prepare(impulsive=True)
+        if energy is None:
+            energy = min(float(b.points["h"].min()) for b in branches), max(float(b.points["h"].max()) for b in branches)
+        with ProgressBar():
+            periodic = impulsive_orbits(system, energy, quarter_period=arguments.max_quarter_period or scene.quarter_period)
+            curve = impulsive_manifold(system, energy)
+    bounds: tuple[Bound, ...] = ()
+    if arguments.regimes:
+        bounds, missing = regime_bounds(system, everything)
+        for text in missing:
+            print(f"note   no bound {text}", flush=True)
+    atlas = atlas_of(system, branches, pinned=scene.names_for(system), manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
+    return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
+
+
+def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch], list[Branch]]:
+    """The families that the filters choose, and those that bound the regimes: all of them where the regimes are asked for."""
+    filters = options.filters_of(arguments)
+    if arguments.branches:
+        from branches.catalogue.find import chosen
+        from branches.catalogue.packing import pack_family
+        from branches.reading import read_branch
+
+        everything = [read_branch(path) for path in arguments.branches]
+        if arguments.scene is not None or options.parameters_of(arguments):
+            _require_system(scene, everything[0], arguments.branches[0])
+        kept = {row.id for row in chosen([pack_family(branch).row for branch in everything], **filters)}
+        place = "the files given"
+    else:
+        with catalogue_arguments.open_catalogue(arguments) as catalogue:
+            place = str(catalogue.path)
+            if not len(catalogue):
+                raise options.nothing_fits(place, 0, filters)
+            kept = {row.id for row in catalogue.families(**filters)}
+            everything = [catalogue.branch(row.id) for row in catalogue.families() if arguments.regimes or row.id in kept]
+    branches = [branch for branch in everything if branch.id in kept]
+    if not branches:
+        raise options.nothing_fits(place, len(everything) or 1, filters)
+    return branches, everything

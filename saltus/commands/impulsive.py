@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, outputs, scene_arguments
+from saltus import catalogue_arguments, options, outputs
 from saltus.arguments import energy_range, positive, whole_above_zero
 from saltus.errors import DONE, FAILED
-from saltus.events_table import stability_word
+from saltus.tables import stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
+    from branches.export.table_files import Table
     from branches.impulsive import ImpulsiveOrbits, Manifold
 
 __all__ = ["add_arguments", "run"]
 
 SCHEMA = 1
-HEADER = f"{'label':<20} {'other side':<20} {'energy h':>16} {'quarter alpha':>16} {'u2_velocity':>14} {'impacts':>7}  stable"
+HEADER = ("label", "other side", "energy h", "quarter alpha", "u2_velocity", "impacts", "stable", "family")
 COLUMNS = ("label", "family", "h", "alpha", "u2_velocity", "impacts", "other_label", "stable", "ends", "word", "residual")
 
 
@@ -33,59 +31,60 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: any number)")
     parser.add_argument("--density", metavar="N", type=whole_above_zero, default=100, help="energies a decade of the curve (default: 100)")
-    catalogue_arguments.add_file(parser, "tell which family of this catalogue each periodic orbit lies on")
-    outputs.add_arguments(parser)
-    scene_arguments.add_arguments(parser)
+    catalogue_arguments.add_file(parser, "report which family of this catalogue each periodic orbit lies on")
+    outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
+    options.add_scene(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    files = outputs.from_arguments(arguments)
-    scene = scene_arguments.from_arguments(arguments)
+    files = outputs.outputs_of(arguments)
+    scene = options.scene_of(arguments)
     if arguments.model:
         from saltus.model import explain
 
         # Every impulsive orbit runs from the origin to the origin in half a period, as those with a label U do.
-        for line in explain(scene.system, "U11"):
-            print(f"model  {line}", file=files.words, flush=True)
+        files.report(f"model  {line}" for line in explain(scene.system, "U11"))
 
     from branches.impulsive import impulsive_manifold, impulsive_orbits
-    from saltus.first_run import prepare
     from saltus.progress import ProgressBar
+    from saltus.startup import prepare
 
     longest = arguments.max_quarter_period or scene.quarter_period
     with catalogue_arguments.given(arguments, scene) as catalogue:
         prepare(impulsive=True)
-        found = impulsive_orbits(scene.system, arguments.energy, quarter_period=longest, impacts=arguments.max_impacts)
+        with ProgressBar():
+            found = impulsive_orbits(scene.system, arguments.energy, quarter_period=longest, impacts=arguments.max_impacts)
         entries = records(found, catalogue)
-    print(HEADER + ("  family" if arguments.catalogue is not None else ""), file=files.words)
-    for entry in entries:
-        print(
-            f"{entry['label']:<20} {entry['other_label']:<20} {entry['h']:>16.11g} {entry['alpha']:>16.11g} "
-            f"{entry['u2_velocity']:>14.9g} {entry['impacts']:>7}  {stability_word(entry['stable']):<6}  {entry['family'] or ''}".rstrip(),
-            file=files.words,
+    rows = [
+        (
+            entry["label"], entry["other_label"], f"{entry['h']:.11g}", f"{entry['alpha']:.11g}", f"{entry['u2_velocity']:.9g}",
+            str(entry["impacts"]), stability_word(entry["stable"]), *([entry["family"] or ""] if catalogue is not None else []),
         )
-    for line in remarks(found):
-        print(line, file=files.words)
+        for entry in entries
+    ]  # fmt: skip
+    head = HEADER if catalogue is not None else HEADER[:-1]
+    files.report(table_lines(head, rows, width=terminal_width(files.words), columns="llrrrrli"))
+    files.report(remarks(found))
     curve = None
-    if arguments.json or arguments.plot:
+    if {"json", "plot"} & {*files.places}:
         with ProgressBar() as bar:
             curve = impulsive_manifold(scene.system, arguments.energy, density=arguments.density, on_energy=bar.update)
-        print(
-            f"curve  {len(curve.h)} energies, {int(curve.breaks.sum())} jumps, {curve.periods} periods of the oscillator, "
-            f"{curve.window} window, {curve.sampling}",
-            file=files.words,
+        files.report(
+            [
+                f"curve  {len(curve.h)} energies, {int(curve.breaks.sum())} jumps, {curve.periods} periods of the oscillator, "
+                f"{curve.window} window, {curve.sampling}",
+                *(f"failed  at h = {energy:.10g} {reason}" for energy, reason in curve.failed),
+            ]
         )
-        for energy, reason in curve.failed:
-            print(f"failed  at h = {energy:.10g} {reason}", file=files.words)
 
-    def draw(path: Path) -> None:
+    def plot(path: Path) -> None:
         from branches.diagram.atlas import draw_atlas
         from branches.diagram.atlas_data import atlas_of
 
         draw_atlas(atlas_of(scene.system, (), manifold=curve, impulsive=found), path)
 
-    code = files.write(json=lambda: to_json(found, entries, curve), csv=lambda: to_csv(entries), draw=draw)
+    code = files.write({"json": lambda: impulsive_json(found, entries, curve)}, table=lambda: orbit_table(entries), plot=plot)
     return max(code, FAILED if found.unpolished else DONE)
 
 
@@ -102,7 +101,7 @@ def records(found: ImpulsiveOrbits, catalogue: Catalogue | None = None) -> list[
             "other_label": orbit.other_label,
             "stable": orbit.orbit.stable,
             "ends": list(orbit.orbit.ends),
-            "word": orbit.orbit.word,
+            "word": orbit.orbit.sequence,
             "residual": orbit.orbit.residual,
         }
         for orbit in found.orbits
@@ -110,10 +109,10 @@ def records(found: ImpulsiveOrbits, catalogue: Catalogue | None = None) -> list[
 
 
 def remarks(found: ImpulsiveOrbits) -> list[str]:
-    """Return the lines that tell how complete the list is."""
+    """Return the lines that say how complete the list is."""
     counts = ", ".join(f"{count} {name}" for name, count in found.counts.items())
     bound = f"quarter period up to {found.quarter_period:g}" + ("" if found.impacts is None else f", up to {found.impacts} impacts")
-    state = "settled" if found.settled else "NOT settled"
+    state = "complete" if found.settled else "NOT complete"
     lines = [f"{state}  energies {found.energy[0]:g} to {found.energy[1]:g}, {bound}: {counts}"]
     for gone in found.unpolished:
         lines.append(f"unpolished  between h = {gone.low:.15g} and {gone.high:.15g}, {'-'.join(gone.ends)}: {gone.reason}")
@@ -123,7 +122,7 @@ def remarks(found: ImpulsiveOrbits) -> list[str]:
     return lines
 
 
-def to_json(found: ImpulsiveOrbits, entries: list[dict[str, Any]], curve: Manifold | None) -> str:
+def impulsive_json(found: ImpulsiveOrbits, entries: list[dict[str, Any]], curve: Manifold | None) -> str:
     """Return the JSON text: `entries` are the `records` of what was found."""
     record = {
         "schema": SCHEMA,
@@ -132,26 +131,21 @@ def to_json(found: ImpulsiveOrbits, entries: list[dict[str, Any]], curve: Manifo
         "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts},
         "settled": found.settled,
         "counts": found.counts,
+        "orbits": entries,
+        "unpolished": [{"h": [gone.low, gone.high], "ends": list(gone.ends), "reason": gone.reason} for gone in found.unpolished],
+        "open": [list(pair) for pair in found.open],
+        "manifold": None if curve is None else curve.record(),
     }
-    orbits = ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in entries)
-    apart = [{"h": [gone.low, gone.high], "ends": list(gone.ends), "reason": gone.reason} for gone in found.unpolished]
-    head = json.dumps(record, allow_nan=False)[:-1]
-    tail = {"unpolished": apart, "open": [list(pair) for pair in found.open], "manifold": None if curve is None else curve.record()}
-    return f'{head},\n  "orbits": [\n    {orbits}\n  ],\n  {json.dumps(tail, allow_nan=False)[1:]}\n'
+    return outputs.json_text(record)
 
 
-def to_csv(entries: list[dict[str, Any]]) -> str:
-    """Return the CSV text of `records`: a line of names, a line for each orbit."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for entry in entries:
-        row = {**entry, "ends": "-".join(entry["ends"]), "stable": {True: "true", False: "false", None: ""}[entry["stable"]]}
-        writer.writerow([_cell(row[name]) for name in COLUMNS])
-    return text.getvalue()
+def orbit_table(entries: list[dict[str, Any]]) -> Table:
+    """Return the table of `records`: a row for each orbit."""
+    import numpy as np
 
-
-def _cell(value: Any) -> Any:
-    if value is None:
-        return ""
-    return repr(value) if isinstance(value, float) else value
+    columns = {name: [entry[name] for entry in entries] for name in COLUMNS}
+    columns["family"] = [id or "" for id in columns["family"]]
+    columns["stable"] = [-1 if stable is None else int(stable) for stable in columns["stable"]]
+    columns["ends"] = ["-".join(ends) for ends in columns["ends"]]
+    texts = ("label", "family", "other_label", "ends", "word")
+    return {name: np.array(values, dtype=str if name in texts else None) for name, values in columns.items()}

@@ -4,32 +4,37 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from saltus import catalogue_arguments, family_filters, outputs
-from saltus.errors import DONE
-from saltus.wording import counted
+from saltus import catalogue_arguments, options, outputs
+from saltus.tables import counted
+
+if TYPE_CHECKING:
+    from branches.catalogue import FamilyRow
+    from branches.export.table_files import Table
 
 __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    family_filters.add_arguments(parser)
-    outputs.add_json(parser)
+    options.add_filters(parser)
+    outputs.add_arguments(parser, "json", "csv", "npz", "mat")
     catalogue_arguments.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    from branches.labels import spelled
-    from saltus.catalogue_records import family_record, range_text, tell
-    from saltus.listing import listing, width_of
+    from branches.naming.labels import spelled
+    from saltus.catalogue_records import family_record
+    from saltus.tables import range_text, table_lines, terminal_width
 
-    filters = family_filters.from_arguments(arguments)
-    with catalogue_arguments.opened(arguments) as catalogue:
+    files = outputs.outputs_of(arguments)
+    filters = options.filters_of(arguments)
+    with catalogue_arguments.open_catalogue(arguments) as catalogue:
         families = catalogue.families(**filters)
-        total, names = len(catalogue), list(catalogue.scene.pins)
+        total, names = len(catalogue), list(catalogue.scene.reference_points)
 
     def lines() -> Iterator[str]:
         rows = []
@@ -42,8 +47,23 @@ def run(arguments: argparse.Namespace) -> int:
                 )
             )  # fmt: skip
         head = ("label", "id", "impacts", "energy h", "quarter alpha", "stable", "points", "events", "other labels")
-        yield from listing(head, rows, width=width_of(sys.stdout), columns="lirllrrrt")
+        yield from table_lines(head, rows, width=terminal_width(sys.stdout), columns="lirllrrrt")
         yield f"{len(families)} of {counted(total, 'family')}"
 
-    tell(arguments.json, lines(), lambda: {"filters": family_filters.told(filters), "families": [family_record(row) for row in families]})
-    return DONE
+    record = {"filters": options.given_filters(filters)}
+    return files.finish(
+        lines(), lambda: {**record, "families": [family_record(row) for row in families]}, table=lambda: family_table(families)
+    )
+
+
+def family_table(families: Sequence[FamilyRow]) -> Table:
+    """A row for each family: what `saltus.catalogue_records.family_record` has of it, without its labels and its ends' reasons."""
+    import numpy as np
+
+    from saltus.catalogue_records import family_record
+
+    records = [family_record(row) for row in families]
+    texts = ("id", "label", "ends", "word")
+    numbers = ("impacts", "h", "alpha", "points", "events", "stable_fraction")
+    table: Table = {name: np.array([record[name] for record in records], dtype=str) for name in texts}
+    return table | {name: np.array([record[name] for record in records]) for name in numbers}

@@ -7,11 +7,11 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import catalogue_arguments, outputs, scene_arguments
-from saltus.arguments import one_of, positive
+from saltus import catalogue_arguments, options, outputs
+from saltus.arguments import positive
 from saltus.errors import BadInput
-from saltus.events_table import stability_word
-from saltus.orbit_choice import agreed, family_of, select
+from saltus.families import agreed, family_of, select
+from saltus.tables import stability_word, table_lines
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
@@ -24,33 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, a family's id or a part of it")
     parser.add_argument("--energy", metavar="H", type=positive, help="the orbit at this energy h")
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
-    parser.add_argument(
-        "--method",
-        metavar="METHOD",
-        type=one_of("exact", "nstt"),
-        default="exact",
-        help="exact (default), or nstt: shooting in nonsmooth time as in Lee et al. (2009), approximate, without multipliers",
-    )
-    parser.add_argument("--tolerance", metavar="EPS", type=positive, help="of nstt: matching at half a period, from 1e-13 (default: 1e-6)")
-    outputs.add_arguments(parser)
+    outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     catalogue_arguments.add_file(parser, "take the family from this catalogue, as it was followed, in place of a search")
-    scene_arguments.add_arguments(parser)
+    options.add_scene(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    files = outputs.from_arguments(arguments)
-    if arguments.tolerance is not None and arguments.method == "exact":
-        raise BadInput("--tolerance is of an approximate method, and --method is exact: expected --method nstt with it")
-    if arguments.tolerance is not None:
-        from bvp.nonsmooth_time import LEAST_TOLERANCE
+    files = outputs.outputs_of(arguments)
 
-        if arguments.tolerance < LEAST_TOLERANCE:
-            raise BadInput(f"--tolerance: received {arguments.tolerance:g}, expected {LEAST_TOLERANCE:g} or more: less is below rounding")
+    from branches.naming.labels import parse_name
 
-    from branches.labels import parse_name
-
-    scene = scene_arguments.from_arguments(arguments)
+    scene = options.scene_of(arguments)
     text = catalogue_arguments.named(arguments.name, arguments, scene)
     name = parse_name(text)
     energy = agreed(arguments.name, "h", name.h, "--energy", arguments.energy)
@@ -60,32 +45,24 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.model:
         from saltus.model import explain
 
-        for line in explain(scene.system, text):
-            print(f"model  {line}", file=files.words, flush=True)
+        files.report(f"model  {line}" for line in explain(scene.system, text))
     branch = family_of(text, scene, energy, arguments)
     orbit = select(branch, name, energy, alpha)
-    if arguments.method == "nstt":
-        from bvp.nonsmooth_time import TOLERANCE
-        from saltus.nonsmooth_time import approximate
+    files.report(orbit_lines(orbit, orbit.label or branch.id))
 
-        exact = orbit
-        orbit = approximate(exact, arguments.tolerance or TOLERANCE)
-    for line in describe(orbit, orbit.label or branch.id):
-        print(line, file=files.words, flush=True)
-    if arguments.method == "nstt":
-        print(f"exact    h = {exact.h:.15g}: off by {orbit.h - exact.h:.1e}", file=files.words, flush=True)
-
+    from branches.catalogue.tables import orbit_rows
     from branches.record import orbit_to_csv, orbit_to_json
 
-    def draw(path: Path) -> None:
+    def plot(path: Path) -> None:
         from branches.diagram import draw_orbit
 
         draw_orbit(orbit, path)
 
-    return files.write(json=lambda: orbit_to_json(orbit), csv=lambda: orbit_to_csv(orbit), draw=draw)
+    texts = {"json": lambda: orbit_to_json(orbit), "csv": lambda: orbit_to_csv(orbit)}
+    return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), plot=plot)
 
 
-def describe(orbit: Orbit, name: str) -> list[str]:
+def orbit_lines(orbit: Orbit, name: str) -> list[str]:
     """Return the lines that report an orbit.
 
     Parameters
@@ -104,7 +81,7 @@ def describe(orbit: Orbit, name: str) -> list[str]:
     values = {"tau": orbit.tau, "tau_half": orbit.tau_half}
     traces = "".join(f"  {name} = {value:.10g}" for name, value in values.items() if math.isfinite(value))
     lines = [
-        f"orbit    {name}  ends {orbit.ends[0]} {orbit.ends[1]}  word {orbit.word or '(none)'}",
+        f"orbit    {name}  ends {orbit.ends[0]} {orbit.ends[1]}  sequence {orbit.sequence or '(none)'}",
         f"energy   h = {orbit.h:.15g}",
         f"period   T = {orbit.period:.15g}  alpha = T/4 = {orbit.alpha:.15g}",
         f"stable   {stability_word(orbit.stable)}{traces}",
@@ -112,22 +89,16 @@ def describe(orbit: Orbit, name: str) -> list[str]:
     lines += [f"multiplier  {value.real:+.12e} {value.imag:+.12e} i  modulus {abs(value):.12e}" for value in orbit.multipliers]
     lines.append(_quality_line(orbit))
     if orbit.quality["trivial"] >= TRIVIAL_LOST:
-        lines.append("doubt    a product of saltation matrices loses the trivial multiplier; those above are of the saddle-point matrix")
+        lines.append("warning  a product of saltation matrices loses the trivial multiplier; those above are of the saddle-point matrix")
     if orbit.h > HIGHEST:
-        lines.append(f"doubt    above h = {HIGHEST:g} the forces of the springs are lost in rounding beside the speeds of the impacts")
+        lines.append(f"warning  above h = {HIGHEST:g} the forces of the springs are lost in rounding beside the speeds of the impacts")
     lines.append(f"impacts  {len(orbit.impacts)} in a period")
-    lines.append(f"{'time':>20}  stop  {'speed':>20}")
-    lines += [f"{impact.time:20.14g}  {impact.stop:<4}  {impact.speed:20.14g}" for impact in orbit.impacts]
-    return lines
+    impacts = [(f"{impact.time:.14g}", impact.stop, f"{impact.speed:.14g}") for impact in orbit.impacts]
+    return lines + table_lines(("time", "stop", "speed"), impacts, columns="rlr")
 
 
 def _quality_line(orbit: Orbit) -> str:
-    """The line that tells how good the numbers are."""
+    """The line about the quality of the numbers."""
     quality = orbit.quality
-    if quality.get("approximate"):
-        return (
-            f"quality  APPROXIMATE  {quality['method']} ({quality['integrator']})  tolerance {quality['tolerance']:.1e}"
-            f"  mismatch {orbit.residual:.1e}  energy drift {quality['drift']:.1e}  no multipliers"
-        )
     reliable = "reliable" if quality["reliable"] else "NOT RELIABLE"
     return f"quality  {reliable}  trivial {quality['trivial']:.1e}  pairing {quality['pairing']:.1e}  residual {orbit.residual:.1e}"

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogue_arguments, outputs
-from saltus.errors import DONE, FAILED, say
+from saltus.errors import FAILED, say
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
@@ -18,23 +18,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     for name, place in (("first", "A"), ("last", "B")):
         parser.add_argument(name, metavar=place, help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
-    outputs.add_json(parser)
+    outputs.add_arguments(parser, "json")
     catalogue_arguments.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code: 1 where no chain exists."""
-    from saltus.catalogue_records import tell
 
-    with catalogue_arguments.opened(arguments) as catalogue:
+    files = outputs.outputs_of(arguments)
+    with catalogue_arguments.open_catalogue(arguments) as catalogue:
         first, last = catalogue.find(arguments.first).id, catalogue.find(arguments.last).id
         chain = _chain(catalogue, first, last)
     nodes, edges = chain or (None, None)
-    tell(arguments.json, _lines(*chain) if chain else [], lambda: {"from": first, "to": last, "nodes": nodes, "edges": edges})
+    code = files.finish(_lines(*chain) if chain else [], lambda: {"from": first, "to": last, "nodes": nodes, "edges": edges})
     if chain is None:
         say(f"no chain of events joins {arguments.first} and {arguments.last} in this catalogue")
-        return FAILED
-    return DONE
+        return max(code, FAILED)
+    return code
 
 
 def _chain(catalogue: Catalogue, first: str, last: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]] | None:

@@ -1,13 +1,16 @@
-"""`saltus plot STUDY --out FILE`: pictures of a study, from its data on disk."""
+"""`saltus plot STUDY --plot FILE`: pictures of a study, from its data on disk."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from saltus import outputs
 from saltus.arguments import one_of
-from saltus.errors import DONE, BadInput, nearest
-from saltus.files import check_picture, replacing
+from saltus.errors import BadInput, nearest
+from saltus.tables import table_lines, terminal_width
 
 if TYPE_CHECKING:
     from transitions.study.study import Best, Study
@@ -20,7 +23,8 @@ VIEWS = ("map", "lines", "best")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("study", metavar="STUDY", help="folder that saltus study has made")
-    parser.add_argument("--out", metavar="FILE", required=True, help="the picture: FILE.png, FILE.pdf or FILE.svg")
+    outputs.add_arguments(parser, "plot")
+    parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument(
         "--view", metavar="VIEW", type=one_of(*VIEWS),
         help="map: in colours over two parameters; lines: against each parameter; best: about the best run "
@@ -33,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    check_picture(arguments.out)
+    files = outputs.outputs_of(arguments)
+    if not files.places:
+        raise BadInput("missing: --plot (see saltus plot --help)")
 
     from transitions.study.study import Study
     from transitions.study.summary import numeric_axes
@@ -51,16 +57,15 @@ def run(arguments: argparse.Namespace) -> int:
             raise BadInput("--over names the two parameters of a map; expected --view map")
         options["axes"] = _pair(arguments.over, numeric)
     if not study.complete:
-        print(f"{len(study)} of {study.plan.count} runs are finished", flush=True)
-    for line in describe(study, study.best(best), best):
-        print(line, flush=True)
+        files.report([f"{len(study)} of {study.plan.count} runs are finished"])
+    files.report(best_lines(study, study.best(best), best))
 
-    from transitions.diagram.study_picture import draw_study
+    def plot(path: Path) -> None:
+        from transitions.diagram.study_picture import draw_study
 
-    with replacing(arguments.out) as beside:
-        draw_study(study, beside, view, **options)
-    print(f"wrote  {arguments.out}", flush=True)
-    return DONE
+        draw_study(study, path, view, **options)
+
+    return files.write(plot=plot)
 
 
 def _result(study: Study, option: str, name: str) -> str:
@@ -80,17 +85,17 @@ def _pair(text: str, numeric: list[str]) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def describe(study: Study, best: Best, name: str) -> list[str]:
-    """The lines that tell the best run and those about it."""
+def best_lines(study: Study, best: Best, name: str) -> list[str]:
+    """The lines about the best run and its neighbours."""
     import numpy as np
 
     keys = [*study.given]
     rows = [best.run, *best.neighbours.tolist()]
     at = np.searchsorted(study.runs, rows)
     values = study[name]
-    lines = [f"best     {name} = {best.value:.6g} in run {best.run}", f"{'run':>9}  {name:>14}" + "".join(f"{key:>14}" for key in keys)]
+    cells = []
     for run, place in zip(rows, at, strict=True):
-        cells = (study.given[key][place].item() for key in keys)
-        given = "".join(f"{cell:>14}" if isinstance(cell, str) else f"{cell:>14.6g}" for cell in cells)
-        lines.append(f"{run:>9}  {values[place]:>14.6g}{given}")
-    return lines
+        given = (study.given[key][place].item() for key in keys)
+        cells.append((str(run), f"{values[place]:.6g}", *(value if isinstance(value, str) else f"{value:.6g}" for value in given)))
+    head = f"best     {name} = {best.value:.6g} in run {best.run}"
+    return [head, *table_lines(("run", name, *keys), cells, width=terminal_width(sys.stdout), columns="r" * (2 + len(keys)))]

@@ -1,4 +1,4 @@
-"""`saltus section --energy H`: the Poincare section of many motions of one energy; `--plate`: of several energies."""
+"""`saltus section --energy H`: the Poincare section of many motions of one energy; `--panels`: of several energies."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import math
 import time
 from collections import Counter
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
-from saltus import catalogue_arguments, outputs, scene_arguments
+from saltus import catalogue_arguments, options, outputs
 from saltus.arguments import energy_range, number, one_of, positive, whole_above_zero
 from saltus.errors import INTERRUPTED, BadInput, say
 
@@ -18,16 +18,15 @@ if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from bvp.system import ImpactSystem
     from saltus.scene import Scene
-    from transitions.section import Section
-    from transitions.section_marks import Mark
-    from transitions.section_plane import SectionPlane
-    from transitions.section_rotation import Rotations
-    from transitions.section_view import SectionView
+    from transitions.section.plane import SectionPlane
+    from transitions.section.rotation import Rotations
+    from transitions.section.section import Section
+    from transitions.section.view import Mark, SectionView
 
 __all__ = ["add_arguments", "run"]
 
 PANELS = 8
-"""Sections of a plate that is given as a range of energies."""
+"""Sections of panels that are given as a range of energies."""
 
 MOST_PANELS = 26
 HEADER = f"{'energy h':>11} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy drift':>12} {'lyapunov':>9} {'seconds':>8} {'points/s':>9}"
@@ -35,8 +34,9 @@ HEADER = f"{'energy h':>11} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("--energy", metavar="H", type=_energies, help="the energy h; of a plate: LO:HI, or H1,H2,... rising")
-    parser.add_argument("--plate", action="store_true", help="a section of each energy of the scene, or of --energy, in one picture")
+    parser.add_argument("--energy", metavar="H", type=_energies, help="the energy h; of panels: LO:HI, or H1,H2,... rising")
+    parser.add_argument("--panels", action="store_true", help="a section of each energy of the scene, or of --energy, in one picture")
+    parser.add_argument("--plate", dest="panels", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument("--orbits", metavar="N", type=whole_above_zero, default=150, help="motions, spread over the section (default: 150)")
     parser.add_argument("--crossings", metavar="K", type=whole_above_zero, default=400, help="points of each motion (default: 400)")
     parser.add_argument(
@@ -53,20 +53,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--about", metavar="X,Y", type=_place, help="rotation numbers about the fixed point next to here alone")
     catalogue_arguments.add_file(parser, "mark the periodic orbits that the families of this catalogue have at the energy")
     parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name N periodic orbits at most")
-    outputs.add_arguments(parser)
-    parser.add_argument("--arrays", metavar="FILE", help="write all data as arrays: FILE.npz or FILE.mat")
-    scene_arguments.add_arguments(parser)
+    outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
+    options.add_scene(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    files = outputs.from_arguments(arguments)
+    files = outputs.outputs_of(arguments)
     if arguments.names is not None and (arguments.plot is None or arguments.catalogue is None):
         raise BadInput("--names counts the orbits named in the picture; expected --plot FILE and --catalogue FILE with it")
-    scene = scene_arguments.from_arguments(arguments)
+    scene = options.scene_of(arguments)
     energies = _asked(arguments, scene)
 
-    from transitions.section_plane import SectionPlane
+    from transitions.section.plane import SectionPlane
 
     planes = [SectionPlane(scene.system, energy) for energy in energies]
     why = scene.system.why_not_conservative()
@@ -74,8 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.colour = "none" if why is None else "energy"
     elif arguments.colour == "energy" and why is None:
         raise BadInput("--colour energy: the system keeps its energy, which is that of the section; expected none, lyapunov or rotation")
-    if arguments.about is not None and (arguments.colour != "rotation" or arguments.plate):
-        raise BadInput("--about chooses the fixed point of rotation numbers; expected it with --colour rotation, and without --plate")
+    if arguments.about is not None and (arguments.colour != "rotation" or arguments.panels):
+        raise BadInput("--about chooses the fixed point of rotation numbers; expected it with --colour rotation, and without --panels")
     if arguments.colour == "rotation" and why is not None:
         raise BadInput(f"a rotation number belongs to motion that keeps its energy, and {why}; expected --colour lyapunov or none")
     for start in arguments.start or ():
@@ -84,41 +83,35 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.model:
         from saltus.model import explain_section
 
-        for line in explain_section(scene.system):
-            print(f"model  {line}", file=files.words, flush=True)
+        files.report(f"model  {line}" for line in explain_section(scene.system))
     with catalogue_arguments.given(arguments, scene) as catalogue:
         _compile(planes[0])
-        print(HEADER, file=files.words, flush=True)
+        files.report([HEADER])
         views: list[SectionView] = []
         interrupted = False
         for plane in planes:
             view, seconds = _view(plane, arguments, catalogue)
             views.append(view)
-            print(_row(view.section, seconds), file=files.words, flush=True)
-            for line in _remarks(view, why):
-                print(line, file=files.words, flush=True)
+            files.report([_row(view.section, seconds), *_remarks(view, why)])
             interrupted = view.section.interrupted
             if interrupted:
                 say("interrupted; what was followed until now is written")
                 break
-    caption = _caption(scene, energies) if arguments.plate else ""
+    caption = _caption(scene, energies) if arguments.panels else ""
     if caption:
-        print(f"note   {caption}", file=files.words)
+        files.report([f"note   {caption}"])
 
-    def draw(path: Path) -> None:
+    def plot(path: Path) -> None:
         from transitions.diagram.section_picture import draw_sections
 
         names = {} if arguments.names is None else {"names": arguments.names}
         draw_sections(views, path, colour=arguments.colour, caption=caption, **names)
 
-    def arrays(kind: str, file: IO[bytes]) -> None:
-        from branches.export.table_files import write_binary
-        from transitions.section_view import views_table
+    from transitions.section.view import views_table
 
-        about = json.dumps({"schema": 1, "content": "section", "system": views[0].section.system.describe()}, allow_nan=False)
-        write_binary(views_table(views), kind, file, about=about, cells=False)
-
-    code = files.write(json=lambda: to_json(scene.system, planes[0], views), csv=lambda: to_csv(views), draw=draw, arrays=arrays)
+    about = json.dumps({"schema": 1, "content": "section", "system": scene.system.describe()}, allow_nan=False)
+    texts = {"json": lambda: section_json(scene.system, planes[0], views), "csv": lambda: section_csv(views)}
+    code = files.write(texts, table=lambda: views_table(views), about=lambda: about, cells=False, plot=plot)
     return INTERRUPTED if interrupted else code
 
 
@@ -146,15 +139,15 @@ def _place(text: str) -> tuple[float, float]:
 def _asked(arguments: argparse.Namespace, scene: Scene) -> list[float]:
     """The energies of the sections."""
     given = arguments.energy
-    if not arguments.plate:
+    if not arguments.panels:
         if given is None:
-            raise BadInput("which energy? expected --energy H, or --plate")
+            raise BadInput("which energy? expected --energy H, or --panels")
         if len(given) != 1:
-            raise BadInput("--energy gives several energies; expected one, or --plate for a section of each")
+            raise BadInput("--energy gives several energies; expected one, or --panels for a section of each")
         return list(given)
     if given is None:
         if not scene.sections:
-            raise BadInput("the scene gives no [sections] energies for a plate; expected --energy LO:HI or H1,H2,... with --plate")
+            raise BadInput("the scene gives no [sections] energies for panels; expected --energy LO:HI or H1,H2,... with --panels")
         return list(scene.sections)
     if given[-1] == "range":
         low, high = given[:2]
@@ -165,7 +158,7 @@ def _asked(arguments: argparse.Namespace, scene: Scene) -> list[float]:
 
 
 def _caption(scene: Scene, energies: list[float]) -> str:
-    """What a plate says of its energies."""
+    """What the panels say about their energies."""
     cited = [energy for energy in energies if energy in scene.cited_sections]
     if not cited:
         return "the energies are our choice"
@@ -175,19 +168,19 @@ def _caption(scene: Scene, energies: list[float]) -> str:
 
 def _compile(plane: SectionPlane) -> None:
     """Have the kernels compiled before time is measured."""
-    from saltus.first_run import tell_compiling
+    from saltus.startup import report_compiling
     from transitions.kernels.section import follow_section
-    from transitions.section import follow
+    from transitions.section.section import follow
 
-    tell_compiling(follow_section)
+    report_compiling(follow_section)
     follow(plane, plane.starts(1), 2)
 
 
 def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalogue | None) -> tuple[SectionView, float]:
     """One section with what was asked to be seen on it, and the seconds that its motions took."""
     from saltus.progress import ProgressBar
-    from transitions.section import section
-    from transitions.section_view import SectionView
+    from transitions.section.section import section
+    from transitions.section.view import SectionView
 
     with ProgressBar(len(arguments.start or ()) or arguments.orbits, "orbits") as bar:
         begun = time.perf_counter()
@@ -203,7 +196,7 @@ def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalog
         seconds = time.perf_counter() - begun
     marks: tuple[Mark, ...] = ()
     if catalogue is not None:
-        from transitions.section_marks import catalogue_marks
+        from transitions.section.view import catalogue_marks
 
         marks = tuple(catalogue_marks(plane, catalogue))
     return SectionView(found, marks, _rotations(found, arguments)), seconds
@@ -212,7 +205,7 @@ def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalog
 def _rotations(found: Section, arguments: argparse.Namespace) -> Rotations | None:
     if arguments.colour != "rotation":
         return None
-    from transitions.section_rotation import about_point, rotations
+    from transitions.section.rotation import about_point, rotations
 
     return rotations(found, None if arguments.about is None else [about_point(found, arguments.about)])
 
@@ -227,8 +220,8 @@ def _row(section: Section, seconds: float) -> str:
 
 
 def _remarks(view: SectionView, why: str | None) -> list[str]:
-    """The lines that tell what the table does not."""
-    from transitions.section import SectionEnd
+    """The lines about what the table does not show."""
+    from transitions.section.section import SectionEnd
 
     section = view.section
     lines = []
@@ -238,30 +231,30 @@ def _remarks(view: SectionView, why: str | None) -> list[str]:
     for end, count in Counter(section.ends).items():
         if end is not SectionEnd.COMPLETE:
             lines.append(f"ended  {count} of {len(section.counts)} orbits: {end.value}")
-    stuck = int((section.held_times > 0.0).sum())
+    stuck = int((section.sticking_times > 0.0).sum())
     if stuck:
         lines.append(
-            f"sticks {stuck} of {len(section.counts)} orbits, for a time of {section.held_times.sum():.6g} in all: their points go on, but "
-            "the plane maps to a curve there, so that they have no Lyapunov exponent"
+            f"sticks {stuck} of {len(section.counts)} orbits, for a time of {section.sticking_times.sum():.6g} in all: their points go on, "
+            "but the plane maps to a curve there, so that they have no Lyapunov exponent"
         )
     if view.marks:
         kinds = Counter(mark.kind for mark in view.marks)
-        told = ", ".join(f"{kinds[kind]} {kind}" for kind in ("elliptic", "hyperbolic", "undecided") if kinds[kind])
-        lines.append(f"found  {len(view.marks)} periodic orbits ({told}), {sum(len(mark.points) for mark in view.marks)} points")
+        counts = ", ".join(f"{kinds[kind]} {kind}" for kind in ("elliptic", "hyperbolic", "undecided") if kinds[kind])
+        lines.append(f"found  {len(view.marks)} periodic orbits ({counts}), {sum(len(mark.points) for mark in view.marks)} points")
     if view.rotations is not None:
         for k, centre in enumerate(view.rotations.centres):
             numbers = view.rotations.numbers[view.rotations.about == k]
             numbers = numbers[numbers == numbers]
-            told = f"{len(numbers)} orbits" + (f" at {numbers.min():.6g} to {numbers.max():.6g} turns a crossing" if len(numbers) else "")
-            lines.append(f"about  {centre.place}, elliptic, period {centre.period:.6g}: {told}")
+            found = f"{len(numbers)} orbits" + (f" at {numbers.min():.6g} to {numbers.max():.6g} turns a crossing" if len(numbers) else "")
+            lines.append(f"about  {centre.place}, elliptic, period {centre.period:.6g}: {found}")
         count = int((view.rotations.numbers != view.rotations.numbers).sum())
         lines.append(f"about  none: {count} orbits, chaotic or round no elliptic fixed point")
     return lines
 
 
-def to_json(system: ImpactSystem, plane: SectionPlane, views: list[SectionView]) -> str:
+def section_json(system: ImpactSystem, plane: SectionPlane, views: list[SectionView]) -> str:
     """Return the JSON text of the sections."""
-    from transitions.section_view import SCHEMA, view_record
+    from transitions.section.view import SCHEMA, view_record
 
     names = system.coordinates
     record = {
@@ -269,13 +262,12 @@ def to_json(system: ImpactSystem, plane: SectionPlane, views: list[SectionView])
         "system": system.describe(),
         "plane": {"zero": names[plane.primary], "x": names[plane.other], "y": "momentum over mass" if plane.momentum else "velocity"},
     }
-    sections = ",\n    ".join(json.dumps(view_record(view), allow_nan=False) for view in views)
-    return f'{json.dumps(record, allow_nan=False)[:-1]},\n  "sections": [\n    {sections}\n  ]}}\n'
+    return outputs.json_text({**record, "sections": [view_record(view) for view in views]})
 
 
-def to_csv(views: list[SectionView]) -> str:
+def section_csv(views: list[SectionView]) -> str:
     """Return the CSV text: a row a point."""
     from branches.export.table_files import csv_text
-    from transitions.section_view import views_table
+    from transitions.section.view import views_table
 
     return csv_text(views_table(views), codes=True)

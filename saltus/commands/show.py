@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments
-from saltus.errors import DONE, BadInput
-from saltus.files import STANDARD_OUTPUT, check_picture, replacing
-from saltus.outputs import add_json, apart
-from saltus.printing import words_stream
+from saltus import catalogue_arguments, outputs
+from saltus.errors import BadInput
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge, FamilyRow
-    from branches.catalogue.find import Match
+    from branches.catalogue.find import NameMatch
+    from branches.orbit import Orbit
 
 __all__ = ["add_arguments", "run"]
 
@@ -22,30 +21,31 @@ __all__ = ["add_arguments", "run"]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
-    parser.add_argument("--orbit", metavar="FILE", help="draw the orbit that the name's suffix selects: FILE.png, FILE.pdf or FILE.svg")
-    add_json(parser)
+    outputs.add_arguments(parser, "json", plot="draw the orbit that the name's suffix selects: FILE.png, FILE.pdf or FILE.svg")
+    parser.add_argument("--orbit", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     catalogue_arguments.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    from saltus.catalogue_records import tell
 
-    if arguments.orbit is not None:
-        check_picture(arguments.orbit)
-    apart({"--json": arguments.json, "--orbit": arguments.orbit})
-    words = words_stream(arguments.json == STANDARD_OUTPUT)
-    with catalogue_arguments.opened(arguments) as catalogue:
+    files = outputs.outputs_of(arguments)
+    with catalogue_arguments.open_catalogue(arguments) as catalogue:
         match = catalogue.find(arguments.name)
         record = _record(catalogue, match)
-        tell(arguments.json, _lines(catalogue, match, record), lambda: record)
-        if arguments.orbit is not None:
-            drawn = _draw(catalogue, match, arguments.orbit)
-            print(f"wrote  {arguments.orbit}: {drawn}", file=words)
-    return DONE
+        lines = _lines(catalogue, match, record)
+        orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
+
+    def plot(path: Path) -> None:
+        from branches.diagram import draw_orbit
+
+        assert orbit is not None
+        draw_orbit(orbit, path)
+
+    return files.finish(lines, lambda: record, plot=plot, notes={"plot": f"the orbit {name}"})
 
 
-def _record(catalogue: Catalogue, match: Match) -> dict[str, Any]:
+def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
     """All that there is to say, as plain data."""
     from saltus.catalogue_records import event_record, family_record, node_record
 
@@ -73,13 +73,12 @@ def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
     return {"event": event, "direction": "out" if out else "in", "to": node_record(catalogue, other), "edge": edge_record(edge)}
 
 
-def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[str]:
+def _lines(catalogue: Catalogue, match: NameMatch, record: dict[str, Any]) -> list[str]:
     """The same in words."""
-    from saltus.catalogue_records import impacts_text, range_text
-    from saltus.events_table import COLUMNS, event_cells, stability_word
-    from saltus.listing import listing, width_of, wrapped
+    from saltus.catalogue_records import impacts_text
+    from saltus.tables import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
 
-    width = width_of(sys.stdout)
+    width = terminal_width(sys.stdout)
     neighbours = _each_once(record["neighbours"], catalogue.edges(match.id))
     if match.kind != "family":
         node = record["node"]
@@ -92,7 +91,7 @@ def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[s
         f"family   {row.id}",
         f"label    {row.label or '(outside the grammar of labels)'}",
         *([f"name     {match.note}"] if match.note else []),
-        f"ends     {row.ends}  word {row.word or '(none)'}  {impacts_text(row.impacts)}",
+        f"ends     {row.ends}  sequence {row.sequence or '(none)'}  {impacts_text(row.impacts)}",
         f"energy   h = {row.h[0]:.12g} to {row.h[1]:.12g}",
         f"quarter  alpha = {row.alpha[0]:.12g} to {row.alpha[1]:.12g}",
         f"points   {row.points}, stable over {100.0 * row.stable_fraction:.1f}% of the arclength",
@@ -102,15 +101,15 @@ def _lines(catalogue: Catalogue, match: Match, record: dict[str, Any]) -> list[s
     lines = [*wrapped(lines, width, 9), ""]
     cells = [("label", p.label or "-", *map(range_text, p[1:])) for p in row.labels]
     cells += [("stable", stability_word(p.stable), *map(range_text, p[1:])) for p in row.stability]
-    lines += listing(("along it", "", "arclength", "energy h", "quarter alpha"), cells, width=width)
+    lines += table_lines(("along it", "", "arclength", "energy h", "quarter alpha"), cells, width=width)
     if row.events:
         cells = [event_cells(event) for event in catalogue.events(row.id)]
-        lines += ["", *listing(tuple(COLUMNS.values()), cells, width=width, columns="rllllllt")]
+        lines += ["", *table_lines(EVENT_COLUMNS, cells, width=width, columns="rllllllt")]
     return lines + _neighbours(neighbours, width)
 
 
 def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str]:
-    from saltus.listing import listing
+    from saltus.tables import table_lines
 
     if not neighbours:
         return ["", "neighbours  none known"]
@@ -122,34 +121,33 @@ def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str
             (item["event"] or "-", edge["kind"], f"{edge['h']:.8g}", item["direction"], node["label"] or node["kind"],
              "" if node["kind"] == "dead end" else node["id"], text)
         )  # fmt: skip
-    return ["", *listing(("event", "meeting", "energy h", "edge", "neighbour", "id", "remark"), rows, width=width, columns="lllllit")]
+    return ["", *table_lines(("event", "meeting", "energy h", "edge", "neighbour", "id", "remark"), rows, width=width, columns="lllllit")]
 
 
 def _each_once(neighbours: list[dict[str, Any]], edges: list[Edge]) -> list[dict[str, Any]]:
-    """The neighbours in their order; of a meeting that both sides tell, what this one tells."""
+    """The neighbours in their order; of a meeting that both families report, the report of this one."""
     from saltus.catalogue_records import same_meeting
 
-    told: list[Edge] = []
+    kept: list[Edge] = []
     for _, edge in sorted(zip(neighbours, edges, strict=True), key=lambda pair: pair[0]["direction"] == "in"):
-        if not any(same_meeting(edge, other) for other in told):
-            told.append(edge)
-    return [item for item, edge in zip(neighbours, edges, strict=True) if any(edge is other for other in told)]
+        if not any(same_meeting(edge, other) for other in kept):
+            kept.append(edge)
+    return [item for item, edge in zip(neighbours, edges, strict=True) if any(edge is other for other in kept)]
 
 
-def _draw(catalogue: Catalogue, match: Match, path: str) -> str:
-    """Draw the orbit that a name selects, which is in the middle of the label's range where it has no suffix and no pin; that which the
-    family was started from for an id. Return which it is, by the name that selects it."""
+def _orbit(catalogue: Catalogue, match: NameMatch) -> tuple[Orbit, str]:
+    """The orbit that a name selects, and the name that selects it alone.
+
+    Without a suffix or a reference point, it is in the middle of the label's range. For an id, it is where the family was started.
+    """
+    from saltus.families import list_orbits
+
     if match.kind != "family":
         raise BadInput(f"{match.id} is a {match.kind}, which has no orbit with impacts to draw")
-    from branches.diagram import draw_orbit
-    from saltus.orbit_choice import list_orbits
-
     branch = catalogue.branch(match.id)
     orbit = branch.orbit(branch.start)
     if match.h is not None:
         alpha = match.alpha or orbit.alpha
         found = branch.orbits_at(energy=match.h)
         orbit = min(found, key=lambda item: abs(item.alpha - alpha)) if found else orbit
-    with replacing(path) as beside:
-        draw_orbit(orbit, beside)
-    return f"the orbit {list_orbits([orbit], branch)}"
+    return orbit, list_orbits([orbit], branch)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from saltus.arguments import one_of, whole_above_zero
 from saltus.errors import DONE, INTERRUPTED, BadInput, say
-from saltus.wording import counted
+from saltus.tables import counted, table_lines
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from saltus.study_file import StudyFile
+    from saltus.study.file import StudyFile
     from transitions.study.study import Study
 
 __all__ = ["add_arguments", "run"]
@@ -34,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     from saltus.executors import open_executor
-    from saltus.study_file import read_study_file
-    from saltus.studying import check_folder
+    from saltus.study.execution import check_folder
+    from saltus.study.file import read_study_file
 
     study = read_study_file(arguments.file)
     folder = _folder(arguments)
@@ -72,15 +72,16 @@ def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, worker
     from branches.catalogue.lock import WriterLock
     from saltus import __version__
     from saltus.progress import ProgressBar
-    from saltus.studying import carry_out, find_all_starts, keep_starts, kept_starts
+    from saltus.study.execution import carry_out, find_all_starts, keep_starts, kept_starts
     from transitions.study.study import Study, finished_blocks, write_plan
 
     plan = study.plan
     damaged: list[str] = []
     starts, wanted = kept_starts(study, folder, damaged.append)
     if wanted:
-        # What is wrong with a family is told before anything is written.
-        starts = find_all_starts(study, executor)
+        # Errors of a family are reported before anything is written.
+        with ProgressBar():
+            starts = find_all_starts(study, executor)
     folder.mkdir(exist_ok=True)
     lock = WriterLock(folder / "study.json")
     try:
@@ -95,7 +96,7 @@ def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, worker
             carry_out(plan, starts, folder, kind, finished, executor, workers, bar.update)
     finally:
         lock.release()
-    for line in describe(Study(folder)):
+    for line in study_lines(Study(folder)):
         print(line, flush=True)
     return DONE
 
@@ -113,8 +114,8 @@ def _start(finished: set[int], blocks: int) -> str:
     return f"{len(finished)} of {blocks} blocks are finished" if finished else "nothing is finished yet"
 
 
-def describe(study: Study) -> list[str]:
-    """The lines that tell a study's results."""
+def study_lines(study: Study) -> list[str]:
+    """The lines about a study's results."""
     import numpy as np
 
     endings = ", ".join(f"{count}: {ending.text}" for ending, count in sorted(study.endings().items(), key=lambda pair: pair[0].code))
@@ -122,11 +123,11 @@ def describe(study: Study) -> list[str]:
     worst = study["balance_error"]
     if np.isfinite(worst).any():
         lines.append(f"balance  closes to {np.nanmax(worst):.1e} of the initial energy at worst")
-    lines.append(f"{'':<16}{'least':>12}{'quartile':>12}{'median':>12}{'quartile':>12}{'most':>12}")
+    cells = []
     for name in study.names:
         values = study[name]
         values = values[np.isfinite(values)]
         if name in ("ended", "balance_error") or not len(values):
             continue
-        lines.append(f"{name:<16}" + "".join(f"{value:>12.5g}" for value in np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0])))
-    return lines
+        cells.append((name, *(f"{value:.5g}" for value in np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0]))))
+    return lines + table_lines(("", "least", "quartile", "median", "quartile", "most"), cells, columns="lrrrrr")

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from saltus import catalogue_arguments, outputs
 from saltus.arguments import whole_above_zero
-from saltus.errors import DONE
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge
@@ -31,36 +30,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
     parser.add_argument("--depth", metavar="N", type=whole_above_zero, default=DEPTH, help=f"events away from NAME (default: {DEPTH})")
-    outputs.add_json(parser)
+    outputs.add_arguments(parser, "json")
     catalogue_arguments.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    from saltus.catalogue_records import tell
-    from saltus.listing import width_of, with_short_ids, wrapped
+    from saltus.tables import terminal_width, with_short_ids, wrapped
 
-    with catalogue_arguments.opened(arguments) as catalogue:
+    files = outputs.outputs_of(arguments)
+    with catalogue_arguments.open_catalogue(arguments) as catalogue:
         root = catalogue.find(arguments.name).id
         tree = _Tree(catalogue, root, arguments.depth)
         path = catalogue.path
-    width = width_of(sys.stdout)
+    width = terminal_width(sys.stdout)
     note = f"note   {path} has no family that meets this one: --save keeps one family alone, saltus build also those that it meets"
-    told = tree.lines() if tree.ways.get(root) else [*tree.lines(), note]
-    lines = wrapped((with_short_ids(line, width) for line in told), width, 8)
-    tell(arguments.json, lines, lambda: {"depth": arguments.depth, "tree": tree.record(root)})
-    return DONE
+    lines = tree.lines() if tree.ways.get(root) else [*tree.lines(), note]
+    fitted = wrapped((with_short_ids(line, width) for line in lines), width, 8)
+    return files.finish(fitted, lambda: {"depth": arguments.depth, "tree": tree.record(root)})
 
 
 class _Tree:
     """Every node hangs where it is reached with the fewest events; there it is opened, elsewhere it is only named."""
 
     def __init__(self, catalogue: Catalogue, root: str, depth: int) -> None:
-        from branches.labels import spelled
+        from branches.naming.labels import spelled
 
         self.root = root
         self.words: dict[str, str] = {}
-        names = list(catalogue.scene.pins)
+        names = list(catalogue.scene.reference_points)
         for row in catalogue.families():
             label = spelled(row.label, names)
             self.words[row.id] = f"{label or row.id}  h {row.h[0]:.5g}:{row.h[1]:.5g}" + (f"  {row.id}" if label else "")
@@ -92,12 +90,12 @@ class _Tree:
         from saltus.catalogue_records import same_meeting
 
         came = self.parent[node]
-        told = [] if came is None else [came]
+        kept = [] if came is None else [came]
         shown = []
         for way in self.ways.get(node, []):
-            if any(way.edge is other.edge or same_meeting(way.edge, other.edge) for other in told):
+            if any(way.edge is other.edge or same_meeting(way.edge, other.edge) for other in kept):
                 continue
-            told.append(way)
+            kept.append(way)
             shown.append((way, self.parent.get(way.to) is way))
         return shown
 

@@ -3,7 +3,7 @@
 from functools import cache
 
 import saltus
-from branches.names import resolve, search_bounds
+from branches.naming.families import resolve, search_bounds
 from branches.orbit import Orbit
 from branches.tracing import follow_family
 

@@ -15,11 +15,11 @@ from scipy.linalg import eigh
 
 from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
 from branches.diagram.atlas_data import EVENTS, thresholds_of
-from branches.diagram.atlas_labels import written
-from branches.diagram.legends import legend_below
-from branches.diagram.placement import even_points, overlapping
+from branches.diagram.names import short_name
+from branches.diagram.room import even_points, overlapping
+from branches.diagram.style import legend_below
 from branches.export import ExportError, read_atlas, write_atlas
-from branches.labels import canonical, parse
+from branches.naming.labels import canonical_label, parse
 from tests.branches import atlas_families as real
 from tests.branches.test_diagram import assert_texts_apart, by_gid, panels_of, text_boxes
 
@@ -52,17 +52,21 @@ def test_no_two_texts_overlap_and_all_lie_in_the_figure(drawn, renderer):
 
 def test_names_keep_off_stars_and_bullets(drawn):
     """Oracle: text extents against the places of the markers."""
-    from matplotlib.text import Annotation
-
     figure = drawn[1]
     texts, boxes = text_boxes(figure, "png")
-    for axes in figure.axes:
-        mine = [box for text, box in zip(texts, boxes, strict=True) if isinstance(text, Annotation) and text.axes is axes]
+    for axes in panels_of(figure).values():
+        mine = [box for text, box in zip(texts, boxes, strict=True) if text in axes.texts]
         marks = [line for line in axes.get_lines() if (line.get_gid() or "").endswith(("-impulsive", "-grazing"))]
         for line in marks:
             spots = axes.transData.transform(line.get_xydata()) * 72 / 200
             markers = np.concatenate([spots - 1.5, spots + 1.5], axis=1)
             assert mine and not overlapping(np.array(mine), markers).any()
+
+
+def frame_of(axes, letter):
+    """Lower left and upper right corner (2, 2) of the frame around what an inset shows, in data coordinates."""
+    (indicated,) = [artist.rectangle for artist in axes.artists if artist.rectangle.get_gid() == f"inset-{letter}-frame"]
+    return np.array(indicated.get_bbox().get_points())
 
 
 def lines_of(axes, prefix):
@@ -180,11 +184,11 @@ def test_a_pin_marks_its_family_at_its_place():
     for name, label in (("U11+", "U1101+"), ("U21-", "U2101-"), ("S11-", "S11O00-")):
         curve = marked[name]
         here = set(curve.labels[(curve.names == name) & curve.pinned].tolist())
-        assert {str(canonical(parse(text))) for text in here} == {label}
+        assert {str(canonical_label(parse(text))) for text in here} == {label}
     for name, label in (("U21+", "U1101+"), ("S31O11-", "S33O11-")):
         curve = marked[name]
         (k,) = np.flatnonzero(curve.names == name)
-        assert str(canonical(parse(curve.labels[k]))) == label
+        assert str(canonical_label(parse(curve.labels[k]))) == label
         away = np.hypot(np.log(curve.h / PINS[name]["h"]), np.log(curve.alpha / PINS[name]["alpha"]))
         assert k == np.argmin(away) and away[k] < 0.05
 
@@ -215,9 +219,9 @@ def test_insets_show_what_their_frames_frame_and_cover_nothing_but_empty_ground(
     for letter, (low, high) in (("a", (1.0, 3.0)), ("b", (0.09, 0.16))):
         inset = panels[f"inset-{letter}"]
         np.testing.assert_allclose(inset.get_xlim(), (low, high), rtol=1e-12)
-        (frame,) = by_gid(axes, f"inset-{letter}-frame")
-        np.testing.assert_allclose(frame.get_xydata()[[0, 2]], [[low, inset.get_ylim()[0]], [high, inset.get_ylim()[1]]], rtol=1e-12)
-        corners = axes.transData.transform(frame.get_xydata()[[0, 2]])
+        frame = frame_of(axes, letter)
+        np.testing.assert_allclose(frame, [[low, inset.get_ylim()[0]], [high, inset.get_ylim()[1]]], rtol=1e-12)
+        corners = axes.transData.transform(frame)
         boxes += [np.array(inset.get_tightbbox().extents), corners.ravel()]
         for name in ("stable", "unstable"):
             np.testing.assert_array_equal(
@@ -235,19 +239,18 @@ def test_insets_show_what_their_frames_frame_and_cover_nothing_but_empty_ground(
 @pytest.mark.parametrize("frequency", ["index", "fundamental"])
 def test_an_inset_shows_its_part_larger_and_in_full_view(text, frequency):
     """Oracle: sizes of the part and of the inset (one that is as high as the picture is wider only), the scale of the axis; text extents
-    apart from each other, those of ticks in a corner and of the letter too, and those of names and letter against the curves there."""
+    apart from each other, those of ticks in a corner too, and those of names against the curves there."""
     figure = atlas_figure(real.atlas(), frequency=frequency, insets=[parse_inset(text)])
     texts, boxes = assert_texts_apart(figure, "png")
     panels = panels_of(figure)
     axes, inset = panels["frequency"], panels["inset-a"]
-    (frame,) = by_gid(axes, "inset-a-frame")
-    shown = np.ptp(axes.transData.transform(frame.get_xydata()), axis=0)
+    shown = np.ptp(axes.transData.transform(frame_of(axes, "a")), axis=0)
     larger = np.array(inset.bbox.size) > 1.05 * shown
     assert larger[0] and (larger[1] or shown[1] > 0.6 * axes.bbox.height) and inset.get_yscale() == axes.get_yscale()
     curves = [line.get_xydata() for line in lines_of(inset, "inset-a-").values() if line.get_linestyle() != "None"]
     spots = np.concatenate([even_points(inset.transData.transform(curve) * 72 / 200, 0.5) for curve in curves])
     for text, (left, bottom, right, top) in zip(texts, boxes, strict=True):
-        if text.axes is inset and (text.get_text().startswith("$\\mathrm{") or text.get_text() == "a"):
+        if text.axes is inset and text.get_text().startswith("$\\mathrm{"):
             inside = (spots > [left + 1.0, bottom + 1.5]).all(axis=1) & (spots < [right - 1.0, top - 1.5]).all(axis=1)
             assert inside.sum() <= 4, text.get_text()
 
@@ -261,7 +264,7 @@ def test_an_inset_covers_no_curve(frequency, texts):
     assert_texts_apart(figure, "png")
     panels = panels_of(figure)
     axes = panels["frequency"]
-    lines = [line for line in axes.get_lines() if not line.get_gid().startswith("inset")]
+    lines = axes.get_lines()
     spots = [line.get_transform().transform(line.get_xydata()) * 72 / 200 for line in lines]
     spots = np.concatenate([np.concatenate([even_points(path, 0.5), path]) for path in spots])
     frame = np.array(axes.bbox.extents) * 72 / 200
@@ -352,7 +355,7 @@ def test_the_legend_has_the_special_points_that_are_drawn_and_no_others(figure):
     near[[k, k + 1]] = "SN", "GR"
     for changed, extra in ((data, insets), (replace(data, curves=(replace(curve, events=near),)), {})):
         drawn = figure(changed, **extra)
-        names = {name for axes in drawn.axes for name in lines_of(axes, "") if "-events-" in name}
+        names = {name for axes in panels_of(drawn).values() for name in lines_of(axes, "") if name and "-events-" in name}
         assert types_in_legend(drawn) == {name[-2:] for name in names}
     assert types_in_legend(drawn) == {"SN"}
 
@@ -399,8 +402,7 @@ def test_names_keep_off_the_frame_of_a_detail_which_has_the_labels_of_the_axes(f
     assert names
     boxes = np.array([text.get_window_extent().extents for text in names])
     for letter in "ab"[: len(INSETS)]:
-        (frame,) = by_gid(axes, f"inset-{letter}-frame")
-        (left, bottom), (right, top) = axes.transData.transform(frame.get_xydata()[[0, 2]])
+        (left, bottom), (right, top) = axes.transData.transform(frame_of(axes, letter))
         edges = [(left, bottom, right, bottom), (left, top, right, top), (left, bottom, left, top), (right, bottom, right, top)]
         assert not overlapping(boxes, np.array(edges) + np.array([-0.1, -0.1, 0.1, 0.1])).any()
         inset = panels[f"inset-{letter}"]
@@ -409,24 +411,19 @@ def test_names_keep_off_the_frame_of_a_detail_which_has_the_labels_of_the_axes(f
         assert 0.0 <= box.x0 and box.x1 <= figure.bbox.width and box.y0 >= 0.0
 
 
-def test_a_name_beside_another_curve_has_a_leader():
-    """Oracle: the leaders of the name of a lone line, and of one with a curve on either side, right behind the name."""
-    from branches.diagram.atlas_labels import Named, label_curves
-    from branches.diagram.style import new_figure, picture_settings, settle_layout
-
-    x, nothing = np.linspace(0.0, 100.0, 101), np.zeros(100, dtype=bool)
-    others = [np.stack([x, np.full(101, y)], axis=1) for y in (42.0, 58.0)]
-    for extra, leaders in (([], 0), (others, 1)):
-        with picture_settings():
-            figure = new_figure(3.0)
-            axes = figure.subplots()
-            axes.set_xlim(0.0, 100.0)
-            axes.set_ylim(0.0, 100.0)
-            settle_layout(figure)
-            mode = Named(None, x, np.full(101, 50.0), nothing, "L11+")
-            assert label_curves(axes, [], [mode.path(), *extra], most=0, always=[mode]) == {"L11+"}
-            assert sum(text.arrow_patch is not None for text in axes.texts) == leaders
-            plt.close(figure)
+def test_each_name_has_a_leader_to_its_curve():
+    """Oracle: the ends of the leaders, which lie on the lines of the modes and at the names."""
+    axes = panels_of(atlas_figure(real.atlas()))["frequency"]
+    leaders = np.array([line.get_xydata() for line in by_gid(axes, "leader")])
+    names = [text for text in axes.texts if text.get_text().startswith("$\\mathrm{")]
+    assert len(leaders) == len(names) > 5
+    for label in ("L11+", "L11-"):
+        (line,) = by_gid(axes, f"frequency-{label}")
+        (end,) = [leader for leader in leaders if abs(leader[1, 1] / line.get_ydata()[0] - 1.0) < 1e-6]
+        (text,) = [text for text in names if text.get_text() == short_name(label)]
+        box = text.get_window_extent()
+        tip = axes.transData.transform(end[0])
+        assert box.x0 - 1 <= tip[0] <= box.x1 + 1 and box.y0 - 1 <= tip[1] <= box.y1 + 1
 
 
 def test_pinned_names_hide_no_curve_where_there_is_room():
@@ -436,7 +433,7 @@ def test_pinned_names_hide_no_curve_where_there_is_room():
     axes.figure.draw_without_rendering()
     lines = [line.get_transform().transform(line.get_xydata()) * 72 / 200 for line in axes.get_lines() if line.get_linestyle() != "None"]
     spots = np.concatenate([even_points(line, 0.5) for line in lines])
-    pinned = {written(name) for name in PINS}
+    pinned = {short_name(name) for name in PINS}
     names = [text for text in axes.texts if text.get_text() in pinned]
     assert len(names) >= 4
     for text in names:
@@ -449,7 +446,7 @@ def test_names_in_insets_count():
     """Oracle: the number asked for, and the texts of the picture and its insets."""
     for most in (1, 3, 6):
         figure = atlas_figure(real.atlas(), names=most, insets=[parse_inset(text) for text in INSETS])
-        texts = {text.get_text() for panel in figure.axes for text in panel.texts if text.get_text().startswith("$\\mathrm{")}
+        texts = {text.get_text() for panel in panels_of(figure).values() for text in panel.texts if "mathrm" in text.get_text()}
         count = int(figure.legends[0].get_title().get_text().split(" of ")[0])
         assert len({text for text in texts if "L11" not in text}) == count <= most
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import saltus
-from saltus.bench.closed_form import Backbone
+from benchmarks.backbone import Backbone
 from tests.branches.traced import traced
 
 COLUMNS = {
@@ -31,7 +31,7 @@ def test_a_file_keeps_every_bit(tmp_path, name):
         np.testing.assert_array_equal(back.points[key], values, err_msg=key)
         assert back.points[key].dtype.kind == values.dtype.kind
     assert back.events == branch.events and back.ended == branch.ended and back.id == branch.id
-    for attribute in ("label", "word", "ends", "aliases", "start"):
+    for attribute in ("label", "sequence", "ends", "aliases", "start"):
         assert getattr(back, attribute) == getattr(branch, attribute), attribute
     assert back.system.describe() == branch.system.describe()
     back.save(tmp_path / "c.json")
@@ -109,8 +109,8 @@ def test_an_orbit_is_its_point():
 
 def test_samples_of_an_orbit():
     """Oracle: closed form of the motion; periodicity; the velocity after the impact at its time."""
+    from benchmarks import backbone
     from bvp.system import vibro_impact_nes
-    from saltus.bench import backbone
 
     orbit = traced("S13O00+").orbit_at(alpha=1.7)
     system = vibro_impact_nes()

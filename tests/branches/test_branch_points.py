@@ -9,7 +9,7 @@ import pytest
 import saltus
 from branches.family import Family
 from branches.identity import symmetries
-from branches.switching import _crossing, births, switch
+from branches.switching import _crossing, emanating_families, switch
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of
 from continuation.branch_point import refine_branch_point
@@ -21,7 +21,7 @@ SYSTEM = saltus.vibro_impact_nes()
 def test_a_branch_point_that_is_known_to_the_square_root_of_rounding_is_refined():
     """Oracle: the way there: the last reversal breaks on a family, and from the family born there one comes back to it."""
     found = saltus.discover(SYSTEM, 12.1, quarter_period=5.1, impacts=9, ends=("rest-stop",))
-    starts = [orbit for orbit in found.orbits if orbit.word == "+++--+"]
+    starts = [orbit for orbit in found.orbits if orbit.sequence == "+++--+"]
     old = [follow_family(start.problem, start.solution.y, energy=(11.9, 12.2)) for start in starts]
     old, breaking = next((branch, event) for branch in old for event in branch.events if event.breaks == "reversal")
     born = switch(old, breaking, energy=(11.9, 12.05))[0]
@@ -32,10 +32,10 @@ def test_a_branch_point_that_is_known_to_the_square_root_of_rounding_is_refined(
     beside = here + 0.1 * (after - here)
     with pytest.raises(SwitchError, match="null space"):
         branch_directions(Family(through.problem), beside, known)
-    (birth,) = _crossing(through.problem, beside, known, crossing)
-    assert [other.problem.ends for other in births(through, crossing)] == [birth.problem.ends]
-    assert birth.turns == 1 and set(birth.problem.ends) == {"rest", "stop+"}
-    back = follow_family(birth.problem, birth.step, energy=(11.9, 12.2))
+    (family,) = _crossing(through.problem, beside, known, crossing)
+    assert [other.problem.ends for other in emanating_families(through, crossing)] == [family.problem.ends]
+    assert family.cover == 1 and set(family.problem.ends) == {"rest", "stop+"}
+    back = follow_family(family.problem, family.step, energy=(11.9, 12.2))
     again = next(event for event in back.events if event.breaks == "reversal")
     assert again.h == pytest.approx(breaking.h, rel=2e-10)  # both are located to 1e-10 in arclength
     exact = refine_branch_point(Family(through.problem), through.unknowns(crossing.point))
@@ -69,21 +69,21 @@ def test_orbits_without_a_reversal_triple():
     born = switch(old, breaking, energy=(9.0, 10.5))[0]
     tripling = next(event for event in born.events if event.p_q == [1, 3])
     assert born.problem.periodic and tripling.h == pytest.approx(9.9644062, abs=1e-6)
-    sides = births(born, tripling)
-    energies = [birth.step.extra["energy"] - tripling.h for birth in sides]
+    sides = emanating_families(born, tripling)
+    energies = [family.step.extra["energy"] - tripling.h for family in sides]
     assert len(sides) == 2 and energies[0] * energies[1] < 0.0
     ids = set()
-    for birth in sides:
-        orbit = birth.step.extra
-        assert orbit["residual"] < 1e-12 and birth.turns == 0
+    for family in sides:
+        orbit = family.step.extra
+        assert orbit["residual"] < 1e-12 and family.cover == 0
         assert orbit["quarter_period"] == pytest.approx(3.0 * tripling.alpha, rel=1e-4)
-        kept = symmetries(cycle_of(birth.problem, birth.step.y))
-        assert kept.turns == 1 and not kept.reversals
-        ids.add(follow_family(birth.problem, birth.step, energy=(9.0, 10.5), quarter_period=5.1).id)
+        kept = symmetries(cycle_of(family.problem, family.step.y))
+        assert kept.cover == 1 and not kept.reversals
+        ids.add(follow_family(family.problem, family.step, energy=(9.0, 10.5), quarter_period=5.1).id)
     assert len(ids) == 1
     other = next(event for event in born.events if event.type == "RT" and event.p_q[1] != 3)
     with pytest.raises(ValueError, match="triple at most"):
-        births(born, other)
+        emanating_families(born, other)
 
 
 def test_a_fold_beside_a_tripling_is_found():

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.discovery.found import accept, turns
-from branches.discovery.uniform import Scanner
-from branches.labels import parse
+from benchmarks.backbone import Backbone
+from branches.naming.labels import parse
 from branches.orbit import Orbit
+from branches.search.orbits import accept, cover_of
+from branches.search.uniform import Scanner
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench.closed_form import Backbone
 from tests.bvp import orbits as by_numpy
 from tests.bvp.orbits import backbone_segment
 
@@ -59,7 +59,7 @@ def test_each_orbit_is_one(kind, energy):
         u, _ = whole.sample(np.linspace(0.0, whole.period, 4001))
         assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12 and whole.impacts
         assert parse(str(orbit.label)) == orbit.label
-        assert turns(orbit.problem, orbit.solution) == 1
+        assert cover_of(orbit.problem, orbit.solution) == 1
 
 
 def test_a_finer_scan_finds_nothing_less():
@@ -74,7 +74,7 @@ def test_what_numpy_finds_is_found():
     mine = {}
     missing = []
     for other in by_numpy.scan(SYSTEM, "origin", 0.5, angles=110, impacts=2):
-        if turns(other.problem, other.solution) > 1:
+        if cover_of(other.problem, other.solution) > 1:
             continue
         kind = other.problem.ends[1].rstrip("+-")
         inner = len(other.problem.word)
@@ -91,7 +91,7 @@ def test_several_turns_are_counted():
     """Oracle: the backbone's half period unfolded 1, 2, 3 times."""
     for impacts in (2, 4, 6):
         problem, y = backbone_segment(SYSTEM, 1.7, impacts)
-        assert turns(problem, problem.solve(y)) == impacts  # a quarter problem solves half a turn of it
+        assert cover_of(problem, problem.solve(y)) == impacts  # a quarter problem solves half a turn of it
         assert accept(problem, problem.solve(y)) is None
 
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from branches.missed import missed_events
-from branches.switching import births
-from branches.tracing import SETTINGS, follow_family, trace
+from branches.naming.families import trace_named
+from branches.switching import emanating_families
+from branches.tracing import SETTINGS, follow_family
 from bvp.system import vibro_impact_nes
 from tests.branches.building.pieces import differences
 
@@ -17,7 +18,7 @@ RESONANCES = [2.591576, 2.592445, 2.594166, 2.595702, 2.600394, 2.601768, 2.6032
 
 @pytest.fixture(scope="module")
 def family():
-    return trace("origin-stop+:-++:b8ea1bf0@h=2.54", SYSTEM, energy=(2.0, 3.8))
+    return trace_named("origin-stop+:-++:b8ea1bf0@h=2.54", SYSTEM, energy=(2.0, 3.8))
 
 
 def test_eight_resonances_within_one_step_are_found(family):
@@ -31,7 +32,7 @@ def test_a_suffix_chooses_between_two_orbits_of_one_energy(family, place):
     """Oracle: the two orbits themselves; their quarter periods differ by 0.02 per cent."""
     low, high = sorted(orbit.alpha for orbit in family.orbits_at(energy=2.55))
     wanted = (low, high)[place]
-    start = trace(f"origin-stop+:-++:b8ea1bf0@h=2.55,alpha={wanted}", SYSTEM, energy=(2.5499, 2.5501))
+    start = trace_named(f"origin-stop+:-++:b8ea1bf0@h=2.55,alpha={wanted}", SYSTEM, energy=(2.5499, 2.5501))
     assert start.points["alpha"][start.start] == pytest.approx(wanted, rel=1e-9) and high / low > 1.0001
 
 
@@ -60,10 +61,10 @@ def test_a_family_passes_the_branch_point_that_it_is_born_at(parent, energy):
     """Oracle: the family's image under the parent's symmetry is the family itself, seen from the branch point: it has one such point, at
     the parent's energy, and every event twice, at one energy."""
     around = (0.999 * energy, 1.001 * energy)
-    parents = trace(f"{parent}@h={energy}", SYSTEM, energy=around)
+    parents = trace_named(f"{parent}@h={energy}", SYSTEM, energy=around)
     (breaking,) = [event for event in parents.events if event.type == "SB" and abs(event.h / energy - 1.0) < 1e-9]
-    (birth,) = births(parents, breaking)
-    born = follow_family(birth.problem, birth.step.y, energy=around)
+    (family,) = emanating_families(parents, breaking)
+    born = follow_family(family.problem, family.step.y, energy=around)
     (crossing,) = [event for event in born.events if event.type == "BP"]
     assert crossing.h == pytest.approx(breaking.h, rel=1e-9)
     others = [event for event in born.events if event.type not in ("BP", "LB", "IO")]

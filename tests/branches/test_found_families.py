@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from branches.branch import Branch
+from branches.naming.families import trace_named
+from branches.reading import branch_of_record
 from branches.record import to_record
-from branches.tracing import trace
 from bvp.system import vibro_impact_nes
 
 SYSTEM = vibro_impact_nes()
@@ -19,14 +19,14 @@ GRAZING = 0.118507810593582
 
 def test_a_range_that_holds_only_a_fold_has_the_family():
     """Closed form: S11O00- lives above its fold, so 0.06:0.0692 holds it with its SN."""
-    branch = trace("S11O00-", SYSTEM, energy=(0.06, 0.0692))
+    branch = trace_named("S11O00-", SYSTEM, energy=(0.06, 0.0692))
     assert [event.type for event in branch.events if event.type in ("SN", "EP")] == ["EP", "SN", "EP"]
     assert abs(branch.points["h"].min() - FOLD) < 1e-14
 
 
 def test_a_range_that_barely_reaches_the_grazing_has_the_family():
     """Closed form: S13O00+ begins at its grazing, inside 0.11:0.119; it is located to the width of its bracket."""
-    branch = trace("S13O00+", SYSTEM, energy=(0.11, 0.119))
+    branch = trace_named("S13O00+", SYSTEM, energy=(0.11, 0.119))
     rise = abs((branch.points["h"][1] - branch.points["h"][0]) / (branch.points["arclength"][1] - branch.points["arclength"][0]))
     low, high = branch.events[0].bracket
     assert branch.events[0].type == "GR" and high - low < 2e-10
@@ -35,14 +35,14 @@ def test_a_range_that_barely_reaches_the_grazing_has_the_family():
 
 def test_two_sides_of_a_fold_below_the_range_are_one_family():
     """Both sides of the fold of S11O00- cross h = 0.08; they are one family, so the name is not ambiguous."""
-    assert trace("S11O00-", SYSTEM, energy=(0.0692, 0.0863)).label == "S11O00-"
+    assert trace_named("S11O00-", SYSTEM, energy=(0.0692, 0.0863)).label == "S11O00-"
 
 
 @pytest.mark.parametrize("pin", [{"h": 7.3348}, {"alpha": 1.6459}])
 def test_a_pin_with_one_number_chooses_or_leaves_the_name_ambiguous(pin):
     """Two families are named S73O33-; whatever one number decides, it is said in words."""
     try:
-        branch = trace("S73O33-", SYSTEM, energy=(0.05, 200.0), pins={"S73O33-": pin})
+        branch = trace_named("S73O33-", SYSTEM, energy=(0.05, 200.0), pins={"S73O33-": pin})
     except ValueError as error:
         assert "families; expected one of S73O33-@h=" in str(error)
     else:
@@ -61,7 +61,7 @@ def test_a_pin_with_one_number_chooses_or_leaves_the_name_ambiguous(pin):
 )
 def test_options_that_cannot_be_are_refused_in_one_line(options, words):
     with pytest.raises(ValueError, match=words) as caught:
-        trace("S13O00+", SYSTEM, **options)
+        trace_named("S13O00+", SYSTEM, **options)
     assert "\n" not in str(caught.value)
 
 
@@ -70,14 +70,14 @@ def test_a_label_on_a_system_without_named_coordinates_is_refused_at_once():
     from dataclasses import replace
 
     with pytest.raises(ValueError, match="absorber and a primary"):
-        trace("S13O00+", replace(SYSTEM, absorber=None, primary=None, model=None, parameters=None))
+        trace_named("S13O00+", replace(SYSTEM, absorber=None, primary=None, model=None, parameters=None))
 
 
 def test_stability_is_not_given_at_a_located_bifurcation():
     """At SB and SN a multiplier is 1 within the location error, whichever side the located point is on."""
     for name, kind in (("S13O00+", "SB"), ("S11O00-", "SN")):
         for energy in ((0.05, 30.0), (0.06, 25.0)):
-            branch = trace(name, SYSTEM, energy=energy)
+            branch = trace_named(name, SYSTEM, energy=energy)
             event = next(event for event in branch.events if event.type == kind)
             assert event.stable is None and branch.points["stable"][event.point] == -1
             around = branch.points["stable"][[event.point - 1, event.point + 1]]
@@ -86,27 +86,27 @@ def test_stability_is_not_given_at_a_located_bifurcation():
 
 def test_the_published_fold_energy_itself_has_its_orbit():
     """An energy that is the fold's to all digits printed is answered with the orbit there."""
-    branch = trace("S11O00-", SYSTEM, energy=(0.06, 1.0))
+    branch = trace_named("S11O00-", SYSTEM, energy=(0.06, 1.0))
     assert any(abs(orbit.alpha - 1.13584395619551) < 1e-5 for orbit in branch.orbits_at(energy=FOLD))
 
 
 def test_a_saved_branch_whose_word_was_changed_is_refused():
     """The word fixes the number of flights."""
-    record = json.loads(json.dumps(to_record(trace("S13O00+", SYSTEM, energy=(0.4, 0.6)))))
-    record["branch"]["word"] = "+-"
+    record = json.loads(json.dumps(to_record(trace_named("S13O00+", SYSTEM, energy=(0.4, 0.6)))))
+    record["branch"]["sequence"] = "+-"
     with pytest.raises(ValueError, match="makes 3 flights"):
-        Branch.from_record(record)
+        branch_of_record(record)
 
 
 def test_every_orbit_of_a_branch_can_be_had_also_at_its_branch_points():
     """Each point, asked for again, has the energy that was saved."""
-    branch = trace("S73O33-", SYSTEM, energy=(0.5, 8.0), pins={"S73O33-": {"h": 7.3348, "alpha": 1.6459}})
+    branch = trace_named("S73O33-", SYSTEM, energy=(0.5, 8.0), pins={"S73O33-": {"h": 7.3348, "alpha": 1.6459}})
     for event in branch.events:
         assert np.isclose(branch.orbit(event.point).h, event.h, rtol=1e-9)
 
 
 def test_an_orbit_is_found_from_either_end():
     """U3201- and U3210- are one orbit started at its two ends; p and q follow the name."""
-    one, other = (trace(name, SYSTEM, energy=(0.1, 0.2)) for name in ("U3201-", "U3210-"))
+    one, other = (trace_named(name, SYSTEM, energy=(0.1, 0.2)) for name in ("U3201-", "U3210-"))
     a, b = (branch.orbit_at(energy=0.13) for branch in (one, other))
     assert (a.label, b.label) == ("U3201-", "U3210-") and abs(a.alpha - b.alpha) < 1e-12

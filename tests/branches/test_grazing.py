@@ -9,14 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.discovery.uniform import Scanner
-from branches.grazing import neighbours
-from branches.grazing.candidates import candidate
-from branches.grazing.merging import CannotMerge, merged
+from branches.grazing.candidates import CannotMerge, candidate, merged
+from branches.grazing.following import neighbours
 from branches.grazing.touching import touching
 from branches.orbit import Orbit
+from branches.search.uniform import Scanner
+from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
-from branches.words import canonical
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -43,7 +42,7 @@ def met(name, h):
 
 
 def family(ends, word):
-    return canonical(tuple(word), ends)
+    return canonical_sequence(tuple(word), ends)
 
 
 def states(problem, y, count):
@@ -92,7 +91,7 @@ def test_the_relation_is_symmetric(name, h):
         if item.branch is None:
             continue
         assert item.event is not None and abs(item.event.h / event.h - 1.0) < 1e-9
-        assert abs(item.event.alpha * item.turns / event.alpha - 1.0) < 1e-9
+        assert abs(item.event.alpha * item.cover / event.alpha - 1.0) < 1e-9
         back = item.branch.neighbours(item.event, points=10)
         again = [other for other in back if other.branch is not None and family(other.ends, other.branch.problem.word) == me]
         assert len(again) == 1 and again[0].kind == item.kind
@@ -122,7 +121,7 @@ def test_folds_and_passages(name, h):
 def test_the_backbone_meets_two_more_impacts_in_a_fold():
     """Oracle: the reference: beyond h = 14.5537 there is neither; unsymmetric families meet there too."""
     _, _, found = met("S13O00+", 14.5537)
-    kinds = {(item.ends, len(item.word)): item.kind for item in found}
+    kinds = {(item.ends, len(item.sequence)): item.kind for item in found}
     assert kinds[(("origin", "stop+"), 1)] == "fold"
     assert kinds[(("origin", "origin"), 2)] == "fold"
     assert kinds[(("periodic", "periodic"), 3)] == "dead end"
@@ -190,12 +189,13 @@ def test_orbits_beside_the_grazing_are_those_of_the_neighbours(name, h, most):
 def test_neighbours_of_twice_the_period():
     """Oracle: a family of twice the period that ends at the backbone's grazing has the backbone, run once, as its neighbour."""
     branch, event = grazing("S13O00+", 14.5537)
-    twice = [item for item in branch.neighbours(event, turns=2, points=30) if item.turns == 1 and item.branch is not None]
+    twice = [item for item in branch.neighbours(event, cover=2, points=30) if item.cover == 1 and item.branch is not None]
     assert twice
     chosen = next(item for item in twice if item.ends == ("origin", "origin"))
     assert abs(chosen.event.alpha / event.alpha - 2.0) < 1e-9
     back = chosen.branch.neighbours(chosen.event, points=10)
-    assert family(("origin", "stop+"), "") in [family(item.ends, item.word) for item in back if item.branch is not None and item.turns == 2]
+    followed = [item for item in back if item.branch is not None and item.cover == 2]
+    assert family(("origin", "stop+"), "") in [family(item.ends, item.sequence) for item in followed]
 
 
 def test_a_fold_next_to_the_grazing_does_not_change_the_kind():
@@ -220,7 +220,7 @@ def test_symmetries_of_a_grazing_orbit():
     assert sorted(str(s.axis) for s in orbit.symmetries) == ["None", "None", "origin", "rest"]
     assert len(list(orbit.choices())) == 7  # none, 1, three pairs, 3, all
     own = candidate(orbit, orbit.smallest(orbit.kept))
-    assert own.ends[0] == "origin" and own.word == () and own.impacts == 2
+    assert own.ends[0] == "origin" and own.sequence == () and own.impacts == 2
 
 
 def test_many_touches_are_changed_by_twos():
@@ -279,5 +279,5 @@ def test_other_events_are_refused():
         branch.neighbours("SB1")
     with pytest.raises(ValueError, match="no event 'GR7' on this branch; it has GR1"):
         branch.neighbours("GR7")
-    with pytest.raises(ValueError, match="turns is 0, expected 1 or more"):
-        branch.neighbours("GR1", turns=0)
+    with pytest.raises(ValueError, match="cover is 0, expected 1 or more"):
+        branch.neighbours("GR1", cover=0)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.identity import BORDER, Mark, canonical_orbit, digests, mark_of, same_orbit, symmetries, turns
-from branches.stretch import embed, solved
+from branches.full_family import energy_scale
+from branches.identity import BORDER, Mark, canonical_orbit, cover_of, digests, mark_of, same_orbit, symmetries
+from branches.presentation import embed, solved
+from branches.sequences import PERIODIC, canonical_sequence, exchange, mirror, mirror_ends
 from branches.tracing import follow_family
-from branches.whole import energy_scale
-from branches.words import PERIODIC, canonical, exchange, mirror, mirror_ends
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop
@@ -41,9 +41,9 @@ def mirrored(problem, y):
 
 def in_window(problem, y, window):
     """The orbit over another window of its time."""
-    stretch = embed(problem, y, window)
-    other = MultipointProblem(problem.system, stretch.ends, stretch.word)
-    return other, stretch.unknowns(other)
+    presentation = embed(problem, y, window)
+    other = MultipointProblem(problem.system, presentation.ends, presentation.sequence)
+    return other, presentation.unknowns(other)
 
 
 def rotated(problem, y, by):
@@ -74,7 +74,7 @@ def test_all_presentations_of_an_orbit_are_one(name):
     branch = traced(name)
     problem, y = branch.problem, branch.orbit(2 * len(branch) // 5).solution.y
     mine, there = canonical_orbit(problem, y)
-    assert (mine.word, mine.ends) == canonical(problem.word, problem.ends)
+    assert (mine.word, mine.ends) == canonical_sequence(problem.word, problem.ends)
     for words, (other, z) in images(problem, y):
         assert np.max(np.abs(other.residual(z))) < 1e-8 * np.max(np.abs(z)), words
         found, x = canonical_orbit(other, z)
@@ -100,8 +100,8 @@ def test_turns_are_those_of_the_symmetries(name):
     counted = set()
     for words, (other, z) in images(problem, y):
         found = symmetries(cycle_of(other, z))
-        expected = 2 if found.turns == 1 and other.quarters == 2 and found.half else found.turns
-        assert turns(other, solved(other, z)) == expected, words
+        expected = 2 if found.cover == 1 and other.quarters == 2 and found.half else found.cover
+        assert cover_of(other, solved(other, z)) == expected, words
         counted.add(expected)
     assert len(counted) > 1
 
@@ -113,7 +113,7 @@ def test_symmetries_of_the_named_families(name):
     problem, y = branch.problem, branch.orbit(2 * len(branch) // 5).solution.y
     found = symmetries(cycle_of(problem, y))
     kinds = sorted(e for _, e in found.reversals)
-    assert found.turns == 1
+    assert found.cover == 1
     assert (found.half, kinds) == ((True, [-1, -1, 1, 1]) if problem.quarters == 1 else (False, [-1, -1]))
     quarter = branch.points["alpha"][2 * len(branch) // 5]
     instants = [c for c, _ in found.reversals]
@@ -140,7 +140,7 @@ def test_the_id_does_not_depend_on_the_cut(name):
         cut = follow_family(branch.problem, y, **{"energy": (0.05, 1e4), **options})
         assert cut.id == branch.id, options
         for name in ("h", "alpha", "pattern"):
-            assert math.isclose(getattr(cut.whole.marks[0], name), getattr(branch.whole.marks[0], name), rel_tol=1e-10)
+            assert math.isclose(getattr(cut.full_family.marks[0], name), getattr(branch.full_family.marks[0], name), rel_tol=1e-10)
 
 
 @pytest.mark.parametrize("name", ["S11O00-", "S73O33-", "U8353-", REST])
@@ -159,7 +159,7 @@ def test_the_id_does_not_depend_on_the_presentation(name):
 def test_the_lowest_end_identifies():
     """Closed form: S13O00+ and S11O00- begin where the linear modes graze; those are their lowest ends."""
     for name, grazing in (("S13O00+", 0.118507810593582), ("S11O00-", 0.0864921894064179)):
-        (mark,) = traced(name).whole.marks
+        (mark,) = traced(name).full_family.marks
         assert mark.kind == "GR" and math.isclose(mark.h, grazing, rel_tol=1e-13)
 
 
@@ -219,7 +219,7 @@ def test_pieces_of_a_cut_family():
         orbits = whole_branch.orbits_at(energy=h)
         assert min(abs(orbit.alpha / alpha - 1.0) for orbit in orbits) < 1e-3
     assert branch.points["alpha"].max() < min(alpha for _, alpha in other)
-    assert "into 2 pieces" in branch.whole.words()
+    assert "into 2 pieces" in branch.full_family.words()
     assert traced("S11O00-").others == () and traced("S13O00+").others == ()
 
 

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from branches.impulsive import impulsive_orbits
-from branches.impulsive.scan import certain, judge
+from branches.impulsive.scan import ImpulsiveMotions, Traces, certain, judge
 from branches.impulsive.start import impulsive_state, oscillator_period
-from branches.impulsive.trails import Traces, Trails
-from branches.labels import canonical, parse
+from branches.naming.labels import canonical_label, parse
 from branches.tracing import follow_family
-from bvp.kernels.trail import TURN, ZERO
-from bvp.run import run
+from bvp.damped import run
+from bvp.kernels.scan import TURN, ZERO
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from continuation.settings import Settings
 from tests.branches.traced import traced
@@ -60,7 +59,7 @@ def test_families_through_the_listed_orbits_have_these_events_and_no_others(mu, 
         for event in events:
             near = at_energy(found, event.h)
             assert abs(near.h / event.h - 1.0) < 1e-9
-            ours, theirs = canonical(parse(near.label)), canonical(parse(event.label))
+            ours, theirs = canonical_label(parse(near.label)), canonical_label(parse(event.label))
             assert (ours.kind, ours.parity, ours.p, ours.q) == (theirs.kind, theirs.parity, theirs.p, theirs.q)
 
 
@@ -91,8 +90,8 @@ def dense(low, high, longest, count):
             time = times[i] + part * (times[i + 1] - times[i])
             hits = met.contacts[: int(np.searchsorted(met.times, time))]
             here[(hits, sum(key[0] == hits for key in here))] = (time, other[i] + part * (other[i + 1] - other[i]), h)
-        for key, (time, miss, _) in here.items():
-            if key in before and abs(before[key][0] - time) < 0.1 and before[key][1] * miss < 0.0:
+        for key, (time, residual, _) in here.items():
+            if key in before and abs(before[key][0] - time) < 0.1 and before[key][1] * residual < 0.0:
                 zeros.append((0.5 * (before[key][2] + h), time))
         before = here
     return zeros
@@ -182,9 +181,9 @@ def test_below_the_energy_of_the_first_impact_there_is_none():
 def test_trail_against_a_run(h):
     """Oracle: impact times of a run; between two impacts the gap coordinate passes zero an odd number of times if the stops differ, and
     its velocity does if they are the same; slopes are difference quotients."""
-    trails = Trails(SYSTEM, 12.0)
+    motions = ImpulsiveMotions(SYSTEM, 12.0)
     level, step = np.log(h), 1e-7
-    traces = trails.at(np.array([level - step, level, level + step]))
+    traces = motions.at(np.array([level - step, level, level + step]))
     count = int(traces.count.min())
     kind = traces.kind[1, :count]
     assert (traces.kind[:, :count] == kind).all()
@@ -195,7 +194,7 @@ def test_trail_against_a_run(h):
         assert np.sum(kind[i:j] == ZERO) % 2 == (kind[i] != kind[j])
         assert np.sum(kind[i:j] == TURN) % 2 == (kind[i] == kind[j])
     early = traces.time[1, :count] < 6.0
-    for name in ("time", "miss", "passing"):
+    for name in ("time", "residual", "passing"):
         value, slope = getattr(traces, name)[:, :count][:, early], getattr(traces, f"{name}_slope")[1, :count][early]
         quotient = (value[2] - value[0]) / (2.0 * step)
         assert np.max(np.abs(quotient - slope)) < 1e-5 * (1e-3 + np.max(np.abs(slope)))
@@ -219,7 +218,7 @@ def test_certain():
 
 def one_event(kind, time, **values):
     """Traces of one motion with one event; values not given hide nothing."""
-    still = {"time_slope": 0.0, "miss": 5.0, "miss_slope": 0.1, "gap": 0.5, "gap_slope": 0.0, "passing": 4.0, "passing_slope": 0.1}
+    still = {"time_slope": 0.0, "residual": 5.0, "residual_slope": 0.1, "gap": 0.5, "gap_slope": 0.0, "passing": 4.0, "passing_slope": 0.1}
     given = {**still, **values}
     return Traces(np.array([1]), np.array([[kind]]), np.array([[time]]), **{name: np.array([[float(v)]]) for name, v in given.items()})
 
@@ -234,26 +233,26 @@ def one_event(kind, time, **values):
         (TURN, {"gap": -0.99, "gap_slope": -1.0}, {"gap": -0.99, "gap_slope": 1.0}, (False, True, False, False)),
         (TURN, {"gap": 0.01, "gap_slope": -1.0}, {"gap": 0.01, "gap_slope": 1.0}, (False, True, False, False)),
         (ZERO, {"gap": 0.0, "gap_slope": 1.0}, {"gap": 0.0, "gap_slope": -1.0}, (False, True, True, False)),
-        (ZERO, {"miss": 0.1, "miss_slope": -2.0}, {"miss": -0.1, "miss_slope": -2.0}, (False, True, True, True)),
-        (ZERO, {"miss": 0.1, "miss_slope": -9.0}, {"miss": 0.1, "miss_slope": 9.0}, (False, False, True, False)),
+        (ZERO, {"residual": 0.1, "residual_slope": -2.0}, {"residual": -0.1, "residual_slope": -2.0}, (False, True, True, True)),
+        (ZERO, {"residual": 0.1, "residual_slope": -9.0}, {"residual": 0.1, "residual_slope": 9.0}, (False, False, True, False)),
     ],
 )
 def test_judge(kind, low, high, expected):
     """Oracle: what can and cannot happen between two energies 0.1 apart with these values and slopes."""
-    trails = Trails(SYSTEM, 4.0)
-    found = judge(one_event(kind, 1.0, **low), one_event(kind, 1.0, **high), np.array([0.1]), trails, 2.0)
+    motions = ImpulsiveMotions(SYSTEM, 4.0)
+    found = judge(one_event(kind, 1.0, **low), one_event(kind, 1.0, **high), np.array([0.1]), motions, 2.0)
     assert tuple(bool(part.all()) for part in found) == expected
 
 
 def test_judge_sees_other_events():
     """Oracle: a different kind is a change; an event on one side alone is one, unless it can leave at the end of the time."""
-    trails = Trails(SYSTEM, 4.0)
+    motions = ImpulsiveMotions(SYSTEM, 4.0)
     none = Traces(np.array([0]), *(np.zeros((1, 1)) for _ in range(9)))
     width = np.array([0.1])
-    assert judge(one_event(ZERO, 1.0), one_event(TURN, 1.0), width, trails, 2.0)[0][0]
-    assert judge(one_event(ZERO, 1.0, time_slope=5.0), none, width, trails, 2.0)[0][0]
-    assert not judge(one_event(ZERO, 3.8, time_slope=5.0), none, width, trails, 2.0)[0][0]
-    assert judge(none, one_event(ZERO, 3.8, time_slope=0.5), width, trails, 2.0)[0][0]
+    assert judge(one_event(ZERO, 1.0), one_event(TURN, 1.0), width, motions, 2.0)[0][0]
+    assert judge(one_event(ZERO, 1.0, time_slope=5.0), none, width, motions, 2.0)[0][0]
+    assert not judge(one_event(ZERO, 3.8, time_slope=5.0), none, width, motions, 2.0)[0][0]
+    assert judge(none, one_event(ZERO, 3.8, time_slope=0.5), width, motions, 2.0)[0][0]
 
 
 def test_oscillator_period():

@@ -7,7 +7,7 @@ import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
 from branches.family import Family
-from bvp.kernels.flight import flow_matrix, flow_state
+from bvp.kernels.flight import Flight, flow_matrix, flow_state
 from bvp.multipliers import saddle_point_multipliers
 from bvp.system import vibro_impact_nes
 from continuation import Settings, trace
@@ -46,16 +46,16 @@ def test_following_families_frees_all_arrays():
 def test_blocks_of_three_free_their_exponentials():
     """The exponential of a block that is no pair is made in an array of its own."""
     matrix = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-0.1, -1.0, -0.2]])
-    blocks = np.array([[0, -3]]), np.array([matrix.trace() / 3.0]), np.zeros(1), matrix
+    flight = Flight(np.array([[0, -3]]), np.array([matrix.trace() / 3.0]), np.zeros(1), matrix)
     out, flow = np.empty(3), np.empty((3, 3))
     z = np.array([1.0, 2.0, 3.0])
-    flow_state(*blocks, z, 0.7, out)
-    flow_matrix(*blocks, 0.7, flow)
+    flow_state(flight, z, 0.7, out)
+    flow_matrix(flight, 0.7, flow)
     np.testing.assert_allclose(flow @ z, out, rtol=1e-14)
     before = held()
     for _ in range(10):
-        flow_state(*blocks, z, 0.7, out)
-        flow_matrix(*blocks, 0.7, flow)
+        flow_state(flight, z, 0.7, out)
+        flow_matrix(flight, 0.7, flow)
     assert held() == before
 
 
@@ -64,5 +64,5 @@ def test_views_of_a_system_outlive_the_kernels():
     branch = traced("S13O00+")
     system = vibro_impact_nes()
     trace(Family(branch.problem), branch.unknowns(20), Settings(maximum_points=200))
-    np.testing.assert_array_equal(branch.problem.segment.matrix, system.modes.matrix)
+    np.testing.assert_array_equal(branch.problem.segment.flight.matrix, system.modes.matrix)
     np.testing.assert_array_equal(branch.problem.segment.weights[2:], np.ones(2))

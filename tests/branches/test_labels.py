@@ -11,14 +11,15 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from branches import words
-from branches.labels import (
+from branches import sequences as words
+from branches.naming.labels import (
     ImpossibleLabelError,
     Label,
     LabelSyntaxError,
     Name,
-    canonical,
+    canonical_label,
     count_half_waves,
+    cover_label,
     label_of,
     latex,
     matches,
@@ -27,7 +28,6 @@ from branches.labels import (
     parse,
     parse_name,
     roots,
-    turns,
     why_impossible,
 )
 
@@ -76,15 +76,15 @@ def test_text_round_trip(label):
 @given(complete_labels().flatmap(lambda label: st.tuples(st.just(label), patterns_of(label))))
 def test_a_shortened_label_matches_the_whole_one(pair):
     label, pattern = pair
-    assert matches(pattern, label) and matches(pattern, canonical(label))
+    assert matches(pattern, label) and matches(pattern, canonical_label(label))
     assert matches(label, label) and label.is_complete
     assert pattern.is_complete == (pattern == label)
 
 
 @given(complete_labels(), complete_labels())
 def test_complete_labels_match_only_their_equivalents(one, other):
-    assert matches(one, other) == (canonical(one) == canonical(other))
-    assert canonical(canonical(one)) == canonical(one)
+    assert matches(one, other) == (canonical_label(one) == canonical_label(other))
+    assert canonical_label(canonical_label(one)) == canonical_label(one)
 
 
 @given(complete_labels())
@@ -129,8 +129,8 @@ def test_a_pattern_asks_for_what_the_other_leaves_open():
 
 def test_equivalent_labels():
     assert matches(parse("U8335-"), parse("U8353-"))
-    assert str(canonical(parse("U8353-"))) == "U8335-" and str(parse("U8353-")) == "U8353-"
-    assert matches(parse("L33-"), parse("L11-")) and str(canonical(parse("L33-"))) == "L11-"
+    assert str(canonical_label(parse("U8353-"))) == "U8335-" and str(parse("U8353-")) == "U8353-"
+    assert matches(parse("L33-"), parse("L11-")) and str(canonical_label(parse("L33-"))) == "L11-"
 
 
 def test_other_minus_signs():
@@ -342,7 +342,7 @@ def test_turns_of_symmetric_orbits_against_their_impacts(word, last, count):
     ends = ("origin", last)
     assume(word or last != "rest")
     label = label_of(3, 5, words.parity(ends), len(word), len(word), "-")
-    longer = turns(label, count)
+    longer = cover_label(label, count)
     if count % 2:
         quarter, long_ends = words.unfold(word, ends, count)
         assert (longer.kind, longer.parity, longer.p, longer.q) == ("S", words.parity(long_ends), len(quarter), len(quarter))
@@ -359,7 +359,7 @@ def test_turns_of_unsymmetric_orbits_against_impact_times(p, q, count, sign):
     half = [(k + 1) / (p + 1) for k in range(p)] + [1 + (k + 1) / (q + 1) for k in range(q)]
     period = half + [4 - time for time in half]
     times = [time + 4 * k for k in range(count) for time in period]
-    longer = turns(Label("U", 3, 2, None, p, q, sign), count)
+    longer = cover_label(Label("U", 3, 2, None, p, q, sign), count)
     assert (longer.m, longer.n) == (3 * count, 2 * count)
     assert longer.p == sum(time < count for time in times)
     assert longer.q == sum(count < time < 2 * count for time in times)
@@ -380,11 +380,11 @@ SMALL = st.one_of(
 
 @given(SMALL, st.integers(2, 4))
 def test_roots_find_what_was_turned(label, count):
-    longer = turns(label, count)
+    longer = cover_label(label, count)
     for sign in (longer.sign,) if longer.sign else ("+", "-"):
         whole = Label(longer.kind, longer.m, longer.n, longer.parity, longer.p, longer.q, sign)
-        assert (canonical(label), count) in roots(whole)
-        assert all(matches(turns(root, times), whole) and root.m * times == whole.m for root, times in roots(whole))
+        assert (canonical_label(label), count) in roots(whole)
+        assert all(matches(cover_label(root, times), whole) and root.m * times == whole.m for root, times in roots(whole))
 
 
 def test_nearest_labels_are_near_in_the_grammar():
@@ -403,12 +403,12 @@ def test_nearest_labels_are_near_in_the_grammar():
 @given(complete_labels(), st.lists(complete_labels(), min_size=1, max_size=6))
 def test_a_label_that_exists_is_the_nearest(label, others):
     (found,) = nearest_labels(label, [str(other) for other in (*others, label)], 1)
-    assert canonical(parse(found)) == canonical(label)
+    assert canonical_label(parse(found)) == canonical_label(label)
 
 
 def test_labels_without_roots():
     assert roots(parse("S73O33-")) == roots(parse("S13+")) == roots(parse("L33+")) == ()
     assert roots(parse("S33O11-")) == ((parse("S11-"), 3),)
-    assert turns(parse("L11+"), 3) == parse("L11+")
+    assert cover_label(parse("L11+"), 3) == parse("L11+")
     with pytest.raises(ValueError, match="complete label"):
-        turns(parse("U21"), 2)
+        cover_label(parse("U21"), 2)

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from branches.impulsive import impulsive_manifold, impulsive_orbits
 from branches.impulsive import manifold as module
-from branches.impulsive.manifold import peak_at
-from branches.impulsive.spectrum import dominant_frequency
+from branches.impulsive.manifold import dominant_frequency, peak_at
 from bvp.motion import MotionStatus
 from bvp.system import vibro_impact_nes
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from branches.family import RESONANCES, half_multiplication, multiplication
-from branches.markers import COMMON, common_tests, planar_tests
-from bvp.kernels.result import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
+from branches.markers import COMMON, common_tests, two_dof_tests
+from bvp.kernels.segment import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
 HALF_TARGETS = [level for p, q in RESONANCES for level in half_multiplication(p, q)]
@@ -30,8 +30,8 @@ def test_traces_are_those_of_the_return_map(seed):
     reversal = np.diag([1.0, -1.0])
     closed = reversal @ np.linalg.inv(phi) @ reversal @ phi
     half, quarter = np.zeros(14 + len(TARGETS)), np.zeros(15 + len(HALF_TARGETS))
-    planar_tests(result, 2, TARGETS, half)
-    planar_tests(result, 1, HALF_TARGETS, quarter)
+    two_dof_tests(result, 2, TARGETS, half)
+    two_dof_tests(result, 1, HALF_TARGETS, quarter)
     half[11:14] /= SPEED
     half[14:] /= SPEED**2
     quarter[11:14] /= SPEED
@@ -50,7 +50,7 @@ def test_periodic_orbits_have_the_trace_itself(tau):
     result[TRACE] = tau
     result[SPEEDS] = SPEED
     out = np.zeros(12 + len(TARGETS))
-    planar_tests(result, 4, TARGETS, out)
+    two_dof_tests(result, 4, TARGETS, out)
     assert (out[11] > 0.0, out[11] == 0.0) == (tau > -2.0, tau == -2.0)
     np.testing.assert_allclose(out[12:] / SPEED, [tau - 2.0 * math.cos(2.0 * math.pi * p / q) for p, q in RESONANCES], atol=1e-15)
 

@@ -5,8 +5,8 @@ Oracles: the equivalences of labels (p and q exchanged, short names), and what i
 
 import pytest
 
-from branches.labels import parse
-from branches.name_pins import fits_otherwise, note, pin_of
+from branches.naming.labels import parse
+from branches.naming.reference_points import fits_otherwise, note, pin_of
 
 PINS = {name: {"h": float(i + 1), "alpha": 1.0} for i, name in enumerate(["U8353-", "S13+", "U21+", "U21-", "S73O33-", "U2201+", "U2201-"])}
 

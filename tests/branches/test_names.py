@@ -9,7 +9,7 @@ import re
 import pytest
 
 import saltus
-from branches.names import AmbiguousName, Limits, NameNotFound, passes, resolve, search_bounds
+from branches.naming.families import AmbiguousName, Limits, NameNotFound, passes, resolve, search_bounds
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.traced import traced
 
@@ -30,7 +30,7 @@ def test_short_names_are_the_backbones():
 @pytest.mark.parametrize("h", [0.12, 0.3, 5.0, 14.5])
 def test_a_suffix_selects_the_orbit(h):
     """Oracle: the energy that was asked for, and the closed form's quarter period through it."""
-    from saltus.bench.closed_form import Backbone
+    from benchmarks.backbone import Backbone
 
     orbit, _ = found(f"S13O00+@h={h}")
     assert math.isclose(orbit.h, h, rel_tol=1e-13) and abs(Backbone().energy(orbit.alpha) / h - 1) < 1e-12
@@ -82,10 +82,10 @@ def test_the_id_of_a_family_is_a_name():
     [
         ("S13O00-", (0.1, 1.0), ["S13O00-", "0.1:1", "quarter period up to 10", "nearest that exist", "@h="]),
         ("S13O00+@h=0.01", (0.05, 1e4), ["at h = 0.01"]),
-        ("S39O11+", (0.2, 2.0), ["3 turns of S13O00+"]),
+        ("S39O11+", (0.2, 2.0), ["3-fold cover of S13O00+"]),
         ("L11+", (0.05, 1e4), ["linear mode", "0.1185078106"]),
         ("L11-", (0.05, 1e4), ["linear mode", "0.0864921894"]),
-        ("L22-", (0.05, 1e4), ["2 turns of L11-"]),
+        ("L22-", (0.05, 1e4), ["2-fold cover of L11-"]),
         ("U3401", (0.09, 0.15), ["nearest that exist", "U4401+@h=", "U3201-@h="]),
         ("stop+-stop+:-:00000000", (0.05, 1e4), ["0.05:10000", "with these ends", "stop+-stop+:-:48a04991"]),
     ],
@@ -100,7 +100,7 @@ def test_names_that_nothing_has(text, energy, words):
 
 def test_a_mode_too_fast_for_the_scan_is_told_where_nothing_is_found():
     """Oracle: its angle over half of the longest period, by hand; a name that is found is answered as ever: the closed form's energy."""
-    from saltus.bench.closed_form import Backbone
+    from benchmarks.backbone import Backbone
 
     fast = vibro_impact_nes(mu=1e-8)
     with pytest.raises(NameNotFound, match=r"fastest mode turns by 6\.325e\+04 rad within half of the longest period"):
@@ -135,7 +135,7 @@ def test_narrow_ranges(energy):
 @pytest.mark.parametrize("energy", [(0.001, 0.049), (0.001, 0.06), (0.0, math.inf)])
 def test_a_range_beyond_the_limits_is_searched(energy):
     """Oracle: the closed form's energy; least of all 0.0005, so that the family lies below the limits, which begin at 0.05."""
-    from saltus.bench.closed_form import Backbone
+    from benchmarks.backbone import Backbone
 
     soft = vibro_impact_nes(mu=0.1, sigma=0.001)
     orbit, _ = found("S17O00+", energy, system=soft)
@@ -144,7 +144,7 @@ def test_a_range_beyond_the_limits_is_searched(energy):
 
 def test_a_quarter_period_beyond_the_limits_is_searched():
     """Oracle: the closed form, by whose quarter period the orbit is asked for."""
-    from saltus.bench.closed_form import Backbone
+    from benchmarks.backbone import Backbone
 
     orbit, _ = found("S13O00+@alpha=1.7", limits=Limits(quarter_period=1.5))
     assert abs(orbit.h / Backbone().energy(1.7) - 1) < 1e-11

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.labels import canonical, parse
-from branches.names import passes, resolve, search_bounds
+from branches.naming.families import passes, resolve, search_bounds
+from branches.naming.labels import canonical_label, parse
 from saltus.__main__ import main
 from tests.branches.paper_names import NAMES, SCENE, SYSTEM, event, family, found, orbit_of
 
@@ -23,7 +23,7 @@ def test_a_name_is_the_family_that_the_paper_means(name):
     h, alpha, label, impacts, stable = NAMES[name]
     orbit = orbit_of(name)
     assert orbit.h == pytest.approx(h, rel=1e-12) and orbit.alpha == pytest.approx(alpha, rel=1e-9)
-    assert canonical(parse(orbit.label)) == canonical(parse(label)) and orbit.stable in (stable, None)
+    assert canonical_label(parse(orbit.label)) == canonical_label(parse(label)) and orbit.stable in (stable, None)
     if name in PUBLISHED:
         assert round(orbit.alpha, 4) == pytest.approx(PUBLISHED[name], abs=1.01e-4)
     motion = saltus.run(SYSTEM, np.zeros(2), orbit.velocities, orbit.period * (1.0 - 1e-9))
@@ -102,7 +102,7 @@ def test_u3401_is_not_found():
     for h in np.geomspace(0.0505, 100.0, 160):
         here = saltus.discover(SYSTEM, float(h), quarter_period=10.0, impacts=1)
         assert here.settled
-        labels |= {str(canonical(parse(orbit.label))) for orbit in here.orbits if orbit.label.startswith("U")}
+        labels |= {str(canonical_label(parse(orbit.label))) for orbit in here.orbits if orbit.label.startswith("U")}
     assert labels == {"U1101+", "U2101-", "U2201+", "U3201-", "U4401+", "U4401-"}
 
 

@@ -3,14 +3,14 @@
 import pytest
 
 import saltus
-from branches.building.work import _followed
-from branches.catalogue.closures import kept_orbit, unknowns_of
+from branches.building.work import _followed, is_half
+from branches.catalogue.event_orbits import kept_orbit, unknowns_of
 from branches.identity import first_of, presentations, symmetries
-from branches.passing import PARTS, has_jumped, is_half, longest
-from branches.stretch import embed
-from branches.switching import births
+from branches.passing import PARTS, has_jumped, longest
+from branches.presentation import embed
+from branches.sequences import parse_sequence
+from branches.switching import emanating_families
 from branches.tracing import follow_family
-from branches.words import parse_word
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem
 
@@ -50,14 +50,14 @@ def test_steps_that_leave_a_family_at_a_branch_point_are_made_finer(energy, ends
     """Oracle: the symmetries: a family without a reversal meets one with a reversal at one point, and has none on either side of it."""
     system = saltus.vibro_impact_nes()
     found = saltus.discover(system, energy, quarter_period=5.1, impacts=10, ends=(ends,))
-    starts = [orbit for orbit in found.orbits if orbit.word in words]
+    starts = [orbit for orbit in found.orbits if orbit.sequence in words]
     branches = [follow_family(o.problem, o.solution.y, energy=limits, quarter_period=5.1) for o in starts]
     old, event = next((b, e) for b in branches for e in b.events if e.breaks == "reversal" and abs(e.h / born - 1.0) < 1e-6)
-    (birth,) = births(old, event)
+    (family,) = emanating_families(old, event)
     crossed = embed(old.problem, old.unknowns(event.point), 1)
-    assert has_jumped(birth.problem, birth.step.y, crossed.unknowns(birth.problem))
-    orbit = kept_orbit(system, first_of(presentations(birth.problem, birth.step.y)))
-    problem = MultipointProblem(system, orbit.ends, parse_word(orbit.word))
+    assert has_jumped(family.problem, family.step.y, crossed.unknowns(family.problem))
+    orbit = kept_orbit(system, first_of(presentations(family.problem, family.step.y)))
+    problem = MultipointProblem(system, orbit.ends, parse_sequence(orbit.sequence))
     y = unknowns_of(problem, orbit)
     branch = _followed(problem, y, limits, 5.1)
     assert not has_jumped(problem, branch.unknowns(1), branch.unknowns(len(branch) - 2))

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import saltus
-from branches import record
-from branches.check import RecordError, check_branch
+from branches import reading, record
+from branches.reading import RecordError, check_branch
 from bvp.system import vibro_impact_nes
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -29,7 +29,7 @@ def made_of(points, events=(), system=None):
         label="S13O00+",
         aliases=[{"label": "S13O00+", "from": 0.0, "to": 1.5}],
         ends=("origin", "stop+"),
-        word="+-",
+        sequence="+-",
         energy=(0.05, math.inf),
         others=(),
         points=points,
@@ -89,7 +89,7 @@ def event(**changes):
 def test_arrays_come_back_bit_for_bit():
     """Oracle: the arrays that the record was made from."""
     points = columns()
-    back = record.points_of(json.loads(record.to_json(made_of(points))))
+    back = reading.points_of(json.loads(record.to_json(made_of(points))))
     assert set(back) == set(points)
     for name, column in points.items():
         if name == "multipliers":
@@ -105,7 +105,7 @@ def test_every_float_survives(values):
     points = {name: column[:1].repeat(len(values), axis=0) for name, column in columns().items()}
     points["h"] = np.array([h for h, _, _ in values])
     points["start_v"] = np.array([[first, second] for _, first, second in values])
-    back = record.points_of(json.loads(record.to_json(made_of(points))))
+    back = reading.points_of(json.loads(record.to_json(made_of(points))))
     assert back["h"].tobytes() == points["h"].tobytes()
     assert back["start_v"].tobytes() == points["start_v"].tobytes()
 
@@ -116,7 +116,7 @@ def test_what_is_unbounded_is_null_with_a_note():
     text = record.to_json(made)
     assert not re.search(r"NaN|Infinity", text)
     data = json.loads(text)
-    assert data["schema"] == 1
+    assert data["schema"] == 2
     assert data["points"][0]["multipliers"] == [None, None] and "multipliers" in data["points"][0]["note"]
     assert data["points"][0]["tau"] is None and data["points"][0]["stable"] is None
     assert data["points"][1]["note"] is None and data["points"][1]["stable"] is False
@@ -141,7 +141,7 @@ def test_the_range_and_the_other_pieces_are_kept(tmp_path):
 def test_a_record_of_what_was_read_is_the_same():
     """Oracle: writing is idempotent."""
     data = record.to_record(made_of(columns(), [event()]))
-    assert record.to_record(made_of(record.points_of(data), [event()])) == data
+    assert record.to_record(made_of(reading.points_of(data), [event()])) == data
 
 
 def test_velocities_without_an_origin_start_are_null():
@@ -152,7 +152,7 @@ def test_velocities_without_an_origin_start_are_null():
     assert [point["velocities"] for point in record.to_record(made)["points"]] == [None] * 3
     rows = list(csv.DictReader(io.StringIO(record.to_csv(made))))
     assert rows[0]["velocities.1"] == rows[0]["velocities.2"] == ""
-    np.testing.assert_array_equal(record.points_of(record.to_record(made))["velocities"], points["velocities"])
+    np.testing.assert_array_equal(reading.points_of(record.to_record(made))["velocities"], points["velocities"])
 
 
 def test_csv_holds_the_numbers_of_the_json():
@@ -176,7 +176,7 @@ def orbit():
     return SimpleNamespace(
         system=vibro_impact_nes(),
         ends=("origin", "stop+"),
-        word="",
+        sequence="",
         label="S13O00+",
         h=0.5887,
         alpha=1.7,
@@ -208,7 +208,7 @@ def test_the_record_of_an_orbit():
 def refuse(path):
     """Return the one line that refuses a file."""
     with pytest.raises(RecordError) as caught:
-        record.read_branch(path)
+        reading.read_branch(path)
     message = str(caught.value)
     assert "\n" not in message and str(path) in message
     return message
@@ -231,7 +231,7 @@ def test_a_truncated_file_is_refused(tmp_path, good):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        (lambda data: data.update(schema=2), "schema is 2, expected 1"),
+        (lambda data: data.update(schema=3), "schema is 3, expected 2"),
         (lambda data: data.pop("schema"), "lacks 'schema'"),
         (lambda data: data.pop("points"), "lacks 'points'"),
         (lambda data: data["points"][1].pop("alpha"), "points[1] lacks 'alpha'"),
@@ -266,7 +266,7 @@ def test_other_files_are_refused(tmp_path, good):
     assert "no JSON" in refuse(path)
     path.write_text("[1, 2]")
     assert "expected an object" in refuse(path)
-    path.write_text(good.replace('"schema": 1', '"schema": NaN'))
+    path.write_text(good.replace('"schema": 2', '"schema": NaN'))
     assert "NaN" in refuse(path)
     path.write_text("[" * 100_000)
     assert refuse(path)
@@ -338,7 +338,17 @@ def test_numbers_of_thousands_of_digits(traced, tmp_path):
     """Oracle: the message names the file and is short."""
     path = tmp_path / "branch.json"
     for digits in (400, 4000, 5000):
-        path.write_text(record.to_json(traced).replace('"schema": 1', f'"schema": {"7" * digits}'))
+        path.write_text(record.to_json(traced).replace('"schema": 2', f'"schema": {"7" * digits}'))
         assert len(refuse(path)) < len(str(path)) + 250
     with pytest.raises(TypeError, match="received 5, expected the name of a JSON file"):
-        record.read_branch(5)
+        reading.read_branch(5)
+
+
+def test_a_file_of_schema_1_is_read(traced, tmp_path):
+    """Oracle: the same branch in the present schema."""
+    data = record.to_record(traced)
+    head = {"word" if key == "sequence" else key: value for key, value in data["branch"].items()}
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps({**data, "schema": 1, "branch": head}))
+    back = reading.read_branch(path)
+    assert back.sequence == traced.sequence and record.to_record(back) == data

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.discovery.resuming import resumed
-from branches.discovery.scan import scan
-from branches.discovery.search import CLASSES, _limits, discover
-from branches.discovery.starts import curves
-from branches.words import mirror, unfold
+from branches.search.discovery import CLASSES, _limits, discover
+from branches.search.scan import resumed, scan
+from branches.search.starts import curves
+from branches.sequences import mirror, unfold
 from tests.bvp.high_precision import DIGITS, Exact
 
 SYSTEM = saltus.vibro_impact_nes()
@@ -72,8 +71,8 @@ class ManyDigits:
                 return t
         return t
 
-    def passages(self, theta, impacts, longest):
-        """{(word, number of the passage in its flight): (miss, time)}."""
+    def crossings(self, theta, impacts, longest):
+        """{(word, number of the crossing in its flight): (miss, time)}."""
         z = [mp.mpf(0), mp.mpf(0), self.speed * mp.cos(theta), self.speed * mp.sin(theta)]
         out, word, elapsed = {}, "", mp.mpf(0)
         grid = np.arange(1, 4001) * 2.5e-3
@@ -108,7 +107,7 @@ class ManyDigits:
 
 
 def words_to_origin(found):
-    """{word: times} of every passage of the origin that the orbits found make, whatever the number of turns, and of their images."""
+    """{word: times} of every crossing of the origin that the orbits found make, whatever the number of turns, and of their images."""
     out = {}
     for orbit in found.orbits:
         ends, word = orbit.ends, orbit.problem.word
@@ -136,7 +135,7 @@ def test_a_scan_in_forty_digits_adds_nothing(energy):
         for _, opening in most[:3]:
             taken = {}
             for j in range(101):
-                rows = digits.passages(mp.mpf(opening.parameter) + mp.mpf(opening.width) * j / 100, 10, LONGEST)
+                rows = digits.crossings(mp.mpf(opening.parameter) + mp.mpf(opening.width) * j / 100, 10, LONGEST)
                 for word, number in rows.keys() & taken.keys():
                     (a, t_a), (b, t_b) = rows[word, number], taken[word, number]
                     if word and a * b < 0:

@@ -13,18 +13,17 @@ import pytest
 from scipy.optimize import brentq
 
 import saltus
-from branches.discovery.found import accept
-from branches.discovery.orbits import first_passages
-from branches.discovery.record import to_json
-from branches.discovery.scan import Passage, follow_start, scan
-from branches.discovery.search import CLASSES, discover
-from branches.discovery.starts import curves
-from branches.discovery.uniform import Scanner
-from branches.words import impacts_per_period
+from benchmarks.backbone import Backbone
+from branches.record import discovery_to_json
+from branches.search.discovery import CLASSES, discover
+from branches.search.orbits import accept, first_crossings
+from branches.search.scan import EndCrossing, follow_start, scan
+from branches.search.starts import curves
+from branches.search.uniform import Scanner
+from branches.sequences import impacts_per_period
 from bvp.kernels.verdict import GRAZED
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop
-from saltus.bench.closed_form import Backbone
 
 SYSTEM = saltus.vibro_impact_nes()
 ALL = tuple(CLASSES)
@@ -94,7 +93,7 @@ def test_each_orbit_is_one(energy, ends):
         assert orbit.alpha <= 4.0 and impacts_per_period(orbit.problem.word, orbit.ends) <= 12
         u, _ = orbit.sample(np.linspace(0.0, orbit.period, 3001))
         assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12
-        seen.add((orbit.ends, orbit.word, round(orbit.alpha, 9), *np.round(np.abs(orbit.problem.start(orbit.solution.y)), 7)))
+        seen.add((orbit.ends, orbit.sequence, round(orbit.alpha, 9), *np.round(np.abs(orbit.problem.start(orbit.solution.y)), 7)))
     assert len(seen) == len(found.orbits)
 
 
@@ -117,7 +116,7 @@ def test_a_uniform_scan_adds_nothing(energy, mu, sigma):
 
 @pytest.mark.parametrize(("energy", "mu", "sigma"), [(0.4, 0.1, 0.1), (3.0, 0.1, 0.1), (2.0, 0.37, 0.81)])
 def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
-    """Oracle: the multipoint problem started from random stretches of random motions: another way to orbits, with any ends and words."""
+    """Oracle: the multipoint problem started from random pieces of random motions: another way to orbits, with any ends and sequences."""
     system = saltus.vibro_impact_nes(mu, sigma)
     found = discover(system, energy, quarter_period=4.0, impacts=6, ends=ALL)
     assert found.settled
@@ -155,14 +154,14 @@ def test_symmetric_orbits_are_found_from_each_of_their_ends():
     """Oracle: SmnE orbits seen from the origin, and as two quarters from rest to rest."""
     quarter = discover(SYSTEM, 9.0, quarter_period=5.1, impacts=8, ends=("origin-rest",))
     curve = curves(SYSTEM, "rest", 9.0)[0]
-    passages, open_ones, _ = scan(curve, {"rest": (10.2, 8), "origin": (5.1, 4)}, 10**6)
+    crossings, open_ones, _ = scan(curve, {"rest": (10.2, 8), "origin": (5.1, 4)}, 10**6)
     assert len(quarter.orbits) >= 3 and all(opening.reason == GRAZED for opening in open_ones)
     for orbit in quarter.orbits:
         times = []
-        for passage in passages:
-            if passage.kind == "rest" and passage.impacts == 2 * len(orbit.problem.word):
-                path = follow_start(curve, passage.parameter, passage.impacts, 10.2)
-                times.append(path.instants[-1] + passage.flight)
+        for crossing in crossings:
+            if crossing.kind == "rest" and crossing.impacts == 2 * len(orbit.problem.word):
+                path = follow_start(curve, crossing.parameter, crossing.impacts, 10.2)
+                times.append(path.instants[-1] + crossing.flight)
         assert np.min(np.abs(np.array(times) - 2.0 * orbit.alpha)) < 1e-8
 
 
@@ -170,7 +169,7 @@ def test_the_free_impact_damper():
     """Oracle: closed form at sigma = 0, where the sink flies freely: G = b^2 alpha + tan(alpha)."""
     found = discover(saltus.vibro_impact_nes(0.1, 0.0), 0.55, quarter_period=5.0, impacts=4, ends=ALL)
     assert found.settled
-    backbone = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+") and not orbit.word]
+    backbone = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+") and not orbit.sequence]
     assert backbone
     for alpha in backbone:
         g = 10.0 * alpha + math.tan(alpha)
@@ -209,7 +208,7 @@ def test_one_impact_a_period_on_a_one_sided_stop():
         if push < 0.0 and np.max(gap) < 1.0:
             expected.append(period / 4.0)
     found = discover(system, energy, quarter_period=longest, impacts=2, ends=("rest-rest", "rest-stop", "stop-stop"))
-    mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("rest", "stop+") and not orbit.word]
+    mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("rest", "stop+") and not orbit.sequence]
     assert found.settled and len(expected) >= 2 and np.allclose(mine, expected, rtol=1e-10)
 
 
@@ -268,35 +267,35 @@ def test_smaller_bounds_give_a_part():
 def test_later_passages_of_one_start_repeat_it():
     """Oracle: an orbit run through several times, by hand."""
 
-    def passage(kind, impacts, parameter):
-        return Passage(kind, impacts, parameter, 0.0, 0.0, True, 0.0, 1.0)
+    def crossing(kind, impacts, parameter):
+        return EndCrossing(kind, impacts, parameter, 0.0, 0.0, True, 0.0, 1.0)
 
     listed = [
-        passage("stop", 1, 0.3),
-        passage("origin", 3, 0.3 + 1e-13),
-        passage("stop", 4, 0.3),
-        passage("origin", 3, 0.4),
-        passage("origin", 2, 0.3),
+        crossing("stop", 1, 0.3),
+        crossing("origin", 3, 0.3 + 1e-13),
+        crossing("stop", 4, 0.3),
+        crossing("origin", 3, 0.4),
+        crossing("origin", 2, 0.3),
     ]
     words = [("+", "+"), ("+", "+", "+"), ("+", "+", "+", "-", "-"), ("+", "+", "+"), ("+", "-")]
-    first, repeated = first_passages(listed, [1.1, 2.2, 3.3, 2.2, 2.9], words, "origin", 3.0)
+    first, repeated = first_crossings(listed, [1.1, 2.2, 3.3, 2.2, 2.9], words, "origin", 3.0)
     assert first == [0, 3, 4] and sorted(repeated) == [1, 2]
     words[1] = ("+", "+", "-")
-    assert first_passages(listed, [1.1, 2.2, 3.3, 2.2, 2.9], words, "origin", 3.0) == ([0, 1, 3, 4], [2])
+    assert first_crossings(listed, [1.1, 2.2, 3.3, 2.2, 2.9], words, "origin", 3.0) == ([0, 1, 3, 4], [2])
 
 
 def test_the_record():
     """Oracle: the keys of the format, numbers that JSON can hold, and the orbits themselves."""
     found = discover(SYSTEM, 1.0, quarter_period=3.0, impacts=4, ends=ALL)
-    record = json.loads(to_json(found), parse_constant=lambda text: pytest.fail(text))
+    record = json.loads(discovery_to_json(found), parse_constant=lambda text: pytest.fail(text))
     assert list(record) == ["schema", "energy", "bounds", "settled", "counts", "orbits", "unpolished"]
-    assert record["schema"] == 1 and record["energy"] == 1.0 and record["settled"] is True and record["unpolished"] == []
+    assert record["schema"] == 2 and record["energy"] == 1.0 and record["settled"] is True and record["unpolished"] == []
     assert record["bounds"] == {"quarter_period": 3.0, "impacts": 4, "ends": list(ALL)} and record["counts"] == found.counts
     for entry, orbit in zip(record["orbits"], found.orbits, strict=True):
         assert list(entry) == [
-            "label", "family", "ends", "word", "impacts", "alpha", "h", "velocities", "impact_speeds", "tau", "stable", "residual",
+            "label", "family", "ends", "sequence", "impacts", "alpha", "h", "velocities", "impact_speeds", "tau", "stable", "residual",
         ]  # fmt: skip
-        assert entry["alpha"] == orbit.alpha and entry["family"] is None and entry["word"] == orbit.word
+        assert entry["alpha"] == orbit.alpha and entry["family"] is None and entry["sequence"] == orbit.sequence
         assert entry["impacts"] == impacts_per_period(orbit.problem.word, orbit.ends) / 2
         assert (entry["velocities"] is None) == (orbit.ends[0] != "origin") and entry["label"] == (orbit.label or None)
 
@@ -342,7 +341,7 @@ def test_problems_kept_from_other_searches_change_nothing():
 
     def bits(system, energy):
         found = discover(system, energy, quarter_period=3.0, impacts=4)
-        return [(orbit.ends, orbit.word, orbit.solution.y.tobytes()) for orbit in found.orbits]
+        return [(orbit.ends, orbit.sequence, orbit.solution.y.tobytes()) for orbit in found.orbits]
 
     searches = [(system, energy) for system in (SYSTEM, saltus.vibro_impact_nes(0.2)) for energy in (0.3, 0.5, 0.31)] * 2
     together = [bits(*search) for search in searches]

@@ -6,9 +6,9 @@ Oracles: tau_half of the closed form in forty digits; the monodromy formed in nu
 import numpy as np
 import pytest
 
+from benchmarks.backbone import Backbone
 from branches.stability import describe
 from bvp.multipliers import saddle_point_multipliers
-from saltus.bench.closed_form import Backbone
 from tests.branches.traced import monodromy, spread, traced
 
 

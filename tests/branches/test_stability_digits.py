@@ -146,7 +146,7 @@ def test_next_to_a_branch_point_nothing_wrong_is_said(name, mirrored):
 
 def test_against_the_closed_form():
     """Oracle: tau_half of the backbone in forty digits: |tau| - 2 is tau_half^2 - 4 there."""
-    from saltus.bench.closed_form import Backbone
+    from benchmarks.backbone import Backbone
 
     branch = family("S11-")
     for i in range(3, len(branch), len(branch) // 4):

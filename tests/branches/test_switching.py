@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import saltus
+from benchmarks.backbone import Backbone
 from branches.identity import same_orbit, symmetries
-from branches.labels import parse
-from branches.stretch import embed
+from branches.naming.labels import parse
+from branches.presentation import embed
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of
-from saltus.bench.closed_form import Backbone
 from tests.branches.traced import EPS, monodromy, traced
 
 REST = "S11E11+@h=3.0"
@@ -62,7 +62,7 @@ def test_new_families(name, event, ends, times):
     old = branch.orbit(at.point)
     for family in born:
         assert math.isclose(family.points["alpha"][0] / at.alpha, times, rel_tol=1e-3)
-        assert family.id != branch.id and (family.ends, family.word) != (branch.ends, branch.word)
+        assert family.id != branch.id and (family.ends, family.sequence) != (branch.ends, branch.sequence)
         orbit = family.orbit(0)
         u, v = orbit.sample(np.array([0.0371 * orbit.period]))
         start = np.concatenate([u[0], v[0]])
@@ -139,7 +139,7 @@ def test_both_sides_are_exact_images_of_each_other(name, event):
     else:
         np.testing.assert_array_equal(first.points["start_v"], -second.points["start_v"])
         np.testing.assert_array_equal(first.points["flight_times"], second.points["flight_times"])
-        assert second.word == first.word.translate(str.maketrans("+-", "-+"))
+        assert second.sequence == first.sequence.translate(str.maketrans("+-", "-+"))
     again = second.trace(0, points=9, energy=(0.5 * at.h, 2.0 * at.h))
     orbit = again.orbit(4)
     assert any(abs(other.alpha / orbit.alpha - 1.0) < 1e-10 for other in first.trace(0, points=60).orbits_at(energy=orbit.h))
@@ -162,11 +162,11 @@ def test_the_other_side_of_a_doubling_is_the_same_orbit_started_later(name, even
     for family in born:
         problem, y = family.problem, family.orbit(0).solution.y
         late = embed(problem, y, (1, 2))
-        assert (late.ends, late.word) == (problem.ends, problem.word)
+        assert (late.ends, late.sequence) == (problem.ends, problem.word)
         there = late.unknowns(problem)
         assert same_orbit((problem, y), (problem, there)) and np.max(np.abs(there - y)) > 1e-3
         old = 0.5 * (there + y)
-        assert symmetries(cycle_of(problem, old), 1e-2).turns >= 2
+        assert symmetries(cycle_of(problem, old), 1e-2).cover >= 2
 
 
 @pytest.mark.parametrize(("name", "event"), [case[:2] for case in CASES] + [("S11O00-", "RT1"), ("S11O00-", "RT2")])
@@ -193,7 +193,7 @@ def test_period_doubled_orbits_are_not_the_old_ones_twice():
 
 
 def test_stability_is_exchanged_at_a_doubling():
-    """Oracle: theory: of the two families that a reversible doubling gives birth to, one is stable and one is not."""
+    """Oracle: theory: of the two families that a reversible doubling gives emanating to, one is stable and one is not."""
     _, _, born = switched("S11O00-", "PD1")
     stable = {family.ends[0][:4]: {int(x) for x in family.points["stable"][:8]} for family in born}
     assert stable in ({"orig": {1}, "stop": {0}}, {"orig": {0}, "stop": {1}})
@@ -216,7 +216,7 @@ def test_a_crossing_with_seven_turns_leads_onto_the_backbone_itself():
     _, at, born = switched("S73O33-", "BP1", points=25)
     backbone = Backbone()
     (family,) = born
-    assert family.turns == 7 and family.id == traced("S11O00-").id and family.label == "S11O00-"
+    assert family.cover == 7 and family.id == traced("S11O00-").id and family.label == "S11O00-"
     for h, alpha in zip(family.points["h"], family.points["alpha"], strict=True):
         assert abs(h / backbone.energy(alpha) - 1) < 1e-11
     assert family.points["h"].min() < at.h < family.points["h"].max()
@@ -229,14 +229,14 @@ WAYS_BACK = [("S13O00+", "SB1", 1), ("S11O00-", "PD1", 2), (REST, "SB1", 1), (RE
 
 @pytest.mark.parametrize(("name", "event", "turns"), WAYS_BACK)
 def test_every_birth_leads_back_to_the_old_family(name, event, turns):
-    """Oracle: the old family: seen from the new one, it is crossed where it gave birth to it."""
+    """Oracle: the old family: seen from the new one, it is crossed where it gave emanating to it."""
     branch, at, born = switched(name, event, points=3)
     for family in born:
         through = family.trace(1, energy=(0.5 * at.h, 2.0 * at.h))
         crossings = [e for e in through.events if e.type == "BP" and abs(e.h / at.h - 1.0) < 1e-5]
         assert len(crossings) == 1 and through.id == family.id
         (back,) = through.switch(crossings[0], points=5)
-        assert back.id == branch.id and back.turns == turns
+        assert back.id == branch.id and back.cover == turns
 
 
 RESONANT = [("S11O00-", f"RT{k}") for k in range(1, 9)] + [("U3201-", f"RT{k}") for k in range(1, 6)] + [(REST, "RT1"), (REST, "RT3")]
@@ -245,8 +245,8 @@ RESONANT = [("S11O00-", f"RT{k}") for k in range(1, 9)] + [("U3201-", f"RT{k}") 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("name", "event"), RESONANT)
 def test_families_born_at_a_q_tupling(name, event):
-    """Oracle: theory: q times the period and tau to 2 at the birth, orbits that do not repeat themselves, and the event-driven run; for
-    q >= 5 one of the two families (or sides of a family) is stable beside the birth and the other is not."""
+    """Oracle: theory: q times the period and tau to 2 at the emanating, orbits that do not repeat themselves, and the event-driven run; for
+    q >= 5 one of the two families (or sides of a family) is stable beside the emanating and the other is not."""
     branch, at, born = switched(name, event)
     q = at.p_q[1]
     kinds = {}
@@ -254,7 +254,7 @@ def test_families_born_at_a_q_tupling(name, event):
         gap = abs(family.points["alpha"][0] / at.alpha / q - 1.0)
         assert gap < 5e-3 and abs(family.points["h"][0] / at.h - 1.0) < 5e-3
         orbit = family.orbit(0)
-        assert symmetries(orbit.cycle).turns == 1
+        assert symmetries(orbit.cycle).cover == 1
         assert abs(orbit.tau - 2.0) < (1.1 if q < 5 else 0.05)
         u, v = orbit.sample(np.array([0.0371 * orbit.period]))  # inside a flight: at an impact, rounding decides which side of it is last
         run = saltus.run(family.system, u[0], v[0], orbit.period)
@@ -282,7 +282,7 @@ def test_a_sixtupling_that_is_located_by_hand():
     assert [family.ends[0][:4] for family in born] == ["orig", "stop"]
     for family in born:
         assert math.isclose(family.points["alpha"][0] / orbit.alpha, 6.0, rel_tol=1e-4)
-        assert abs(family.points["tau"][0] - 2.0) < 1e-3 and symmetries(family.orbit(0).cycle).turns == 1
+        assert abs(family.points["tau"][0] - 2.0) < 1e-3 and symmetries(family.orbit(0).cycle).cover == 1
 
 
 CHAINS = [
@@ -305,7 +305,7 @@ def test_switching_goes_on_from_what_was_switched_to(name, event, ends, followin
     for new in born:
         assert math.isclose(new.points["alpha"][0] / found.alpha, 2.0 if found.type == "PD" else 1.0, rel_tol=1e-3)
         symmetric = symmetries(new.orbit(1).cycle)
-        assert symmetric.turns == 1 and bool(symmetric.reversals) is not new.problem.periodic
+        assert symmetric.cover == 1 and bool(symmetric.reversals) is not new.problem.periodic
 
 
 def test_events_that_are_no_bifurcation_are_refused():

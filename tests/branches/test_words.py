@@ -1,6 +1,6 @@
 """Words of impacts and their symmetries.
 
-Oracles: the group laws themselves; and, for the full-period word, an independent construction that samples a toy
+Oracles: the group laws themselves; and, for the full-period sequence, an independent construction that samples a toy
 orbit - impacts placed on a time axis and continued by u(s) = -+u(-s) about the ends until the pattern closes.
 """
 
@@ -8,22 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from branches.words import (
+from branches.sequences import (
     PERIODIC,
-    WordSyntaxError,
-    canonical,
+    SequenceSyntaxError,
+    canonical_sequence,
     end_letter,
     exchange,
     format_ends,
-    format_word,
-    full_word,
+    format_sequence,
+    full_sequence,
     impacts_per_period,
     join_family_id,
     mirror,
     mirror_ends,
     parity,
     parse_ends,
-    parse_word,
+    parse_sequence,
     primitive,
     reverse,
     segments_per_period,
@@ -38,15 +38,15 @@ END = st.sampled_from(["origin", "rest", "stop+", "stop-"])
 ENDS = st.tuples(END, END)
 
 
-def rotations(word):
-    return {word[k:] + word[:k] for k in range(max(len(word), 1))}
+def rotations(sequence):
+    return {sequence[k:] + sequence[:k] for k in range(max(len(sequence), 1))}
 
 
-def toy_period(word, ends):
-    """Full-period word from impact times alone: reflect the time axis about each end until the pattern repeats."""
-    length = 2 * (len(word) + 1)
+def toy_period(sequence, ends):
+    """Full-period sequence from impact times alone: reflect the time axis about each end until the pattern repeats."""
+    length = 2 * (len(sequence) + 1)
     sign = {"+": 1, "-": -1}
-    start = {2 * (k + 1): sign[letter] for k, letter in enumerate(word)}
+    start = {2 * (k + 1): sign[letter] for k, letter in enumerate(sequence)}
     for place, end in ((0, ends[0]), (length, ends[1])):
         if end.startswith("stop"):
             start[place] = sign[end[-1]]
@@ -61,8 +61,8 @@ def toy_period(word, ends):
 
 
 @given(WORDS)
-def test_text_round_trip(word):
-    assert parse_word(format_word(word)) == word
+def test_text_round_trip(sequence):
+    assert parse_sequence(format_sequence(sequence)) == sequence
 
 
 @given(ENDS)
@@ -72,69 +72,69 @@ def test_ends_round_trip(ends):
 
 
 @given(WORDS, ENDS, st.text("0123456789abcdef", min_size=4, max_size=16))
-def test_family_id_round_trip(word, ends, digest):
-    assert split_family_id(join_family_id(ends, word, digest)) == (ends, word, digest)
+def test_family_id_round_trip(sequence, ends, digest):
+    assert split_family_id(join_family_id(ends, sequence, digest)) == (ends, sequence, digest)
 
 
 @pytest.mark.parametrize(
     ("text", "position"), [("+x-", "character 2"), ("+a-", "character 2"), ("a", "character 1"), ("a++", "character 3")]
 )
 def test_bad_word_points_at_the_character(text, position):
-    with pytest.raises(WordSyntaxError, match=position):
-        parse_word(text)
+    with pytest.raises(SequenceSyntaxError, match=position):
+        parse_sequence(text)
 
 
 @pytest.mark.parametrize("text", ["origin", "origin-wall+", "origin:stop+", "stop-origin", "origin-periodic", ""])
 def test_bad_ends(text):
-    with pytest.raises(WordSyntaxError, match="origin-stop"):
+    with pytest.raises(SequenceSyntaxError, match="origin-stop"):
         parse_ends(text)
 
 
 @pytest.mark.parametrize("text", ["origin-stop+:+-", "origin-stop+:+-:xyzw", "origin-stop+:+-:", "a:b:c:d"])
 def test_bad_family_id(text):
-    with pytest.raises(WordSyntaxError):
+    with pytest.raises(SequenceSyntaxError):
         split_family_id(text)
 
 
 @given(WORDS, ENDS)
-def test_mirror_and_reversal_are_commuting_involutions(word, ends):
-    assert mirror(mirror(word)) == word and reverse(reverse(word)) == word
-    assert mirror(reverse(word)) == reverse(mirror(word))
+def test_mirror_and_reversal_are_commuting_involutions(sequence, ends):
+    assert mirror(mirror(sequence)) == sequence and reverse(reverse(sequence)) == sequence
+    assert mirror(reverse(sequence)) == reverse(mirror(sequence))
     assert mirror_ends(mirror_ends(ends)) == ends and exchange(exchange(ends)) == ends
 
 
 @given(ONE_STOP, ENDS)
-def test_canonical_is_idempotent_and_invariant(word, ends):
-    best = canonical(word, ends)
-    assert canonical(*best) == best
-    assert canonical(mirror(word), mirror_ends(ends)) == best
-    assert canonical(reverse(word), exchange(ends)) == best
-    assert canonical(mirror(reverse(word)), mirror_ends(exchange(ends))) == best
-    assert best[0] in {word, mirror(word), reverse(word), mirror(reverse(word))}
+def test_canonical_is_idempotent_and_invariant(sequence, ends):
+    best = canonical_sequence(sequence, ends)
+    assert canonical_sequence(*best) == best
+    assert canonical_sequence(mirror(sequence), mirror_ends(ends)) == best
+    assert canonical_sequence(reverse(sequence), exchange(ends)) == best
+    assert canonical_sequence(mirror(reverse(sequence)), mirror_ends(exchange(ends))) == best
+    assert best[0] in {sequence, mirror(sequence), reverse(sequence), mirror(reverse(sequence))}
 
 
 @given(ONE_STOP, st.integers(0, 6), st.booleans(), st.booleans())
-def test_canonical_of_periodic_words(word, shift, odd_symmetry, reversible):
-    best = canonical(word, PERIODIC, odd_symmetry=odd_symmetry, reversible=reversible)
-    turned = word[shift % max(len(word), 1) :] + word[: shift % max(len(word), 1)]
-    assert canonical(turned, PERIODIC, odd_symmetry=odd_symmetry, reversible=reversible) == best
-    assert canonical(*best, odd_symmetry=odd_symmetry, reversible=reversible) == best
+def test_canonical_of_periodic_words(sequence, shift, odd_symmetry, reversible):
+    best = canonical_sequence(sequence, PERIODIC, odd_symmetry=odd_symmetry, reversible=reversible)
+    turned = sequence[shift % max(len(sequence), 1) :] + sequence[: shift % max(len(sequence), 1)]
+    assert canonical_sequence(turned, PERIODIC, odd_symmetry=odd_symmetry, reversible=reversible) == best
+    assert canonical_sequence(*best, odd_symmetry=odd_symmetry, reversible=reversible) == best
 
 
 def test_without_odd_symmetry_the_mirror_is_another_family():
-    upper, lower = (canonical(("+", "+", side), ("rest", "stop+"), odd_symmetry=False) for side in "+-")
+    upper, lower = (canonical_sequence(("+", "+", side), ("rest", "stop+"), odd_symmetry=False) for side in "+-")
     assert upper != lower
-    assert canonical(("-", "-"), ("rest", "stop-"), odd_symmetry=False) == (("-", "-"), ("rest", "stop-"))
-    assert canonical(("-", "-"), ("rest", "stop-")) == (("+", "+"), ("rest", "stop+"))
+    assert canonical_sequence(("-", "-"), ("rest", "stop-"), odd_symmetry=False) == (("-", "-"), ("rest", "stop-"))
+    assert canonical_sequence(("-", "-"), ("rest", "stop-")) == (("+", "+"), ("rest", "stop+"))
 
 
 def test_refusals():
     with pytest.raises(ValueError, match="odd symmetry"):
-        canonical((), ("origin", "rest"), odd_symmetry=False)
+        canonical_sequence((), ("origin", "rest"), odd_symmetry=False)
     with pytest.raises(ValueError, match="reversible"):
-        canonical((), ("rest", "rest"), reversible=False)
+        canonical_sequence((), ("rest", "rest"), reversible=False)
     with pytest.raises(ValueError, match="expected two of origin"):
-        canonical((), ("origin", "periodic"))
+        canonical_sequence((), ("origin", "periodic"))
     with pytest.raises(ValueError, match="no reversal"):
         unfold(("+",), PERIODIC, 2)
     with pytest.raises(ValueError, match="is 0, expected 1"):
@@ -142,22 +142,22 @@ def test_refusals():
 
 
 def test_one_sided_irreversible_periodic_words_keep_their_direction():
-    clockwise = canonical(("a+", "b+", "c+"), PERIODIC, odd_symmetry=False, reversible=False)
-    assert clockwise != canonical(("c+", "b+", "a+"), PERIODIC, odd_symmetry=False, reversible=False)
-    assert clockwise == canonical(("b+", "c+", "a+"), PERIODIC, odd_symmetry=False, reversible=False)
+    clockwise = canonical_sequence(("a+", "b+", "c+"), PERIODIC, odd_symmetry=False, reversible=False)
+    assert clockwise != canonical_sequence(("c+", "b+", "a+"), PERIODIC, odd_symmetry=False, reversible=False)
+    assert clockwise == canonical_sequence(("b+", "c+", "a+"), PERIODIC, odd_symmetry=False, reversible=False)
 
 
 @given(ONE_STOP, ENDS)
-def test_full_word_against_reflected_impact_times(word, ends):
-    expected, segments = toy_period(word, ends)
-    assert full_word(word, ends) == expected
+def test_full_word_against_reflected_impact_times(sequence, ends):
+    expected, segments = toy_period(sequence, ends)
+    assert full_sequence(sequence, ends) == expected
     assert segments_per_period(ends) == segments
-    assert impacts_per_period(word, ends) == len(expected)
+    assert impacts_per_period(sequence, ends) == len(expected)
 
 
 @given(ONE_STOP, ENDS)
-def test_full_word_is_invariant_under_its_reversals(word, ends):
-    full = full_word(word, ends)
+def test_full_word_is_invariant_under_its_reversals(sequence, ends):
+    full = full_sequence(sequence, ends)
     for end in ends:
         image = mirror(reverse(full)) if end == "origin" else reverse(full)
         assert image in rotations(full)
@@ -167,44 +167,44 @@ def test_full_word_is_invariant_under_its_reversals(word, ends):
 
 
 @given(ONE_STOP, ENDS)
-def test_full_word_is_the_same_from_either_end(word, ends):
-    full, other = full_word(word, ends), full_word(reverse(word), exchange(ends))
+def test_full_word_is_the_same_from_either_end(sequence, ends):
+    full, other = full_sequence(sequence, ends), full_sequence(reverse(sequence), exchange(ends))
     assert other in rotations(full) | rotations(mirror(full))
 
 
 @given(ONE_STOP, st.sampled_from(["rest", "stop+", "stop-"]))
-def test_counts_of_a_symmetric_orbit(word, last):
+def test_counts_of_a_symmetric_orbit(sequence, last):
     """p = q = inner impacts of the quarter, one more at the quarter for O, none for E: definition of SmnEpp, SmnOpp."""
-    half = unfold(word, ("origin", last), 2)
+    half = unfold(sequence, ("origin", last), 2)
     assert half[1] == ("origin", "origin")
     index = parity(("origin", last))
     assert index == parity((last, "origin")) == ("E" if last == "rest" else "O")
-    assert len(half[0]) == 2 * len(word) + (index == "O")
-    assert half[0][: len(word)] == word
+    assert len(half[0]) == 2 * len(sequence) + (index == "O")
+    assert half[0][: len(sequence)] == sequence
     if index == "O":
-        assert half[0][len(word)] == end_letter(last)
-    assert full_word(*half) == full_word(word, ("origin", last))
+        assert half[0][len(sequence)] == end_letter(last)
+    assert full_sequence(*half) == full_sequence(sequence, ("origin", last))
 
 
 @given(ONE_STOP, ENDS, st.integers(1, 5))
-def test_turns_of_an_orbit_repeat_its_word(word, ends, turns):
+def test_turns_of_an_orbit_repeat_its_word(sequence, ends, turns):
     segments = segments_per_period(ends)
-    longer = unfold(word, ends, turns if segments == 2 or turns % 2 else 2 * turns)
-    full = full_word(word, ends)
-    assert full_word(*longer) == full * turns
+    longer = unfold(sequence, ends, turns if segments == 2 or turns % 2 else 2 * turns)
+    full = full_sequence(sequence, ends)
+    assert full_sequence(*longer) == full * turns
     root, count = primitive(full)
     assert primitive(full * turns) == (root, count * turns if root else 1)
 
 
 @given(ONE_STOP)
-def test_primitive_root_repeats_to_the_word_and_is_itself_primitive(word):
-    root, turns = primitive(word)
-    assert root * turns == word
+def test_primitive_root_repeats_to_the_word_and_is_itself_primitive(sequence):
+    root, turns = primitive(sequence)
+    assert root * turns == sequence
     assert primitive(root) == (root, 1)
-    assert turns == sum(word[k:] + word[:k] == word for k in range(len(word))) or not word
+    assert turns == sum(sequence[k:] + sequence[:k] == sequence for k in range(len(sequence))) or not sequence
 
 
 def test_paper_words():
     """Lee et al. (2009), Fig. 7: S13O00+ hits each wall once a period; S73O33 has three impacts a quarter and one at it."""
-    assert full_word((), ("origin", "stop+")) == ("+", "-")
-    assert len(full_word(("-", "+", "-"), ("origin", "stop+"))) == 14
+    assert full_sequence((), ("origin", "stop+")) == ("+", "-")
+    assert len(full_sequence(("-", "+", "-"), ("origin", "stop+"))) == 14

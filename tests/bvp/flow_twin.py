@@ -6,7 +6,7 @@ are found by sampling the gaps and their rates and by bisection; tests keep away
 
 import numpy as np
 
-from saltus.bench.backbone import modes_of
+from benchmarks.backbone import modes_of
 from tests.bvp.twins import first_order
 
 

@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 
+from benchmarks import backbone
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 
 

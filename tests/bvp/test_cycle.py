@@ -6,11 +6,11 @@ Oracles: the numpy event-driven flow; conservation of energy; the symmetries tha
 import numpy as np
 import pytest
 
+from benchmarks import backbone
+from benchmarks.saltation import monodromy
 from bvp.cycle import cycle_of
 from bvp.multipoint import MultipointProblem
-from bvp.saltation import monodromy
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 from tests.bvp.orbits import backbone_segment, chains, collection
 

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from bvp.damped import run
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind, MotionStatus
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_run import closed_form
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from bvp.run import run
-from bvp.swift import DECLINED
+from bvp.damped import run
+from bvp.fast_path import DECLINED
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp.test_swift import impulsive, many
+from tests.bvp.test_fast_path import impulsive, many
 
 pytestmark = pytest.mark.rounding
 

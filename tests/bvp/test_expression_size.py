@@ -8,14 +8,15 @@ import sympy
 
 from bvp import expression_size
 from bvp.expression_size import MOST_TERMS, Size, TooLarge, limited, size_of_text
-from bvp.lagrangian import LagrangianError, system_from_lagrangian
+from bvp.lagrangian import LagrangianError
+from bvp.system import ImpactSystem
 
 X, Y, P = sympy.symbols("x y p")
 
 
 def system(potential, **parameters):
     """A system of two coordinates with a potential energy."""
-    return system_from_lagrangian("x_dot**2 + y_dot**2", potential, ["x", "y"], gaps=[("x", None, 1)], parameters=parameters)
+    return ImpactSystem.from_lagrangian("x_dot**2 + y_dot**2", potential, ["x", "y"], gaps=[("x", None, 1)], parameters=parameters)
 
 
 @pytest.mark.parametrize(
@@ -68,7 +69,7 @@ def test_a_chain_with_all_couplings_is_read():
     """Oracle: the stiffness of springs between all pairs of 12 masses."""
     names = [f"q{k}" for k in range(12)]
     springs = " + ".join(f"({a} - {b})**2/2" for k, a in enumerate(names) for b in names[:k])
-    found = system_from_lagrangian(" + ".join(f"{name}_dot**2/2" for name in names), springs, names, gaps=[("q0 - q1", -1, 1)])
+    found = ImpactSystem.from_lagrangian(" + ".join(f"{name}_dot**2/2" for name in names), springs, names, gaps=[("q0 - q1", -1, 1)])
     assert found.stiffness.diagonal().tolist() == [11.0] * 12 and found.stiffness[0, 1] == -1.0
 
 

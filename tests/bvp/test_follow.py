@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.discovery.starts import curves
+from branches.search.starts import curves
 from bvp.kernels.follow import (
     ACCELERATION,
     CLEARANCE,
@@ -12,7 +12,7 @@ from bvp.kernels.follow import (
     CONTACT,
     DERIVATIVE,
     DURATION,
-    MISS,
+    RESIDUAL,
     SECOND,
     SPEED,
     TIME,
@@ -21,7 +21,7 @@ from bvp.kernels.follow import (
     follow,
     nearest_turns,
 )
-from bvp.kernels.places import place, unplace
+from bvp.kernels.intervals import place, unplace
 from bvp.kernels.verdict import positive
 
 SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltus.vibro_impact_nes(1.0, 0.0)]
@@ -85,8 +85,8 @@ def test_energy_of_the_starts(system, end):
 def test_derivatives(system, end):
     """Oracle: central differences; their error falls fourfold when the step is halved."""
     (curve,) = curves(system, end, 6.0)
-    columns = [*range(4), TIME, DURATION, SPEED, MISS]
-    rates = [*range(DERIVATIVE, DERIVATIVE + 4), TIME + 1, DURATION + 1, SPEED + 1, MISS + 1]
+    columns = [*range(4), TIME, DURATION, SPEED, RESIDUAL]
+    rates = [*range(DERIVATIVE, DERIVATIVE + 4), TIME + 1, DURATION + 1, SPEED + 1, RESIDUAL + 1]
     parameter = curve.low + 0.37 * (curve.high - curve.low)
     middle, rows = record_of(curve, parameter)
     flights = rows - 1 if middle[rows - 1, CONTACT] < 0 else rows

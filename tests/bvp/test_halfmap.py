@@ -8,14 +8,14 @@ import mpmath
 import numpy as np
 import pytest
 
+from benchmarks import backbone
+from benchmarks.saltation import reduced_monodromy, saltation_multipliers
 from bvp.cycle import cycle_of
 from bvp.kernels.halfmap import half_map, half_map_scratch, section_basis
 from bvp.kernels.segment import ORIGIN
 from bvp.multipoint import MultipointProblem
-from bvp.saltation import reduced_monodromy, saltation_multipliers
 from bvp.stability import ERROR_FACTOR, balance, decide, half_map_of, stability, velocity_scale
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench import backbone
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
 

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Mover
+from bvp.damped import Mover, run
+from bvp.energy_budget import split_damping
 from bvp.forcing import Constant, Harmonic, Record
 from bvp.motion import EventKind, MotionStatus
-from bvp.run import run
-from bvp.shares import split_damping
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain
 
@@ -192,14 +191,14 @@ def test_simultaneous_impacts_of_stops_that_interact_end_the_motion():
 def test_a_search_that_makes_no_way_ends_the_motion():
     """A phase whose states are scaled so that bounds of its gap are 1e14 times too large: steps too small to arrive, and it is said."""
     mover = Mover(vibro_impact_nes(0.1, 0.0, 0.0, 0.7))
-    phase = mover.table.phases[0]
+    phase = mover.table.modes[0]
     scale = np.ones(len(phase.matrix))
     scale[np.abs(phase.gap).argmax() % len(scale)] = 1e14
     rows = {name: getattr(phase, name) * scale for name in ("leave", "gap", "rate", "acceleration", "first", "second")}
     columns = {"enter": phase.enter / scale[:, None], "push": phase.push / scale, "matrix": phase.matrix * scale / scale[:, None]}
     whole = np.array([[0, -len(scale)]], dtype=np.int64)
     blocks = {"pairs": whole, "mean": np.zeros(1), "delta": np.zeros(1)}
-    mover.table.phases[0] = replace(phase, **rows, **columns, **blocks)
+    mover.table.modes[0] = replace(phase, **rows, **columns, **blocks)
     mover.table.__dict__.pop("stacked", None)
     motion = mover.run([0.0, 0.0], [0.1, 1.0], 5.0)
     assert motion.status is MotionStatus.EXHAUSTED and motion.duration < 5.0
@@ -255,7 +254,7 @@ def test_a_motion_is_sampled_alike_after_its_mover_has_met_more_phases():
     times = np.linspace(0.0, 2.0, 9)
     before = [*free.sample(times), free.spent(times), free.peaks, free.after]
     stuck = mover.run([0.0, 0.0], [0.0, 3.0], 5.0)
-    assert stuck.held_time > 0.0 and len(stuck.phases.held) > len(free.phases.held)
+    assert stuck.held_time > 0.0 and len(stuck.contact_modes.held) > len(free.contact_modes.held)
     for name in ("peaks", "after"):
         del free.__dict__[name]
     for one, other in zip(before, [*free.sample(times), free.spent(times), free.peaks, free.after], strict=True):

@@ -7,13 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from bvp.checks import InvalidSystem
-from bvp.damped import Mover
+from bvp.checks import InvalidSystem, repeated_contacts
+from bvp.damped import Mover, run
 from bvp.forcing import Constant, Harmonic
-from bvp.kernels import phase as places
+from bvp.kernels import contact_mode as places
 from bvp.motion import MotionStatus
-from bvp.run import run
-from bvp.same_stops import repeated_contacts
 from bvp.system import ImpactSystem, Stop
 from tests.bvp.twins import chain
 
@@ -62,7 +60,7 @@ def test_the_gaps_of_a_free_chain_have_nothing_of_its_translation():
     mover = Mover(system, Constant([1.38, 2.13, 0.22]))
     for held in (1, 2, 3):
         mover.table.add(held)
-    for phase in mover.table.phases:
+    for phase in mover.table.modes:
         moved = phase.from_modes[:, :3] @ (system.modes.shapes.T @ system.mass @ np.ones(3))
         rigid = np.abs(moved) > 1e-6
         assert rigid.sum() == 1 and np.all(phase.gap[:, rigid] == 0.0) and np.all(phase.rate @ phase.matrix[:, rigid] == 0.0)
@@ -78,7 +76,7 @@ def test_a_translation_is_not_damped_by_a_damper_that_turns_with_it():
     system = ImpactSystem(system.mass, damping, system.stiffness, system.stops)
     mover = Mover(system)
     mover.table.add(3)
-    phase = mover.table.phases[-1]
+    phase = mover.table.modes[-1]
     assert np.abs(phase.gap).max() < 100.0 and np.all(phase.mean == 0.0)
 
 

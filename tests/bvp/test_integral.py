@@ -38,7 +38,7 @@ def compiled(system, first, second, z, t):
     modes = system.modes
     rows = [np.array([row]) @ modes.to_state for row in (first, second)]
     out = np.zeros(1)
-    integrals(*modes.blocks, *rows, np.ones(1), modes.from_state @ z, t, integral_work(len(z), 1), out)
+    integrals(modes.flight, *rows, np.ones(1), modes.from_state @ z, t, integral_work(len(z), 1), out)
     return out[0]
 
 
@@ -103,7 +103,7 @@ def test_random_systems_and_unequal_rows(n, seed, size, t):
     for way in ("series", "doubled"):
         out = np.zeros(1)
         if way == "series":
-            series_integrals(*modes.blocks, *rows, np.ones(1), start, t, fastest, int(fastest * t) + 1, integral_work(2 * n, 1), out)
+            series_integrals(modes.flight, *rows, np.ones(1), start, t, fastest, int(fastest * t) + 1, integral_work(2 * n, 1), out)
         else:
-            doubled_integrals(*modes.blocks, *rows, np.ones(1), start, t, fastest, out)
+            doubled_integrals(modes.flight, *rows, np.ones(1), start, t, fastest, out)
         assert abs(out[0] - exact(matrix, a, b, z, t)) <= 1e-12 * size

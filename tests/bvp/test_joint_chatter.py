@@ -7,9 +7,9 @@ import mpmath
 import numpy as np
 import pytest
 
+from bvp.damped import run
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind, MotionStatus
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop
 from tests.bvp.twins import chain
 

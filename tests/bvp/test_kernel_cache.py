@@ -25,7 +25,9 @@ def _imported(file):
         names = [node.module] if isinstance(node, ast.ImportFrom) else [alias.name for alias in getattr(node, "names", [])]
         for name in names:
             if str(name).split(".")[0] in OUR_PACKAGES:
-                yield ROOT / (str(name).replace(".", "/") + ".py")
+                place = ROOT / str(name).replace(".", "/")
+                files = [place / alias.name for alias in node.names] if place.is_dir() else [place]
+                yield from (path.with_suffix(".py") for path in files)
 
 
 @pytest.mark.parametrize("file", KERNELS, ids=lambda file: "-".join(file.relative_to(ROOT).parts))

@@ -13,7 +13,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.lagrangian import LagrangianError, system_from_lagrangian
+from bvp.lagrangian import LagrangianError
 from bvp.system import ImpactSystem, InvalidSystem, vibro_impact_nes
 
 KINETIC = "mu*u1_dot**2/2 + u2_dot**2/2"
@@ -23,7 +23,7 @@ GAPS = [("u1 - u2", -1, 1, "rho")]
 
 def reference(kinetic=KINETIC, potential=POTENTIAL, coordinates=("u1", "u2"), gaps=GAPS, **options):
     options.setdefault("parameters", {"mu": 0.1, "sigma": 0.1, "rho": 0.7, "lam": 0.01})
-    return system_from_lagrangian(kinetic, potential, coordinates, gaps=gaps, **options)
+    return ImpactSystem.from_lagrangian(kinetic, potential, coordinates, gaps=gaps, **options)
 
 
 def assert_equal(system, other):
@@ -52,8 +52,8 @@ def test_reference_system_from_functions_of_time():
     potential = (u2**2 + sigma * (u1 - u2) ** 2) / 2
     values = {mu: 0.1, sigma: 0.1, rho: 0.7}
     other = vibro_impact_nes(mu=0.1, sigma=0.1, rho=0.7)
-    assert_equal(system_from_lagrangian(kinetic, potential, [u1, u2], gaps=[(u1 - u2, -1, 1, rho)], parameters=values), other)
-    assert_equal(system_from_lagrangian(KINETIC, potential, [u1, u2], gaps=GAPS, parameters=values, time=time), other)
+    assert_equal(ImpactSystem.from_lagrangian(kinetic, potential, [u1, u2], gaps=[(u1 - u2, -1, 1, rho)], parameters=values), other)
+    assert_equal(ImpactSystem.from_lagrangian(KINETIC, potential, [u1, u2], gaps=GAPS, parameters=values, time=time), other)
     assert_equal(ImpactSystem.from_lagrangian(kinetic, POTENTIAL, [u1, u2], gaps=GAPS, parameters=values), other)
 
 
@@ -93,7 +93,7 @@ def test_random_quadratic_forms_are_recovered_exactly(drawn):
     n, (mass, damping, stiffness), row, constant, half = drawn
     names = [f"x{k}" for k in range(n)]
     dots = [f"x{k}_dot" for k in range(n)]
-    system = system_from_lagrangian(
+    system = ImpactSystem.from_lagrangian(
         quadratic_text(mass, dots) + " + 3",
         f"({quadratic_text(stiffness, names)}) - 7/2",
         names,
@@ -122,7 +122,7 @@ def test_against_lagranges_equations_of_sympy(drawn):
     potential = (old_u.T * sympy.Matrix(stiffness) * old_u)[0] / 2
     method = LagrangesMethod(kinetic - potential, u)
     equations = method.form_lagranges_equations()
-    system = system_from_lagrangian(kinetic, potential, u, gaps=[(u[0], None, 1)])
+    system = ImpactSystem.from_lagrangian(kinetic, potential, u, gaps=[(u[0], None, 1)])
     expected_mass = equations.jacobian([item.diff() for item in v])
     expected_stiffness = equations.jacobian(u)
     np.testing.assert_array_equal(system.mass, np.array(expected_mass.tolist(), dtype=float))
@@ -155,7 +155,7 @@ def test_irrational_coefficients():
 
 
 def test_a_coordinate_may_have_a_functions_name():
-    system = system_from_lagrangian("log_dot**2/2", "log**2*sqrt(4)", ["log"], gaps=[("log", -1, 1)])
+    system = ImpactSystem.from_lagrangian("log_dot**2/2", "log**2*sqrt(4)", ["log"], gaps=[("log", -1, 1)])
     assert system.stiffness.tolist() == [[4.0]]
 
 

@@ -8,13 +8,13 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from benchmarks.backbone import Backbone
 from branches.orbit import Orbit
 from bvp.digit_modes import DIGITS, digit_modes
 from bvp.many_digits import orbit_in_digits
 from bvp.multipoint import MultipointProblem
 from bvp.stability import balance, half_map_of, roundings, stability, velocity_scale
 from bvp.system import vibro_impact_nes
-from saltus.bench.closed_form import Backbone
 from tests.branches.many_digits import ManyDigits
 from tests.branches.paper_names import family
 from tests.bvp.orbits import backbone_segment, chain, chains, collection

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bvp.kernels.metric import constraint_row, locate, metric_direction
+from bvp.kernels.step import constraint_row, locate, metric_direction
 from bvp.multipoint import MultipointProblem
 from bvp.system import vibro_impact_nes
 from tests.bvp.orbits import backbone_segment, chain

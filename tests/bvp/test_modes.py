@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bvp.blocks import cut
+from bvp.damped import run
 from bvp.modes import undamped_modes
 from bvp.motion import MotionStatus
 from bvp.numerics import jacobi
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain, first_order
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from benchmarks import backbone
+from benchmarks.saltation import monodromy, saltation_matrix, saltation_multipliers
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipliers import nearest_grazing, saddle_point_multipliers, sort_multipliers
-from bvp.saltation import monodromy, saltation_matrix, saltation_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 from tests.bvp.orbits import backbone_segment, chains, collection
 
@@ -277,7 +277,7 @@ def test_saltation_matrix_against_differences_and_with_a_flipped_sign():
 
 def test_multipliers_notice_a_flipped_saltation(monkeypatch):
     """The agreement of the two routes is lost when the sign of the saltation's jump term is turned."""
-    import bvp.saltation as module
+    import benchmarks.saltation as module
 
     orbit = collection()[0]
     cycle = cycle_of(orbit.problem, orbit.solution.y)

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks import backbone
 from branches.family import scales_of
 from bvp.cycle import cycle_of
 from bvp.ends import EndsError
@@ -18,7 +19,6 @@ from bvp.kernels.multipoint import evaluate, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench import backbone
 from tests.bvp.flow_twin import Twin
 from tests.bvp.high_precision import Exact
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
@@ -372,7 +372,7 @@ def test_what_is_compiled_for_four_entries_is_what_is_compiled_for_any_number():
             continue
         seen.add(kind)
         general = MultipointProblem(orbit.problem.system, orbit.problem.ends, orbit.problem.word)
-        general._planar = False
+        general._two_dof = False
         for ds in (0.0, 0.01):
             planar, plain = (p.step(orbit.solution.y, orbit.solution.tangent, ds) for p in (orbit.problem, general))
             for name in ("y", "tangent", "position", "ends"):

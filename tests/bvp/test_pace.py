@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import branches.discovery.scan
-import bvp.kernels.phase
-import bvp.pace
-from branches.discovery.search import discover
-from bvp.damped import Mover
+import branches.search.scan
+import bvp.interrupts
+import bvp.kernels.contact_mode
+from branches.search.discovery import discover
+from bvp.damped import Mover, run
 from bvp.forcing import Constant, Harmonic
+from bvp.interrupts import Pace
 from bvp.kernels import motion as kernels
-from bvp.pace import Pace
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.extents import extents
-from transitions.section import section
+from transitions.section.section import section
 
 BALL = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)])
 SYSTEMS = {
@@ -27,7 +26,7 @@ SYSTEMS = {
 }
 MOTION = ("kinds", "times", "contacts", "speeds", "losses", "before", "sums", "totals", "final", "states", "peaks", "held_time")
 BATCH = ("duration", "impacts", "touches", "held_time", "energy", "totals", "marks", "peaks", "final")
-SECTION = ("times", "points", "energies", "growths", "tangents", "counts", "impacts", "held_times")
+SECTION = ("times", "points", "energies", "growths", "tangents", "counts", "impacts", "sticking_times")
 
 
 @pytest.fixture
@@ -35,8 +34,8 @@ def slow(monkeypatch):
     """As little as can be in each call."""
 
     def slow_down(passes=1):
-        monkeypatch.setattr(bvp.pace, "FIRST", passes)
-        monkeypatch.setattr(bvp.pace, "MOST", passes)
+        monkeypatch.setattr(bvp.interrupts, "FIRST", passes)
+        monkeypatch.setattr(bvp.interrupts, "MOST", passes)
 
     return slow_down
 
@@ -90,25 +89,25 @@ def test_a_section_does_not_depend_on_the_calls_that_it_takes(rho, slow):
 @pytest.mark.parametrize("bounds", [{"quarter_period": 5.0}, {"quarter_period": 3.0, "ends": ("stop-stop", "rest-rest"), "budget": 40}])
 def test_a_search_does_not_depend_on_the_calls_that_it_takes(bounds, slow, monkeypatch):
     """Oracle: the same search in few calls, bit for bit. The calls that take least end inside an interval, between two of its flights."""
-    scan_interval, calls, found = branches.discovery.scan.scan_interval, [], []
+    scan_interval, calls, found = branches.search.scan.scan_interval, [], []
 
     def counted(*arguments):
         calls[-1] += 1
         return scan_interval(*arguments)
 
-    monkeypatch.setattr(branches.discovery.scan, "scan_interval", counted)
+    monkeypatch.setattr(branches.search.scan, "scan_interval", counted)
     for _ in range(2):
         calls.append(0)
         found.append(discover(vibro_impact_nes(), 0.6, **bounds))
         slow()
     one, other = found
     assert one.counts == other.counts and one.open == other.open and calls[1] > one.counts["starts"] / 2 > calls[0]
-    assert [(o.label, o.word, o.alpha, o.tau) for o in one.orbits] == [(o.label, o.word, o.alpha, o.tau) for o in other.orbits]
+    assert [(o.label, o.sequence, o.alpha, o.tau) for o in one.orbits] == [(o.label, o.sequence, o.alpha, o.tau) for o in other.orbits]
 
 
 def test_a_call_follows_as_many_flights_as_it_may(slow, monkeypatch):
     """Oracle: the starts that each call follows: each has a flight at least. What is begun is ended: one start, its orbits, one grazing."""
-    scan_interval, starts = branches.discovery.scan.scan_interval, []
+    scan_interval, starts = branches.search.scan.scan_interval, []
 
     def counted(*arguments):
         before = arguments[11][0]
@@ -116,7 +115,7 @@ def test_a_call_follows_as_many_flights_as_it_may(slow, monkeypatch):
         starts.append(int(arguments[11][0] - before))
         return done
 
-    monkeypatch.setattr(branches.discovery.scan, "scan_interval", counted)
+    monkeypatch.setattr(branches.search.scan, "scan_interval", counted)
     slow(50)
     discover(vibro_impact_nes(), 20.0, quarter_period=10.0, impacts=60, budget=20_000)
     assert sum(starts) > 10_000 and max(starts) <= 50 + 300
@@ -128,7 +127,7 @@ def test_a_call_passes_as_many_events_as_it_may(slow, monkeypatch):
 
     def counted(*words):
         status = moved(*words)
-        events.append(int(words[5][bvp.kernels.phase.EVENTS]))
+        events.append(int(words[5][bvp.kernels.contact_mode.EVENTS]))
         return status
 
     monkeypatch.setattr(kernels, "move", counted)
@@ -140,7 +139,7 @@ def test_a_call_passes_as_many_events_as_it_may(slow, monkeypatch):
 def test_the_work_of_a_call_follows_the_time_that_it_takes(monkeypatch):
     """Oracle: a clock that is set by hand."""
     now = [0.0]
-    monkeypatch.setattr(bvp.pace.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(bvp.interrupts.time, "perf_counter", lambda: now[0])
     pace = Pace()
     first = pace.passes
     for took, factor in ((0.01, 2.0), (0.1, 1.0), (1.0, 0.25)):

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Mover
+from bvp.damped import Mover, run
 from bvp.motion import MotionStatus
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import twins
 from tests.bvp.twins import chain

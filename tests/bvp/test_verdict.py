@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.discovery import scan as scanning
-from branches.discovery.starts import curves
-from bvp.kernels.follow import ACCELERATION, CLEARANCE, COLUMNS, CONTACT, DERIVATIVE, DURATION, MISS, SPEED, TIME, follow
-from bvp.kernels.passages import MARGIN, passage
+from branches.search import scan as scanning
+from branches.search.starts import curves
+from bvp.kernels.end_crossings import MARGIN, crossing
+from bvp.kernels.follow import ACCELERATION, CLEARANCE, COLUMNS, CONTACT, DERIVATIVE, DURATION, RESIDUAL, SPEED, TIME, follow
 from bvp.kernels.segment import ORIGIN
 from bvp.kernels.verdict import CLOSED, ENDLESS, SKIMS, flight_verdict
 
@@ -62,7 +62,7 @@ def test_a_straight_path_past_the_origin(angle, distance, tube, expected):
     row = np.zeros(COLUMNS)
     row[:4] = np.concatenate([distance * normal - speed, speed])
     along = np.concatenate([normal, np.zeros(2)])
-    verdict, time = passage(flow, ORIGIN, row, along, 0.01, tube, 0.5, 1.5, 0.9, np.empty(4), np.empty(4))
+    verdict, time = crossing(flow, ORIGIN, row, along, 0.01, tube, 0.5, 1.5, 0.9, np.empty(4), np.empty(4))
     assert verdict == expected and abs(time - 1.0) < 1e-12
 
 
@@ -76,7 +76,7 @@ def width_of(curve, along, window, r=1e-3, acceleration=2.0):
             row = record[1]
             row[:4], row[DERIVATIVE : DERIVATIVE + 4] = (0.3, -0.2, 0.9, 0.4), along
             row[TIME], row[DURATION], row[CONTACT], row[CLEARANCE] = 1.0, window, 0.0, np.inf
-            row[SPEED], row[ACCELERATION], row[MISS] = speed, acceleration, 1e6
+            row[SPEED], row[ACCELERATION], row[RESIDUAL] = speed, acceleration, 1e6
         times, impacts = np.array([-1.0, -1.0, 2.0 + window]), np.array([1, 1, 1])
         return flight_verdict(
             curve.flow, 1, *records, 2, 2, 2, 1.0, 1.0, 1.0, r, 4.5e-16, times, impacts, 2.0 + window, 1, np.empty((3, 8)),
@@ -97,7 +97,7 @@ def test_the_tube_holds_the_gap_and_grows_from_the_impact_on(system, window):
     """Oracle: the modes' cosines and sines: how far the gap coordinate of neighbours parts within the flight. From an impact, where all
     are at the stop, it parts with the time, or with its square where the speeds along the gap are equal."""
     (curve,) = curves(system, "origin", 1.0)
-    gap, squares = curve.flow.gap[0, :2], curve.flow.squares
+    gap, squares = curve.flow.contacts.gap[0, :2], curve.flow.squares
     across = np.array([-gap[1], gap[0]]) / np.hypot(*gap)
     t = np.linspace(0.0, window, 400)
     w = np.sqrt(squares)

@@ -58,7 +58,7 @@ def test_points_added_to_points_follow_them():
     assert numbers(both) == numbers([*known, SINGLE[0]])
 
 
-def test_a_single_point_is_replaced_and_a_marched_one_is_not():
+def test_a_single_point_is_replaced_and_one_of_a_block_is_not():
     points, _ = joined()
     points[-1] = SINGLE[1]
     assert points[8] is SINGLE[1]

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import saltus
+from benchmarks.backbone import Backbone
 from branches.impulsive.start import impulsive_state
-from branches.labels import canonical, parse
-from branches.names import passes
+from branches.naming.families import passes
+from branches.naming.labels import canonical_label, parse
 from branches.orbit import Orbit
 from bvp.system import vibro_impact_nes
-from saltus.bench.closed_form import Backbone
 from tests.branches.paper_names import NAMES, SYSTEM, event, family, found, orbit_of
 from tests.branches.traced import traced
 from tests.docs.pages import compare, numbers, page, table
@@ -203,8 +203,8 @@ def from_the_in_phase_mode():
     for name in ("S95E22-", "U5421-", "U3201-"):
         assert event(family(name), "GR", low).h == pytest.approx(low, rel=1e-9)
     for name, label in (("S95E22-", "S55E22+"), ("U5421-", "U4412+"), ("U3201-", "U2201+")):
-        labels = {str(canonical(parse(one))) for one in family(name).points["label"] if one}
-        assert str(canonical(parse(label))) in labels
+        labels = {str(canonical_label(parse(one))) for one in family(name).points["label"] if one}
+        assert str(canonical_label(parse(label))) in labels
     first = saltus.trace("S35O00+", SYSTEM, energy=(0.05, 1.0))
     assert event(first, "GR", low).h == pytest.approx(low, rel=1e-9)
     next_grazing = event(first, "GR", 0.25)
@@ -256,8 +256,8 @@ def figure_10c():
 
 
 @row(25)
-def several_turns():
-    with pytest.raises(ValueError, match="3 turns of S13O00\\+"):
+def why_a_cover():
+    with pytest.raises(ValueError, match="3-fold cover of S13O00\\+"):
         saltus.trace("S39O11+", SYSTEM, energy=(0.2, 2.0))
     return []
 
@@ -273,7 +273,7 @@ def test_names(cells):
     """Oracle: the families that the names resolve to."""
     name, label, *values = cells
     orbit, branch = orbit_of(name), family(name)
-    assert canonical(parse(label.strip("`"))) == canonical(parse(orbit.label))
+    assert canonical_label(parse(label.strip("`"))) == canonical_label(parse(orbit.label))
     h = branch.points["h"]
     impulsive_at = [impulsive(name)] if any(e.type == "IO" for e in branch.events) else []
     ends = [h.min()] if h.max() > 99.9 else [h.min(), h.max()]
@@ -295,7 +295,7 @@ def searched(low, high, count, quarter_period, impacts):
     for h in np.geomspace(low, high, count):
         here = saltus.discover(vibro_impact_nes(), float(h), quarter_period=quarter_period, impacts=impacts)
         assert here.settled
-        labels |= {str(canonical(parse(orbit.label))) for orbit in here.orbits if orbit.label}
+        labels |= {str(canonical_label(parse(orbit.label))) for orbit in here.orbits if orbit.label}
     return labels
 
 
@@ -308,10 +308,10 @@ def test_what_is_not_found():
     count, low, high, quarter_period, impacts = (float(value) for value in numbers(two[1]))
     assert not [label for label in searched(low, high, int(count), quarter_period, int(impacts)) if re.fullmatch(r"U21.*\+", label)]
     for cells, name in ((three, "U(15)578-"), (four, "S31O11-")):
-        along = {str(canonical(parse(label))) for label in family(name).points["label"] if label}
+        along = {str(canonical_label(parse(label))) for label in family(name).points["label"] if label}
         assert set(re.findall(r"`([^`]*)`", cells[2])) <= along and name not in along
     fives = {label for label in family("U(15)578-").points["label"] if label and parse(label).n == 5}
-    assert {str(canonical(parse(label))) for label in fives} == {"U(14)578-"}
+    assert {str(canonical_label(parse(label))) for label in fives} == {"U(14)578-"}
 
 
 def test_numbers_are_read():

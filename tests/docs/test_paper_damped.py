@@ -9,18 +9,18 @@ from functools import cache, cached_property
 import pytest
 
 import saltus
-from branches.building.bounds import Bounds, Plan
 from branches.building.build import build
+from branches.building.plan import Bounds, Plan
 from branches.catalogue import Catalogue
+from bvp.damped import run
 from bvp.motion import Motion
-from bvp.run import run
+from saltus.commands.gallery import load_gallery
 from saltus.executors import open_executor
-from saltus.galleries import load_gallery
 from tests.branches.paper_names import NAMES, SYSTEM, family
 from tests.branches.traced import traced
 from tests.docs.pages import compare, page, table
 from transitions.families import Families, families_of
-from transitions.sampled import sampled
+from transitions.record import sampled
 from transitions.sharing import Sharing, sharing_of
 from transitions.stage import Stage
 from transitions.stages import stages_of

@@ -5,9 +5,9 @@ import json
 import pytest
 
 import saltus
-from branches.building.bounds import Bounds
+from branches.building.plan import Bounds
 from branches.catalogue import Catalogue
-from branches.catalogue.check import check
+from branches.catalogue.check import check_catalogue
 from saltus.__main__ import main
 from tests.branches.building.agreement import Families, decided_stability
 from tests.branches.building.meetings import unanswered
@@ -33,7 +33,7 @@ def test_every_point_and_edge_holds(built):
     """Oracle: residual below 1e-12, the bound of admissibility, constant energy; each edge's orbit solves both problems to 1e-10; tau and h
     cross no level without an event."""
     with Catalogue(built[0]) as catalogue:
-        counts, failures = check(catalogue)
+        counts, failures = check_catalogue(catalogue)
     missed = [failure for failure in failures if "is missed between" in failure.text]
     assert [failure for failure in failures if failure not in missed] == []
     assert len({failure.where for failure in missed}) <= FEW

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bvp.impact import CONTACT_TOLERANCE, ImpactStatus, next_impact
+from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.system import ImpactSystem, Stop
+from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard.integers import BITS, Integers, as_float, first_event
 
 HORIZON = 5.0

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.backbone import Backbone
 from branches.tracing import follow_family
-from saltus.bench.closed_form import Backbone
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment
 from tests.hard.cases import hard, largest
@@ -68,7 +68,7 @@ def test_a_pitchfork_from_its_side():
         sides = again.points["arclength"] - met[0].arclength
         assert sides.min() < -0.1 and sides.max() > 0.1
         back = again.switch(met[0], energy=(0.05, 100.0))
-        assert any(family.problem.ends == ("origin", "stop+") or "S13O00+" in family.label or family.turns for family in back)
+        assert any(family.problem.ends == ("origin", "stop+") or "S13O00+" in family.label or family.cover for family in back)
     return worst
 
 

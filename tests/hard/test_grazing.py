@@ -11,16 +11,15 @@ from scipy.optimize import root as solve_equations
 import saltus
 from branches.stability import describe
 from branches.tracing import TraceError, follow_family
-from bvp.damped import Mover
+from bvp.damped import Mover, run
 from bvp.forcing import Harmonic
-from bvp.impact import ImpactStatus, next_impact
 from bvp.motion import EventKind, MotionStatus
 from bvp.multipoint import MultipointProblem
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.test_grazing import met
 from tests.bvp.high_precision import Exact, dot, flow
 from tests.bvp.orbits import backbone_segment
+from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed, relative, root
 

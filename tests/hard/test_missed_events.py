@@ -6,11 +6,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from bvp.damped import run
 from bvp.forcing import Constant
-from bvp.impact import ImpactStatus, next_impact
 from bvp.motion import EventKind
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop
+from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard import sweeping
 from tests.hard.cases import hard, largest
 from tests.hard.sweeping import Exponentials, Verdicts, random_cases

@@ -4,15 +4,15 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from benchmarks import backbone
+from benchmarks.backbone import Backbone
+from benchmarks.saltation import monodromy, saltation_multipliers
 from branches.orbit import Orbit
 from branches.stability import describe
 from bvp.cycle import Cycle, cycle_of
 from bvp.multipliers import saddle_point_multipliers
-from bvp.saltation import monodromy, saltation_multipliers
 from bvp.system import vibro_impact_nes
-from saltus.bench import backbone
-from saltus.bench.closed_form import Backbone
-from saltus.commands.orbit import describe as orbit_lines
+from saltus.commands.orbit import orbit_lines
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
 from tests.hard.cases import hard, largest

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import saltus
+from benchmarks.backbone import Backbone
 from bvp.cycle import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench.closed_form import Backbone
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment
 from tests.hard.cases import hard, largest

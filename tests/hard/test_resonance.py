@@ -6,12 +6,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from benchmarks import backbone
 from bvp.cycle import cycle_of
-from bvp.impact import ImpactStatus, next_impact
 from bvp.multipliers import saddle_point_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from saltus.bench import backbone
 from tests.bvp.orbits import backbone_segment
+from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed, relative
 

@@ -5,13 +5,13 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-import bvp.saltation as module
+import benchmarks.saltation as module
+from benchmarks.saltation import monodromy, saltation, saltation_matrix
 from bvp.cycle import cycle_of
 from bvp.kernels import pencil as pencils
 from bvp.kernels import restitution
 from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import saddle_point_multipliers, scaled_arguments
-from bvp.saltation import monodromy, saltation, saltation_matrix
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment
 from tests.bvp.test_multipliers import attracting_cycle
@@ -29,7 +29,7 @@ def flight(system, t):
     """exp(A t) in (x, x')."""
     modes = system.modes
     flow = np.empty((2, 2))
-    flow_matrix(*modes.blocks, t, flow)
+    flow_matrix(modes.flight, t, flow)
     return modes.to_state @ flow @ modes.from_state
 
 
@@ -145,8 +145,8 @@ def pencil_trace(cycle, names):
     maps, along = np.empty((nodes, size, size)), np.empty((nodes, size))
     left, right = np.zeros((nodes, size, size)), np.zeros((nodes, size, size))
     jump = 1.0 + modes.contact_restitution
-    landings = next(mutants(pencils._landings, names))[1]
-    landings(*modes.blocks, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along)
+    landings = next(mutants(pencils.landings, names))[1]
+    landings(modes.flight, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along)
     conservative = cycle.system.is_conservative
     scratch = np.empty((5, size, size)), np.empty(2)
     pencils.pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right, *scratch)
@@ -171,9 +171,9 @@ def test_every_sign_of_the_saddle_point_maps():
     assert abs(expected[0] - exact) < 1e-12
 
     def check(name, mutant):
-        inner = next(mutants(pencils.landing_map, {name: mutant}))[1] if name != "landing_map" else mutant
+        inner = next(mutants(restitution.land, {name: mutant}))[1]
         with np.errstate(all="ignore"):
-            traces = [pencil_trace(cycle, {"landing_map": inner}) for cycle in cycles]
+            traces = [pencil_trace(cycle, {"land": inner}) for cycle in cycles]
         return max(abs(a - b) for a, b in zip(traces, expected, strict=True))
 
     turned = 0

@@ -11,11 +11,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import saltus
-from branches.discovery.uniform import Scanner
-from branches.labels import matches, parse, parse_name
+from branches.naming.labels import matches, parse, parse_name
 from branches.orbit import Orbit
+from branches.search.uniform import Scanner
+from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
-from branches.words import canonical
 from bvp.multipliers import saddle_point_multipliers
 from tests.branches.traced import EPS, count_label, monodromy
 
@@ -35,7 +35,7 @@ def collected():
         for kind, impacts in (("stop", range(5)), ("origin", range(1, 7)), ("rest", range(1, 4))):
             for orbit in Scanner(system, kind, 9.0).orbits(energy, 500, list(impacts)):
                 ends, word = orbit.problem.ends, orbit.problem.word
-                found.setdefault(canonical(word, ends, odd_symmetry=True), orbit)
+                found.setdefault(canonical_sequence(word, ends, odd_symmetry=True), orbit)
     return found
 
 

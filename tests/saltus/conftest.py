@@ -3,7 +3,7 @@
 import pytest
 
 from branches.catalogue import Catalogue, Edge, Node
-from branches.catalogue.closures import orbit_of_event, switch_edge
+from branches.catalogue.event_orbits import orbit_of_event, switch_edge
 from tests.branches.catalogue.families import linear_mode, real, scene
 
 
@@ -19,7 +19,7 @@ def compiled():
 @pytest.fixture(autouse=True)
 def quiet(monkeypatch):
     """Standard error without lines that depend on the speed of the machine, and on what was compiled before."""
-    monkeypatch.setattr("saltus.first_run._tell", lambda: None)
+    monkeypatch.setattr("saltus.startup._report", lambda: None)
     monkeypatch.setattr("saltus.progress.PAUSE", float("inf"))
 
 

@@ -261,7 +261,7 @@ def test_what_objects_hand_out_cannot_be_changed(branch, tmp_path):
     arrays |= {f"orbit.{name}": getattr(orbit, name) for name in ("multipliers", "velocities", "impact_speeds")}
     arrays |= {f"described.{name}": values for name, values in orbit.described.columns.items()}
     arrays |= {f"solution.{name}": getattr(orbit.solution, name) for name in ("y", "tangent", "position", "ends", "result")}
-    arrays |= {"whole.h": branch.whole.h, "whole.alpha": branch.whole.alpha}
+    arrays |= {"full_family.h": branch.full_family.h, "full_family.alpha": branch.full_family.alpha}
     motion = saltus.run(system(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 1.0], 20.0)
     arrays |= {f"motion.{name}": values for name, values in vars(motion).items() if isinstance(values, np.ndarray)}
     arrays |= {"motion.after": motion.after, "motion.peaks": motion.peaks}

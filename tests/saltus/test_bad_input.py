@@ -60,7 +60,7 @@ CASES = [
     ("orbit S13O00+ --energy 0.01", ["S13O00+", "0.01", "0.1185078"]),
     ("continue U3401 --energy 0.1:0.14", ["U3401", "nearest that exist", "U3201-@h="]),
     ("orbit U3401 --energy 0.13", ["U3401", "nearest that exist", "U3201-@h="]),
-    ("continue L22-", ["L22- is 2 turns of L11-"]),
+    ("continue L22-", ["L22- is the 2-fold cover of L11-"]),
     # a label that several families have
     ("continue S73O33- --mu 0.1000001", ["S73O33-", "@h="]),
     # a suffix that selects none of the orbits that exist
@@ -130,8 +130,8 @@ CASES = [
     ("build --scene {forced} --catalogue {here}/a.sqlite", ["saltus build", "[[forces]]"]),
     ("list --scene {forced}", ["saltus list", "[[forces]]"]),
     ("tree S13O00+ --scene {forced}", ["saltus tree", "[[forces]]"]),
-    ("export fep --out {here}/a.png --scene {forced}", ["saltus export", "[[forces]]"]),
-    ("export points --out {here}/a.csv --scene {forced}", ["saltus export", "[[forces]]"]),
+    ("export fep --plot {here}/a.png --scene {forced}", ["saltus export", "[[forces]]"]),
+    ("export points --csv {here}/a.csv --scene {forced}", ["saltus export", "[[forces]]"]),
     ("section --energy 1 --scene {shaken}", ["saltus section", "[ground]"]),
     ("continue S13O00+ --scene {extreme}", ["entry (1, 1) of mass", "too small", "1e-300"]),
     ("continue S13O00+ --scene {twice}", ["coordinates", "'x'", "numbers 1 and 2"]),
@@ -257,7 +257,7 @@ def test_a_fault_of_the_program_is_not_called_bad_input(monkeypatch):
     def fail(*arguments, **options):
         raise KeyError("h")
 
-    monkeypatch.setattr("saltus.tracing.trace", fail)
+    monkeypatch.setattr("saltus.families.trace", fail)
     with pytest.raises(KeyError):
         main(["continue", "S13O00+"])
 

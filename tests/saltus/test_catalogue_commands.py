@@ -1,5 +1,6 @@
 """The commands that read and write a catalogue: list, show, tree, path, check, continue --save, orbit --catalogue."""
 
+import csv
 import json
 import os
 import re
@@ -7,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import saltus
@@ -60,7 +62,7 @@ def test_show_tells_all_of_a_family(catalogue, capsys, tmp_path):
     """Oracle: the branch's events and ends, the neighbours that were connected."""
     branch = real()[0]
     picture, file = tmp_path / "orbit.png", tmp_path / "show.json"
-    code, out, err = run(capsys, "show", "S13+@h=1", "--catalogue", catalogue, "--orbit", picture, "--json", file)
+    code, out, err = run(capsys, "show", "S13+@h=1", "--catalogue", catalogue, "--plot", picture, "--json", file)
     assert code == 0 and not err
     for words in (branch.id, "S13O00+", "origin-stop+", "quarter-period problem", "0.45558546", "no admissible neighbour", "L11+"):
         assert words in out
@@ -78,7 +80,7 @@ def test_show_a_linear_mode(catalogue, capsys):
     """Oracle: the node."""
     code, out, _ = run(capsys, "show", "L11+", "--catalogue", catalogue)
     assert code == 0 and "linear mode  L11+" in out and "0.1185078106" in out and real()[0].id in out
-    code, _, err = run(capsys, "show", "L11+", "--catalogue", catalogue, "--orbit", "mode.png")
+    code, _, err = run(capsys, "show", "L11+", "--catalogue", catalogue, "--plot", "mode.png")
     assert code == 2 and "linear mode" in err and not Path("mode.png").exists()
 
 
@@ -101,7 +103,7 @@ def test_a_meeting_that_both_sides_tell_is_shown_once(catalogue, capsys, tmp_pat
 def test_show_says_which_orbit_it_drew(catalogue, capsys, tmp_path, name):
     """Oracle: the branch: the name that is told selects one orbit, which has the energy that was asked for where one was."""
     branch = real()[2 if name.startswith("S7") else 0]
-    code, out, err = run(capsys, "show", name.format(id=branch.id), "--catalogue", catalogue, "--orbit", tmp_path / "o.png")
+    code, out, err = run(capsys, "show", name.format(id=branch.id), "--catalogue", catalogue, "--plot", tmp_path / "o.png")
     told = re.search(r"^wrote  \S+o\.png: the orbit (\S+)@h=(\S+),alpha=(\S+)$", out, re.MULTILINE)
     assert code == 0 and not err and told
     h, alpha = float(told[2]), float(told[3])
@@ -189,8 +191,8 @@ BAD = [
     (["list", "--energy", "-1"], "above 0"),
     (["list", "--json", "no/such/place.json"], "does not exist"),
     (["tree", "S13+", "--depth", "0"], "above 0"),
-    (["show", "S13+", "--orbit", "orbit.pgn"], "nearest: png"),
-    (["show", "S13+", "--orbit", "orbit.png", "--json", "orbit.png"], "--json and --orbit both go to orbit.png"),
+    (["show", "S13+", "--plot", "orbit.pgn"], "nearest: png"),
+    (["show", "S13+", "--plot", "orbit.png", "--json", "orbit.png"], "--json and --plot both go to orbit.png"),
 ]
 
 
@@ -204,7 +206,7 @@ def test_bad_input_is_one_line(catalogue, capsys, words, said):
     "words",
     [
         "list --json {} --catalogue {}", "show S13+ --json {} --catalogue {}", "check {} --json {}", "build --json {} --catalogue {}",
-        "continue S13+ --csv {} --catalogue {}", "export points --out {} --format csv --catalogue {}",
+        "continue S13+ --csv {} --catalogue {}", "export points --csv {} --catalogue {}",
     ],
 )  # fmt: skip
 def test_a_result_does_not_take_the_place_of_its_catalogue(catalogue, capsys, words):
@@ -271,7 +273,7 @@ def test_continue_saves_and_finds_again(tmp_path, capsys, monkeypatch):
     assert code == 0 and "of origin-stop+::" in out
     assert saltus.read_branch(tmp_path / "again.json").id == branch.id
     # With the catalogue, no search is made.
-    monkeypatch.setattr("branches.name_search.Search.run", lambda *_: pytest.fail("a search was made"))
+    monkeypatch.setattr("branches.naming.search.Search.run", lambda *_: pytest.fail("a search was made"))
     code, out, _ = run(capsys, "orbit", "S13+", "--energy", "0.58874812856618", "--catalogue", path)
     assert code == 0 and "alpha = T/4 = 1.7" in out
     with pytest.raises(pytest.fail.Exception):
@@ -347,10 +349,11 @@ def test_an_empty_catalogue_can_be_browsed(tmp_path, capsys):
         code, _, err = run(capsys, "show", name, "--catalogue", path)
         assert code == 2 and "none" in err
     for file in ("graph.dot", "graph.graphml"):
-        assert run(capsys, "export", "graph", "--out", tmp_path / file, "--catalogue", path)[0] == 0
-    at_energy = ("orbits", "orbits.npz", "--energy", 1)
-    for what, file, *words in (("points", "points.csv"), ("points", "points.mat"), at_energy, ("fep", "f.png")):
-        refused(run(capsys, "export", what, *words, "--out", tmp_path / file, "--catalogue", path), "holds no family")
+        assert run(capsys, "export", "graph", f"--{file[6:]}", tmp_path / file, "--catalogue", path)[0] == 0
+    at_energy = ("orbits", "--npz", "orbits.npz", "--energy", 1)
+    tables = ("points", "--csv", "points.csv"), ("points", "--mat", "points.mat"), at_energy
+    for what, option, file, *words in (*tables, ("fep", "--plot", "f.png")):
+        refused(run(capsys, "export", what, *words, option, tmp_path / file, "--catalogue", path), "holds no family")
         assert not (tmp_path / file).exists()
 
 
@@ -400,8 +403,8 @@ def test_what_cannot_be_followed_from_a_catalogue_is_said(catalogue, capsys, wor
     [
         "list --json /dev/full --catalogue {catalogue}",
         "show S13+ --json /dev/full --catalogue {catalogue}",
-        "export points --format csv --out /dev/full --catalogue {catalogue}",
-        "export graph --format dot --out /dev/full --catalogue {catalogue}",
+        "export points --csv /dev/full --catalogue {catalogue}",
+        "export graph --dot /dev/full --catalogue {catalogue}",
         "discover --energy 0.1 --max-quarter-period 1.5 --json /dev/full",
         "build --catalogue /dev/full",
         "continue S13+ --energy 0.5:0.6 --save --catalogue /dev/full",
@@ -424,11 +427,11 @@ def test_a_limit_on_files_is_named_and_what_was_kept_stays(catalogue, tmp_path):
     limit = 40_000
     script = f"""
 import resource, sys
-import saltus, saltus.tracing
+import saltus, saltus.families
 from saltus.__main__ import main
 from tests.branches.catalogue.families import renamed
 branch = renamed(saltus.read_branch({str(tmp_path / "branch.json")!r}), 1)
-saltus.tracing.trace = lambda *arguments, **options: branch
+saltus.families.trace = lambda *arguments, **options: branch
 resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
 sys.exit(main(["continue", "S13+", "--save", "--catalogue", {str(path)!r}]))
 """
@@ -456,3 +459,30 @@ sys.exit(main(["list", "--json", {str(path)!r}, "--catalogue", {str(catalogue)!r
     assert done.returncode == 2, done.stderr
     assert done.stderr == f"saltus: cannot write {path}: the file would be larger than the system allows (ulimit -f)\n"
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["list.json"]
+
+
+def test_old_spellings_of_options_still_work(catalogue, capsys, tmp_path):
+    """Oracle: the same lines as with the new spelling."""
+    picture = tmp_path / "orbit.png"
+    new = run(capsys, "show", "S13+@h=1", "--catalogue", catalogue, "--plot", picture)
+    assert run(capsys, "show", "S13+@h=1", "--catalogue", catalogue, "--orbit", picture) == new
+    assert run(capsys, "check", catalogue) == run(capsys, "check", "--catalogue", catalogue)
+    out = run(capsys, "export", "fep", "--catalogue", catalogue, "--out", picture)
+    assert out == run(capsys, "export", "fep", "--catalogue", catalogue, "--plot", picture) and out[0] == 0
+
+
+def test_families_as_tables(catalogue, capsys, tmp_path):
+    """Oracle: the JSON of the same command, and the orbits that a discovery lists."""
+    files = [word for kind in ("json", "csv", "npz") for word in (f"--{kind}", tmp_path / f"a.{kind}")]
+    assert run(capsys, "list", "--catalogue", catalogue, *files)[0] == 0
+    families = json.loads((tmp_path / "a.json").read_text())["families"]
+    rows = list(csv.DictReader((tmp_path / "a.csv").read_text().splitlines()))
+    arrays = np.load(tmp_path / "a.npz")
+    for row, family, h in zip(rows, families, arrays["h"], strict=True):
+        assert (row["id"], int(row["points"])) == (family["id"], family["points"])
+        assert [float(row["h.1"]), float(row["h.2"])] == family["h"] == h.tolist()
+    bounds = ("--energy", 0.5, "--max-quarter-period", 2, "--max-impacts", 2)
+    assert run(capsys, "discover", *bounds, *files)[0] == 0
+    orbits = json.loads((tmp_path / "a.json").read_text())["orbits"]
+    assert np.load(tmp_path / "a.npz")["alpha"].tolist() == [orbit["alpha"] for orbit in orbits] and orbits
+    assert [row["label"] for row in csv.DictReader((tmp_path / "a.csv").read_text().splitlines())] == [o["label"] for o in orbits]

@@ -6,9 +6,11 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -25,12 +27,27 @@ QUICK = ("--energy", "0.05:1")
 def test_help_and_version_are_quick_and_load_nothing():
     """Oracle: the modules that Python has loaded after it; the heavy ones are named."""
     heavy = "numpy", "scipy", "sympy", "matplotlib", "networkx", "numba", "rich"
-    for word in ("--help", "--version"):
+    for word in ("--help", "--version", "-V"):
         loaded = f"print([name for name in {heavy} if name in sys.modules])"
         code = f"import sys\nfrom saltus.__main__ import main\ntry: main(['{word}'])\nfinally: {loaded}"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert done.stdout.splitlines()[-1] == "[]", done.stdout
     assert f"saltus {saltus.__version__}" in done.stdout
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_the_shell_completes_commands_options_and_files(tmp_path, capsys):
+    """Oracle: what bash offers for the last word, after it has read the script."""
+    code, script, err = run(capsys, "--print-completion", "bash")
+    assert (code, err) == (0, "")
+    (tmp_path / "branch.json").touch()
+    offers = {"saltus con": "continue", "saltus export fep --ins": "--inset", "saltus continue S13+ --json bra": "branch.json"}
+    for line, offered in offers.items():
+        words = line.split()
+        ask = f"COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _shtab_saltus saltus {words[-1]} {words[-2]}; echo ${{COMPREPLY[@]}}"
+        done = subprocess.run(["bash", "-c", f"{script}\n{ask}"], capture_output=True, text=True, cwd=tmp_path)
+        assert done.stdout.split() == [offered], done
+    assert run(capsys, "--print-completion", "fish")[0] == 2
 
 
 def test_importing_the_package_loads_nothing():
@@ -73,7 +90,7 @@ def test_json_on_standard_output_is_alone(capsys):
     """Oracle: the format; the table goes to standard error."""
     code, out, err = run(capsys, "continue", "S13O00+", *QUICK, "--json", "-")
     data = json.loads(out)
-    assert code == 0 and data["schema"] == 1 and data["branch"]["label"] == "S13O00+"
+    assert code == 0 and data["schema"] == 2 and data["branch"]["label"] == "S13O00+"
     assert err.startswith("start  ")
     assert len([line for line in err.splitlines() if EVENT.match(line)]) == len(data["events"])
 
@@ -176,7 +193,7 @@ def test_an_orbit(capsys, tmp_path):
 def test_an_orbit_beyond_the_highest_energy_of_a_family_is_doubted(capsys, energy, told):
     """Oracle: the bound that docs/limits.md states, 1e12."""
     code, out, _ = run(capsys, "orbit", "S11O00-", "--energy", energy)
-    assert code == 0 and ("doubt    above h = 1e+12" in out) is told
+    assert code == 0 and ("warning  above h = 1e+12" in out) is told
 
 
 def test_several_orbits_at_an_energy_are_listed(capsys):
@@ -227,7 +244,7 @@ def test_a_failed_run_writes_what_it_has(capsys, tmp_path, monkeypatch):
         error.branch = branch
         raise error
 
-    monkeypatch.setattr("saltus.tracing.trace", fail)
+    monkeypatch.setattr("saltus.families.trace", fail)
     path = tmp_path / "family.json"
     code, _, err = run(capsys, "continue", "S13O00+", "--json", str(path))
     assert code == 1 and err == "saltus: the corrector does not converge\n"
@@ -237,7 +254,7 @@ def test_a_failed_run_writes_what_it_has(capsys, tmp_path, monkeypatch):
 def test_an_end_for_numerical_reasons_is_a_failure(capsys, monkeypatch):
     """Oracle: the exit code 1 for the shortest step, 0 for other reasons."""
     branch = saltus.trace("S13O00+", energy=(0.2, 0.7), points=10)
-    monkeypatch.setattr("saltus.tracing.trace", lambda *arguments, **options: branch)
+    monkeypatch.setattr("saltus.families.trace", lambda *arguments, **options: branch)
     assert run(capsys, "continue", "S13O00+")[0] == 0
     first, last = branch.ended
     object.__setattr__(branch, "ended", (first, type(last)("MINIMUM_STEP", "steps were refused")))
@@ -296,16 +313,22 @@ class Terminal(io.StringIO):
 
 
 def test_a_line_a_minute_where_there_is_no_terminal(monkeypatch, capsys):
-    """Oracle: minutes of a clock, of which each has one line at most."""
+    """Oracle: the words, by a clock; a thread that prints them although nothing is reported to it."""
     now = [0.0]
     monkeypatch.setattr("saltus.progress.time", type("Clock", (), {"monotonic": staticmethod(lambda: now[0])}))
-    monkeypatch.setattr("saltus.progress.PAUSE", 60.0)
     with ProgressBar(None, "families") as bar:
-        for k in range(14):
-            now[0] = 10.0 * k
-            bar.update(k, "3 queued")
-    lines = ["saltus: 6 families after 1 min, 3 queued", "saltus: 12 families after 2 min, 3 queued"]
+        now[0] = 60.0
+        bar.report()
+        bar.update(12, "3 queued")
+        now[0] = 120.0
+        bar.report()
+    lines = ["saltus: still at work after 1 min", "saltus: 12 families after 2 min, 3 queued"]
     assert capsys.readouterr().err.splitlines() == lines
+    printed = threading.Event()
+    monkeypatch.setattr("saltus.progress.PAUSE", 0.001)
+    monkeypatch.setattr(ProgressBar, "report", lambda bar: printed.set())
+    with ProgressBar():
+        assert printed.wait(60.0)
 
 
 def test_the_bar_shows_on_a_terminal_only_and_late(monkeypatch):

@@ -13,8 +13,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from benchmarks.backbone import Backbone
 from saltus.__main__ import main
-from saltus.bench.closed_form import Backbone
 
 SMOOTH = "RT", "PD", "SB", "BP", "SN"
 
@@ -418,7 +418,7 @@ def test_several_turns_are_named_with_their_root():
     """Oracle: S39O11+ is three turns of S13O00+, for 3 times (1, 3) half-waves and 3 times 1 impact."""
     code, data, err = told("continue", "S39O11+", "--energy", "0.2:2")
     assert code == 2 and data is None and len(err.splitlines()) == 1
-    assert "3 turns of S13O00+" in err
+    assert "3-fold cover of S13O00+" in err
 
 
 def test_multipliers_that_are_not_reliable_are_told(monkeypatch):
@@ -427,7 +427,7 @@ def test_multipliers_that_are_not_reliable_are_told(monkeypatch):
     code, data, err = told("continue", "S13O00+", "--energy", "0.2:0.3")
     doubtful = sum(not point["quality"]["reliable"] for point in data["points"])
     assert code == 0 and doubtful > 10
-    assert re.search(rf"doubt  the multipliers of {doubtful} of {len(data['points'])} points are not reliable", err)
+    assert re.search(rf"warning  the multipliers of {doubtful} of {len(data['points'])} points are not reliable", err)
     code, _, err = told("orbit", "S13O00+", "--energy", "0.25")
     assert code == 0 and "NOT RELIABLE" in err
 

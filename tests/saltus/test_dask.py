@@ -6,8 +6,8 @@ import sqlite3
 import pytest
 
 import saltus
-from branches.building.bounds import Bounds, Plan
 from branches.building.build import build
+from branches.building.plan import Bounds, Plan
 from branches.catalogue import Catalogue
 from saltus.__main__ import main
 from tests.branches.building.test_frontier import Serial
@@ -37,7 +37,7 @@ def test_a_cluster_builds_the_same_catalogue(cluster, tmp_path, capsys):
     """Oracle: the catalogue that is built in this process, one seed after the other: row for row, bit for bit."""
     assert main([*SMALL.split(), "--dask", cluster.scheduler_address, "--catalogue", str(tmp_path / "cluster.sqlite")]) == 0
     out, err = capsys.readouterr()
-    assert not err and "settled" in out
+    assert not err and "complete" in out
     with Catalogue(tmp_path / "serial.sqlite", "a", scene=saltus.load_scene()) as catalogue:
         build(catalogue, Plan.within(Bounds((0.1, 0.2), 1.9, 2)), Serial())
     one, other = (rows(tmp_path / f"{name}.sqlite") for name in ("serial", "cluster"))

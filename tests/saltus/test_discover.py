@@ -23,9 +23,9 @@ def test_the_table_and_the_summary(capsys, found):
     assert main(list(WORDS)) == 0
     out, err = capsys.readouterr()
     lines = out.splitlines()
-    assert err == "" and lines[0].split()[:4] == ["label", "ends", "word", "impacts"]
+    assert err == "" and lines[0].split()[:4] == ["label", "ends", "sequence", "impacts"]
     assert [line.split()[0] for line in lines[1 : 1 + len(found.orbits)]] == [orbit.label for orbit in found.orbits]
-    assert lines[1 + len(found.orbits) :] == summary(found) and lines[-1].startswith("settled")
+    assert lines[1 + len(found.orbits) :] == summary(found) and lines[-1].startswith("complete")
 
 
 @pytest.mark.parametrize("hyphen", [True, False])
@@ -88,7 +88,7 @@ def test_a_catalogue_that_cannot_tell_families(catalogue, capsys, command, words
 
 def test_all_kinds_of_ends(capsys):
     """Oracle: the words of the command and of the search are the same."""
-    from branches.discovery.search import CLASSES
+    from branches.search.discovery import CLASSES
 
     assert tuple(CLASSES) == ENDS
     words = ["discover", "--energy", "0.3", "--max-quarter-period", "2", "--max-impacts", "3", "--ends", ",".join(ENDS), "--model"]
@@ -101,7 +101,7 @@ def test_a_search_that_is_not_settled_says_why(capsys):
     """Oracle: a budget that cannot do."""
     assert main([*WORDS, "--max-starts", "150"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
-    assert last.startswith("not settled: the starts were used up") and "--max-starts" in last
+    assert last.startswith("not complete: the starts were used up") and "--max-starts" in last
 
 
 def test_no_impacts_is_no_bound():

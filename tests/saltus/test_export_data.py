@@ -22,7 +22,7 @@ def export(catalogue, capsys, tmp_path):
     """Export to a file of a name; the file and the words."""
 
     def call(what, name, *words):
-        code, out, err = run(capsys, "export", what, *words, "--out", tmp_path / name, "--catalogue", catalogue)
+        code, out, err = run(capsys, "export", what, *words, f"--{name.rpartition('.')[2]}", tmp_path / name, "--catalogue", catalogue)
         assert code == 0 and not err, err
         return tmp_path / name, out
 
@@ -78,7 +78,7 @@ def expected(name):
 
 def by_row():
     """The families in the order of the catalogue."""
-    return sorted(real(), key=lambda branch: (1.0 if len(branch.word) < 2 else 7.0, branch.points["h"].min(), branch.id))
+    return sorted(real(), key=lambda branch: (1.0 if len(branch.sequence) < 2 else 7.0, branch.points["h"].min(), branch.id))
 
 
 def test_points_as_npz_and_mat(export):
@@ -150,7 +150,7 @@ def test_orbits(export):
 
 def test_standard_output_carries_the_data_alone(catalogue, capsys):
     """Oracle: the JSON that is read back."""
-    code, out, err = run(capsys, "export", "graph", "--format", "json", "--out", "-", "--catalogue", catalogue)
+    code, out, err = run(capsys, "export", "graph", "--json", "-", "--catalogue", catalogue)
     assert code == 0 and not err and len(json.loads(out)["nodes"]) == 6
 
 
@@ -162,29 +162,29 @@ def test_a_graph_of_some_families(export):
 
 
 BAD = [
-    (["export", "grph", "--out", "g.json"], "nearest: graph"),
-    (["export", "graph", "--out", "g.grapml"], "nearest: graphml"),
-    (["export", "points", "--out", "p.xls"], "expected one of csv, json, npz, mat"),
-    (["export", "points", "--out", "p.csv", "--columns", "h,alfa"], "unknown column 'alfa' of points; nearest: alpha"),
-    (["export", "points", "--out", "-"], "expected --format csv or json\n"),
-    (["export", "graph", "--out", "-"], "expected --format json or graphml or dot\n"),
-    (["export", "orbits", "L11+", "--out", "o.csv"], "L11+ is a linear mode"),
-    (["export", "fep", "--mu", "0.2", "--out", "f.png"], "belongs to another system: there mu is 0.1, not 0.2"),
-    (["export", "velocities", "--sigma", "0.3", "--out", "f.csv"], "there sigma is 0.1, not 0.3"),
-    (["export", "points", "--out", "-", "--format", "npz"], "cannot go to standard output"),
-    (["export", "orbits", "--out", "o.csv"], "--energy H"),
-    (["export", "orbits", "S13+", "--out", "o.csv"], "which orbit of S13+"),
-    (["export", "orbits", "S13+@h=1", "--energy", "2", "--out", "o.csv"], "names and --energy 2.0 both choose orbits"),
-    (["export", "orbits", "S13+@h=1", "--label", "U8*", "--out", "o.csv"], "names and --label U8* both choose orbits"),
-    (["export", "orbits", "S99O00+@h=1", "--out", "o.csv"], "nearest that exist"),
-    (["export", "graph", "--out", "g.json", "--columns", "h"], "--columns is for points"),
-    (["export", "points", "--out", "no/such/p.csv"], "does not exist"),
-    (["export", "points", "--out", "p.csv", "--columns", "h,alpha,h"], "column 'h' is asked for 2 times"),
-    (["export", "points", "--out", "p.csv", "--label", "U8*"], "fits --label U8*; saltus list"),
-    (["export", "points", "S13+", "--out", "p.csv", "--ends", "origin-origin"], "fits S13+ --ends origin-origin; saltus list"),
-    (["export", "points", "L11+", "--out", "p.npz"], "fits L11+; saltus list"),
-    (["export", "orbits", "--out", "o.csv", "--energy", "90"], "fits --energy 90.0; saltus list"),
-    (["export", "fep", "--out", "f.png", "--label", "U8*"], "fits --label U8*; saltus list"),
+    (["export", "grph", "--json", "g.json"], "nearest: graph"),
+    (["export", "graph", "--grapml", "g.graphml"], "nearest: --graphml"),
+    (["export", "points"], "missing: --json or --csv or --npz or --mat"),
+    (["export", "points", "--csv", "p.csv", "--columns", "h,alfa"], "unknown column 'alfa' of points; nearest: alpha"),
+    (["export", "graph"], "missing: --json or --graphml or --dot (see saltus export graph --help)\n"),
+    (["export", "fep", "--csv", "data.txt"], "expected a file ending in .csv"),
+    (["export", "orbits", "L11+", "--csv", "o.csv"], "L11+ is a linear mode"),
+    (["export", "fep", "--mu", "0.2", "--plot", "f.png"], "belongs to another system: there mu is 0.1, not 0.2"),
+    (["export", "velocities", "--sigma", "0.3", "--csv", "f.csv"], "there sigma is 0.1, not 0.3"),
+    (["export", "points", "--npz", "-"], "cannot go to standard output"),
+    (["export", "orbits", "--csv", "o.csv"], "--energy H"),
+    (["export", "orbits", "S13+", "--csv", "o.csv"], "which orbit of S13+"),
+    (["export", "orbits", "S13+@h=1", "--energy", "2", "--csv", "o.csv"], "names and --energy 2.0 both choose orbits"),
+    (["export", "orbits", "S13+@h=1", "--label", "U8*", "--csv", "o.csv"], "names and --label U8* both choose orbits"),
+    (["export", "orbits", "S99O00+@h=1", "--csv", "o.csv"], "nearest that exist"),
+    (["export", "graph", "--json", "g.json", "--columns", "h"], "unknown option --columns of saltus export graph"),
+    (["export", "points", "--csv", "no/such/p.csv"], "does not exist"),
+    (["export", "points", "--csv", "p.csv", "--columns", "h,alpha,h"], "column 'h' is asked for 2 times"),
+    (["export", "points", "--csv", "p.csv", "--label", "U8*"], "fits --label U8*; saltus list"),
+    (["export", "points", "S13+", "--csv", "p.csv", "--ends", "origin-origin"], "fits S13+ --ends origin-origin; saltus list"),
+    (["export", "points", "L11+", "--npz", "p.npz"], "fits L11+; saltus list"),
+    (["export", "orbits", "--csv", "o.csv", "--energy", "90"], "fits --energy 90.0; saltus list"),
+    (["export", "fep", "--plot", "f.png", "--label", "U8*"], "fits --label U8*; saltus list"),
 ]
 
 

@@ -24,9 +24,9 @@ def test_a_picture_and_the_same_from_its_data(folder, what, options):
     families = " ".join(str(folder / f"{k}.json") for k in range(6))
     scale = "--clearance 0.5 --natural-frequency 2"
     for words in (
-        f"export {what} --out {folder}/a.svg --branches {families} --energy 0.06:40 {scale} {options.replace('0.1:0.2', '0.1:0.2')}",
-        f"export {what} --out {folder}/a.npz --branches {families} --energy 0.06:40 {scale}",
-        f"export {what} --out {folder}/b.svg --data {folder}/a.npz {options}",
+        f"export {what} --plot {folder}/a.svg --branches {families} --energy 0.06:40 {scale} {options.replace('0.1:0.2', '0.1:0.2')}",
+        f"export {what} --npz {folder}/a.npz --branches {families} --energy 0.06:40 {scale}",
+        f"export {what} --plot {folder}/b.svg --data {folder}/a.npz {options}",
     ):
         code, out, err = told(words)
         assert code == 0 and not err and out.startswith("wrote")
@@ -36,7 +36,7 @@ def test_a_picture_and_the_same_from_its_data(folder, what, options):
 def test_regimes_and_impulsive_motions(folder):
     """Oracle: the data; what the families given do not tell is said."""
     code, out, err = told(
-        f"export fep --out {folder}/r.csv --branches {folder}/0.json {folder}/1.json --energy 0.06:0.6 --regimes --impulsive "
+        f"export fep --csv {folder}/r.csv --branches {folder}/0.json {folder}/1.json --energy 0.06:0.6 --regimes --impulsive "
         "--max-quarter-period 2"
     )
     text = (folder / "r.csv").read_text()
@@ -56,7 +56,7 @@ def test_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters):
     for branch, file in zip(families(), files, strict=True):
         branch.save(file)
     for source in (f"--catalogue {catalogue}", f"--branches {' '.join(map(str, files))}"):
-        code, _, err = told(f"export {what} {source} --out {tmp_path}/a.json {filters}")
+        code, _, err = told(f"export {what} {source} --json {tmp_path}/a.json {filters}")
         assert code == 0, err
         columns = json.loads((tmp_path / "a.json").read_text())["columns"]
         assert set(columns["family"]) == expected
@@ -64,17 +64,18 @@ def test_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters):
 
 def test_families_without_start_velocities(tmp_path):
     """Oracle: the ends; a family between a rest and a stop never passes the origin."""
-    from branches.linear_modes import families_at, linear_modes
+    from branches.grazing.at_linear_modes import families_at
+    from branches.linear_modes import linear_modes
 
     begun = next(met for met in families_at(linear_modes(real.SYSTEM)[0], 1, 1, points=20) if "origin" not in met.ends)
     begun.branch.save(tmp_path / "rest.json")
-    code, _, err = told(f"export velocities --branches {tmp_path}/rest.json --out {tmp_path}/a.png")
+    code, _, err = told(f"export velocities --branches {tmp_path}/rest.json --plot {tmp_path}/a.png")
     assert code == 2 and "where no orbit of these families starts" in err and err.count("\n") == 1
 
 
 def test_regimes_are_told_by_all_families(catalogue, tmp_path):
     """Oracle: the symmetry breaking of S13O00+, which the filter leaves out."""
-    code, out, _ = told(f"export fep --catalogue {catalogue} --out {tmp_path}/a.csv --label S11- --regimes")
+    code, out, _ = told(f"export fep --catalogue {catalogue} --csv {tmp_path}/a.csv --label S11- --regimes")
     text = (tmp_path / "a.csv").read_text()
     assert code == 0 and '"what": "SB of S13+"' in text and "S13O00+" not in text and "no bound III/IV" in out
 
@@ -82,33 +83,33 @@ def test_regimes_are_told_by_all_families(catalogue, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("export fap --out a.png --branches 0.json", ["'fap'", "fep"]),
-        ("export fep --out a.jpg --branches 0.json", ["jpg", "png"]),
-        ("export fep --out a.png --branches {folder}/0.json --mu 0.2", ["0.json belongs to another system", "mu is 0.1, not 0.2"]),
-        ("export fep --out - --branches 0.json", ["'-'"]),
-        ("export fep --branches 0.json", ["--out"]),
-        ("export fep --out a.png", ["there is no catalogue", "saltus continue NAME --save"]),
-        ("export fep --out a.png --rho 0.7", ["restitution 0.7", "conservative", "saltus run"]),
-        ("export fep --out a.png --branches 0.json --data b.npz", ["one of"]),
-        ("export fep --out a.png --branches {folder}/none.json", ["none.json", "no such file"]),
-        ("export fep --out a.png --data {folder}/none.csv", ["none.csv", "no such file"]),
-        ("export fep --out a.png --data {folder}/0.json", ["0.json"]),
-        ("export fep --out a.png --data {folder}/0.json --regimes", ["--regimes", "without --data"]),
-        ("export fep --out a.png --branches {folder}/0.json --inset 3:1", ["3:1", "LO:HI"]),
-        ("export velocities --out a.png --branches {folder}/0.json --inset 1:3", ["fep"]),
-        ("export fep --out a.png --data {folder}/0.json --label U*", ["--label", "without --data"]),
-        ("export fep --out a.png --branches {folder}/0.json --label Ux", ["character 2"]),
-        ("export fep --out a.png --branches {folder}/0.json --label U8* --stable", ["fits --label U8* --stable"]),
-        ("export velocities --out a.png --branches {folder}/0.json --energy 0", ["above 0"]),
-        ("export velocities --out a.png --branches {folder}/0.json --energy 2:1", ["reversed"]),
-        ("export fep --out a.png --branches {folder}/0.json --ends rest-rest", ["expected one of origin-stop"]),
-        ("export fep --out a.png --branches {folder}/0.json --impacts 5:1", ["0 <= LO <= HI"]),
-        ("export fep --out a.png --branches {folder}/0.json --labl U8", ["nearest: --label"]),
-        ("export fep --out a.png --branches {folder}/0.json --clearance 0", ["above 0"]),
-        ("export fep --out a.png --branches {folder}/0.json --energy 1e7:1e8", ["nothing to draw"]),
-        ("export fep --out a.csv --branches {folder}/0.json --names 3", ["--names", "a.csv holds data", "png, pdf, svg"]),
-        ("export fep --out a.npz --branches {folder}/0.json --inset 1:3", ["--inset", "a.npz holds data"]),
-        ("export fep --out no/such/a.png --branches {folder}/0.json", ["no/such", "does not exist"]),
+        ("export fap --plot a.png --branches 0.json", ["'fap'", "fep"]),
+        ("export fep --plot a.jpg --branches 0.json", ["jpg", "png"]),
+        ("export fep --plot a.png --branches {folder}/0.json --mu 0.2", ["0.json belongs to another system", "mu is 0.1, not 0.2"]),
+        ("export fep --plot - --branches 0.json", ["standard output"]),
+        ("export fep --branches 0.json", ["--plot", "--csv"]),
+        ("export fep --plot a.png", ["there is no catalogue", "saltus continue NAME --save"]),
+        ("export fep --plot a.png --rho 0.7", ["restitution 0.7", "conservative", "saltus run"]),
+        ("export fep --plot a.png --branches 0.json --data b.npz", ["one of"]),
+        ("export fep --plot a.png --branches {folder}/none.json", ["none.json", "no such file"]),
+        ("export fep --plot a.png --data {folder}/none.csv", ["none.csv", "no such file"]),
+        ("export fep --plot a.png --data {folder}/0.json", ["0.json"]),
+        ("export fep --plot a.png --data {folder}/0.json --regimes", ["--regimes", "without --data"]),
+        ("export fep --plot a.png --branches {folder}/0.json --inset 3:1", ["3:1", "LO:HI"]),
+        ("export velocities --plot a.png --branches {folder}/0.json --inset 1:3", ["fep"]),
+        ("export fep --plot a.png --data {folder}/0.json --label U*", ["--label", "without --data"]),
+        ("export fep --plot a.png --branches {folder}/0.json --label Ux", ["character 2"]),
+        ("export fep --plot a.png --branches {folder}/0.json --label U8* --stable", ["fits --label U8* --stable"]),
+        ("export velocities --plot a.png --branches {folder}/0.json --energy 0", ["above 0"]),
+        ("export velocities --plot a.png --branches {folder}/0.json --energy 2:1", ["reversed"]),
+        ("export fep --plot a.png --branches {folder}/0.json --ends rest-rest", ["expected one of origin-stop"]),
+        ("export fep --plot a.png --branches {folder}/0.json --impacts 5:1", ["0 <= LO <= HI"]),
+        ("export fep --plot a.png --branches {folder}/0.json --labl U8", ["nearest: --label"]),
+        ("export fep --plot a.png --branches {folder}/0.json --clearance 0", ["above 0"]),
+        ("export fep --plot a.png --branches {folder}/0.json --energy 1e7:1e8", ["nothing to draw"]),
+        ("export fep --csv a.csv --branches {folder}/0.json --names 3", ["--names", "--plot FILE"]),
+        ("export fep --npz a.npz --branches {folder}/0.json --inset 1:3", ["--inset", "--plot FILE"]),
+        ("export fep --plot no/such/a.png --branches {folder}/0.json", ["no/such", "does not exist"]),
     ],
 )
 def test_bad_input(folder, tmp_path, monkeypatch, words, said):
@@ -121,7 +122,7 @@ def test_bad_input(folder, tmp_path, monkeypatch, words, said):
 
 def test_the_names_of_the_scene_come_first(folder, tmp_path):
     """Oracle: lee2009, which names both backbones without a point, and the labels of the families."""
-    code, _, err = told(f"export fep --branches {folder}/0.json {folder}/1.json --out {tmp_path}/a.json")
+    code, _, err = told(f"export fep --branches {folder}/0.json {folder}/1.json --json {tmp_path}/a.json")
     assert code == 0, err
     columns = json.loads((tmp_path / "a.json").read_text())["columns"]
     names = {(name, label) for name, label, pinned in zip(columns["name"], columns["label"], columns["pinned"], strict=True) if pinned}

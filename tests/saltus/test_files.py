@@ -1,6 +1,7 @@
 """Safe files: an old file survives whatever goes wrong, and what cannot be written is refused before the work."""
 
 import errno
+import json
 import os
 import sqlite3
 import stat
@@ -9,14 +10,16 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import scipy.io
 
 import saltus
 from branches.files import WriteFailure, read_input, replacing, write_text
 from saltus.errors import BadInput
 from saltus.files import check_picture, check_writable, write_data
-from saltus.scene_loads import read_record
-from saltus.study_file import read_study_file
+from saltus.scene.loads import read_record
+from saltus.study.file import read_study_file
 from tests.saltus.running import run
 
 PRIVILEGED = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -261,3 +264,20 @@ def test_what_has_no_end_is_refused(monkeypatch, tmp_path):
         read_input(tmp_path / "large")
     (tmp_path / "large").write_bytes((1 << 20) * b"a")
     assert len(read_input(tmp_path / "large")) == 1 << 20
+
+
+def test_a_branch_and_an_orbit_as_arrays(tmp_path, capsys):
+    """Oracle: the JSON files of the same run; both readers."""
+    files = [word for kind in ("json", "npz", "mat") for word in (f"--{kind}", tmp_path / f"a.{kind}")]
+    assert run(capsys, "continue", "S13+", "--energy", "0.3:1", *files)[0] == 0
+    record = json.loads((tmp_path / "a.json").read_text())
+    arrays, matrices = np.load(tmp_path / "a.npz"), scipy.io.loadmat(tmp_path / "a.mat")
+    for name in ("h", "alpha", "arclength", "label"):
+        assert arrays[name].tolist() == [point[name] for point in record["points"]]
+    assert json.loads(str(arrays["about"]))["events"] == record["events"]
+    np.testing.assert_array_equal(matrices["h"][:, 0], arrays["h"])
+    assert run(capsys, "orbit", "S13+", "--energy", "0.5", *files)[0] == 0
+    orbit = json.loads((tmp_path / "a.json").read_text())["orbit"]
+    arrays = np.load(tmp_path / "a.npz")
+    assert [arrays["h"][0], arrays["alpha"][0]] == [orbit["h"], orbit["alpha"]]
+    assert arrays["impact_times"].tolist() == [impact["time"] for impact in orbit["impacts"]]

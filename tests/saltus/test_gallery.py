@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from saltus.galleries import Figure, gallery_names, load_gallery
+from saltus.commands.gallery import Figure, gallery_names, load_gallery
 from tests.saltus.running import refused, run
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import saltus
-from branches.discovery.search import discover
+from branches.search.discovery import discover
 from branches.tracing import follow_family
 from tests.branches.catalogue.families import real, renamed
 from tests.saltus.running import refused, run

@@ -31,7 +31,7 @@ def test_json_has_the_fields():
     curve = record["manifold"]
     assert len(curve["h"]) == len(curve["frequency"]) == len(curve["samples_per_period"]) > 1
     assert curve["window"] == "Hann" and curve["periods"] == 200
-    assert "U4122-" in err and "settled" in err and "Hann" in err
+    assert "U4122-" in err and "complete" in err and "Hann" in err
 
 
 def test_families_of_a_catalogue(catalogue):
@@ -64,7 +64,7 @@ def test_bounds_and_parameters():
     few = json.loads(told("impulsive --energy 1:2 --max-quarter-period 4 --max-impacts 3 --density 2 --json -")[1])
     assert [orbit["impacts"] for orbit in few["orbits"]] == [3] and few["bounds"] == {"quarter_period": 4.0, "impacts": 3}
     code, out, _ = told("impulsive --energy 1:2 --max-quarter-period 2 --mu 0.3 --sigma 0.4 --model")
-    assert code == 0 and "origin" in out and "settled" in out
+    assert code == 0 and "origin" in out and "complete" in out
 
 
 def test_nothing_there():

@@ -6,7 +6,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from branches.labels import parse
+from branches.naming.labels import parse
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus import load_scene
 

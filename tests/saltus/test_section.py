@@ -30,7 +30,7 @@ def families(tmp_path_factory):
 def test_the_table_and_all_files_say_the_same(tmp_path, families):
     """Oracle: the files beside each other, and the numbers of the table."""
     code, out, err = told(
-        f"section --energy 0.3 {SMALL} --catalogue {families} --json {tmp_path}/a.json --csv {tmp_path}/a.csv --arrays {tmp_path}/a.npz "
+        f"section --energy 0.3 {SMALL} --catalogue {families} --json {tmp_path}/a.json --csv {tmp_path}/a.csv --npz {tmp_path}/a.npz "
         f"--plot {tmp_path}/a.png"
     )
     assert code == 0 and not err
@@ -61,30 +61,30 @@ def test_the_table_and_all_files_say_the_same(tmp_path, families):
 
 def test_matlab_reads_the_arrays(tmp_path):
     """Oracle: scipy's reader."""
-    code, _, _ = told(f"section --energy 0.3 {SMALL} --arrays {tmp_path}/a.mat")
+    code, _, _ = told(f"section --energy 0.3 {SMALL} --mat {tmp_path}/a.mat")
     found = loadmat(tmp_path / "a.mat")
     assert code == 0 and (np.char.strip(found["kind"]) == "point").sum() == 180 and found["x"].shape == found["time"].shape
 
 
 def test_a_plate_of_the_scene_says_which_energies_are_cited(tmp_path):
     """Oracle: the scene: two energies are the paper's, six are not."""
-    code, out, err = told(f"section --plate {SMALL} --plot {tmp_path}/p.svg --json {tmp_path}/p.json")
+    code, out, err = told(f"section --panels {SMALL} --plot {tmp_path}/p.svg --json {tmp_path}/p.json")
     assert code == 0 and not err
     assert "note   h = 0.05 and 0.06 as in Lee, Nucera" in out and "the other energies are our choice" in out
     energies = [section["energy"] for section in json.loads((tmp_path / "p.json").read_text())["sections"]]
     assert len(energies) == 8 and energies == sorted(energies) and {0.05, 0.06} < set(energies)
     picture = (tmp_path / "p.svg").read_text()
     assert all(f'id="section{k}-boundary"' in picture for k in range(8)) and picture.count("<image") == 8
-    code, out, _ = told(f"section --plate --mu 0.2 {SMALL}")
+    code, out, _ = told(f"section --panels --mu 0.2 {SMALL}")
     assert code == 0 and "note   the energies are our choice" in out
 
 
 def test_a_plate_of_a_range_has_eight_energies(tmp_path):
     """Oracle: a geometric sequence."""
-    code, out, _ = told(f"section --plate --energy 0.06:6 {SMALL}")
+    code, out, _ = told(f"section --panels --energy 0.06:6 {SMALL}")
     found = [float(line.split()[0]) for line in out.splitlines()[1:9]]
     assert code == 0 and np.allclose(found, np.geomspace(0.06, 6.0, 8), rtol=1e-5)
-    code, out, _ = told(f"section --plate --energy 0.1,0.2,0.7 {SMALL} --colour lyapunov --plot {tmp_path}/p.pdf")
+    code, out, _ = told(f"section --panels --energy 0.1,0.2,0.7 {SMALL} --colour lyapunov --plot {tmp_path}/p.pdf")
     assert code == 0 and [line.split()[0] for line in out.splitlines()[1:4]] == ["0.1", "0.2", "0.7"]
     assert (tmp_path / "p.pdf").read_bytes().startswith(b"%PDF")
 
@@ -132,7 +132,7 @@ def test_a_free_sink_and_other_scenes(tmp_path):
     code, out, _ = told(f"section --energy 1 {SMALL} --scene {scene} --json {tmp_path}/s.json --plot {tmp_path}/s.png")
     assert code == 0
     assert json.loads((tmp_path / "s.json").read_text())["plane"] == {"zero": "y", "x": "x", "y": "momentum over mass"}
-    code, out, err = told(f"section --plate --scene {scene}")
+    code, out, err = told(f"section --panels --scene {scene}")
     assert code == 2 and "[sections] energies" in err
 
 
@@ -144,7 +144,7 @@ def test_the_data_alone_go_to_standard_output():
 
 def test_an_interruption_keeps_what_was_followed(tmp_path, monkeypatch):
     """Oracle: exit code 130 and the orbits of the first batch."""
-    import transitions.section as module
+    import transitions.section.section as module
 
     follow, calls = module.follow, []
 
@@ -168,13 +168,13 @@ PLATE = TWO + '[coordinates]\nLO = "u2"\n[sections]\nenergies = [2.0, 1.0]\n'
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("section", ["--energy H", "--plate"]),
+        ("section", ["--energy H", "--panels"]),
         ("section --energy 0", ["'0'", "above 0"]),
         ("section --energy -0.1", ["'-0.1'", "above 0"]),
         ("section --energy nan", ["'nan'", "a number"]),
-        ("section --energy 1,2", ["several energies", "--plate"]),
-        ("section --energy 2:1 --plate", ["'2:1'", "reversed"]),
-        ("section --energy 2,1 --plate", ["'2,1'", "rising"]),
+        ("section --energy 1,2", ["several energies", "--panels"]),
+        ("section --energy 2:1 --panels", ["'2:1'", "reversed"]),
+        ("section --energy 2,1 --panels", ["'2,1'", "rising"]),
         ("section --energy 1 --colour rotatoin", ["'rotatoin'", "nearest: rotation"]),
         ("section --energy 1 --colour rotation --rho 0.7", ["restitution 0.7", "--colour lyapunov"]),
         ("section --energy 1 --colour energy", ["--colour energy", "keeps its energy", "lyapunov or rotation"]),
@@ -185,16 +185,15 @@ PLATE = TWO + '[coordinates]\nLO = "u2"\n[sections]\nenergies = [2.0, 1.0]\n'
         ("section --energy 0.06 --start -0.2,9", ["bounding curve", "h = 0.06", "[-0.2, 9.0]"]),
         ("section --energy 0.06 --orbits 0", ["--orbits", "'0'", "above 0"]),
         ("section --energy 0.06 --plot a.pgn", ["'pgn'", "nearest: png"]),
-        ("section --energy 0.06 --arrays a.npy", ["'a.npy'", "npz or mat", "nearest: npz"]),
-        ("section --energy 0.06 --arrays -", ["'-'", "npz or mat"]),
-        ("section --energy 0.06 --json a.npz --arrays a.npz", ["--json and --arrays", "a.npz"]),
+        ("section --energy 0.06 --npz -", ["npz cannot go to standard output", "expected a file"]),
+        ("section --energy 0.06 --json a.npz --npz a.npz", ["--json and --npz", "a.npz"]),
         ("section --energy 0.06 --csv no/such/a.csv", ["no/such", "does not exist"]),
         ("section --energy 0.06 --catalogue none.sqlite", ["none.sqlite"]),
         ("section --energy 0.06 --scene one.toml", ["two degrees of freedom", "this system has 1"]),
         ("section --energy 0.06 --scene two.toml", ["primary", "LO = u1 or u2"]),
         ("section --energy 0.01 --scene lo.toml", ["no motion with energy 0.01 reaches", "above 0.045"]),
-        ("section --plate --scene plate.toml", ["[sections]", "rising energies above 0"]),
-        ("section --plate --scene cited.toml", ["[sections]", "cited = [3.0]", "some of the energies"]),
+        ("section --panels --scene plate.toml", ["[sections]", "rising energies above 0"]),
+        ("section --panels --scene cited.toml", ["[sections]", "cited = [3.0]", "some of the energies"]),
         ("section --energy 0.06 --mu 0.2 --catalogue {families}", ["mu"]),
     ],
 )

@@ -66,14 +66,14 @@ def test_pipes_are_written_by_their_path(tmp_path):
 
 @POSIX
 @pytest.mark.parametrize(
-    "words",
-    [f"{QUICK} --json", "list --catalogue {catalogue} --json", "export points --catalogue {catalogue} --format json --out"],
+    ("words", "schema"),
+    [(f"{QUICK} --json", 2), ("list --catalogue {catalogue} --json", 1), ("export points --catalogue {catalogue} --json", 1)],
 )
-def test_the_path_of_standard_output_is_standard_output(catalogue, words):
+def test_the_path_of_standard_output_is_standard_output(catalogue, words, schema):
     """Oracle: what comes with -; as for that, a second result has no place there."""
     command = f"{SALTUS} {words.format(catalogue=catalogue)}"
     by_path, by_hyphen = (shell(f"{command} {place} | cat").stdout for place in ("/dev/stdout", "-"))
-    assert by_path == by_hyphen and json.loads(by_path)["schema"] == 1
+    assert by_path == by_hyphen and json.loads(by_path)["schema"] == schema
     done = shell(f"({SALTUS} {QUICK} --json /dev/stdout --csv -; echo $?) | cat")
     assert done.stdout == "2\n" and done.stderr == "saltus: --json and --csv both go to standard output: expected a place for each\n"
     done = shell(f"{SALTUS} {QUICK} --json {os.devnull} --csv {os.devnull} >{os.devnull}")
@@ -164,7 +164,7 @@ def test_an_interrupt_while_a_branch_is_finished_comes_with_the_branch(monkeypat
 
 
 @POSIX
-@pytest.mark.parametrize("place", ["saltus.motions.tell_stages", "saltus.motion_data.motion_record"])
+@pytest.mark.parametrize("place", ["saltus.motion.simulation.with_stages", "saltus.motion.record.motion_record"])
 def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, place):
     """Oracle: the impacts of an undisturbed run; the exit code 130, whether it comes before the stages or after them."""
     words = ["run", "--impulse", "0.5", "--duration", "8", "--stages", "--json"]
@@ -218,7 +218,7 @@ def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, m
             signal.raise_signal(signal.SIGINT)
         return status
 
-    monkeypatch.setattr("saltus.first_run.prepare_motion", lambda: None)
+    monkeypatch.setattr("saltus.startup.prepare_motion", lambda: None)
     monkeypatch.setattr(kernels, "move", interrupted)
     capsys.readouterr()
     code, _, err = run(capsys, *words, tmp_path / "cut.json")
@@ -245,7 +245,7 @@ def interrupting(monkeypatch, place):
 
 
 @POSIX
-@pytest.mark.parametrize(("option", "place"), [("--json", "transitions.extents.extents"), ("--locked", "transitions.locked.lock")])
+@pytest.mark.parametrize(("option", "place"), [("--json", "transitions.extents.extents"), ("--locked", "transitions.sharing.lock")])
 def test_an_interrupt_after_the_motion_writes_it_without_what_is_not_yet_computed(capsys, tmp_path, monkeypatch, option, place):
     """Oracle: the impacts of an undisturbed run, which ends as before; null for what was to be computed from them."""
     words = ["run", "--impulse", "0.5", "--duration", "8", *([] if option == "--json" else [option]), "--json"]
@@ -264,16 +264,16 @@ def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeyp
     """Oracle: with no time left, one part of the impacts, and a note of how many there are; no peaks of a motion of many events."""
     words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80", "--stages", "--json"]
     assert main([*words[:-2], "--json", str(tmp_path / "whole.json")]) == 0
-    monkeypatch.setattr("saltus.motion_data.PATIENCE", 0.0)
-    monkeypatch.setattr("saltus.motion_data.AT_ONCE", 64)
-    monkeypatch.setattr("saltus.motions.MOST_IN_A_HURRY", 100)
-    interrupting(monkeypatch, "saltus.motions.tell_stages")
+    monkeypatch.setattr("saltus.motion.record.PATIENCE", 0.0)
+    monkeypatch.setattr("saltus.motion.record.AT_ONCE", 64)
+    monkeypatch.setattr("saltus.motion.simulation.MOST_IN_A_HURRY", 100)
+    interrupting(monkeypatch, "saltus.motion.simulation.with_stages")
     capsys.readouterr()
     assert main([*words, str(tmp_path / "late.json")]) == 130
     said = capsys.readouterr().err.splitlines()
     monkeypatch.undo()
-    monkeypatch.setattr("saltus.motions.MOST_IN_A_HURRY", 100)
-    monkeypatch.setattr("saltus.first_run.prepare_motion", lambda: None)
+    monkeypatch.setattr("saltus.motion.simulation.MOST_IN_A_HURRY", 100)
+    monkeypatch.setattr("saltus.startup.prepare_motion", lambda: None)
     interrupting(monkeypatch, "bvp.kernels.motion.move")
     capsys.readouterr()
     code, out, _ = run(capsys, *words, tmp_path / "early.json")
@@ -289,9 +289,9 @@ def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeyp
 @POSIX
 def test_an_interrupt_while_the_file_is_made_says_which_impacts_it_holds(capsys, tmp_path, monkeypatch):
     """Oracle: the file. The line is the only one: not all that was computed is written."""
-    monkeypatch.setattr("saltus.motion_data.PATIENCE", 0.0)
-    monkeypatch.setattr("saltus.motion_data.AT_ONCE", 4)
-    interrupting(monkeypatch, "saltus.motion_data._rows_text")
+    monkeypatch.setattr("saltus.motion.record.PATIENCE", 0.0)
+    monkeypatch.setattr("saltus.motion.record.AT_ONCE", 4)
+    interrupting(monkeypatch, "saltus.motion.record._rows_text")
     code, _, err = run(capsys, "run", "--impulse", "0.5", "--duration", "80", "--json", tmp_path / "cut.json")
     data = json.loads((tmp_path / "cut.json").read_text())
     assert code == 130 and len(data["impacts"]) % 4 == 0
@@ -301,7 +301,7 @@ def test_an_interrupt_while_the_file_is_made_says_which_impacts_it_holds(capsys,
 @POSIX
 def test_a_second_interrupt_ends_the_program(capsys, tmp_path, monkeypatch):
     """Oracle: the exit code; no file, where the first interrupt would have waited for it."""
-    interrupting(monkeypatch, "saltus.motions.tell_stages")
-    interrupting(monkeypatch, "saltus.motion_data.motion_record")
+    interrupting(monkeypatch, "saltus.motion.simulation.with_stages")
+    interrupting(monkeypatch, "saltus.motion.record.motion_record")
     code, _, err = run(capsys, "run", "--impulse", "0.5", "--duration", "8", "--stages", "--json", tmp_path / "cut.json")
     assert code == 130 and err.splitlines()[-1] == "saltus: interrupted; nothing more is written" and not list(tmp_path.iterdir())

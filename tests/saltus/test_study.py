@@ -75,7 +75,7 @@ def columns(folder):
 
 def test_arrays_by_name(finished):
     """Oracle: the runs themselves, each by `saltus.vibro_impact_nes` and the general run."""
-    from bvp.run import run as damped
+    from bvp.damped import run as damped
 
     study = saltus.Study(finished[1])
     assert study.complete and len(study) == 60 and sum(study.endings().values()) == 60
@@ -214,8 +214,8 @@ values = [0.05, 0.8]
 
 def test_starting_families(tmp_path, capsys):
     """Oracle: the orbit of the family at the energy, and the general run from it; below the family's fold there is no orbit (h = 0.069)."""
-    from bvp.run import run as damped
-    from transitions.study.endings import Ending
+    from bvp.damped import run as damped
+    from transitions.study.runs import Ending
 
     code, text, err = run(capsys, "study", written(tmp_path, FAMILIES), "--workers", 1)
     assert code == 0 and not err and "1: the starting family has no orbit" in text
@@ -301,7 +301,7 @@ def test_pictures_are_drawn_from_the_data(finished, tmp_path, capsys, view, kind
     """Oracle: the format's first bytes; the same bytes again."""
     first, second = (tmp_path / f"{k}.{kind}" for k in (1, 2))
     for path in (first, second):
-        code, out, err = run(capsys, "plot", finished[1], "--view", view, "--out", path)
+        code, out, err = run(capsys, "plot", finished[1], "--view", view, "--plot", path)
         assert code == 0 and not err and f"wrote  {path}" in out
     assert first.read_bytes() == second.read_bytes()
     assert first.read_bytes()[:5] in (b"\x89PNG\r", b"%PDF-", b"<?xml")
@@ -310,7 +310,7 @@ def test_pictures_are_drawn_from_the_data(finished, tmp_path, capsys, view, kind
 def test_the_best_run_and_those_about_it(finished, capsys, tmp_path):
     """Oracle: the largest of the array; the nearest runs by their distance on the axes."""
     study = saltus.Study(finished[1])
-    code, out, _ = run(capsys, "plot", finished[1], "--best", "lo_share", "--out", tmp_path / "a.png")
+    code, out, _ = run(capsys, "plot", finished[1], "--best", "lo_share", "--plot", tmp_path / "a.png")
     at = int(np.argmax(study["lo_share"]))
     assert code == 0 and f"best     lo_share = {study['lo_share'].max():.6g} in run {at}" in out
     best = study.best("lo_share")
@@ -349,15 +349,15 @@ def test_what_a_map_and_lines_show(finished):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["--out", "a.jpg"], ["'jpg'", "png, pdf or svg"]),
-        (["--out", "{folder}/none/a.png"], ["does not exist"]),
-        (["--out", "{folder}/a.png", "--best", "nes_shares"], ["nes_shares", "nearest: nes_share"]),
-        (["--out", "{folder}/a.png", "--value", "xyzzy"], ["xyzzy", "expected"]),
-        (["--out", "{folder}/a.png", "--view", "maps"], ["'maps'", "nearest: map"]),
-        (["--out", "{folder}/a.png", "--over", "energy,roh"], ["'roh'", "nearest: rho"]),
-        (["--out", "{folder}/a.png", "--over", "energy"], ["two parameters"]),
-        (["--out", "{folder}/a.png", "--over", "energy,rho", "--view", "lines"], ["--view map"]),
-        ([], ["--out"]),
+        (["--plot", "a.jpg"], ["'jpg'", "png, pdf or svg"]),
+        (["--plot", "{folder}/none/a.png"], ["does not exist"]),
+        (["--plot", "{folder}/a.png", "--best", "nes_shares"], ["nes_shares", "nearest: nes_share"]),
+        (["--plot", "{folder}/a.png", "--value", "xyzzy"], ["xyzzy", "expected"]),
+        (["--plot", "{folder}/a.png", "--view", "maps"], ["'maps'", "nearest: map"]),
+        (["--plot", "{folder}/a.png", "--over", "energy,roh"], ["'roh'", "nearest: rho"]),
+        (["--plot", "{folder}/a.png", "--over", "energy"], ["two parameters"]),
+        (["--plot", "{folder}/a.png", "--over", "energy,rho", "--view", "lines"], ["--view map"]),
+        ([], ["--plot"]),
     ],
 )
 def test_a_picture_that_cannot_be_is_refused(finished, tmp_path, capsys, words, parts):
@@ -368,4 +368,4 @@ def test_a_picture_that_cannot_be_is_refused(finished, tmp_path, capsys, words, 
 
 def test_a_folder_without_a_study(tmp_path, capsys):
     """Oracle: one line, exit code 2."""
-    refused(run(capsys, "plot", tmp_path, "--out", tmp_path / "a.png"), "holds no study")
+    refused(run(capsys, "plot", tmp_path, "--plot", tmp_path / "a.png"), "holds no study")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bvp.run import run
-from transitions.record import Record
-from transitions.sampled import sampled
+from bvp.damped import run
+from transitions.record import Record, sampled
 from transitions.sharing import sharing_of
 
 

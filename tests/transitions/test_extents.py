@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from bvp.damped import run
 from bvp.forcing import Constant, Harmonic, Record
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.extents import extents
 

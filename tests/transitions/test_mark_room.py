@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from transitions.diagram.mark_room import ROOM, with_room
-from transitions.section_marks import Mark
+from transitions.diagram.section_points import ROOM, with_room
+from transitions.section.view import Mark
 
 
 def axes_of_points():
@@ -44,8 +44,8 @@ def test_a_picture_says_how_many_orbits_it_marks():
     """Two orbits at one place have room for one."""
     from bvp.system import vibro_impact_nes
     from transitions.diagram.section_picture import section_figure
-    from transitions.section import section
-    from transitions.section_view import SectionView
+    from transitions.section.section import section
+    from transitions.section.view import SectionView
 
     found = section(vibro_impact_nes(), 0.3, orbits=2, crossings=3)
     marks = tuple(Mark(f"f{k}", "", 1, 1.0, k, "own", np.array([[0.1 * (k % 2), 0.2]])) for k in range(3))

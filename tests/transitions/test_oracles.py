@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
+from bvp.damped import run
 from bvp.forcing import Harmonic
 from bvp.motion import EventKind
-from bvp.run import run
 from bvp.system import vibro_impact_nes
 from tests.branches.paper_names import NAMES, SYSTEM, orbit_of
 

@@ -9,10 +9,10 @@ import pytest
 import saltus
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.traced import traced
-from transitions import section as section_module
 from transitions.kernels import section as kernels
-from transitions.section import SectionEnd, follow, section
-from transitions.section_plane import SectionPlane
+from transitions.section import section as section_module
+from transitions.section.plane import SectionPlane
+from transitions.section.section import SectionEnd, follow, section
 
 
 def uncoupled(stiffness=0.0, coordinates=("a", "b"), order=(0, 1)):
@@ -291,24 +291,24 @@ def test_orbits_that_stick_to_a_stop_go_on(sigma, rho):
     energies; the exponent is told of the orbits that never stick, alone."""
     system = vibro_impact_nes(sigma=sigma, rho=rho)
     found = section(system, 5.0, orbits=12, crossings=12)
-    assert set(found.ends) == {SectionEnd.COMPLETE} and (found.held_times > 0.0).any()
+    assert set(found.ends) == {SectionEnd.COMPLETE} and (found.sticking_times > 0.0).any()
     u, v = found.plane.states(found.points[:, 0])
     for m in range(12):
         motion = saltus.run(system, u[m], v[m], found.times[m, -1] + 1e-9)
-        assert found.held_times[m] == pytest.approx(motion.held_time, abs=2e-9)
+        assert found.sticking_times[m] == pytest.approx(motion.held_time, abs=2e-9)
         us, vs = motion.sample(found.times[m])
         np.testing.assert_allclose(us[:, 1], 0.0, atol=1e-10)
         np.testing.assert_allclose(found.plane.coordinates(us, vs), found.points[m], atol=1e-10)
         np.testing.assert_allclose(system.energy(us, vs), found.energies[m], atol=1e-10)
         dense = motion.sample(np.linspace(1e-6, motion.duration, 40_000))[0][:, 1]
         assert np.count_nonzero((dense[:-1] < 0.0) & (dense[1:] >= 0.0)) == 11
-    np.testing.assert_array_equal(np.isnan(found.exponents), found.held_times > 0.0)
+    np.testing.assert_array_equal(np.isnan(found.exponents), found.sticking_times > 0.0)
 
 
 @pytest.mark.parametrize(("rho", "energy"), [(0.3, 5.0), (0.6, 5.0), (1.0, 20.0)])
 @pytest.mark.parametrize(("periods", "events"), [(0.02, 256), (8.0, 12)])
-def test_how_a_motion_is_cut_into_stretches_is_of_no_account(monkeypatch, rho, energy, periods, events):
-    """Oracle: the same motions in long stretches: short ones cut flights, and bounces that are summed; small records are full at once."""
+def test_the_length_of_the_blocks_does_not_change_a_section(monkeypatch, rho, energy, periods, events):
+    """Oracle: the same motions in long blocks. Short blocks cut flights and sums of bounces; a small log is full at once."""
     system = vibro_impact_nes(rho=rho)
     whole = section(system, energy, orbits=8, crossings=6)
     monkeypatch.setattr(section_module, "_PERIODS", periods)
@@ -318,7 +318,7 @@ def test_how_a_motion_is_cut_into_stretches_is_of_no_account(monkeypatch, rho, e
     far = np.exp(np.nan_to_num(whole.growths, nan=0.0)).max()
     np.testing.assert_allclose(cut.times, whole.times, atol=1e-12 * far)
     np.testing.assert_allclose(cut.points, whole.points, atol=1e-12 * far)
-    np.testing.assert_allclose(cut.held_times, whole.held_times, atol=1e-12 * far)
+    np.testing.assert_allclose(cut.sticking_times, whole.sticking_times, atol=1e-12 * far)
     np.testing.assert_allclose(cut.growths, whole.growths, atol=1e-11 * far)
 
 
@@ -326,7 +326,7 @@ def test_how_a_motion_is_cut_into_stretches_is_of_no_account(monkeypatch, rho, e
 def test_the_colour_bar_tells_of_orbits_without_an_exponent(rho):
     """Oracle: the exponents: orbits that stick have none, elastic ones never stick."""
     from transitions.diagram.section_picture import section_figure
-    from transitions.section_view import SectionView
+    from transitions.section.view import SectionView
 
     found = section(vibro_impact_nes(rho=rho), 5.0, orbits=12, crossings=12)
     label = section_figure([SectionView(found)], colour="lyapunov").axes[-1].get_ylabel()

@@ -9,11 +9,10 @@ from matplotlib.text import Text
 from bvp.system import vibro_impact_nes
 from transitions.diagram.section_picture import section_figure
 from transitions.diagram.section_points import has_images, robust_limits
-from transitions.section import section
-from transitions.section_marks import Mark
-from transitions.section_plane import SectionPlane
-from transitions.section_rotation import Rotations, rotations
-from transitions.section_view import SectionView
+from transitions.section.plane import SectionPlane
+from transitions.section.rotation import Rotations, rotations
+from transitions.section.section import section
+from transitions.section.view import Mark, SectionView
 
 
 def by_gid(axes, name):

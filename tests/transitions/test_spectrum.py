@@ -69,12 +69,12 @@ def test_the_memory_beside_the_amplitudes_is_a_few_numbers_for_each_sample(count
 
     times = 0.05 * np.arange(count)
     signal, rate = np.cos(2.0 * times), -2.0 * np.sin(2.0 * times)
-    morlet_spectrum(times[:1000], signal[:1000])  # what is imported is not counted
+    assert morlet_spectrum(times[:1000], signal[:1000]).amplitudes.size  # what is imported is not counted
     tracemalloc.start()
-    spectrum = morlet_spectrum(times, signal, rate, frequencies=(0.5, 8.0))
+    amplitudes = morlet_spectrum(times, signal, rate, frequencies=(0.5, 8.0)).amplitudes
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert most - spectrum.amplitudes.nbytes < 160 * count
+    assert most - amplitudes.nbytes < 160 * count
 
 
 def test_tones_of_one_amplitude_show_it_at_once():
@@ -85,7 +85,7 @@ def test_tones_of_one_amplitude_show_it_at_once():
     peaks = []
     for tone in (0.5, 5.0, 50.0):
         near = np.abs(np.log(spectrum.frequencies / tone)) < 0.3
-        alone = replace(spectrum, frequencies=spectrum.frequencies[near], amplitudes=spectrum.amplitudes[near])
+        alone = replace(spectrum, frequencies=spectrum.frequencies[near])
         peaks.append(ridge(alone)[1][len(spectrum.times) // 2])
     np.testing.assert_allclose(peaks, [0.2, 0.2, 0.05], rtol=1e-3)
 

@@ -14,10 +14,9 @@ from branches.catalogue import Catalogue
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import NEAR, Family, Meeting, families_of, harmonics
-from transitions.following import Match, steady, stretches
+from transitions.following import Around, Match, family_intervals, partner, steady, unlike
 from transitions.kernels.ridges import link
-from transitions.lines import Around, partner, unlike
-from transitions.ridges import HOLDS, SHARE, amplitude_of_motion, held, ridges
+from transitions.ridges import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
 from transitions.spectrum import Wavelet, morlet_spectrum
 from transitions.stage import Follows, Stage, changes, stages_as_data
 from transitions.stages import spectrum_of, stages_of
@@ -49,7 +48,7 @@ def test_a_faint_end_is_held_as_far_as_the_record_goes(decades, offset, reverse)
     signal = falling * (np.cos(3.0 * times) + offset) + 10.0**-decades * np.cos(0.9 * times)
     signal = signal[::-1] if reverse else signal
     spectrum = morlet_spectrum(times, signal, frequencies=(0.45, 6.0))
-    found = held(spectrum, ridges(spectrum, times, signal))
+    found = ridge_intervals(spectrum, ridges(spectrum, times, signal))
     one, other = found[::-1] if reverse else found
     assert np.abs(np.log2(one.frequencies / 3.0)).max() < 0.06 and np.abs(np.log2(other.frequencies / 0.9)).max() < 0.02
     ends = [(spectrum.times[part.first], spectrum.times[part.last]) for part in found]
@@ -191,8 +190,8 @@ def test_the_amplitude_of_a_motion_is_half_of_its_range_around():
 @pytest.fixture(scope="module")
 def scenes(small_scene, tmp_path_factory):
     """The small reference scene, and one with another mass ratio, open."""
-    from branches.building.bounds import Bounds, Plan
     from branches.building.build import build
+    from branches.building.plan import Bounds, Plan
     from saltus.executors import open_executor
 
     path = tmp_path_factory.mktemp("heavy") / "heavy.sqlite"
@@ -351,7 +350,7 @@ def test_families_of_another_gap_coordinate_or_system_are_refused(scenes):
     """Oracle: the words, one line."""
     catalogue, families = scenes["light"]
     times, signal, rate = joined((1.0, 1.0, 20))
-    with pytest.raises(ValueError, match="told by the gap coordinate"):
+    with pytest.raises(ValueError, match="have the gap coordinate"):
         stages_of(synthetic(times, signal, rate), (1.0, 0.0), families)
     with pytest.raises(ValueError, match="3 entries"):
         families_of(catalogue, (1.0, -1.0, 0.0))
@@ -388,19 +387,19 @@ def test_the_cut_is_the_cheapest_of_all():
                 doubt = min(1.0, (off[i][j] / SHARE) ** 2 + more[i][j] ** 2)
                 total += 1.5 * (2.0 if not state else (rows[i][j] / NEAR) ** 2 + doubt)
                 if j and state != states[j - 1]:
-                    total += 0.5 * HOLDS * (1 if 0 in (state, states[j - 1]) else 2)
+                    total += 0.5 * LEAST_PERIODS * (1 if 0 in (state, states[j - 1]) else 2)
             return total
 
         best = min((s for s in itertools.product(range(3), repeat=9) if not math.isnan(cost(s))), key=cost)
         expected = []
         for state, group in itertools.groupby(range(9), key=lambda j: best[j]):
             places = list(group)
-            state = state if turns[places[-1]] - turns[places[0]] >= HOLDS else 0
+            state = state if turns[places[-1]] - turns[places[0]] >= LEAST_PERIODS else 0
             if expected and expected[-1][0] == 0 and state == 0:
                 expected[-1][1].extend(places)
             else:
                 expected.append([state, places])
-        found = stretches(met, turns)
+        found = family_intervals(met, turns)
         names = [["", "a", "b"][state] for state, _ in expected]
         assert [(s.match.meeting.family.id if s.match else "", s.first, s.last) for s in found] == [
             (name, places[0], places[-1]) for name, (_, places) in zip(names, expected, strict=True)

@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from transitions.study.axes import Axis
-from transitions.study.blocks import DamagedBlock, ForeignBlock, block_path, read_block, write_block
-from transitions.study.plan import Plan
+from transitions.study.plan import Axis, Plan
 from transitions.study.runs import block_columns
-from transitions.study.study import Study, write_plan
+from transitions.study.study import DamagedBlock, ForeignBlock, Study, block_path, read_block, write_block, write_plan
 from transitions.study.summary import bins_of
 
 SYSTEM = {"model": "vibro_impact_nes", "mu": 0.1, "sigma": 0.1, "lam": 0.01, "rho": 0.7}

@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
+from bvp.damped import run
 from bvp.forcing import Harmonic
-from bvp.run import run
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.study import runs as module
-from transitions.study.axes import Axis
-from transitions.study.endings import Ending
-from transitions.study.plan import CLEAR, Plan
-from transitions.study.runs import Starts, block_columns, run_block
-from transitions.study.tail import spent_to_rest
+from transitions.study.plan import CLEAR, Axis, Plan
+from transitions.study.runs import Ending, Starts, block_columns, run_block, spent_to_rest
 
 ENERGY = Axis("energy", low=0.06, high=10.0, scale="log", points=9)
 RHO = Axis("rho", low=0.5, high=0.9, points=3)
@@ -30,10 +27,10 @@ def test_the_compiled_call_and_the_general_run_agree(monkeypatch):
     """Oracle: the general run, one by one, over a time in which impacts do not magnify rounding to what is asked."""
     plan = plan_of(axes=(ENERGY, RHO, Axis("mu", values=(0.05, 0.2)), Axis("lam", values=(0.0, 0.03))), until=10.0)
     fast = results(plan)
-    monkeypatch.setattr(module, "swift_numbers", lambda *arguments: None)
-    module._made.cache_clear()
+    monkeypatch.setattr(module, "fast_path_numbers", lambda *arguments: None)
+    module._system_of.cache_clear()
     slow = results(plan)
-    module._made.cache_clear()
+    module._system_of.cache_clear()
     assert list(fast) == list(slow) == list(block_columns(plan)) and np.all(fast["ended"] == Ending.DURATION.code)
     for name in fast:
         tolerance = {"time_50": 1e-7, "time_90": 1e-7, "time_99": 1e-7}.get(name, 1e-9)

@@ -12,25 +12,22 @@ from matplotlib.text import Text
 import saltus
 from branches.catalogue import Catalogue
 from branches.diagram import atlas_of
-from branches.diagram.atlas_labels import written
+from branches.diagram.names import short_name
 from branches.export import ExportError, read_atlas, write_atlas
+from bvp.damped import run
 from bvp.forcing import Harmonic
-from bvp.run import run
+from tests.branches.test_diagram import ticks_outside
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
-from transitions.diagram.motion_spectrum import gradual_energy, shown_spectrum
-from transitions.diagram.over_energy import over_energy
+from transitions.diagram.motion_spectrum import gradual_energy, over_energy, shown_spectrum
 from transitions.diagram.transition_picture import draw_transition, transition_figure
 from transitions.families import families_of
-from transitions.leaving import Leaving
-from transitions.record import Record
-from transitions.sampled import sampled
+from transitions.record import Record, sampled
 from transitions.sharing import sharing_of
 from transitions.spectrum import Wavelet
 from transitions.stages import stages_of
-from transitions.start_family import StartFamily
-from transitions.transition import Transition, atlas_behind
-from transitions.transition_files import read_transition, write_transition
+from transitions.start_family import Leaving, StartFamily
+from transitions.transition import Transition, atlas_behind, read_transition, write_transition
 
 DAMPED = saltus.vibro_impact_nes(mu=0.1, sigma=0.1, lam=0.02, rho=0.9)
 GAP = (1.0, -1.0)
@@ -88,7 +85,8 @@ def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn, long):
     renderer = figure.canvas.get_renderer()
     whole = figure.bbox
     boxes = []
-    for text in figure.findobj(lambda artist: isinstance(artist, Text) and artist.get_visible()):
+    outside = ticks_outside(figure)
+    for text in figure.findobj(lambda artist: isinstance(artist, Text) and artist.get_visible() and artist not in outside):
         if text.get_text().strip() and not (text.axes and text.axes.get_label() == "<colorbar>"):
             box = text.get_window_extent(renderer)
             if box.width and box.height:
@@ -261,12 +259,12 @@ def test_the_family_of_the_start_is_named_first_and_by_one_name(captured):
     behind = atlas_of(transition.system.underlying, [branch], energy=(0.003, 1.6))
     figure = transition_figure(replace(transition.with_stages(stages), start=start), behind)
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    name = written("S95E22-")
+    name = short_name("S95E22-")
     assert len(words) == 1 + len(stages) and words[0] == f"start  0\N{EN DASH}8.74  {name}, 7 impacts in its impact sequence"
     assert "no family: the frequency of " + name in words[1] and words[1].startswith("A  0")
     assert not any("S11" in text for text in words)
     shown = {text.get_text() for text in by_gid(figure, "families-spectrum").axes.texts}
-    assert name in shown and written("S11O00-") not in shown
+    assert name in shown and short_name("S11O00-") not in shown
 
 
 def test_the_start_is_kept_in_files(captured, tmp_path):

@@ -1,4 +1,4 @@
-"""What the picture of a motion shows of its spectrum: the range of frequencies, and the energy that stands for each time."""
+"""What the figure of a motion shows of its spectrum: the range of frequencies, and the spectrum over the energy at each time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from transitions.record import Record
     from transitions.transition import Transition
 
-__all__ = ["band", "gradual_energy", "shown_spectrum"]
+__all__ = ["band", "gradual_energy", "over_energy", "shown_spectrum"]
 
 _POWER = 1e-3  # part of the power above the highest frequency of the first and last parts of a record
 
@@ -81,3 +81,37 @@ def gradual_energy(record: Record, times: np.ndarray) -> np.ndarray:
         ramp = np.clip(0.5 + 0.5 * (at - time) / half, 0.0, 1.0) if half > 0.0 else step
         out[near] += jump * (ramp - step)
     return np.exp(out)
+
+
+def over_energy(energies: np.ndarray, amplitudes: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Amplitudes at each frequency, in intervals of the energy.
+
+    Parameters
+    ----------
+    energies : (m,) float
+        Of the motion at successive times, above 0.
+    amplitudes : (k, m) float
+    edges : (j + 1,) float
+        Rising, above 0.
+
+    Returns
+    -------
+    (k, j) float
+        The largest amplitude that the motion has while its energy is within each interval; NaN where it never is. An impact takes energy
+        at once: the intervals that are passed then have amplitudes between those at the times before and after it, in the logarithm of
+        the energy.
+    """
+    level, bounds = np.log(energies), np.log(edges)
+    out = np.full((len(amplitudes), len(edges) - 1), -np.inf)
+    middles = 0.5 * (bounds[1:] + bounds[:-1])
+    place = np.clip(np.searchsorted(bounds, level, side="right") - 1, 0, len(middles) - 1)
+    inside = (level >= bounds[0]) & (level <= bounds[-1])
+    for column in np.flatnonzero(inside):
+        np.maximum(out[:, place[column]], amplitudes[:, column], out=out[:, place[column]])
+    for column in np.flatnonzero(np.abs(np.diff(place)) > 1):
+        low, high = sorted((place[column], place[column + 1]))
+        between = np.arange(low + 1, high)
+        part = (middles[between] - level[column]) / (level[column + 1] - level[column])
+        passed = amplitudes[:, column, None] * (1.0 - part) + amplitudes[:, column + 1, None] * part
+        out[:, between] = np.maximum(out[:, between], passed)
+    return np.where(np.isfinite(out), out, np.nan)

@@ -1,4 +1,4 @@
-"""The picture of Poincare sections: one, or a plate of several energies (Lee et al., Physica D 238 (2009) 1868, Fig. 10)."""
+"""The figure of Poincare sections: one, or panels of several energies (Lee et al., Physica D 238 (2009) 1868, Fig. 10)."""
 
 from __future__ import annotations
 
@@ -10,18 +10,29 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.atlas_labels import Named, label_curves
 from branches.diagram.files import draw
-from branches.diagram.legends import legend_below
-from branches.diagram.scales import linear_axis, linear_limits, linear_ticks, logarithmic_ticks, mark_axis
-from branches.diagram.style import BLACK, BLUE, GREY, NORMAL, ORANGE, SMALL, VERMILION, new_figure, picture_settings, settle_layout
+from branches.diagram.names import Named, write_names
+from branches.diagram.room import Room
+from branches.diagram.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    NORMAL,
+    ORANGE,
+    SMALL,
+    VERMILION,
+    legend_below,
+    limits_of,
+    new_figure,
+    picture_settings,
+    set_axis,
+    settle_layout,
+)
 from branches.diagram.titles import symbol_of, system_text, velocity_symbol
 from bvp.shown import shown
-from transitions.diagram.mark_room import with_room
-from transitions.diagram.section_points import has_images, robust_limits, with_ink_left
-from transitions.section_marks import Mark
-from transitions.section_plane import SectionPlane
-from transitions.section_view import COLOURS, SectionView
+from transitions.diagram.section_points import has_images, robust_limits, with_ink_left, with_room
+from transitions.section.plane import SectionPlane
+from transitions.section.view import COLOURS, Mark, SectionView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,6 +47,7 @@ MOST_NAMES = 25
 _COLUMNS, _PANEL = 2, 2.35
 _SINGLE = 5.6
 _WIDE = 140  # letters in a line of the notes
+_RADIUS = 3.0  # of the marks of orbits, in points
 _DOT = 0.55
 _DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": _DOT, "markeredgewidth": 0, "rasterized": True}
 _MAP = "viridis"
@@ -58,7 +70,7 @@ def draw_sections(
     Parameters
     ----------
     views : sequence of SectionView
-        Several make a plate.
+        Each gets a panel.
     path_or_file : path, or binary file open for writing
     format : "png", "pdf" or "svg"; by default what the file's name ends with
     **options
@@ -79,7 +91,7 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
     caption : str
         A line under the panels.
     names : int
-        Most periodic orbits named, in a picture of one section; a plate has no room for names.
+        Most periodic orbits named, in a figure of one section; several panels have no room for names.
 
     Returns
     -------
@@ -96,19 +108,19 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
         raise ValueError(f"unknown colour {shown(colour)}: expected {', '.join(COLOURS)}")
     if not views:
         raise ValueError("there is nothing to draw: no section")
-    plate = len(views) > 1
-    rows = math.ceil(len(views) / _COLUMNS) if plate else 1
+    several = len(views) > 1
+    rows = math.ceil(len(views) / _COLUMNS) if several else 1
     with picture_settings():
-        figure = new_figure(0.9 + _PANEL * rows if plate else _SINGLE)
-        figure.suptitle(_title(views, plate))
-        grid = figure.subplots(rows, _COLUMNS if plate else 1, squeeze=False).ravel()
+        figure = new_figure(0.9 + _PANEL * rows if several else _SINGLE)
+        figure.suptitle(_title(views, several))
+        grid = figure.subplots(rows, _COLUMNS if several else 1, squeeze=False).ravel()
         for axes in grid[len(views) :]:
             axes.remove()
         norm = _norm(views, colour)
         for k, (axes, view) in enumerate(zip(grid, views, strict=False)):
             axes.set_label(f"section{k}")
             _frame(axes, view, colour, f"section{k}")
-            if plate:
+            if several:
                 axes.set_title(f"({chr(97 + k)})  $h = {view.section.plane.energy:.6g}$", fontsize=SMALL + 1.0, pad=3)
                 if k < len(views) - _COLUMNS:
                     axes.set_xlabel("")
@@ -127,7 +139,7 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
             _mark(axes, drawn, f"section{k}")
             own = [f"{motions} of {len(view.section.counts)} motions drawn"] * (motions < len(view.section.counts))
             own += [f"{len(drawn)} of {len(view.marks)} orbits marked"] * (len(drawn) < len(view.marks))
-            if plate:
+            if several:
                 axes.set_title(axes.get_title() + f"   ({', '.join(own)})" * bool(own), fontsize=SMALL + 1.0, pad=3)
                 continue
             if view.marks:
@@ -142,10 +154,10 @@ def _lines(notes: Sequence[str]) -> str:
     return text if len(text) <= _WIDE else "\n".join(textwrap.fill(note, _WIDE) for note in notes)
 
 
-def _title(views: Sequence[SectionView], plate: bool) -> str:
+def _title(views: Sequence[SectionView], several: bool) -> str:
     plane = views[0].section.plane
     name = plane.system.coordinates[plane.primary]
-    energy = "" if plate else rf"$h = {plane.energy:.8g}$,  "
+    energy = "" if several else rf"$h = {plane.energy:.8g}$,  "
     return rf"{energy}section ${symbol_of(name)} = 0$, ${velocity_symbol(name)} > 0$   ({system_text(plane.system)})"
 
 
@@ -174,7 +186,7 @@ def _norm(views: Sequence[SectionView], colour: str) -> Normalize | None:
     if colour == "lyapunov":
         top = robust_limits(np.sqrt(np.maximum(values, 0.0)))[1] ** 2 if len(values) else 0.0
         return PowerNorm(0.5, 0.0, max(top, 1e-6), clip=True)
-    return Normalize(*linear_limits(np.array(robust_limits(values)), 0.0) if len(values) else (0.0, 1.0))
+    return Normalize(*limits_of(np.array(robust_limits(values)), 0.0) if len(values) else (0.0, 1.0))
 
 
 def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, name: str) -> int:
@@ -222,8 +234,8 @@ def _frame(axes: Axes, view: SectionView, colour: str, name: str) -> None:
     if has_images(plane):
         everything = np.concatenate([everything, everything * (-1.0, 1.0)])
     other = plane.system.coordinates[plane.other]
-    linear_axis(axes, "x", linear_limits(everything[:, 0], 0.05), 6, "", symbol_of(other))
-    linear_axis(axes, "y", linear_limits(everything[:, 1], 0.05), 6, "", _velocity(plane))
+    set_axis(axes, "x", limits_of(everything[:, 0], 0.05), 6, "", symbol_of(other))
+    set_axis(axes, "y", limits_of(everything[:, 1], 0.05), 6, "", _velocity(plane))
 
 
 def _mark(axes: Axes, marks: Sequence[Mark], name: str) -> None:
@@ -251,10 +263,8 @@ def _colour_bar(figure: Figure, axes: list[Axes], norm: Normalize, colour: str, 
     below, above = np.nanmin(values, initial=low) < low * (1.0 - 1e-9) and colour != "lyapunov", np.nanmax(values, initial=high) > high
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((bool(below), bool(above)), "neither")
     bar = figure.colorbar(ScalarMappable(norm, _MAP), ax=axes, fraction=0.04, pad=0.015, aspect=45, extend=extend, extendfrac=0.02)
-    ticks = logarithmic_ticks(low, high, 6) if colour == "energy" else linear_ticks(low, high, 6)
-    mark_axis(bar.ax.yaxis, ticks)
     what, symbol = _MEANING[colour]
-    bar.set_label(ticks.axis_text(what + " (grey: none)" * bool(np.isnan(values).any()), symbol))
+    bar.set_label(f"{what}{' (grey: none)' * bool(np.isnan(values).any())} ${symbol}$")
 
 
 def _legend(views: Sequence[SectionView]) -> list[Any]:
@@ -275,17 +285,14 @@ def _legend(views: Sequence[SectionView]) -> list[Any]:
 
 def _name(axes: Axes, view: SectionView, marks: Sequence[Mark], names: int) -> list[str]:
     """Name the periodic orbits that are drawn, those first that found room first, each once; what there is to say about the number."""
-    to_points = 72 / axes.figure.dpi
+    room = Room(axes, [view.section.plane.boundary()])
     chosen: dict[str, Named] = {}
-    spots = []
     for mark in marks:
-        places = axes.transData.transform(mark.points) * to_points
-        spots += [(x - 3.0, y - 3.0, x + 3.0, y + 3.0) for x, y in places]
+        room.take_around(mark.points, _RADIUS)
         if mark.label and mark.label not in chosen:
-            x, y = mark.points[0]
-            chosen[mark.label] = Named.point(mark.label, float(x), float(y))
+            chosen[mark.label] = Named(None, mark.points[:1, 0], mark.points[:1, 1], text=mark.label)
     # Larger than names elsewhere and on white ground: the raised sign of a label stands between dots.
-    written = label_curves(axes, list(chosen.values()), [view.section.plane.boundary()], spots, most=names, font=NORMAL + 1.0)
-    for text in (text for text in axes.texts if text.get_text()):
+    written = write_names(room, list(chosen.values()), most=names, radius=_RADIUS, font=NORMAL + 1.0)
+    for text in axes.texts:
         text.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.95, "pad": 0.8})
     return [f"{len(written)} of {len(chosen)} labels written"] * bool(chosen)

@@ -1,7 +1,8 @@
-"""Which points of a section are drawn, and in which range of colours."""
+"""Which points of a section and which marks of orbits are drawn, and the range of colours."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,9 +10,13 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from transitions.section_plane import SectionPlane
+    from transitions.section.plane import SectionPlane
+    from transitions.section.view import Mark
 
-__all__ = ["has_images", "robust_limits", "with_ink_left"]
+__all__ = ["ROOM", "has_images", "robust_limits", "with_ink_left", "with_room"]
+
+ROOM = 6.5
+"""Points (of type) from the middle of a mark to the next: one and a half times the width of a mark, so that what is below stays visible."""
 
 _CELL, _BLOCK = 0.5, 10  # points of type that a dot inks; cells on each side of a block
 _INK = 0.25  # part of a block that is inked at most before motions are left out
@@ -72,3 +77,28 @@ def robust_limits(values: np.ndarray) -> tuple[float, float]:
     reach = _FENCE * (third - first)
     kept = values[(values >= first - reach) & (values <= third + reach)]
     return float(kept.min()), float(kept.max())
+
+
+def with_room(axes: Axes, marks: Sequence[Mark]) -> list[Mark]:
+    """The marks that are drawn.
+
+    Parameters
+    ----------
+    axes : with its final limits and place in the figure
+    marks : of all orbits
+
+    Returns
+    -------
+    list of Mark
+        Elliptic orbits first, and those with the fewest impacts, then with the fewest crossings: each that has room at all of its crossings
+        beside those before it.
+    """
+    to_points = 72.0 / axes.figure.dpi
+    taken = np.empty((0, 2))
+    out = []
+    for mark in sorted(marks, key=lambda mark: (mark.stable != 1, mark.impacts, len(mark.points))):
+        places = axes.transData.transform(mark.points) * to_points
+        if np.all(np.hypot(*(places[:, None] - taken[None]).T) >= ROOM):
+            out.append(mark)
+            taken = np.concatenate([taken, places])
+    return out

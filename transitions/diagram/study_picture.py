@@ -8,10 +8,21 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from branches.diagram.files import draw
-from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
-from branches.diagram.style import BLACK, BLUE, GREY, LINES, PALE, VERMILION, new_figure, picture_settings
+from branches.diagram.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    LINES,
+    PALE,
+    VERMILION,
+    legend_below,
+    limits_of,
+    new_figure,
+    picture_settings,
+    set_axis,
+)
 from branches.diagram.titles import symbol_of
-from transitions.study.axes import Axis
+from transitions.study.plan import Axis
 from transitions.study.summary import along, numeric_axes, over
 
 if TYPE_CHECKING:
@@ -91,7 +102,7 @@ def map_figure(study: Study, value: str = "nes_share", best: str = "nes_share", 
         panel = figure.subplots()
         figure.suptitle(_title(study))
         panel.set_facecolor(PALE)
-        low, high = linear_limits(found.medians, 0.0)
+        low, high = limits_of(found.medians, 0.0)
         mesh = panel.pcolormesh(found.x.edges, found.y.edges, found.medians.T, cmap="viridis", norm=Normalize(low, high), rasterized=True)
         mesh.set_gid("map")
         for which, name, edges in (("x", x, found.x.edges), ("y", y, found.y.edges)):
@@ -102,7 +113,7 @@ def map_figure(study: Study, value: str = "nes_share", best: str = "nes_share", 
         _star(panel, [top.given[x]], [top.given[y]], f"largest {_text(best)}: {top.value:.4g}")
         if np.any(found.counts == 0):
             panel.scatter([], [], marker="s", s=40, color=PALE, edgecolor=GREY, linewidth=0.4, label="no run")
-        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+        legend_below(figure, panel.get_legend_handles_labels()[0], 2)
     return figure
 
 
@@ -228,7 +239,7 @@ def _given(study: Study, top: Best) -> str:
 
 def _family_text(name: str) -> str:
     """A family's name as a title has it."""
-    from branches.labels import latex, parse_name
+    from branches.naming.labels import latex, parse_name
 
     if name == "impulsive":
         return name
@@ -249,19 +260,19 @@ def _spoken(name: str) -> tuple[str, str]:
 
 def _common_axis(panels: list[Axes], values: np.ndarray, name: str) -> None:
     """The same limits for the result in all panels."""
-    limits = linear_limits(values)
+    limits = limits_of(values)
     for panel in panels:
-        linear_axis(panel, "y", limits, 5, *_spoken(name))
+        set_axis(panel, "y", limits, 5, *_spoken(name))
 
 
 def _range(axis: Axis) -> tuple[float, float]:
     values = np.array(axis.values, dtype=float) if axis.values else np.array([axis.low, axis.high])
-    return logarithmic_limits(values) if axis.scale == "log" else linear_limits(values, 0.04)
+    return limits_of(values, 0.04, log=axis.scale == "log")
 
 
 def _axis(panel: Axes, which: str, axis: Axis, limits: tuple[float, float], study: Study) -> None:
     words, symbol = words_of(axis.name, study.plan.units == "natural")
-    (logarithmic_axis if axis.scale == "log" else linear_axis)(panel, which, limits, 6, words, symbol)
+    set_axis(panel, which, limits, 6, words, symbol, log=axis.scale == "log")
 
 
 def _family_axis(panel: Axes, axis: Axis) -> None:
@@ -322,4 +333,4 @@ def _one_legend(figure: Figure, panels: list[Axes]) -> None:
     for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=min(4, len(entries)), frameon=False)
+    legend_below(figure, list(entries.values()), 4)

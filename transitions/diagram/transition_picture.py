@@ -10,15 +10,27 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.atlas_labels import Named, label_curves, names_of
-from branches.diagram.atlas_parts import draw_modes, frequency_curve, mark_boxes, runs_of
+from branches.diagram.atlas import draw_modes, frequency_curve, mode_names, runs_of
+from branches.diagram.curves import draw_curve, legend_entries, visible_codes
 from branches.diagram.files import draw
-from branches.diagram.marks import draw_curve, legend_entries, seen
-from branches.diagram.scales import linear_axis, linear_limits, logarithmic_axis, logarithmic_limits
-from branches.diagram.style import BLACK, GREEN, GREY, LINES, NORMAL, SMALL, new_figure, picture_settings, settle_layout
+from branches.diagram.names import Named, names_of, write_names
+from branches.diagram.room import Room
+from branches.diagram.style import (
+    BLACK,
+    GREEN,
+    GREY,
+    LINES,
+    NORMAL,
+    SMALL,
+    legend_below,
+    limits_of,
+    new_figure,
+    picture_settings,
+    set_axis,
+    settle_layout,
+)
 from branches.diagram.titles import gap_symbol, short_ids, symbol_of, system_text
-from transitions.diagram.motion_spectrum import band, gradual_energy, shown_spectrum
-from transitions.diagram.over_energy import over_energy
+from transitions.diagram.motion_spectrum import band, gradual_energy, over_energy, shown_spectrum
 from transitions.spectrum import Spectrum
 
 if TYPE_CHECKING:
@@ -41,6 +53,7 @@ _LETTER_ROOM, _LETTER_HIGH, _LETTER_ROWS = 7.0, 10.0, 4  # points that the lette
 _MOST_LETTERS = 12
 _CAPTION = 150  # letters in a line of the caption
 _MOST_NAMES = 12
+_RADIUS = 3.0  # of the bullets of linear modes, in points
 _ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "frameon": False, "borderaxespad": 0.1}
 _DEEP = 1e-8  # of the largest energy: what is below is not shown
 
@@ -139,7 +152,7 @@ def _thinned(times: np.ndarray) -> slice:
 
 
 def _time_axis(axes: Axes, transition: Transition, count: int) -> None:
-    linear_axis(axes, "x", (float(transition.record.times[0]), float(transition.record.times[-1])), count, "time", "t")
+    set_axis(axes, "x", (float(transition.record.times[0]), float(transition.record.times[-1])), count, "time", "t")
 
 
 def _draw_series(axes: Axes, transition: Transition) -> None:
@@ -151,7 +164,7 @@ def _draw_series(axes: Axes, transition: Transition) -> None:
         look: dict[str, Any] = {"color": LINES[i % len(LINES)], "linewidth": 0.6, "label": f"${symbol}$"}
         (line,) = axes.plot(record.times[few], record.displacements[few, i], **look)
         line.set_gid(f"series-{transition.system.coordinates[i]}")
-    linear_axis(axes, "y", linear_limits(record.displacements, 0.06), 5, "displacement", "u")
+    set_axis(axes, "y", limits_of(record.displacements, 0.06), 5, "displacement", "u")
     _time_axis(axes, transition, 10)
     axes.legend(**_ABOVE, ncols=len(order))
 
@@ -164,11 +177,11 @@ def _draw_share(axes: Axes, transition: Transition) -> None:
             share = np.where(record.energy > 0.0, 100.0 * record.nes_energy / record.energy, np.nan)
         (line,) = axes.plot(record.times[few], share[few], color=LINES[0], linewidth=0.5)
         line.set_gid("share-nes")
-        linear_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
+        set_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
     else:
         (line,) = axes.plot(record.times[few], 100.0 * record.energy[few] / record.energy.max(), color=LINES[0], linewidth=0.8)
         line.set_gid("share-energy")
-        linear_axis(axes, "y", (0.0, 100.0), 5, "energy, of the largest", r"\%")
+        set_axis(axes, "y", (0.0, 100.0), 5, "energy, of the largest", r"\%")
     _time_axis(axes, transition, 5)
 
 
@@ -184,16 +197,13 @@ def _draw_lost(axes: Axes, transition: Transition) -> None:
         (line,) = axes.plot(record.times[few], 100.0 * values[few] / whole, color=colour, linewidth=width, label=name)
         line.set_gid(f"lost-{name}")
     top = max(100.0, 105.0 * float(np.max(nes + lo)) / whole if np.max(nes + lo) > whole * (1.0 + 1e-9) else 0.0)
-    linear_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
+    set_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
     _time_axis(axes, transition, 5)
     axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
 
 
 def _frequency_axis(axes: Axes, band: tuple[float, float], words: str, symbol: str) -> None:
-    if band[1] > _MANY_FOLD * band[0]:
-        logarithmic_axis(axes, "y", band, 6, words, symbol)
-    else:
-        linear_axis(axes, "y", band, 7, words, symbol)
+    set_axis(axes, "y", band, 7, words, symbol, log=band[1] > _MANY_FOLD * band[0])
 
 
 def _rows(spectrum: Spectrum) -> np.ndarray:
@@ -230,12 +240,12 @@ def _draw_spectrum(axes: Axes, transition: Transition, spectrum: Spectrum, band:
 def _draw_over_energy(axes: Axes, transition: Transition, spectrum: Spectrum, band: tuple[float, float], largest: float) -> None:
     energies = gradual_energy(transition.record, spectrum.times)
     kept = energies > _DEEP * energies.max()
-    limits = logarithmic_limits(energies[kept], 0.04)
+    limits = limits_of(energies[kept], 0.04, log=True)
     edges = np.geomspace(*limits, _INTERVALS + 1)
     shown = over_energy(energies[kept], spectrum.amplitudes[:, kept], edges)
     mesh = axes.pcolormesh(edges, _rows(spectrum), np.ma.masked_invalid(shown), zorder=1, **_shading(largest))
     mesh.set_gid("families-spectrum")
-    logarithmic_axis(axes, "x", limits, 5, "energy now", "h")
+    set_axis(axes, "x", limits, 5, "energy now", "h", log=True)
     _frequency_axis(axes, band, "frequency index", r"m\,2\pi/T")
 
 
@@ -245,15 +255,13 @@ def _draw_families(axes: Axes, atlas: Atlas, followed: Collection[str]) -> None:
     limits = axes.get_xlim(), axes.get_ylim()
     draw_curve(axes, runs_of(curves), "families", _FINE)
     draw_modes(axes, modes, "families")
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
-    left = axes.get_xlim()[0]
-    whole = np.zeros(19, dtype=bool)
-    named = [Named(None, np.geomspace(left, mode.h, 20), np.full(20, mode.frequency), whole, mode.label) for mode in modes]
-    lines = [curve.path() for curve in (*curves, *named)]
-    names = [name for name in names_of(curves, axes) if name.text or name.key in followed]
-    named += sorted(names, key=lambda name: name.key not in followed)
-    label_curves(axes, named, lines, mark_boxes(axes, modes, None), most=_MOST_NAMES)
+    axes.set(xlim=limits[0], ylim=limits[1])
+    of_modes = mode_names(axes, modes)
+    room = Room(axes, [curve.path() for curve in (*curves, *of_modes)])
+    room.take_around(np.array([[mode.h, mode.frequency] for mode in modes]).reshape(-1, 2), _RADIUS)
+    names = [name for name in names_of(curves, room) if name.text or name.key in followed]
+    names.sort(key=lambda name: name.key not in followed)
+    write_names(room, names, most=_MOST_NAMES, always=of_modes)
 
 
 def _letters(stages: Sequence[Stage]) -> list[str]:
@@ -327,18 +335,12 @@ def _below(figure: Figure, transition: Transition, caption: str, short: Mapping[
     if texts or caption:
         entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
         title: dict[str, Any] = {"title": textwrap.fill(caption, _CAPTION), "title_fontsize": SMALL} if caption else {}
-        look: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "handlelength": 0.0, "handletextpad": 0.0, **title}
-        two = figure.legend(handles=entries, ncols=2, **look).get_window_extent()
-        if two.width > figure.bbox.width:
-            # One column is longer: the panels keep their room.
-            figure.legends[0].remove()
-            longer = figure.legend(handles=entries, ncols=1, **look).get_window_extent().height - two.height
-            figure.set_figheight(figure.get_figheight() + longer / figure.dpi)
+        legend_below(figure, entries, 2, lengthen=True, handlelength=0.0, handletextpad=0.0, **title)
 
 
 def _stabilities(axes: Axes, atlas: Atlas | None) -> None:
     """Above the panel: how families are drawn."""
-    entries = legend_entries(seen([(axes, runs_of(_named(atlas)))]), []) if atlas is not None else []
+    entries = legend_entries(visible_codes([(axes, runs_of(_named(atlas)))]), []) if atlas is not None else []
     if entries:
         axes.legend(handles=entries, **_ABOVE, ncols=3, handlelength=1.6)
 
@@ -349,7 +351,7 @@ def _named(atlas: Atlas) -> list[Named]:
 
 def _called(family: str, label: str, short: Mapping[str, str]) -> str:
     """A family as it is written below the picture."""
-    from branches.labels import latex, parse
+    from branches.naming.labels import latex, parse
 
     if not label:
         return f"{family.partition(':')[0]} {short[family]}"

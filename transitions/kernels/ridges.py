@@ -1,4 +1,4 @@
-"""Linking maxima of a spectrum from one time to the next, and the chains that they make."""
+"""Chains of maxima of a spectrum: links from one time to the next, and the number of each chain."""
 
 import math
 
@@ -9,14 +9,14 @@ __all__ = ["chains", "link"]
 
 @kernel
 def link(columns, level, bounds, reach, spacing, drift, step, following, followed, opened):
-    """Index of the maximum that follows each, following (M,), -1 where none does.
+    """Link each maximum to the one that follows it: following (M,) gets the index, -1 for none.
 
-    columns (M,) do not fall; level (M,): frequencies in octaves, rising in each column; bounds (n + 1,): first maximum of each column;
-    reach (M,): octaves to the next column; spacing, drift: octaves across a gap at least, and per period of it; step between columns;
-    followed (M,), opened (M,) are scratch.
+    columns (M,): sorted; level (M,): frequencies in octaves, rising in each column; bounds (n + 1,): first maximum of each column;
+    reach (M,): largest change in octaves to the next column; step: time between columns. Across a gap the largest change is `spacing`
+    octaves, or `drift` octaves for each period of it, if that is more. followed (M,), opened (M,): arrays to write into.
 
-    First those of neighbouring columns that are each other's nearest, then across gaps of less than a period: of those that nothing leads
-    to, the first in time, and the nearest of these."""
+    The first pass links maxima of neighbouring columns that are each other's nearest. The second one links across gaps of less than a
+    period, to maxima without a predecessor: to the first in time, and of these to the nearest."""
     count = bounds.shape[0] - 1
     for i in range(columns.shape[0]):
         following[i] = -1
@@ -38,7 +38,7 @@ def link(columns, level, bounds, reach, spacing, drift, step, following, followe
                 if abs(level[i] - level[j]) <= reach[i]:
                     following[i] = j
                     followed[j] = True
-    # Those that nothing leads to, in order of time; only these can be reached across a gap.
+    # Maxima without a predecessor, in order of time. Only these can be linked across a gap.
     free = 0
     for i in range(columns.shape[0]):
         if not followed[i]:
@@ -69,8 +69,8 @@ def link(columns, level, bounds, reach, spacing, drift, step, following, followe
 
 @kernel
 def chains(following, number):
-    """Number the chains of maxima: number (M,) gets that of the chain that each is in, in the order in which they begin; `following` is
-    as of `link`, and what follows comes later. Returns how many there are."""
+    """Number the chains of maxima in the order of their first ones: number (M,) gets the chain of each. `following` is the result of
+    `link`. Returns the number of chains."""
     for i in range(number.shape[0]):
         number[i] = -1
     count = 0

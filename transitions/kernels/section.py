@@ -1,10 +1,11 @@
 """Crossings of a section by many motions: times by bounds, states by exact flight, growth of a perturbation by its variational flow.
 
-The section is f = row . z = 0 with f' > 0. Between two instants at which the bounds of `bvp.kernels.extrema` allow one zero at most, f
-either changes its sign or has none; the sign is carried from flight to flight, so that a crossing at an impact counts once. A
-perturbation is kept along the gap's zero at an impact and along the section at a crossing (`bvp.kernels.trail.event`), which makes it
-the derivative of the section's map. A stop that is held takes a degree of freedom away, so that the plane maps to a curve: the points go
-on, and the perturbation ends there.
+The section is f = row . z = 0 with f' > 0. The bounds of `bvp.kernels.extrema` give instants between which f has one zero at most: either
+it changes its sign, or it has none. The sign is carried from flight to flight, so that a crossing at an impact counts once.
+
+A perturbation is kept along the gap's zero at an impact, and along the section at a crossing (`bvp.kernels.scan.event`). This makes it
+the derivative of the section's map. A stop that sticks takes a degree of freedom away, so that the plane maps to a curve: the crossings go
+on, and the perturbation ends there (NaN).
 """
 
 import math
@@ -13,252 +14,227 @@ from typing import NamedTuple
 import numpy as np
 from numba import int64
 
-from bvp.kernels.compiled import allocating, kernel, whole_at
-from bvp.kernels.extrema import dot, look, refine, safe_step, separate
+from bvp.kernels import contact_mode as entry
+from bvp.kernels.arrays import inner
+from bvp.kernels.compiled import kernel, whole_at
+from bvp.kernels.contact_mode import Log, Scratch, begin_anew, contacts_of, flight_of, times_matrix
+from bvp.kernels.extrema import rises
 from bvp.kernels.flight import flow_state
-from bvp.kernels.motion import FULL, GAVE_UP, NEW_PHASE, PAUSED, REACHED
-from bvp.kernels.phase import (
-    CHATTER,
-    EVENTS,
-    IMPACT,
-    PENDING,
-    PHASE,
-    REFERENCE,
-    REFERENCE_LOW,
-    RUNNING,
-    TIME,
-    TIME_LOW,
-    begin_anew,
-    times_matrix,
-)  # fmt: skip
+from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED
 from bvp.kernels.restitution import restitute
-from bvp.kernels.trail import event
+from bvp.kernels.scan import event
 
-__all__ = ["COMPLETE", "EVENTS_AT_ONCE", "TIME_OVER", "Following", "follow_section", "rises"]
+__all__ = ["COMPLETE", "EVENTS_AT_ONCE", "TIME_OVER", "Crossings", "Following", "Rows", "Work", "follow_section"]
 
 COMPLETE, TIME_OVER = -1, -2
-"""How following an orbit ended, besides the endings of `bvp.kernels.motion`: with all points asked for; at the longest time."""
+"""How an orbit ended, in addition to the endings of `bvp.kernels.motion`: it has all its crossings; it reached the longest time."""
 
-STEP_LIMIT = 100_000
 ROOM = 64
-"""Crossings in one flight; a stretch of eight periods of the fastest mode has some sixteen zeros."""
+"""Most crossings in one flight. A block of eight periods of the fastest mode has some sixteen zeros."""
 EVENTS_AT_ONCE = 256
-"""Events of one stretch that are kept; one with more is gone on with from there."""
+"""Most events in one block. A block with more ends there, and the next one continues."""
 MOST = 1 << 62
-"""Impacts: as many as there are."""
+"""Limit of the number of impacts: none."""
 
-FLIGHT_PHASE, CROSSED, HITS, SIGN, WHOLE = range(5)
-"""Entries of `Following.whole`: phase of the flight that is looked at next, crossings, impacts, the sign of f; and their number."""
+MODE, SIGN, PLACES = range(3)
+"""Entries of `Following.places`: contact mode of the next flight, last sign of f; and their number."""
 
-GROWTH, HELD, ELAPSED, SPAN, SUMS = range(5)
-"""Entries of `Following.sums`: logarithm of the perturbation's growth, time with a contact held, time, that which is run at once; and their
-number."""
+ELAPSED, SPAN, CLOCKS = range(3)
+"""Entries of `Following.clocks`: time at the beginning of the block, and its length; and their number."""
+
+
+class Rows(NamedTuple):
+    """What the section measures of the states z (N,) of each of F contact modes."""
+
+    functional: np.ndarray  # (F, 3, N) rows of f, f', f''
+    plane: np.ndarray  # (F, 2, N) rows of the two coordinates on the section
+    energy: np.ndarray  # (F, N, N) energy is z . energy z/2
+
+
+class Crossings(NamedTuple):
+    """The crossings of M orbits, up to P of each."""
+
+    times: np.ndarray  # (M, P)
+    points: np.ndarray  # (M, P, 2)
+    energies: np.ndarray  # (M, P)
+    growths: np.ndarray  # (M, P) logarithm of the perturbation's size in the plane, over that at the start
+    tangents: np.ndarray  # (M, P, 2) its direction
+    counts: np.ndarray  # (M,) int64 crossings, the start included
+    impacts: np.ndarray  # (M,) int64 up to the last crossing or the end
+    sticking_times: np.ndarray  # (M,) time with a sticking stop, up to the last crossing or the end
+    statuses: np.ndarray  # (M,) int64 how the orbit ended
 
 
 class Following(NamedTuple):
     """The orbit that is followed, from one call to the next."""
 
-    z: np.ndarray  # (N,) state at the end of what was run
+    z: np.ndarray  # (N,) state at the end of the block
     x: np.ndarray  # (2 n,) modal coordinates there
-    begin: np.ndarray  # (N,) state where the next flight begins
+    begin: np.ndarray  # (N,) state at the beginning of the next flight
     change: np.ndarray  # (N,) perturbation there
     numbers: np.ndarray  # (COUNTS,) of `bvp.kernels.motion.move`
     clock: np.ndarray  # (CLOCK,)
     dissipated: np.ndarray  # (D + S + 1, 2)
-    whole: np.ndarray  # (WHOLE,) int64
-    sums: np.ndarray  # (SUMS,)
+    places: np.ndarray  # (PLACES,) int64
+    clocks: np.ndarray  # (CLOCKS,)
+
+
+class Work(NamedTuple):
+    """Arrays to write into, which need not be kept."""
+
+    state: np.ndarray  # (N,)
+    image: np.ndarray  # (N,)
+    velocity: np.ndarray  # (N,)
+    row: np.ndarray  # (N,)
+    times: np.ndarray  # (ROOM,)
+    no_loads: np.ndarray  # (0, 2)
+    no_peaks: np.ndarray  # (0,)
+    marks: np.ndarray  # (0, D + S + 3)
+    log: Log
+    scratch: Scratch
 
 
 @kernel
-def rises(pairs, mean, delta, matrix, value, rate, second, z, duration, sign, times, work):
-    """Times in [0, duration) at which f = value . z(t) passes zero upwards, into `times`, after an earlier `sign` of f (0: none yet).
+def follow_section(simulate, phases, rows, starts, changes, block_time, longest, first, orbit, out, work):
+    """Follow each row (u, v) of `starts` (M, 2 n), from number `first` on, to its P-th crossing. The starts lie on the section.
 
-    Values within rounding of zero have no sign. A passage at the beginning, where the flight before ended below zero, is at time 0.
-    Returns (count, last sign); count is -1 where the search gave up or there is no room."""
-    pure, level, curvature, jerk = separate(pairs, mean, delta, matrix, value, second, z, duration, work)
-    level = 1e-13 * (level + 1e-300)
-    floor = 1e-13 * duration
-    count = 0
-    before = 0.0
-    f_before = 0.0
-    t = 0.0
-    for _ in range(STEP_LIMIT):
-        f, slope, bend = look(pairs, mean, delta, matrix, pure, work, value, rate, second, z, t)
-        if abs(f) > level:
-            if f > 0.0 and sign < 0:
-                if count == times.shape[0]:
-                    return -1, sign
-                times[count] = 0.0
-                if t > 0.0:
-                    guess = before + f_before / (f_before - f) * (t - before)
-                    times[count] = refine(
-                        pairs, mean, delta, matrix, pure, value, rate, second, z, before, t, guess, False, 1e-16 * duration, work
-                    )
-                count += 1
-            sign = int64(1) if f > 0.0 else int64(-1)
-        if t >= duration:
-            return count, sign
-        before = t
-        f_before = f
-        t = min(duration, t + max(safe_step(f, slope, bend, curvature, jerk), floor))
-    return -1, sign
+    simulate: address of `bvp.kernels.motion.move` (`bvp.kernels.compiled.address_of`). phases: the contact modes. changes (M, N): a
+    perturbation of each start along the section. block_time: length of the simulation in one call of `simulate`; a full log ends it, too.
+    longest: time limit of an orbit. rows, orbit, out, work: `Rows`, `Following`, `Crossings`, `Work`.
 
-
-@allocating
-def follow_section(
-    mover, phases, functional, plane, quadratic, starts, changes, stretch_time, longest, first, following,
-    times, points, energies, growths, tangents, counts, impacts, held_times, statuses, log, scratch, marks,
-):  # fmt: skip
-    """Follow each row (u, v) of `starts` (M, 2 n), from the `first`-th on, which lies on the section, to its P-th crossing.
-
-    mover: where `bvp.kernels.motion.move` stands (`bvp.kernels.compiled.address_of`).
-    For each of F phases: functional (F, 3, N): rows of f, f', f''. plane (F, 2, N): rows of the two coordinates on the section. quadratic
-    (F, N, N): energy is z . quadratic z/2. changes (M, N): a perturbation along the section of each start. stretch_time: length of what is
-    run at once.
-    times (M, P), points (M, P, 2), energies (M, P): of each crossing, the start being the first. growths (M, P): logarithm of the
-    perturbation's size, in the plane, over that at the start; tangents (M, P, 2): its direction; NaN after a contact was held.
-    counts, impacts, held_times, statuses (M,): crossings, impacts up to the end, time with a contact held up to the last crossing or the
-    end, how it ended. log, scratch, marks: as of `bvp.kernels.motion.move`; as many events as the log has room for are run at once, too.
-
-    Returns (M, 0); (the orbit that wants one more phase, the contacts that are held in it): add it and call again from there; or
-    (the orbit that is followed, -1) where following.numbers[PASSES] are used up: set them and call again."""
-    size = changes.shape[1]
-    wanted = times.shape[1]
-    z, x, begin, change, numbers, clock, sums = (
-        following.z, following.x, following.begin, following.change, following.numbers, following.clock, following.dissipated
-    )  # fmt: skip
-    no_peaks, turns = np.empty(0), np.empty((0, 2))
-    state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
-    passages, work = np.empty(ROOM), np.empty(size)
+    Returns (M, 0) when all orbits are done. Returns (orbit, contacts) if the orbit needs one more contact mode, with these stops sticking:
+    add it and call again; the orbit is then followed from its start. Returns (orbit, -1) if orbit.numbers[PASSES] are used up: set them and
+    call again."""
+    numbers, clock = orbit.numbers, orbit.clock
+    wanted = out.times.shape[1]
     for m in range(first, starts.shape[0]):
-        if numbers[RUNNING] == 0:
-            begin_anew(numbers, clock, turns, sums)
+        if numbers[entry.RUNNING] == 0:
+            begin_anew(numbers, clock, work.no_loads, orbit.dissipated)
             for r in range(starts.shape[1]):
-                x[r] = starts[m, r]
-            times_matrix(phases.enter[0], x, begin)
-            for r in range(size):
-                change[r] = changes[m, r]
-            growth = 0.0 - math.log(math.hypot(dot(plane[0, 0], change), dot(plane[0, 1], change)))
-            f = int64(0)
-            held = 0.0
-            growth = record(
-                plane[0], quadratic[0], begin, change, change, 0.0, growth, times[m], points[m], energies[m], growths[m], tangents[m], 0
-            )
-            count = int64(1)
-            hits = int64(0)
-            sign = int64(1)
-            elapsed = 0.0
-        else:
-            f = following.whole[FLIGHT_PHASE]
-            count = following.whole[CROSSED]
-            hits = following.whole[HITS]
-            sign = following.whole[SIGN]
-            growth = following.sums[GROWTH]
-            held = following.sums[HELD]
-            elapsed = following.sums[ELAPSED]
+                orbit.x[r] = starts[m, r]
+            times_matrix(phases.enter[0], orbit.x, orbit.begin)
+            for r in range(changes.shape[1]):
+                orbit.change[r] = changes[m, r]
+            orbit.places[MODE] = 0
+            orbit.places[SIGN] = 1
+            orbit.clocks[ELAPSED] = 0.0
+            out.counts[m] = 0
+            out.impacts[m] = 0
+            out.sticking_times[m] = 0.0
+            record(rows, 0, orbit.begin, orbit.change, orbit.change, 0.0, out, m)
         status = COMPLETE
-        while count < wanted:
-            if numbers[RUNNING] == 0:
-                if elapsed >= longest:
+        while out.counts[m] < wanted:
+            if numbers[entry.RUNNING] == 0:
+                if orbit.clocks[ELAPSED] >= longest:
                     status = TIME_OVER
                     break
-                numbers[EVENTS] = 0
-                following.sums[SPAN] = min(stretch_time, longest - elapsed)
-            numbers[RUNNING] = 0
-            span = following.sums[SPAN]
-            code = whole_at(mover, (phases, span, MOST, z, x, numbers, clock, turns, sums, marks, no_peaks, log, scratch))
-            if code == NEW_PHASE:
-                return m, numbers[PENDING]
+                numbers[entry.EVENTS] = 0
+                orbit.clocks[SPAN] = min(block_time, longest - orbit.clocks[ELAPSED])
+            numbers[entry.RUNNING] = 0
+            code = whole_at(
+                simulate,
+                (
+                    phases, orbit.clocks[SPAN], MOST, orbit.z, orbit.x, numbers, clock, work.no_loads, orbit.dissipated, work.marks,
+                    work.no_peaks, work.log, work.scratch,
+                ),
+            )  # fmt: skip
+            if code == NEW_MODE:
+                return m, numbers[entry.PENDING]
             if code == PAUSED:
-                following.whole[FLIGHT_PHASE] = f
-                following.whole[CROSSED] = count
-                following.whole[HITS] = hits
-                following.whole[SIGN] = sign
-                following.sums[GROWTH] = growth
-                following.sums[HELD] = held
-                following.sums[ELAPSED] = elapsed
-                numbers[RUNNING] = 1
+                numbers[entry.RUNNING] = 1
                 return m, int64(-1)
-            events = numbers[EVENTS]
-            started = 0.0
-            bouncing = False  # up to where bounces are summed to, in the phase that they end in, no contact is held by them yet
-            for k in range(events + 1):
-                pairs, mean, delta, matrix = phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f]
-                rows = functional[f]
-                duration = max(0.0, (log.values[k, 0] if k < events else clock[TIME]) - started)
-                found, sign = rises(pairs, mean, delta, matrix, rows[0], rows[1], rows[2], begin, duration, sign, passages, work)
-                if found < 0:
-                    status = GAVE_UP
-                    break
-                for i in range(found):
-                    event(pairs, mean, delta, matrix, rows[0], begin, change, passages[i], state, state_change, velocity)
-                    growth = record(
-                        plane[f], quadratic[f], state, state_change, change, elapsed + started + passages[i], growth,
-                        times[m], points[m], energies[m], growths[m], tangents[m], count
-                    )  # fmt: skip
-                    count += 1
-                    if count == wanted:
-                        duration = passages[i]
-                        break
-                if f != 0 and not bouncing:
-                    held += duration
-                if count == wanted:
-                    break
-                hits += 1 if k < events and log.numbers[k, 0] == IMPACT else 0
-                after = log.numbers[k, 2] if k < events else numbers[PHASE]
-                if f != 0 or after != 0:
-                    for r in range(size):
-                        change[r] = math.nan
-                elif k < events and log.numbers[k, 0] == IMPACT:
-                    contact = log.numbers[k, 1]
-                    event(pairs, mean, delta, matrix, phases.gap[0, contact], begin, change, duration, state, state_change, velocity)
-                    restitute(phases.rate[0], phases.push[0], phases.restitution, contact, state_change, change)
-                else:
-                    flow_state(pairs, mean, delta, matrix, change, duration, state_change)
-                    for r in range(size):
-                        change[r] = state_change[r]
-                for r in range(size):
-                    begin[r] = log.states[k, r] if k < events else z[r]
-                started = log.values[k, 0] if k < events else clock[TIME]
-                bouncing = k < events and log.numbers[k, 0] == CHATTER and f == 0
-                f = after
-            if status == GAVE_UP or count == wanted:
+            if not cross(phases, rows, orbit, out, m, work):
+                status = GAVE_UP
+                break
+            if out.counts[m] == wanted:
                 break
             if code != REACHED and code != FULL:
                 status = code
                 break
-            elapsed += clock[TIME]
-            # Nothing depends on the time itself; each stretch has its own, which rounds less.
-            clock[REFERENCE] -= clock[TIME]
-            clock[REFERENCE_LOW] -= clock[TIME_LOW]
-            clock[TIME] = 0.0
-            clock[TIME_LOW] = 0.0
-        counts[m] = count
-        impacts[m] = hits
-        held_times[m] = held
-        statuses[m] = status
+            # The motion does not depend on time itself. Each block has its own clock, which rounds less.
+            orbit.clocks[ELAPSED] += clock[entry.TIME]
+            clock[entry.REFERENCE] -= clock[entry.TIME]
+            clock[entry.REFERENCE_LOW] -= clock[entry.TIME_LOW]
+            clock[entry.TIME] = 0.0
+            clock[entry.TIME_LOW] = 0.0
+        out.statuses[m] = status
     return starts.shape[0], int64(0)
 
 
 @kernel
-def record(plane, quadratic, z, z_change, change, time, growth, times, points, energies, growths, tangents, count):
-    """Note crossing number `count` at the state z, and scale `change` so that its image z_change there has size 1 in the plane. Returns the
-    logarithm of its size without scaling, over that at the start."""
-    size = z.shape[0]
+def cross(phases, rows, orbit, out, m, work):
+    """Record the crossings of orbit m in the flights of a block, and carry the perturbation to its end. Returns False if a search gave up.
+
+    The flights stand in work.log; the last of them ends at orbit.z."""
+    log = work.log
+    wanted = out.times.shape[1]
+    events = orbit.numbers[entry.EVENTS]
+    started = 0.0
+    bouncing = False  # no stop sticks while bounces are summed, although the log names the contact mode in which they end
+    for k in range(events + 1):
+        last = k == events
+        impact = not last and log.numbers[k, 0] == entry.IMPACT
+        f = orbit.places[MODE]
+        flight, functional = flight_of(phases, f), rows.functional[f]
+        end = orbit.clock[entry.TIME] if last else log.values[k, 0]
+        duration = max(0.0, end - started)
+        found, sign = rises(
+            flight, functional[0], functional[1], functional[2], orbit.begin, duration, orbit.places[SIGN], work.times, work.row
+        )
+        orbit.places[SIGN] = sign
+        if found < 0:
+            return False
+        for i in range(found):
+            event(flight, functional, 0, orbit.begin, orbit.change, work.times[i], work.state, work.image, work.velocity)
+            time = orbit.clocks[ELAPSED] + started + work.times[i]
+            record(rows, f, work.state, work.image, orbit.change, time, out, m)
+            if out.counts[m] == wanted:
+                duration = work.times[i]
+                break
+        if f != 0 and not bouncing:
+            out.sticking_times[m] += duration
+        if out.counts[m] == wanted:
+            return True
+        after = orbit.numbers[entry.MODE] if last else log.numbers[k, 2]
+        if f != 0 or after != 0:
+            for r in range(orbit.change.shape[0]):
+                orbit.change[r] = math.nan
+        elif impact:
+            contact = log.numbers[k, 1]
+            event(flight, phases.gap[0], contact, orbit.begin, orbit.change, duration, work.state, work.image, work.velocity)
+            restitute(contacts_of(phases, 0), contact, work.image, orbit.change)
+        else:
+            flow_state(flight, orbit.change, duration, work.image)
+            for r in range(orbit.change.shape[0]):
+                orbit.change[r] = work.image[r]
+        out.impacts[m] += 1 if impact else 0
+        for r in range(orbit.begin.shape[0]):
+            orbit.begin[r] = orbit.z[r] if last else log.states[k, r]
+        started = end
+        bouncing = not last and log.numbers[k, 0] == entry.CHATTER and f == 0
+        orbit.places[MODE] = after
+    return True
+
+
+@kernel
+def record(rows, f, z, image, change, time, out, m):
+    """Record the next crossing of orbit m, at the state z in contact mode f. `image` is the perturbation there. `change` is scaled so that
+    the image has size 1 in the plane."""
+    k = out.counts[m]
     energy = 0.0
-    for r in range(size):
-        energy += 0.5 * z[r] * dot(quadratic[r], z)
-    first = dot(plane[0], z_change)
-    second = dot(plane[1], z_change)
-    norm = math.hypot(first, second)
-    times[count] = time
-    points[count, 0] = dot(plane[0], z)
-    points[count, 1] = dot(plane[1], z)
-    energies[count] = energy
-    growths[count] = growth + math.log(norm)
-    tangents[count, 0] = first / norm
-    tangents[count, 1] = second / norm
-    scale = 1.0 / norm
-    for r in range(size):
+    for r in range(z.shape[0]):
+        energy += 0.5 * z[r] * inner(rows.energy[f, r], z)
+    first = inner(rows.plane[f, 0], image)
+    second = inner(rows.plane[f, 1], image)
+    size = math.hypot(first, second)
+    out.times[m, k] = time
+    out.points[m, k, 0] = inner(rows.plane[f, 0], z)
+    out.points[m, k, 1] = inner(rows.plane[f, 1], z)
+    out.energies[m, k] = energy
+    out.growths[m, k] = out.growths[m, k - 1] + math.log(size) if k > 0 else 0.0
+    out.tangents[m, k, 0] = first / size
+    out.tangents[m, k, 1] = second / size
+    out.counts[m] = k + 1
+    scale = 1.0 / size
+    for r in range(change.shape[0]):
         change[r] *= scale
-    return growths[count]

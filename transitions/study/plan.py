@@ -1,4 +1,4 @@
-"""What a study runs: a grid or a Latin hypercube over parameters of the system and of the start, in a fixed order."""
+"""The plan of a study: a grid or a Latin hypercube over parameters of the system and of the start, in a fixed order."""
 
 from __future__ import annotations
 
@@ -6,24 +6,99 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from transitions.study.axes import FAMILY, Axis
+__all__ = ["CLEAR", "FAMILY", "FRACTIONS", "IMPULSIVE", "PARAMETERS", "SCALES", "Axis", "Plan"]
 
-__all__ = ["CLEAR", "FRACTIONS", "IMPULSIVE", "Plan"]
+FAMILY = "family"
+
+PARAMETERS = ("mu", "sigma", "rho", "lam", "clearance", "energy", "impulse", FAMILY)
+"""Parameters that a study can vary or fix."""
+
+SCALES = ("linear", "log")
 
 CLEAR = "clear"
-"""`until` for a run that lasts until no impact is possible any more."""
+"""Value of `until` for a run that lasts until no impact is possible any more."""
 
 IMPULSIVE = "impulsive"
-"""The starting family that is none: the oscillator's velocity alone."""
+"""Value of `FAMILY` for a start with the oscillator's velocity alone."""
 
 FRACTIONS = (0.5, 0.9, 0.99)
-"""Fractions of the initial energy whose times are found."""
+"""Fractions of the initial energy. A run records the time at which each is dissipated."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One varied parameter.
+
+    Attributes
+    ----------
+    name : str
+        One of `PARAMETERS`.
+    values : tuple of float, or of str
+        The listed values; empty for a range.
+    low, high : float
+        The range; NaN for listed values.
+    scale : {"linear", "log"}
+        How the range is divided.
+    points : int
+        Number of grid values in the range, both ends included; 0 for a hypercube.
+
+    Examples
+    --------
+    >>> Axis("energy", low=0.1, high=10.0, scale="log", points=3).grid()
+    (0.1, 1.0, 10.0)
+    >>> Axis("rho", values=(0.5, 0.7)).place(np.array([0.0, 0.49, 0.51]))
+    array([0.5, 0.5, 0.7])
+    """
+
+    name: str
+    values: tuple[float, ...] | tuple[str, ...] = ()
+    low: float = math.nan
+    high: float = math.nan
+    scale: str = "linear"
+    points: int = 0
+
+    @property
+    def is_family(self) -> bool:
+        """Whether the values are names of families."""
+        return self.name == FAMILY
+
+    def grid(self) -> tuple[float, ...] | tuple[str, ...]:
+        """The values of a grid."""
+        if self.values:
+            return self.values
+        spaced = np.geomspace if self.scale == "log" else np.linspace
+        return tuple(spaced(self.low, self.high, self.points).tolist())
+
+    def place(self, fractions: np.ndarray) -> np.ndarray:
+        """Values (b,) at fractions in [0, 1) of the axis. Listed values have equal parts of it; names give their indices."""
+        if self.values:
+            index = np.minimum((fractions * len(self.values)).astype(np.int64), len(self.values) - 1)
+            return index.astype(float) if self.is_family else np.array(self.values, dtype=float)[index]
+        if self.scale == "log":
+            low, high = math.log(self.low), math.log(self.high)
+            found = np.exp(low + (high - low) * fractions)
+        else:
+            found = self.low + (self.high - self.low) * fractions
+        return np.clip(found, self.low, self.high)  # rounding must not leave the range
+
+    def plain(self) -> dict[str, object]:
+        """The axis as plain data for JSON."""
+        if self.values:
+            return {"name": self.name, "values": list(self.values)}
+        return {"name": self.name, "from": self.low, "to": self.high, "scale": self.scale, "points": self.points}
+
+    @classmethod
+    def from_plain(cls, plain: dict) -> Axis:
+        """The inverse of `plain`."""
+        if "values" in plain:
+            return cls(plain["name"], tuple(plain["values"]))
+        return cls(plain["name"], (), plain["from"], plain["to"], plain["scale"], plain["points"])
 
 
 @dataclass(frozen=True)
@@ -36,26 +111,26 @@ class Plan:
         The scene's system as `ImpactSystem.describe` gives it, with the fixed parameters of its model.
     nes, lo : tuple of int
         Coordinates of the sink and of the oscillator.
-    forces : tuple of bvp.forcing loads
     axes : tuple of Axis
-        In the order of the file; the last one changes fastest in a grid.
+        In the order of the file. In a grid the last one changes fastest.
     fixed : mapping
-        Parameters of the start that are not varied, and the clearance.
+        The clearance, and the parameters of the start that are not varied.
     design : {"grid", "hypercube"}
     runs, seed : int
         Of a hypercube.
     units : {"natural", "physical"}
-        Whether energies and impulses are given as h and in natural units, or with their lengths in the units of the clearance: then
-        h = energy/clearance^2, and an impulse V is V/clearance.
+        Units of energies and impulses. In physical units their lengths are those of the clearance: h = energy/clearance^2, and an impulse
+        V is V/clearance.
     until : float or "clear"
         The duration, or until no impact is possible any more.
     longest : float
-        The time at which a run that is to become clear is given up.
+        Time limit of a run that lasts until it is clear.
     impacts : int
-        The impacts at which a run is given up.
+        Limit of the number of impacts in a run.
     block : int
         Runs in one block of results.
     title : str
+    forces : tuple of bvp.forcing loads
     """
 
     system: Mapping[str, Any]
@@ -72,7 +147,7 @@ class Plan:
     impacts: int = 10_000_000
     block: int = 4096
     title: str = ""
-    forces: tuple[Any, ...] = field(default=())
+    forces: tuple[Any, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,7 +156,7 @@ class Plan:
 
     @property
     def families(self) -> tuple[str, ...]:
-        """The starting families; one alone where they are not varied."""
+        """The starting families; a single one if they are not varied."""
         for axis in self.axes:
             if axis.is_family:
                 return tuple(str(value) for value in axis.values)
@@ -89,7 +164,7 @@ class Plan:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Values along each axis of a grid; the number of runs of a hypercube."""
+        """Number of values along each axis of a grid; number of runs of a hypercube."""
         return tuple(len(axis.grid()) for axis in self.axes) if self.design == "grid" else (self.runs,)
 
     @property
@@ -108,11 +183,11 @@ class Plan:
         return self.longest if self.until == CLEAR else float(self.until)
 
     def block_range(self, number: int) -> tuple[int, int]:
-        """First run of a block, and of the next one."""
+        """First run of a block, and first run of the next block."""
         return number * self.block, min((number + 1) * self.block, self.count)
 
     def values(self, first: int, last: int) -> dict[str, np.ndarray]:
-        """The varied parameters of the runs from `first` to before `last`, (b,) each; a family as its index."""
+        """The varied parameters (b,) of the runs from `first` to before `last`. A family is given by its index."""
         if self.design == "grid":
             index = np.unravel_index(np.arange(first, last), self.shape)
             grids = [np.arange(float(len(axis.values))) if axis.is_family else np.array(axis.grid()) for axis in self.axes]
@@ -120,7 +195,7 @@ class Plan:
         return {axis.name: axis.place(_sample(len(self.axes), self.runs, self.seed)[first:last, k]) for k, axis in enumerate(self.axes)}
 
     def plain(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """The plan as plain data for JSON."""
         own = {f.name: getattr(self, f.name) for f in fields(self)}
         return {**own, "axes": [axis.plain() for axis in self.axes], "forces": [_plain(force) for force in self.forces]} | {
             "system": dict(self.system), "fixed": dict(self.fixed), "nes": list(self.nes), "lo": list(self.lo)
@@ -128,27 +203,27 @@ class Plan:
 
     @property
     def digest(self) -> str:
-        """What tells this study from all others: a hash of the plan, without its title."""
+        """A hash of the plan without its title. It identifies the study."""
         plain = {key: value for key, value in self.plain().items() if key != "title"}
         return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Plan:
-        """The inverse of `plain`, but for the loads, which a plan that is read back has no use for."""
+        """The inverse of `plain`, without the loads: a plan that is read back is not run."""
         known = {**plain, "axes": tuple(map(Axis.from_plain, plain["axes"])), "forces": ()}
         return cls(**{**known, "nes": tuple(plain["nes"]), "lo": tuple(plain["lo"])})
 
 
 @lru_cache(maxsize=1)
 def _sample(axes: int, runs: int, seed: int) -> np.ndarray:
-    """A Latin hypercube, (runs, axes), in [0, 1)."""
+    """A Latin hypercube (runs, axes) in [0, 1)."""
     from scipy.stats import qmc
 
     return qmc.LatinHypercube(axes, seed=seed).random(runs)
 
 
 def _plain(value: Any) -> Any:
-    """A load as JSON has it."""
+    """A load as plain data for JSON."""
     if is_dataclass(value):
         return {"kind": type(value).__name__} | {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     return value.tolist() if isinstance(value, np.ndarray) else value

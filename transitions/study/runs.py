@@ -1,40 +1,59 @@
-"""The runs of one block: as many as possible in one compiled call, the others one by one."""
+"""The runs of one block: a compiled call does as many as it can, the general simulation does the others one by one."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bvp.damped import BeyondStop, Mover
-from bvp.motion import Batch, Motion, MotionStatus
-from bvp.swift import CLEARED, DECLINED, FULL_COUNT, swift_numbers, swift_runs, with_restitution
+from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, fast_path_numbers, fast_path_runs, with_restitution
+from bvp.motion import MotionStatus
 from bvp.system import ImpactSystem
 from transitions.sharing import Sharing, sharing_of
-from transitions.study.endings import Ending
 from transitions.study.plan import CLEAR, FRACTIONS, IMPULSIVE, Plan
-from transitions.study.tail import spent_to_rest
 
-__all__ = ["Starts", "block_columns", "results_of", "run_block"]
+__all__ = ["Ending", "Starts", "block_columns", "results_of", "run_block", "spent_to_rest"]
 
 BALANCE = 1e-12
-"""Error of the energy balance above which a run of the compiled call is done again by the general one."""
+"""Largest error of the energy balance in the compiled call. The general simulation repeats a run with a larger one."""
 
 OF_MODEL = ("mu", "sigma", "lam")
 """Parameters that the modes depend on."""
 
 
+class Ending(Enum):
+    """How a run ended; the text says it, and what to do next."""
+
+    CLEAR = (0, "no impact is possible any more")
+    DURATION = (1, "the duration was reached")
+    LONGEST = (2, "impacts are still possible at the longest time; allow a longer one")
+    IMPACTS_FULL = (3, MotionStatus.IMPACTS_FULL.value)
+    SIMULTANEOUS = (4, MotionStatus.SIMULTANEOUS.value)
+    OUTSIDE = (5, MotionStatus.OUTSIDE.value)
+    UNDECIDED = (6, MotionStatus.UNDECIDED.value)
+    EXHAUSTED = (7, MotionStatus.EXHAUSTED.value)
+    NO_ORBIT = (8, "the starting family has no orbit at this energy; choose energies at which it has")
+    PIERCED = (9, MotionStatus.PIERCED.value)
+
+    def __init__(self, code: int, text: str) -> None:
+        self.code = code
+        self.text = text
+
+
 class Starts(NamedTuple):
-    """Where the runs of a block start that are on orbits.
+    """The starts on orbits of the runs of a block.
 
     Attributes
     ----------
     states : (b, 2n) ndarray
-        (u, v); NaN for the runs that start otherwise, or whose family has no orbit at their energy.
+        (u, v); NaN for a run that starts elsewhere, or whose family has no orbit at its energy.
     leaving : (b,) ndarray of str
         The contact that the start has just left, "" for none.
     """
@@ -60,21 +79,6 @@ def block_columns(plan: Plan) -> tuple[str, ...]:
     return (*(f"given.{name}" for name in plan.names), *results_of(plan))
 
 
-class _Made(NamedTuple):
-    """A system with restitution as the scene has it, its shares, and its numbers for the compiled call (None where it has none)."""
-
-    system: ImpactSystem
-    sharing: Sharing
-    numbers: np.ndarray | None
-
-
-@lru_cache(maxsize=64)
-def _made(description: str, nes: tuple[int, ...], lo: tuple[int, ...]) -> _Made:
-    system = ImpactSystem.from_description(json.loads(description))
-    sharing = sharing_of(system, nes, lo)
-    return _Made(system, sharing, swift_numbers(system, sharing.dampers))
-
-
 def run_block(plan: Plan, given: Mapping[str, np.ndarray], starts: Starts | None = None) -> dict[str, np.ndarray]:
     """Run some of the runs of a plan.
 
@@ -82,204 +86,269 @@ def run_block(plan: Plan, given: Mapping[str, np.ndarray], starts: Starts | None
     ----------
     plan : Plan
     given : mapping of str to (b,) ndarray
-        The varied parameters of each (`Plan.values`).
+        The varied parameters of each run (`Plan.values`).
     starts : Starts, optional
         For runs that start on the orbit of a family.
 
     Returns
     -------
     dict of str to (b,) ndarray
-        The columns of `block_columns`; it depends on the arguments alone.
+        The columns of `block_columns`. They depend on the arguments alone.
     """
     count = len(next(iter(given.values())))
-    every = {**{key: np.full(count, value) for key, value in plan.fixed.items() if isinstance(value, float)}, **given}
-    clearance = every.get("clearance", np.ones(count))
-    scale = clearance if plan.units == "physical" else np.ones(count)
     model = [name for name in OF_MODEL if name in given]
     rho = given.get("rho")
-    # Runs of one system stand together: its numbers are made once.
+    # The numbers of a system are made once for all runs that share it.
     distinct, which = np.unique(np.stack([given[name] for name in model] + [np.zeros(count)], axis=1), axis=0, return_inverse=True)
-    which = which.ravel()
     plain = dict(plan.system) if rho is None else {**plan.system, "rho": 1.0}
     descriptions = [json.dumps({**plain, **dict(zip(model, map(float, row), strict=False))}) for row in distinct]
-    made = [_made(description, plan.nes, plan.lo) for description in descriptions]
-    states, energies, leaving = _states(plan, every, scale, made, which, starts)
-    out = {name: np.full(count, np.nan) for name in results_of(plan)}
-    out["h"] = energies
-    there = np.isfinite(energies)
-    out["impacts"], out["ended"] = np.zeros(count), np.where(there, -1.0, Ending.NO_ORBIT.code)
+    systems = [_system_of(description, plan.nes, plan.lo) for description in descriptions]
+    runs = _Runs(plan, systems, which.ravel(), rho, *_states(plan, given, systems, which.ravel(), starts), {})
+    runs.out.update({name: np.full(count, np.nan) for name in results_of(plan)})
+    runs.out["h"][:] = runs.energies
+    runs.out["impacts"][:] = 0.0
+    runs.out["ended"][:] = np.where(np.isfinite(runs.energies), _WAITING, Ending.NO_ORBIT.code)
     if not plan.forces:
-        _compiled(plan, made, which, rho, states, energies, there, out)
-    _general(plan, made, descriptions, which, rho, states, leaving, out)
-    return {**{f"given.{name}": np.asarray(values) for name, values in given.items()}, **_narrow(out)}
+        _run_compiled(runs)
+    _run_general(runs)
+    narrow: dict[str, np.ndarray] = {"impacts": runs.out["impacts"].astype(np.int32), "ended": runs.out["ended"].astype(np.int8)}
+    return {**{f"given.{name}": np.asarray(values) for name, values in given.items()}, **runs.out, **narrow}
+
+
+_WAITING = -1.0  # in place of the code of an ending, for a run that is not done
+
+
+class _System(NamedTuple):
+    """A system of the study, its description, its shares, and its numbers for the compiled call (None if the call cannot do it)."""
+
+    description: dict[str, Any]
+    system: ImpactSystem
+    sharing: Sharing
+    numbers: np.ndarray | None
+
+
+@lru_cache(maxsize=64)
+def _system_of(description: str, nes: tuple[int, ...], lo: tuple[int, ...]) -> _System:
+    plain = json.loads(description)
+    system = ImpactSystem.from_description(plain)
+    sharing = sharing_of(system, nes, lo)
+    return _System(plain, system, sharing, fast_path_numbers(system, sharing.dampers))
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """The runs of a block.
+
+    Attributes
+    ----------
+    plan : Plan
+    systems : list of _System
+    which : (b,) int ndarray
+        The system of each run, apart from its restitution.
+    rho : (b,) ndarray or None
+        Restitution of each run; None if it does not vary.
+    states, energies, leaving : (b, 2n), (b,) and (b,) ndarray
+        The starts, their energies (NaN: no start), and the contacts that they have just left.
+    out : dict of str to (b,) ndarray
+        The results, in the order of `results_of`.
+    """
+
+    plan: Plan
+    systems: list[_System]
+    which: np.ndarray
+    rho: np.ndarray | None
+    states: np.ndarray
+    energies: np.ndarray
+    leaving: np.ndarray
+    out: dict[str, np.ndarray]
+
+    def write(self, some: Any, *results: Any) -> None:
+        """Write the results of one run or of several, in the order of `results_of`, without h."""
+        for name, values in zip(tuple(self.out)[1:], results, strict=True):
+            self.out[name][some] = values
 
 
 def _states(
-    plan: Plan, every: Mapping[str, np.ndarray], scale: np.ndarray, made: list[_Made], which: np.ndarray, starts: Starts | None
+    plan: Plan, given: Mapping[str, np.ndarray], systems: list[_System], which: np.ndarray, starts: Starts | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The start of each run, (b, 2n), its energy, and the contact that it has just left."""
-    count, n = len(which), made[0].system.degrees_of_freedom
-    blow = np.zeros(n)
-    blow[list(plan.lo)] = 1.0
+    count, n = len(which), systems[0].system.degrees_of_freedom
+    every = {**{key: np.full(count, value) for key, value in plan.fixed.items() if isinstance(value, float)}, **given}
+    scale = every.get("clearance", np.ones(count)) if plan.units == "physical" else np.ones(count)
+    direction = np.zeros(n)
+    direction[list(plan.lo)] = 1.0
     states, leaving = np.zeros((count, 2 * n)), np.full(count, "", dtype="<U2")
     if "impulse" in every:
-        states[:, n:] = (every["impulse"] / scale)[:, None] * blow
+        states[:, n:] = (every["impulse"] / scale)[:, None] * direction
     elif "energy" in every:
-        masses = np.array([blow @ one.system.mass @ blow for one in made])
-        states[:, n:] = np.sqrt(2.0 * every["energy"] / scale**2 / masses[which])[:, None] * blow
+        masses = np.array([direction @ one.system.mass @ direction for one in systems])
+        states[:, n:] = np.sqrt(2.0 * every["energy"] / scale**2 / masses[which])[:, None] * direction
     if starts is not None:
-        names = plan.families
         index = every["family"].astype(np.int64) if "family" in every else np.zeros(count, dtype=np.int64)
-        on = np.array([name != IMPULSIVE for name in names])[index]
+        on = np.array([name != IMPULSIVE for name in plan.families])[index]
         states[on] = starts.states[on]
         leaving[on] = starts.leaving[on]
-    mass, stiffness = (np.array([getattr(one.system, key) for one in made])[which] for key in ("mass", "stiffness"))
+    mass, stiffness = (np.array([getattr(one.system, key) for one in systems])[which] for key in ("mass", "stiffness"))
     u, v = states[:, :n], states[:, n:]
     energies = 0.5 * (np.einsum("bi,bij,bj->b", v, mass, v) + np.einsum("bi,bij,bj->b", u, stiffness, u))
     return states, energies, leaving
 
 
-def _compiled(
-    plan: Plan, made: list[_Made], which: np.ndarray, rho: np.ndarray | None, states: np.ndarray, energies: np.ndarray, there: np.ndarray,
-    out: dict[str, np.ndarray],
-) -> None:  # fmt: skip
-    """Fill in the runs that the compiled call takes."""
-    some = np.flatnonzero(there & np.array([one.numbers is not None for one in made])[which] & (energies > 0.0))
-    if rho is not None:
-        some = some[rho[some] > 0.0]
+def _run_compiled(runs: _Runs) -> None:
+    """Do the runs that the compiled call can do."""
+    plan, systems, which, rho = runs.plan, runs.systems, runs.which, runs.rho
+    able = np.array([one.numbers is not None for one in systems])[which] & (runs.energies > 0.0)
+    some = np.flatnonzero(able if rho is None else able & (rho > 0.0))
     if not len(some):
         return
     if rho is None:
         used, system = np.unique(which[some], return_inverse=True)
-        table = np.array([made[k].numbers for k in used])
+        table = [systems[k].numbers for k in used]
     else:
         pairs, system = np.unique(np.stack([which[some], rho[some]], axis=1), axis=0, return_inverse=True)
-        table = np.array([with_restitution(_numbers(made[int(k)]), float(r)) for k, r in pairs])
-    runs = swift_runs(
-        table, system.ravel(), states[some], energies[some], duration=plan.duration, to_rest=plan.until == CLEAR,
+        table = [with_restitution(numbers, float(r)) for k, r in pairs if (numbers := systems[int(k)].numbers) is not None]
+    found = fast_path_runs(
+        np.array(table), system.ravel(), runs.states[some], runs.energies[some], duration=plan.duration, to_rest=plan.until == CLEAR,
         max_impacts=plan.impacts, fractions=FRACTIONS,
     )  # fmt: skip
-    error = np.abs(runs.balance) / runs.initial_energy
-    good = (runs.reason != DECLINED) & (error <= BALANCE)
-    some, error = some[good], error[good]
-    spent, reason = runs.dissipated[good] / energies[some, None], runs.reason[good]
-    names = ("gaps", "rest", *(f"stop {stop.name}" for stop in made[0].system.stops))
-    own = np.array([name in made[0].sharing.nes_parts for name in names])
-    out["nes_share"][some], out["lo_share"][some] = spent[:, own].sum(axis=1), spent[:, ~own].sum(axis=1)
-    for k, fraction in enumerate(FRACTIONS):
-        out[f"time_{round(100 * fraction)}"][some] = runs.times[good, k]
-    out["impacts"][some], out["last_impact"][some] = runs.impacts[good], runs.last_impact[good]
-    for k, name in enumerate(made[0].system.coordinates):
-        out[f"peak_{name}"][some] = runs.peaks[good, k]
-    out["sticking_time"][some] = 0.0
+    error = np.abs(found.balance) / found.initial_energy
+    good = (found.reason != DECLINED) & (error <= BALANCE)
+    some = some[good]
+    spent, reason = found.dissipated[good] / runs.energies[some, None], found.reason[good]
+    parts = ("gaps", "rest", *(f"stop {stop.name}" for stop in systems[0].system.stops))
+    own = np.array([part in systems[0].sharing.nes_parts for part in parts])
     timed = Ending.LONGEST.code if plan.until == CLEAR else Ending.DURATION.code
     clear = (reason == CLEARED) & (plan.until == CLEAR)
-    out["ended"][some] = np.where(clear, Ending.CLEAR.code, np.where(reason == FULL_COUNT, Ending.IMPACTS_FULL.code, timed))
-    out["duration"][some] = np.where(clear, np.nan_to_num(runs.last_impact[good], nan=0.0), runs.duration[good])
-    out["balance_error"][some] = error
+    runs.write(
+        some,
+        spent[:, own].sum(axis=1),
+        spent[:, ~own].sum(axis=1),
+        *found.times[good].T,
+        found.impacts[good],
+        found.last_impact[good],
+        *found.peaks[good].T,
+        0.0,
+        np.where(clear, np.nan_to_num(found.last_impact[good], nan=0.0), found.duration[good]),
+        error[good],
+        np.where(clear, Ending.CLEAR.code, np.where(reason == FULL_COUNT, Ending.IMPACTS_FULL.code, timed)),
+    )
 
 
-def _numbers(made: _Made) -> np.ndarray:
-    assert made.numbers is not None
-    return made.numbers
-
-
-def _general(
-    plan: Plan, made: list[_Made], descriptions: list[str], which: np.ndarray, rho: np.ndarray | None, states: np.ndarray,
-    leaving: np.ndarray, out: dict[str, np.ndarray],
-) -> None:  # fmt: skip
-    """Fill in the runs that are left: those of one system together, but for starts on a stop."""
+def _run_general(runs: _Runs) -> None:
+    """Do the runs that are left. Runs of one system are done together, except starts on a stop."""
+    plan, n = runs.plan, runs.systems[0].system.degrees_of_freedom
     groups: dict[tuple[int, float | None, str], list[int]] = {}
-    for b in np.flatnonzero(out["ended"] == -1.0).tolist():
-        groups.setdefault((int(which[b]), None if rho is None else float(rho[b]), str(leaving[b])), []).append(b)
-    for (k, restitution, contact), runs in groups.items():
-        plain = json.loads(descriptions[k])
-        system = ImpactSystem.from_description(plain if restitution is None else {**plain, "rho": restitution})
-        mover = Mover(system, list(plan.forces), made[k].sharing.dampers)
+    for b in np.flatnonzero(runs.out["ended"] == _WAITING).tolist():
+        restitution = None if runs.rho is None else float(runs.rho[b])
+        groups.setdefault((int(runs.which[b]), restitution, str(runs.leaving[b])), []).append(b)
+    for (k, restitution, contact), some in groups.items():
+        description, system, sharing, _ = runs.systems[k]
+        if restitution is not None:
+            system = ImpactSystem.from_description({**description, "rho": restitution})
+        simulator = Mover(system, list(plan.forces), sharing.dampers)
         if not contact:
-            batch = mover.run_many(states[runs], plan.duration, plan.impacts, FRACTIONS, with_peaks=True)
-            for i, b in enumerate(runs):
-                _fill(plan, mover, made[k].sharing, _of_batch(batch, i), b, out)
+            batch = simulator.run_many(runs.states[some], plan.duration, plan.impacts, FRACTIONS, with_peaks=True)
+            for i, b in enumerate(some):
+                values = {name: getattr(batch, name)[i] for name in _Result._fields[:-1]}
+                _write_general(runs, b, simulator, sharing, _Result(**values, times=batch.marks[i, :, 0]))
             continue
-        n = system.degrees_of_freedom
-        for b in runs:
+        for b in some:
             try:
-                motion = mover.run(states[b, :n], states[b, n:], plan.duration, plan.impacts, contact, FRACTIONS)
+                motion = simulator.run(runs.states[b, :n], runs.states[b, n:], plan.duration, plan.impacts, contact, FRACTIONS)
             except BeyondStop:
-                out["ended"][b] = Ending.OUTSIDE.code
+                runs.out["ended"][b] = Ending.OUTSIDE.code
                 continue
-            _fill(plan, mover, made[k].sharing, _of_motion(motion), b, out)
+            values = {name: getattr(motion, name) for name in _Result._fields[:-1]}
+            _write_general(runs, b, simulator, sharing, _Result(**values, times=[mark.time for mark in motion.marks]))
 
 
-class _Run(NamedTuple):
-    """What is left of one general run; NaN for a time that there is none of."""
+class _Result(NamedTuple):
+    """The result of one general run: fields of `Motion` or of a row of `Batch`, and the times of the fractions. None and NaN both stand for
+    a time that does not exist."""
 
     status: MotionStatus
     duration: float
     impacts: int
-    last_impact: float
-    clear: bool
+    last_impact: float | None
+    clear_from: float | None
     held_time: float
     initial_energy: float
     energy: float
     totals: np.ndarray
-    times: np.ndarray
     final: np.ndarray
     peaks: np.ndarray
+    times: Any
 
 
-def _of_batch(batch: Batch, i: int) -> _Run:
-    assert batch.peaks is not None
-    return _Run(
-        batch.status[i], float(batch.duration[i]), int(batch.impacts[i]), float(batch.last_impact[i]), not np.isnan(batch.clear_from[i]),
-        float(batch.held_time[i]), float(batch.initial_energy[i]), float(batch.energy[i]), batch.totals[i], batch.marks[i, :, 0],
-        batch.final[i], batch.peaks[i],
-    )  # fmt: skip
-
-
-def _of_motion(motion: Motion) -> _Run:
-    times = np.array([np.nan if mark.time is None else mark.time for mark in motion.marks] or [np.nan] * len(FRACTIONS))
-    last = np.nan if motion.last_impact is None else motion.last_impact
-    return _Run(
-        motion.status, motion.duration, motion.impacts, last, motion.clear_from is not None, motion.held_time, motion.initial_energy,
-        motion.energy, motion.totals, times, motion.final, motion.peaks,
-    )  # fmt: skip
-
-
-def _fill(plan: Plan, mover: Mover, sharing: Sharing, run: _Run, b: int, out: dict[str, np.ndarray]) -> None:
-    """The results of one general run."""
-    ended = _ending(plan, run)
-    out["ended"][b] = ended.code
+def _write_general(runs: _Runs, b: int, simulator: Mover, sharing: Sharing, run: _Result) -> None:
+    """Write the results of one general run."""
+    ended = _ending(runs.plan, run)
     if ended is Ending.OUTSIDE:
+        runs.out["ended"][b] = ended.code
         return
-    spent, energy = dict(zip(mover.parts, run.totals[:-1].tolist(), strict=True)), run.energy
-    came = run.initial_energy if run.initial_energy > 0.0 else math.fsum([*spent.values(), energy])
+    spent, energy = dict(zip(simulator.parts, run.totals[:-1].tolist(), strict=True)), run.energy
+    incoming = run.initial_energy if run.initial_energy > 0.0 else math.fsum([*spent.values(), energy])
     if ended is Ending.CLEAR:
-        rest = spent_to_rest(mover.system, mover.dampers, run.final)
+        rest = spent_to_rest(simulator.system, simulator.dampers, run.final)
         if rest is not None:
             spent = {part: value + rest.get(part, 0.0) for part, value in spent.items()}
             energy = 0.0
-    nes, lo = sharing.totals(spent)
-    out["nes_share"][b], out["lo_share"][b] = (nes / came, lo / came) if came > 0.0 else (0.0, 0.0)
-    for fraction, time in zip(FRACTIONS, run.times, strict=True):
-        out[f"time_{round(100 * fraction)}"][b] = time
-    out["impacts"][b], out["last_impact"][b] = run.impacts, run.last_impact
-    for name, peak in zip(mover.system.coordinates, run.peaks, strict=True):
-        out[f"peak_{name}"][b] = peak
-    out["sticking_time"][b] = run.held_time
-    out["duration"][b] = (run.last_impact if run.impacts else 0.0) if ended is Ending.CLEAR else run.duration
-    balance = math.fsum([run.initial_energy, run.totals[-1], *(-value for value in spent.values()), -energy])
-    out["balance_error"][b] = abs(balance) / came if came > 0.0 else abs(balance)
+    shares = [value / incoming if incoming > 0.0 else 0.0 for value in sharing.totals(spent)]
+    last_impact = math.nan if run.last_impact is None else run.last_impact
+    duration = (last_impact if run.impacts else 0.0) if ended is Ending.CLEAR else run.duration
+    balance = abs(math.fsum([run.initial_energy, run.totals[-1], *(-value for value in spent.values()), -energy]))
+    error = balance / incoming if incoming > 0.0 else balance
+    times = np.array(run.times, dtype=float)
+    runs.write(b, *shares, *times, run.impacts, last_impact, *run.peaks, run.held_time, duration, error, ended.code)
 
 
-def _ending(plan: Plan, run: _Run) -> Ending:
+def _ending(plan: Plan, run: _Result) -> Ending:
     if run.status is not MotionStatus.DURATION_REACHED:
         return Ending[run.status.name]
     if plan.until != CLEAR:
         return Ending.DURATION
-    return Ending.CLEAR if run.clear else Ending.LONGEST
+    clear = run.clear_from is not None and not math.isnan(run.clear_from)
+    return Ending.CLEAR if clear else Ending.LONGEST
 
 
-def _narrow(out: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Counts and codes as whole numbers, in few bytes."""
-    return {**out, "impacts": out["impacts"].astype(np.int32), "ended": out["ended"].astype(np.int8)}
+def spent_to_rest(system: ImpactSystem, dampers: Mapping[str, Any], state: np.ndarray) -> dict[str, float] | None:
+    """The energy that each damper dissipates in free motion from a state to infinite time, without impacts.
+
+    x' = A x; the integral of v'C v is x'P x with A'P + P A = -[0 0; 0 C] (Lyapunov).
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    dampers : mapping of str to (n, n) array_like
+        Parts of the damping matrix.
+    state : (2n,) ndarray
+        (u, v).
+
+    Returns
+    -------
+    dict of str to float, or None
+        None if a part of the motion does not come to rest.
+
+    Examples
+    --------
+    All of the energy:
+
+    >>> from bvp.system import vibro_impact_nes
+    >>> system = vibro_impact_nes(lam=0.1)
+    >>> round(spent_to_rest(system, {"all": system.damping}, np.array([0.0, 0.0, 0.0, 2.0]))["all"], 12)
+    2.0
+    """
+    from scipy.linalg import solve_continuous_lyapunov
+
+    n = system.degrees_of_freedom
+    inverse = np.linalg.inv(system.mass)
+    matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ system.stiffness, -inverse @ system.damping]])
+    rates = np.linalg.eigvals(matrix)
+    if not np.all(rates.real < -1e-9 * np.abs(rates).max()):
+        return None
+    out = {}
+    for name, damper in dampers.items():
+        taken = np.zeros((2 * n, 2 * n))
+        taken[n:, n:] = 0.5 * (np.asarray(damper) + np.asarray(damper).T)
+        out[name] = float(state @ solve_continuous_lyapunov(matrix.T, -taken) @ state) if np.any(taken) else 0.0
+    return out

@@ -1,10 +1,15 @@
-"""A study on disk: its plan and the blocks that are finished, as arrays by name."""
+"""A study on disk: its plan, its blocks of results, and the finished runs as arrays by name.
+
+A block is an NPZ or a Parquet file. It holds the columns, the digest of the study, the number of the block, and a CRC of all numbers.
+"""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,22 +17,184 @@ from typing import Any
 
 import numpy as np
 
-from branches.files import one_line, reason, write_text
+from branches.files import one_line, reason, replacing, write_text
 from bvp.shown import shown
-from transitions.study.axes import Axis
-from transitions.study.blocks import DamagedBlock, block_path, read_block
-from transitions.study.endings import Ending
-from transitions.study.plan import Plan
-from transitions.study.runs import block_columns, results_of
+from transitions.study.plan import Axis, Plan
+from transitions.study.runs import Ending, block_columns, results_of
 
-__all__ = ["Best", "NoStudy", "Study", "finished_blocks", "write_plan"]
+__all__ = [
+    "PLAN", "Best", "DamagedBlock", "ForeignBlock", "NoStudy", "Study", "block_path", "finished_blocks", "read_block", "read_plan",
+    "write_block", "write_plan",
+]  # fmt: skip
 
 PLAN = "study.json"
 SCHEMA = 1
+_ABOUT = "about"
 
 
 class NoStudy(ValueError):
     """A path that holds no study, or another one."""
+
+
+class DamagedBlock(ValueError):
+    """A block that differs from what was written; the message names it and says why."""
+
+
+class ForeignBlock(ValueError):
+    """An intact block of another study."""
+
+
+def write_plan(folder: Path, plan: Plan, kind: str, version: str) -> None:
+    """Write the plan of a study beside its blocks, which have the format `kind`."""
+    about = {"schema": SCHEMA, "saltus": version, "digest": plan.digest, "format": kind}
+    about |= {"columns": list(block_columns(plan)), "plan": plan.plain()}
+    write_text(folder / PLAN, json.dumps(about, indent=1) + "\n")
+
+
+def read_plan(folder: Path) -> tuple[Plan, str, str]:
+    """(plan, digest, format) of a study's folder.
+
+    Raises
+    ------
+    NoStudy
+        If the folder holds none.
+    """
+    try:
+        about = json.loads((folder / PLAN).read_text(encoding="utf-8"))
+        return Plan.from_plain(about["plan"]), str(about["digest"]), str(about["format"])
+    except FileNotFoundError:
+        raise NoStudy(f"{folder} holds no study; expected a folder that saltus study has made, with {PLAN} in it") from None
+    except OSError as error:
+        raise NoStudy(f"cannot read {folder / PLAN}: {reason(error)}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise NoStudy(f"{folder / PLAN} is damaged: {one_line(error)}; the same saltus study command writes it again") from error
+
+
+def block_path(folder: Path, number: int, kind: str) -> Path:
+    """The file of a block.
+
+    Examples
+    --------
+    >>> block_path(Path("shock.study"), 7, "npz").as_posix()
+    'shock.study/block-000007.npz'
+    """
+    return folder / f"block-{number:06d}.{kind}"
+
+
+def write_block(path: Path, columns: Mapping[str, np.ndarray], digest: str, number: int) -> None:
+    """Write a block completely or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Its suffix selects the format.
+    columns : mapping of str to (b,) ndarray
+    digest : str
+        Of the study's plan.
+    number : int
+
+    Raises
+    ------
+    branches.files.WriteFailure
+    """
+    about = json.dumps({"study": digest, "block": number, "crc": _crc(columns)})
+    with replacing(path) as beside:
+        if path.suffix == ".parquet":
+            import pyarrow
+            import pyarrow.parquet
+
+            table = pyarrow.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
+            pyarrow.parquet.write_table(table.replace_schema_metadata({_ABOUT: about}), beside, use_dictionary=False)
+            return
+        with open(beside, "wb") as file:
+            arrays: dict[str, Any] = {_ABOUT: np.frombuffer(about.encode(), dtype=np.uint8), **columns}
+            np.savez(file, **arrays)
+
+
+def read_block(path: Path, digest: str, number: int, count: int) -> dict[str, np.ndarray]:
+    """The columns of a block.
+
+    Parameters
+    ----------
+    path, digest, number
+        As for `write_block`.
+    count : int
+        Number of its runs.
+
+    Raises
+    ------
+    DamagedBlock
+        If the file cannot be read, its CRC does not fit its numbers, or it is another block.
+    ForeignBlock
+        If it is an intact block of another study.
+    """
+    try:
+        about, columns = _read_parquet(path) if path.suffix == ".parquet" else _read_npz(path)
+        recorded = json.loads(about)
+        if recorded["crc"] != _crc(columns):
+            raise ValueError("its CRC is not that of its numbers")
+        if recorded["study"] != digest:
+            raise ForeignBlock(f"{path.name} belongs to another study; expected an empty folder, or one of this study")
+        if recorded["block"] != number:
+            raise ValueError(f"it is block {recorded['block']}")
+        if any(len(values) != count for values in columns.values()):
+            raise ValueError(f"it has not {count} runs")
+    except ForeignBlock:
+        raise
+    except OSError as error:
+        raise DamagedBlock(f"{path.name} cannot be read: {reason(error)}") from error
+    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
+        raise DamagedBlock(f"{path.name} is damaged: {one_line(error)}") from error
+    return columns
+
+
+def _read_npz(path: Path) -> tuple[bytes, dict[str, np.ndarray]]:
+    with np.load(path, allow_pickle=False) as arrays:
+        columns = {name: arrays[name] for name in arrays.files}
+    return columns.pop(_ABOUT).tobytes(), columns
+
+
+def _read_parquet(path: Path) -> tuple[bytes, dict[str, np.ndarray]]:
+    import pyarrow.parquet
+
+    table: Any = pyarrow.parquet.read_table(path)
+    return (table.schema.metadata or {})[_ABOUT.encode()], {name: table[name].to_numpy() for name in table.column_names}
+
+
+def _crc(columns: Mapping[str, np.ndarray]) -> int:
+    """CRC-32 of the names, types and bytes of all columns."""
+    crc = 0
+    for name, values in columns.items():
+        plain = np.ascontiguousarray(values)
+        crc = zlib.crc32(f"{name}:{plain.dtype.str}:{plain.shape};".encode(), crc)
+        crc = zlib.crc32(plain.data, crc)
+    return crc
+
+
+def _blocks(
+    folder: Path, plan: Plan, digest: str, kind: str, damaged: Callable[[DamagedBlock], object]
+) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
+    """The numbers and columns of the intact blocks on disk; `damaged` is called with the error of each other block."""
+    for number in range(plan.blocks):
+        path = block_path(folder, number, kind)
+        if not path.exists():
+            continue
+        first, last = plan.block_range(number)
+        try:
+            yield number, read_block(path, digest, number, last - first)
+        except DamagedBlock as error:
+            damaged(error)
+
+
+def finished_blocks(folder: Path, plan: Plan, digest: str, kind: str, damaged: Callable[[str], None]) -> set[int]:
+    """The numbers of the intact blocks on disk; `damaged` is called with a message for each other block.
+
+    Raises
+    ------
+    ForeignBlock
+        For a block of another study.
+    """
+    return {number for number, _ in _blocks(folder, plan, digest, kind, lambda error: damaged(str(error)))}
 
 
 @dataclass(frozen=True)
@@ -43,7 +210,8 @@ class Best:
     given : dict
         Its parameters, a family by name.
     neighbours : (k,) int64 ndarray
-        Runs about it: in a grid those a step away along one axis or several; in a hypercube the 2 d + 1 nearest, each axis from 0 to 1.
+        Runs around it. In a grid: one step away along one axis or several. In a hypercube of d axes: the 2 d + 1 nearest runs, with each
+        axis scaled to 0..1.
     """
 
     run: int
@@ -52,60 +220,11 @@ class Best:
     neighbours: np.ndarray
 
 
-def write_plan(folder: Path, plan: Plan, kind: str, version: str) -> None:
-    """Write what a study is beside its blocks."""
-    about = {"schema": SCHEMA, "saltus": version, "digest": plan.digest, "format": kind}
-    about |= {"columns": list(block_columns(plan)), "plan": plan.plain()}
-    write_text(folder / PLAN, json.dumps(about, indent=1) + "\n")
-
-
-def read_plan(folder: Path) -> tuple[Plan, str, str]:
-    """(plan, digest, format) of a study's folder.
-
-    Raises
-    ------
-    NoStudy
-        Where there is none.
-    """
-    try:
-        about = json.loads((folder / PLAN).read_text(encoding="utf-8"))
-        return Plan.from_plain(about["plan"]), str(about["digest"]), str(about["format"])
-    except FileNotFoundError:
-        raise NoStudy(f"{folder} holds no study; expected a folder that saltus study has made, with {PLAN} in it") from None
-    except OSError as error:
-        raise NoStudy(f"cannot read {folder / PLAN}: {reason(error)}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise NoStudy(f"{folder / PLAN} is damaged: {one_line(error)}; the same saltus study command writes it again") from error
-
-
-def finished_blocks(folder: Path, plan: Plan, digest: str, kind: str, damaged: Callable[[str], None]) -> set[int]:
-    """The blocks that are on disk and whole; `damaged` is told of each that is not.
-
-    Raises
-    ------
-    ForeignBlock
-        For one of another study.
-    """
-    found = set()
-    for number in range(plan.blocks):
-        path = block_path(folder, number, kind)
-        if not path.exists():
-            continue
-        first, last = plan.block_range(number)
-        try:
-            read_block(path, digest, number, last - first)
-        except DamagedBlock as error:
-            damaged(str(error))
-        else:
-            found.add(number)
-    return found
-
-
 class Study:
     """The results of many runs.
 
     ``study["nes_share"]`` is an array over the finished runs, in the order of the plan. Lengths and energies are in the units of the
-    clearance (`peak_*`, `energy` = clearance^2 h), all else in natural units. `given` has the parameters as the file gives them.
+    clearance (`peak_*`, `energy` = clearance^2 h). Everything else is in natural units. `given` has the parameters as the file gives them.
 
     Parameters
     ----------
@@ -118,35 +237,30 @@ class Study:
     runs : (N,) int64 ndarray
         Numbers of the finished runs.
     given : dict of str to (N,) ndarray
-        The varied parameters; a family as its name.
+        The varied parameters; a family by its name.
 
     Raises
     ------
     NoStudy
-        Where there is none.
+        If the folder holds none.
     DamagedBlock
-        For a block that is not what was written: the same `saltus study` command does it again.
+        For a damaged block. The same `saltus study` command computes it again.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        self.plan, self._digest, self._kind = read_plan(self.path)
-        columns: dict[str, list[np.ndarray]] = {name: [] for name in block_columns(self.plan)}
-        runs: list[np.ndarray] = []
-        for number in range(self.plan.blocks):
-            place = block_path(self.path, number, self._kind)
-            if not place.exists():
-                continue
-            first, last = self.plan.block_range(number)
-            try:
-                block = read_block(place, self._digest, number, last - first)
-            except DamagedBlock as error:
-                raise DamagedBlock(f"{self.path}: {error}; the same saltus study command does it again") from error
-            runs.append(np.arange(first, last))
-            for name, parts in columns.items():
-                parts.append(block[name])
-        self.runs = np.concatenate(runs) if runs else np.zeros(0, dtype=np.int64)
-        self._columns = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in columns.items()}
+        self.plan, digest, kind = read_plan(self.path)
+
+        def refuse(error: DamagedBlock) -> None:
+            raise DamagedBlock(f"{self.path}: {error}; the same saltus study command does it again") from error
+
+        blocks = dict(_blocks(self.path, self.plan, digest, kind, refuse))
+        runs = [np.arange(*self.plan.block_range(number)) for number in blocks]
+        self.runs = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
+        self._columns = {
+            name: np.concatenate([block[name] for block in blocks.values()]) if blocks else np.zeros(0)
+            for name in block_columns(self.plan)
+        }  # fmt: skip
         self.given = {axis.name: self._named(axis) for axis in self.plan.axes}
 
     def __len__(self) -> int:
@@ -159,7 +273,7 @@ class Study:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The results that it has."""
+        """The names of the results."""
         return ("energy", "left_share", *results_of(self.plan))
 
     @cached_property
@@ -173,7 +287,7 @@ class Study:
         Raises
         ------
         KeyError
-            For a result that there is not.
+            For an unknown result.
         """
         if name == "energy":
             return self.clearance**2 * self._columns["h"]
@@ -185,29 +299,29 @@ class Study:
         return self.clearance * values if name.startswith("peak_") else values
 
     def numbers(self, name: str) -> np.ndarray:
-        """A varied parameter as numbers, (N,): a family as its index."""
+        """A varied parameter as numbers, (N,); a family by its index."""
         return self._columns[f"given.{name}"]
 
     @property
     def nbytes(self) -> int:
-        """Bytes that its arrays take."""
+        """Number of bytes of its arrays."""
         return sum(values.nbytes for values in self._columns.values())
 
     def endings(self) -> dict[Ending, int]:
-        """How many runs ended how."""
+        """Number of runs with each ending."""
         codes = {ending.code: ending for ending in Ending}
         found, counts = np.unique(self._columns["ended"], return_counts=True)
         return {codes[int(code)]: int(count) for code, count in zip(found, counts, strict=True)}
 
     def best(self, name: str = "nes_share") -> Best:
-        """The run with the largest result of a name, and those about it.
+        """The run with the largest result of a name, and the runs around it.
 
         Raises
         ------
         KeyError
-            For a result that there is not.
+            For an unknown result.
         ValueError
-            Where no finished run has it.
+            If no finished run has it.
         """
         values = self[name]
         if not np.isfinite(values).any():
@@ -217,21 +331,21 @@ class Study:
         return Best(int(self.runs[at]), float(values[at]), given, self._neighbours(at))
 
     def _neighbours(self, at: int) -> np.ndarray:
-        """Runs about the one at a place, without it."""
+        """The runs around one run, without it."""
         if self.plan.design == "grid":
             index = np.array(np.unravel_index(self.runs, self.plan.shape))
             steps = np.abs(index - index[:, at : at + 1])
-            # Families have no order: only runs of the same one are near.
+            # Families have no order: only runs of the same family are near.
             steps[[axis.is_family for axis in self.plan.axes]] *= 2
             return self.runs[steps.max(axis=0) == 1]
         places = np.array([self._place(axis) for axis in self.plan.axes])
         distance = np.square(places - places[:, at : at + 1]).sum(axis=0)
         nearest = np.argsort(distance, kind="stable")
-        # Other runs can lie at the very place of the best one, where all that varies is listed.
+        # If all parameters are listed, other runs can have exactly those of the best one.
         return self.runs[nearest[nearest != at][: 2 * len(places) + 1]]
 
     def _place(self, axis: Axis) -> np.ndarray:
-        """Where each run lies on an axis, 0 to 1."""
+        """Position of each run on an axis, 0 to 1; families lie 10 apart."""
         values = self.numbers(axis.name)
         if axis.is_family:
             return 10.0 * values

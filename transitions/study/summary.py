@@ -1,4 +1,4 @@
-"""What a picture of a study shows, as numbers: medians and quartiles along one parameter, medians over two, and the runs about the best."""
+"""Statistics of a study: medians and quartiles along one parameter, and medians over two."""
 
 from __future__ import annotations
 
@@ -6,30 +6,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from transitions.study.axes import Axis
+from transitions.study.plan import Axis
 from transitions.study.study import Study
 
 __all__ = ["Bins", "Map", "along", "bins_of", "numeric_axes", "over"]
 
 FEWEST = 20
-"""Runs of a hypercube in one bin, on average, at least."""
+"""Least mean number of a hypercube's runs in a bin."""
 
 MOST = 40
+"""Largest number of bins on an axis."""
 
 _SINGLE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Bins:
-    """Where the runs lie on an axis.
+    """The bins of an axis.
 
     Attributes
     ----------
     edges : (k + 1,) ndarray
-        Of the bins, ascending; in a grid half-way between the values, and as far beyond the first and the last one, so that a map has cells
-        of full size at its borders. A single value has a twentieth of itself on each side.
+        Edges of the bins, ascending. In a grid they lie half-way between the values, and as far beyond the first and the last value, so
+        that a map has cells of full size at its borders. A single value has a twentieth of itself on each side.
     centres : (k,) ndarray
-        The values of a grid; else the middles.
+        The values of a grid; else the middles of the bins.
     which : (N,) int64 ndarray
         The bin of each run.
     """
@@ -41,7 +42,7 @@ class Bins:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A result over two parameters: the medians (k, j), NaN where no run has it, and how many runs each stands for."""
+    """A result over two parameters: the medians (k, j), NaN if no run has it, and the number of runs in each bin."""
 
     x: Bins
     y: Bins
@@ -50,12 +51,12 @@ class Map:
 
 
 def numeric_axes(study: Study) -> tuple[Axis, ...]:
-    """The varied parameters that are numbers."""
+    """The varied parameters except the family."""
     return tuple(axis for axis in study.plan.axes if not axis.is_family)
 
 
 def bins_of(study: Study, axis: Axis, most: int) -> Bins:
-    """The bins of an axis: the values of a grid or of a list; else `most` of equal width on the axis's scale."""
+    """The bins of an axis: one for each value of a grid or a list; else `most` bins of equal width on the axis's scale."""
     values = study.given[axis.name]
     logarithmic = axis.scale == "log"
     if study.plan.design == "grid" or axis.values:
@@ -78,7 +79,7 @@ def bins_of(study: Study, axis: Axis, most: int) -> Bins:
 
 
 def along(study: Study, axis: Axis, values: np.ndarray, some: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """The places on an axis, (k,), and quartiles, medians and quartiles of the values there, (k, 3); NaN where no run has one.
+    """Centres of an axis's bins, (k,), and the quartiles and median of the values in each, (k, 3); NaN if no run has a value.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ def along(study: Study, axis: Axis, values: np.ndarray, some: np.ndarray | None 
     axis : Axis
     values : (N,) ndarray
     some : (N,) bool ndarray, optional
-        The runs that count.
+        The runs to use.
     """
     chosen = np.isfinite(values) if some is None else np.isfinite(values) & some
     bins = bins_of(study, axis, int(np.clip(chosen.sum() // FEWEST, 1, MOST)))

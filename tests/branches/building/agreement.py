@@ -4,8 +4,8 @@ import numpy as np
 
 from branches.building.work import ends_of
 from branches.catalogue import Catalogue
-from branches.catalogue.known import KnownFamilies
-from branches.discovery.search import discover
+from branches.catalogue.identify import KnownFamilies
+from branches.search.discovery import discover
 
 SAME = 1e-6
 """Quarter periods that are one."""

@@ -2,7 +2,7 @@
 
 import math
 
-from branches.words import impacts_per_period, parse_ends, parse_word
+from branches.sequences import impacts_per_period, parse_ends, parse_sequence
 
 SAME = 1e-8
 """Relative difference of the energies of one grazing orbit on two families."""
@@ -23,7 +23,7 @@ def unanswered(catalogue, rows, bounds=None, longest=math.inf):
         if bounds is None or event.type in ("GR", "BP", "SB"):
             return event.type in ("GR", "BP", "SB")
         times = {"PD": 2, "RT": event.p_q[1] if event.p_q else 0}.get(event.type, 0)
-        impacts = impacts_per_period(parse_word(row.word), parse_ends(row.ends))
+        impacts = impacts_per_period(parse_sequence(row.sequence), parse_ends(row.ends))
         return times > 0 and bounds.holds(alpha=times * event.alpha, impacts=times * impacts)
 
     def is_told(event):

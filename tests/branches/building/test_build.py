@@ -12,12 +12,12 @@ import pytest
 
 import saltus
 from branches.between_events import DigitWork
-from branches.building.bounds import Bounds, Plan
 from branches.building.build import build
+from branches.building.plan import Bounds, Plan
 from branches.catalogue import Catalogue
-from branches.catalogue.check import check
+from branches.catalogue.check import check_catalogue
 from branches.catalogue.errors import CatalogueDamaged, CatalogueError
-from branches.catalogue.rows import crc_of
+from branches.catalogue.opening import checksum
 from tests.branches.building.agreement import Families, decided_stability
 from tests.branches.building.meetings import unanswered
 from tests.branches.building.test_frontier import Serial
@@ -44,7 +44,7 @@ def tiny(tmp_path_factory):
 def content(path):
     """Everything that a catalogue says, but for when it was made."""
     with Catalogue(path) as catalogue:
-        families = [(row.id, row.values()) for row in catalogue.families()]
+        families = [(row.id, tuple(row)) for row in catalogue.families()]
         points = {row.id: catalogue.points(row.id) for row in catalogue.families()}
         return families, points, catalogue.edges(), catalogue.nodes
 
@@ -65,7 +65,7 @@ def test_it_is_settled_and_holds_what_must_be_there(small_scene):
 def test_points_and_edges_hold(small_scene):
     """Oracle: the residual and the bound of admissibility of every point, and the orbit of every edge in both families."""
     with Catalogue(small_scene[0]) as catalogue:
-        counts, failures = check(catalogue)
+        counts, failures = check_catalogue(catalogue)
     assert not failures and counts["edges"] > 50
 
 
@@ -205,11 +205,9 @@ def test_a_build_that_cannot_be_gone_on_with_says_so(tmp_path, place, value):
         catalogue.note("told", {"beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun})
         catalogue.note("unfolded 0000001", [None, False, 2])
         catalogue.add_work([("0000002", {"kind": "name", "value": "S13+", "wide": False, "further": None, "link": None})])
-        table, column, key = ("work", "payload", "0000002") if place == "work" else ("progress", "value", place)
+        table, key = ("work", "0000002") if place == "work" else ("progress", place)
         with catalogue.transaction():
-            catalogue._connection.execute(
-                f"UPDATE {table} SET {column} = ?, crc = ? WHERE key = ?", (value, crc_of((key, value)), key)
-            )
+            catalogue._connection.execute(f"UPDATE {table} SET value = ?, crc = ? WHERE key = ?", (value, checksum((key, value)), key))
         with pytest.raises(CatalogueError, match="cut.sqlite") as caught:
             build(catalogue, plan, Serial())
         assert isinstance(caught.value, CatalogueDamaged) and "\n" not in str(caught.value)

@@ -7,8 +7,7 @@ import pytest
 
 import saltus
 from branches.building import work as module
-from branches.building.bounds import Bounds, Plan
-from branches.building.levels import energies_of
+from branches.building.plan import Bounds, Plan, energies_of
 
 
 @pytest.mark.parametrize("place", [0, -1])

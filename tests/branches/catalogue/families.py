@@ -7,7 +7,7 @@ import numpy as np
 
 import saltus
 from branches.branch import Ended
-from branches.catalogue.closures import event_orbit
+from branches.catalogue.event_orbits import event_orbit
 from bvp.multipoint import MultipointProblem
 
 HIGH = 20.0
@@ -30,7 +30,7 @@ def renamed(branch, k, **changes):
     """The same points, but for changes, under the id of another family."""
     copy = dataclasses.replace(branch, ended=(Ended(f"COPY{k}", "a copy"), branch.ended[1]), events=(), **changes)
     stem = branch.id.rpartition(":")[0]
-    copy.__dict__["whole"] = dataclasses.replace(branch.whole, ids=(f"{stem}:{0xC0FFEE00 + k:08x}",))
+    copy.__dict__["full_family"] = dataclasses.replace(branch.full_family, ids=(f"{stem}:{0xC0FFEE00 + k:08x}",))
     return copy
 
 

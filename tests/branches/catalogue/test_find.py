@@ -4,8 +4,8 @@ import pytest
 
 import saltus
 from branches.catalogue import Node
-from branches.labels import LabelSyntaxError
-from branches.name_errors import AmbiguousName, NameNotFound
+from branches.naming.labels import LabelSyntaxError
+from branches.naming.reference_points import AmbiguousName, NameNotFound
 from tests.branches.catalogue.families import HIGH, real, renamed, scene
 
 
@@ -100,8 +100,8 @@ def test_a_linear_mode(catalogue):
 
 
 MISSING = {
-    "S39O11+": "S39O11\\+ is 3 turns of S13O00\\+",
-    "L33+": "L33\\+ is 3 turns of L11\\+",
+    "S39O11+": "S39O11\\+ is the 3-fold cover of S13O00\\+",
+    "L33+": "L33\\+ is the 3-fold cover of L11\\+",
     "U8353": "no family U8353; nearest that exist: ",
     "U1201": r"nearest that exist: U1301\+, U1101\+, U2101-",
     "S79O33-": "nearest that exist: .*S77O33-",
@@ -158,29 +158,29 @@ def test_a_pin_chooses_for_a_bare_name_only(twins):
     """Oracle: the scene pins S73O33- to alpha = 1.6459; other pins choose the other family; other names are not helped."""
     catalogue, twisted, other = twins
     assert catalogue.find("S73O33-").id == twisted.id
-    assert catalogue.find("S73O33-", pins={"S73O33-": {"h": 7.3348, "alpha": 3.2918}}).id == other.id
+    assert catalogue.find("S73O33-", reference_points={"S73O33-": {"h": 7.3348, "alpha": 3.2918}}).id == other.id
     with pytest.raises(AmbiguousName):
-        catalogue.find("S73O33-", pins={})
+        catalogue.find("S73O33-", reference_points={})
     with pytest.raises(AmbiguousName):
-        catalogue.find("S73O33-", pins={"S73O33-": {"h": 7.3348, "alpha": 9.0}})
+        catalogue.find("S73O33-", reference_points={"S73O33-": {"h": 7.3348, "alpha": 9.0}})
 
 
 def test_a_pin_finds_a_label_that_is_counted_otherwise(catalogue):
     """Oracle: the orbit at the pin: S53O33+ at h = 15 under a name with its impacts but other half-waves, as the literature has some;
     a name with other impacts is not helped, nor is one without a pin."""
     pins = {"S93O33-": {"h": 15.0, "alpha": 1.64594}, "S93O22-": {"h": 15.0, "alpha": 1.64594}}
-    match = catalogue.find("S93O33-", pins=pins)
+    match = catalogue.find("S93O33-", reference_points=pins)
     assert match.id == real()[TWISTED].id and match.h == 15.0 and "counted otherwise" in match.note
     assert catalogue.find("S73O33-").note == ""
     for name in ("S93O22-", "S95O33-"):
         with pytest.raises(NameNotFound):
-            catalogue.find(name, pins=pins)
+            catalogue.find(name, reference_points=pins)
 
 
 def test_an_orbit_is_known_by_its_family(catalogue):
     """Oracle: the family that it was taken from: as it stands, started at its far end, and mirrored; the twin of half its period is
     another; an orbit of a family that is not kept is none."""
-    from branches.catalogue.closures import seen_from, unknowns_of
+    from branches.catalogue.event_orbits import seen_from, unknowns_of
     from branches.orbit import Orbit
     from bvp.multipoint import MultipointProblem
 
@@ -189,7 +189,7 @@ def test_an_orbit_is_known_by_its_family(catalogue):
         assert catalogue.identify(orbit) == branch.id
     born = real()[BORN]
     orbit = born.orbit(len(born) // 2)
-    word = ("+",) if born.word == "-" else ("-",)
+    word = ("+",) if born.sequence == "-" else ("-",)
     other_end = seen_from(born.problem, orbit.solution.y, ("origin", "origin"), word)
     assert other_end is not None
     problem = MultipointProblem(born.system, other_end.ends, word)

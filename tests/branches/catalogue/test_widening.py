@@ -9,8 +9,8 @@ import pytest
 
 import saltus
 from branches.catalogue import Catalogue, CatalogueError, Edge, Node
-from branches.catalogue.check import check
-from branches.catalogue.closures import orbit_of_event, switch_edge
+from branches.catalogue.check import check_catalogue
+from branches.catalogue.event_orbits import orbit_of_event, switch_edge
 from branches.catalogue.widening import CannotWiden, Kept, holds
 from tests.branches.catalogue.families import linear_mode, real, same_columns, scene
 
@@ -77,7 +77,7 @@ def test_the_wider_branch_takes_the_place(tmp_path, low, high, count):
         hoped = [meeting for meeting in meetings(expected) if any(abs(meeting[6] - edge.h) < 1e-6 for edge in before)]
         assert meetings(catalogue) == hoped
         assert {node.id for node in catalogue.nodes if node.kind == "dead end"} == {m[4] for m in hoped if m[3] == "dead end"}
-        counts, failures = check(catalogue)
+        counts, failures = check_catalogue(catalogue)
         assert not failures and counts["edges"] == count
 
 
@@ -89,7 +89,7 @@ def test_what_is_kept_already_stays(tmp_path):
         assert catalogue.widen(part(0.4, 0.9)) is Kept.KNOWN
         assert catalogue.widen(part(0.3, 1.0)) is Kept.KNOWN
         for beside in (part(1.0, 20.0), part(0.5, 2.0)):
-            with pytest.raises(CannotWiden, match="does not have all of what is kept"):
+            with pytest.raises(CannotWiden, match="does not have all orbits of the family in the catalogue"):
                 catalogue.widen(beside)
     assert dump(path) == before
     with Catalogue(path) as catalogue, pytest.raises(CatalogueError, match="opened to read"):

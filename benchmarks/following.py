@@ -1,0 +1,346 @@
+"""Time of a point that saltus accepts: the engine's run measured point by point, complete or with the orbit alone, and layer by layer.
+
+A point's layers are compiled arithmetic, the call into compiled code, and the Python around it. They are measured from the blocks of steps
+of a run: the blocks are repeated with the same arguments, one layer at a time. The differences are what each layer costs.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+import branches.family
+from benchmarks.measure import Spread, processor_time, spread
+from branches.family import Family
+from branches.tracing import SETTINGS
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from continuation.control import kinds_of
+from continuation.ends import End, EndReason
+from continuation.engine import Allowance, first_step, walk
+from continuation.location import Location
+from continuation.points import PlainPoints
+from continuation.problem import Advance, Event, EventDetails, Point, Problem, Step, Test
+from continuation.settings import Settings
+
+__all__ = ["BareFamily", "Layers", "RecordedFamily", "Run", "compiled_calls", "layers_of", "least_time", "timed_run", "timed_runs"]
+
+Call = tuple[Callable[..., Any], tuple[Any, ...]]
+"""A compiled function and its arguments."""
+
+TOGETHER = 8
+"""One measurement is the mean of this many runs."""
+
+
+class BareFamily(Family):
+    """A family whose points are orbits only: no multipliers, no admissibility, no half-waves. Its only test function is the fold.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    """
+
+    def __init__(self, problem: MultipointProblem) -> None:
+        super().__init__(problem)
+        self._tests = (Test("SN", "crossing", False, "fold in the energy", True),)
+        self._kinds = np.array(kinds_of(self._tests))
+        self._full = False
+
+    def begin(self, y: np.ndarray) -> Step:
+        """See `continuation.Problem`."""
+        return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, full=False))
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
+        """See `continuation.Problem`."""
+        return self._step(self.problem.step(y, tangent, ds, full=False))
+
+    def _step(self, solution: Solution | None) -> Step:
+        if solution is None:
+            return _FAILED
+        result = solution.result.tolist()
+        residual = result[_RESIDUAL]
+        slope = result[_SLOPE]
+        if not residual < 1e-12:
+            return _FAILED
+        return Step(
+            True, solution.y, solution.tangent, tuple(solution.position.tolist()), result[_TURN], result[_CONTRACTION],
+            int(result[_ITERATIONS]), residual, result[_ENERGY], slope, [slope], solution,
+        )  # fmt: skip
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails:
+        """See `continuation.Problem`."""
+        return EventDetails("SN")
+
+
+_RESIDUAL, _SLOPE, _TURN, _CONTRACTION, _ITERATIONS, _ENERGY = (
+    RESULT_INDEX[name] for name in ("residual", "slope", "turn", "contraction", "iterations", "energy")
+)
+_FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, float("inf"), 0, float("inf"), float("nan"), float("nan"), [])
+
+
+class RecordedFamily(Family):
+    """A family that records the arguments of each block of steps, and the steps accepted in it.
+
+    Attributes
+    ----------
+    blocks : list of tuple
+        Arguments of each block.
+    accepted : list of Step
+    tried : int
+        Blocks that ended with a step that the engine has to examine.
+    """
+
+    def __init__(self, problem: MultipointProblem) -> None:
+        super().__init__(problem)
+        self.blocks: list[tuple[Any, ...]] = []
+        self.accepted: list[Step] = []
+        self.tried = 0
+
+    def _advance(self, *arguments: Any) -> Advance:
+        found = super()._advance(*arguments)
+        self.blocks.append(arguments)
+        self.accepted += found.steps
+        self.tried += found.trial is not None
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of the engine.
+
+    Parameters
+    ----------
+    steps : list of Step
+        The accepted points after the start, without the points at events.
+    seconds : (N,) float
+        Processor time from one accepted point to the next, including refused steps and event location.
+    clean : (N,) bool
+        No event was located between the previous point and this one.
+    events : int
+        Events located.
+    """
+
+    steps: list[Step]
+    seconds: np.ndarray
+    clean: np.ndarray
+    events: int
+
+    @property
+    def clean_point(self) -> float:
+        """Mean seconds of an accepted point without an event before it."""
+        return float(np.mean(self.seconds[self.clean]))
+
+
+def timed_run(family: Problem, start: Step, points: int, settings: Settings = SETTINGS) -> Run:
+    """Follow a family to higher energy and measure the processor time of each point.
+
+    Points come in blocks. The first point of a block gets the time of the whole block and of the step that ended it, so only means are
+    meaningful. The points of a block stay in its arrays while the time is measured.
+
+    Parameters
+    ----------
+    family : continuation.Problem
+    start : Step
+        From `family.begin`.
+    points : int
+        Accepted points after the start; fewer if the family ends before.
+    settings : continuation.Settings
+
+    Raises
+    ------
+    RuntimeError
+        If there is an event before every point.
+    """
+    clock = time.process_time
+    allowance = Allowance(points + 1, resume=True)
+    first = first_step(family, start, 1)
+    if isinstance(first, str):
+        raise RuntimeError(first)
+    run = walk(family, first, settings, None, (), allowance)
+    next(run)
+    found: list[Sequence[Point]] = []
+    count = 0
+    seconds: list[float] = []
+    clean: list[bool] = []
+    events = events_before = 0
+    last = clock()
+    for item in run:
+        now = clock()
+        if isinstance(item, Event):
+            events_before += 1
+        elif isinstance(item, End):
+            if item.reason is not EndReason.POINTS:
+                break
+            allowance.points = points - count
+        elif isinstance(item, PlainPoints) or item.event is None:
+            piece: Sequence[Point] = item if isinstance(item, PlainPoints) else (item,)
+            found.append(piece)
+            count += len(piece)
+            seconds += [now - last, *[0.0] * (len(piece) - 1)]
+            clean += [events_before == 0] * len(piece)
+            events += events_before
+            events_before = 0
+            if count == points:
+                break
+            last = clock()
+    if not any(clean):
+        raise RuntimeError("every step of the run contains an event; start elsewhere on the family")
+    return Run([point.step for piece in found for point in piece], np.array(seconds), np.array(clean), events)
+
+
+def timed_runs(family: Problem, y: np.ndarray, points: int, repeats: int, settings: Settings = SETTINGS) -> list[Run]:
+    """Repeat a run from unknowns y, after one that is not measured."""
+    start = family.begin(y)
+    timed_run(family, start, points, settings)
+    return [timed_run(family, start, points, settings) for _ in range(repeats)]
+
+
+def least_time(family: Problem, y: np.ndarray, points: int, settings: Settings, seconds: float) -> tuple[Run, float]:
+    """Return a run and the least mean time of a point without an event before it.
+
+    The mean is over `TOGETHER` consecutive runs, repeated for some seconds. On a shared machine the least mean is the least disturbed one,
+    and a clock that is read too often is not reliable.
+    """
+    start = family.begin(y)
+    first = timed_run(family, start, points, settings)
+    least = math.inf
+    began = time.process_time()
+    while least == math.inf or time.process_time() - began < seconds:
+        runs = [timed_run(family, start, points, settings) for _ in range(TOGETHER)]
+        least = min(least, float(np.mean([run.clean_point for run in runs])))
+    return first, least
+
+
+@numba.njit
+def _nothing(*arguments):
+    return 0
+
+
+@dataclass(frozen=True)
+class Layers:
+    """Seconds a point, layer by layer.
+
+    Parameters
+    ----------
+    inner : int
+        Number of inner impacts.
+    steps, iterations, compiled_calls : float
+        Per point.
+    compiled : float
+        Arithmetic in compiled code.
+    entering : float
+        Passing the same arguments to compiled code and back.
+    family : float
+        Python in `Family.advance` around the compiled call: arrays of the block, and a `Step` if the last one is not plain.
+    engine : float
+        Python in the engine, per block.
+    total : Spread
+        Measured directly. Its least value is the sum of the layers, which are differences of least times.
+    """
+
+    inner: int
+    steps: float
+    iterations: float
+    compiled_calls: float
+    compiled: float
+    entering: float
+    family: float
+    engine: float
+    total: Spread
+
+    @property
+    def python(self) -> float:
+        """Least seconds outside compiled arithmetic."""
+        return self.total.least - self.compiled
+
+
+def layers_of(problem: MultipointProblem, y: np.ndarray, points: int, repeats: int) -> Layers:
+    """Measure the time of a point layer by layer.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    y : (u,) float
+        Unknowns at the start of the run.
+    points : int
+        Accepted points of the run.
+    repeats : int
+        How often each layer is measured.
+
+    Raises
+    ------
+    RuntimeError
+        If no compiled call is seen, or no point comes from a block.
+    """
+    recorded = RecordedFamily(problem)
+    timed_run(recorded, recorded.begin(y), points)
+    family = Family(problem)
+    with compiled_calls() as calls:
+        for arguments in recorded.blocks:
+            family._advance(*arguments)
+        seen = list(calls)
+    if not seen:
+        raise RuntimeError("no compiled call was seen in Family.advance")
+    accepted = len(recorded.accepted)
+    if not accepted:
+        raise RuntimeError(f"none of {points} points came from a block of steps; ask for more points")
+    _seconds([(_nothing, arguments) for _, arguments in seen])  # compiles it
+    totals, families, kernels, nothings = [], [], [], []
+    for _ in range(repeats):
+        totals += [r.clean_point for r in timed_runs(family, y, points, 1)]
+        families.append(_seconds([(family._advance, arguments) for arguments in recorded.blocks]) / accepted)
+        kernels.append(_seconds(seen) / accepted)
+        nothings.append(_seconds([(_nothing, arguments) for _, arguments in seen]) / accepted)
+    total = spread(totals)
+    in_family, in_kernel, nothing = (min(x) for x in (families, kernels, nothings))
+    return Layers(
+        problem.inner,
+        1.0 + recorded.tried / accepted,
+        float(np.mean([step.iterations for step in recorded.accepted])),
+        len(seen) / accepted,
+        in_kernel - nothing,
+        nothing,
+        in_family - in_kernel,
+        total.least - in_family,
+        total,
+    )
+
+
+def _seconds(calls: list[Call]) -> float:
+    """Processor time of all the calls together."""
+
+    def repeat() -> None:
+        for function, arguments in calls:
+            function(*arguments)
+
+    return processor_time(repeat)
+
+
+@contextmanager
+def compiled_calls() -> Iterator[list[Call]]:
+    """Record the calls of compiled functions that `branches.family` makes by name, in order."""
+    calls: list[Call] = []
+    module = branches.family
+    compiled = {name: value for name, value in vars(module).items() if isinstance(value, Dispatcher)}
+
+    def recording(function: Callable[..., Any]) -> Callable[..., Any]:
+        def recorded(*arguments: Any) -> Any:
+            calls.append((function, arguments))
+            return function(*arguments)
+
+        return recorded
+
+    for name, value in compiled.items():
+        setattr(module, name, recording(value))
+    try:
+        yield calls
+    finally:
+        for name, value in compiled.items():
+            setattr(module, name, value)

@@ -1,0 +1,223 @@
+"""The text files of AUTO-07p: its constants and the first orbit are written, its table and its points are read."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bvp.multipoint import MultipointProblem
+
+__all__ = ["EQUATIONS", "AutoError", "AutoPoint", "AutoRun", "AutoSettings", "constants_text", "last_lines", "read_run", "start_text"]
+
+EQUATIONS = "flights"
+"""Name of the equations, and so of all files."""
+
+_TYPES = {1: "BP", 5: "LP", 6: "BP", 9: "EP", -4: "UZ", 4: "UZ", -9: "MX"}
+_FAILED = "MX"
+_ENDS = {"stop+": 0, "stop-": 0, "origin": 1, "rest": 2}
+_DIGITS = 2e-10  # relative error of a number in AUTO's table
+
+
+class AutoError(RuntimeError):
+    """AUTO failed; the message quotes its last lines."""
+
+
+@dataclass(frozen=True)
+class AutoSettings:
+    """How AUTO discretises and follows.
+
+    Parameters
+    ----------
+    intervals, collocation : int
+        NTST, 1 or more, and NCOL, 2 to 7.
+    tolerance : float
+        EPSL and EPSU, of Newton's method, relative.
+    special_tolerance : float
+        EPSS, relative, of located points.
+    step : float
+        DS, the constant pseudo-arclength between points in AUTO's own norm. Its sign is that of the first change of the energy.
+    points : int
+        NMX.
+    folds : bool
+        Whether folds are located.
+    adapt : int
+        IAD: number of points after which the mesh is adapted; 0 for never.
+    """
+
+    intervals: int = 4
+    collocation: int = 7
+    tolerance: float = 1e-12
+    special_tolerance: float = 1e-12
+    step: float = 0.02
+    points: int = 100
+    folds: bool = False
+    adapt: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class AutoPoint:
+    """An orbit that AUTO found.
+
+    Parameters
+    ----------
+    type : str
+        "" for an ordinary point, LP for a fold, BP, UZ, EP.
+    h : float
+    flight_times : (k + 1,) float
+    nodes : (k + 1, 4) float
+        (u, u') where each flight begins.
+    """
+
+    type: str
+    h: float
+    flight_times: np.ndarray
+    nodes: np.ndarray
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Velocities (2,) at the origin."""
+        return self.nodes[0, 2:]
+
+    def quarter_period(self, problem: MultipointProblem) -> float:
+        """alpha."""
+        return float(np.sum(self.flight_times)) / problem.quarters
+
+    def unknowns(self, problem: MultipointProblem) -> np.ndarray:
+        """The orbit as unknowns of the multipoint problem."""
+        states = self.nodes @ problem.modes.from_state.T
+        return problem.pack(states[0], states[1:], self.flight_times)
+
+
+@dataclass(frozen=True, eq=False)
+class AutoRun:
+    """Result of a run of AUTO.
+
+    Parameters
+    ----------
+    seconds : float
+        AUTO's "Total Time": reading, following and writing, without compiling and starting.
+    count : int
+        Number of points, including the first one.
+    points : list of AutoPoint
+        Empty if AUTO kept none.
+    processor : float
+        Processor seconds of the whole call, with compiling and starting; NaN if unknown.
+    """
+
+    seconds: float
+    count: int
+    points: list[AutoPoint]
+    processor: float = math.nan
+
+    @property
+    def folds(self) -> list[AutoPoint]:
+        """The located folds."""
+        return [point for point in self.points if point.type == "LP"]
+
+
+def start_text(problem: MultipointProblem, y: np.ndarray, keep: bool) -> str:
+    """The file flights.start: h, mu, sigma, the end, whether points are kept; flight times; sides; states at the starts of the flights."""
+    system = problem.system
+    parameters = system.describe()
+    if parameters.get("model") != "vibro_impact_nes":
+        raise ValueError("the equations for AUTO are those of the linear oscillator with a vibro-impact sink; received another system")
+    if problem.ends[0] != "origin" or problem.ends[1] not in _ENDS:
+        raise ValueError(f"the equations for AUTO begin at an origin; received the ends {problem.ends[0]} {problem.ends[1]}")
+    states = np.vstack([problem.start(y)[None], problem.nodes(y)]) @ system.modes.to_state.T
+    last = 1.0 if problem.ends[1] == "stop+" else -1.0
+    sides = [1.0 if letter == "+" else -1.0 for letter in problem.word] + [last]
+    first = [problem.energy(y), float(parameters["mu"]), float(parameters["sigma"]), _ENDS[problem.ends[1]], int(keep)]
+    return "".join(" ".join(repr(float(x)) for x in row) + "\n" for row in (first, problem.flight_times(y), sides, states.ravel()))
+
+
+def constants_text(problem: MultipointProblem, settings: AutoSettings) -> str:
+    """The file of AUTO's constants. The energy and all flight times are free."""
+    flights = problem.inner + 1
+    free = [1, *range(21, 21 + flights)]
+    step = abs(settings.step)
+    return f"""\
+NDIM={4 * flights}, IPS=4, IRS=0, ILP={int(settings.folds)}
+ICP={free}
+NTST={settings.intervals}, NCOL={settings.collocation}, IAD={settings.adapt}, ISP=0, ISW=1, IPLT=0, NBC={5 * flights}, NINT=0
+NMX={settings.points}, NPR=0, MXBF=0, IID=0, ITMX=9, ITNW=7, NWTN=3, JAC=1
+EPSL={settings.tolerance!r}, EPSU={settings.tolerance!r}, EPSS={settings.special_tolerance!r}
+DS={settings.step!r}, DSMIN={step * 1e-3!r}, DSMAX={step!r}, IADS=0
+NPAR={20 + 2 * flights}
+"""
+
+
+def read_run(output: str, table: str, points: str, flights: int) -> AutoRun:
+    """Read the output and the files of a run.
+
+    Parameters
+    ----------
+    output : str
+        Its standard output, with the line "Total Time".
+    table : str
+        The file b.flights: for each point a line with its type and its numbers to eleven digits.
+    points : str
+        The file flights.points: every point that was computed, with all digits; "" if no points are wanted.
+    flights : int
+        Number of flights k + 1.
+
+    Raises
+    ------
+    AutoError
+        If the time is missing, AUTO did not converge, or a point of the table is not among the points.
+    """
+    found = re.search(r"Total Time\s+(\S+)", output)
+    if found is None:
+        raise AutoError(f"AUTO printed no time: {last_lines(output)}")
+    columns, rows = _read_table(table)
+    kinds = [_TYPES.get(int(row[2]), "") for row in rows]
+    if not rows or _FAILED in kinds:
+        raise AutoError(f"AUTO did not converge after {max(len(rows) - 1, 0)} points: {last_lines(output)}")
+    if not points:
+        return AutoRun(float(found[1]), len(rows), [])
+    known = [(float(row[columns["PAR(1)"]]), float(row[columns["PAR(21)"]])) for row in rows]
+    return AutoRun(float(found[1]), len(rows), _match(kinds, np.array(known), points, flights))
+
+
+def _read_table(table: str) -> tuple[dict[str, int], list[list[str]]]:
+    """Column numbers of the file b.flights by name, and its rows."""
+    columns: dict[str, int] = {}
+    rows = []
+    for line in table.splitlines():
+        words = line.replace("MAX U(", "MAX_U(").split()
+        if words[:4] == ["0", "PT", "TY", "LAB"]:
+            columns = {word: i for i, word in enumerate(words)}
+        elif words and words[0] != "0":
+            rows.append(words)
+    if not {"PAR(1)", "PAR(21)"} <= set(columns):
+        heading = ", ".join(columns) or "no heading"
+        raise AutoError(f"AUTO's table lacks the energy PAR(1) or the first flight time PAR(21); it has {heading}")
+    return columns, rows
+
+
+def _match(kinds: Sequence[str], known: np.ndarray, points: str, flights: int) -> list[AutoPoint]:
+    """Find the points of the table among all computed points, by the eleven digits of the energy and the first flight time.
+
+    AUTO computes them in order, some of them twice and some on the way to a special point.
+    """
+    rows = np.array([line.split() for line in points.splitlines()], dtype=float)
+    out = []
+    at = 0
+    for kind, values in zip(kinds, known, strict=True):
+        away = np.max(np.abs(rows[at:, :2] / values - 1.0), axis=1)
+        same = np.flatnonzero(away <= _DIGITS)
+        if not len(same):
+            raise AutoError(f"the point h = {values[0]:.10g} of AUTO's table is not among the points that it kept")
+        at += int(same[0])
+        row = rows[at]
+        out.append(AutoPoint(kind, float(row[0]), row[1 : 1 + flights], row[1 + flights :].reshape(flights, 4)))
+    return out
+
+
+def last_lines(*texts: str) -> str:
+    """The last two lines of the output."""
+    lines = [line.strip() for text in texts for line in text.splitlines() if line.strip()]
+    return " / ".join(lines[-2:]) or "no output"

@@ -1,0 +1,138 @@
+"""Floquet multipliers by the textbook method, the product of saltation matrices: the second method of the tests and benchmarks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bvp.cycle import Cycle
+from bvp.kernels.flight import flow_matrix
+from bvp.multipliers import scaled_arguments, sort_multipliers
+from bvp.system import ImpactSystem
+
+__all__ = ["monodromy", "reduced_monodromy", "saltation", "saltation_matrix", "saltation_multipliers"]
+
+
+def saltation(jump: np.ndarray, coming: np.ndarray, going: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """What crossing a surface makes of a perturbation: S = R + (f+ - R f-) g / (g . f-).
+
+    Parameters
+    ----------
+    jump : (N, N) float
+        R, the derivative of what the state becomes on the surface; the identity where only the flow changes.
+    coming, going : (N,) float
+        f- and f+, the flow before and behind it; g . f- is not 0.
+    gradient : (N,) float
+        g, the gradient of the surface.
+
+    Returns
+    -------
+    (N, N) float
+
+    Examples
+    --------
+    >>> saltation(np.eye(2), np.array([2.0, 0.0]), np.array([2.0, 1.0]), np.array([1.0, 0.0]))
+    array([[1. , 0. ],
+           [0.5, 1. ]])
+    """
+    return jump + np.outer(going - jump @ coming, gradient) / float(gradient @ coming)
+
+
+def saltation_matrix(system: ImpactSystem, contact: int, before: np.ndarray) -> np.ndarray:
+    """What an impact makes of a perturbation, in modal coordinates.
+
+    S = R + (f+ - R f-) g / (g . f-), with R = I - (1 + r) d g' the map of the states, f+- = B z+- the flow on either side and
+    g the gradient of the gap (Mueller, Chaos, Solitons & Fractals 5 (1995) 1671).
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    contact : int
+        Row of the contact arrays of `Modes`.
+    before : (2n,) float
+        Modal state before the impact.
+
+    Returns
+    -------
+    (2n, 2n) float
+
+    Raises
+    ------
+    ValueError
+        For an impact at zero speed.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> S = saltation_matrix(vibro_impact_nes(rho=0.7), 1, np.array([1.0, 0.2, 0.3, 0.4]))
+    >>> bool(abs(np.linalg.det(S) - 0.7**2) < 1e-14)
+    True
+    """
+    modes = system.modes
+    before = np.asarray(before, dtype=float)
+    gap, rate = modes.contact_gap[contact], modes.contact_rate[contact]
+    restitution = 1.0 + modes.contact_restitution[contact]
+    impact = np.eye(before.size) - restitution * np.outer(modes.contact_push[contact], rate)
+    flow_before = modes.matrix @ before
+    flow_after = modes.matrix @ (impact @ before)
+    if float(gap @ flow_before) == 0.0:
+        raise ValueError(f"the impact on {modes.contact_letters[contact]!r} has zero speed: it has no saltation matrix")
+    return saltation(impact, flow_before, flow_after, gap)
+
+
+def monodromy(cycle: Cycle) -> np.ndarray:
+    """Product of saltation matrices and exponentials once round a cycle, (2n, 2n), in modal coordinates.
+
+    It carries a perturbation from just after the first node of the cycle to just after its return there. For another section,
+    to_state M from_state is the same map of (u, v).
+
+    Raises
+    ------
+    ValueError
+        For an impact at zero speed.
+    """
+    modes = cycle.system.modes
+    nodes, size = cycle.after.shape
+    product = np.eye(size)
+    flow = np.empty((size, size))
+    for i in range(nodes):
+        j = (i + 1) % nodes
+        flow_matrix(modes.flight, float(cycle.duration[i]), flow)
+        product = flow @ product
+        if cycle.contact[j] >= 0:
+            product = saltation_matrix(cycle.system, int(cycle.contact[j]), cycle.before[j]) @ product
+    return product
+
+
+def reduced_monodromy(cycle: Cycle) -> np.ndarray:
+    """The monodromy without its trivial directions, in orthonormal coordinates of the states divided by their size.
+
+    (2n - 2, 2n - 2) for a conservative system: perpendicular to the flow and tangent to the energy level; else
+    (2n - 1, 2n - 1), perpendicular to the flow.
+
+    Raises
+    ------
+    ValueError
+        For an impact at zero speed.
+    """
+    arguments, _, size = scaled_arguments(cycle)
+    _, after, _, _, scale, weights = arguments
+    scaled = monodromy(cycle) * scale / scale[:, None]
+    directions = [(cycle.system.modes.matrix @ after[0]) / scale]
+    if cycle.system.is_conservative:
+        directions.append(weights * after[0] * scale)
+    columns = np.column_stack([*(x / np.linalg.norm(x) for x in directions), np.eye(size)])
+    rest = np.linalg.qr(columns)[0][:, len(directions) :]
+    return rest.T @ scaled @ rest
+
+
+def saltation_multipliers(cycle: Cycle) -> np.ndarray:
+    """Nontrivial multipliers from the monodromy, in the same order: the cross-check of `saddle_point_multipliers`.
+
+    They are right to rounding times |M|, so a small multiplier beside a large one is lost.
+
+    Raises
+    ------
+    ValueError
+        For an impact at zero speed.
+    """
+    return sort_multipliers(np.linalg.eigvals(reduced_monodromy(cycle)))

@@ -1,0 +1,306 @@
+"""How a curve of a family is drawn: smooth, with its stability, and with markers at its special points."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from branches.diagram.room import Room, even_points, one_in_cell
+from branches.diagram.style import BLACK, BLUE, EVENT_STYLES, GREY, VERMILION, event_style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
+
+__all__ = [
+    "DrawnCurve",
+    "curve_runs",
+    "draw_curve",
+    "draw_events",
+    "draw_events_with_room",
+    "legend_entries",
+    "smooth",
+    "thinned",
+    "visible_codes",
+]
+
+STABILITY = {1: "stable", 0: "unstable", -1: "undecided"}
+_LINE: dict[int, dict[str, Any]] = {
+    1: {"color": BLUE, "linewidth": 1.5, "linestyle": "-"},
+    0: {"color": VERMILION, "linewidth": 0.6, "linestyle": "-"},
+    -1: {"color": GREY, "linewidth": 1.0, "linestyle": ":"},
+}
+_DOT = {1: ("o", 2.5), 0: ("x", 3.2), -1: (".", 2.5)}
+_CROSS: dict[str, Any] = {"markersize": 3.2, "markeredgewidth": 0.7}
+_CROSS_SPACING = 9.0  # points (1/72 inch)
+_BELOW = {"EP": 3.9, "LB": 3.92, "RT": 3.94}  # common types are drawn below the others
+_SEEN = 5.0  # an undecided piece shorter than this (points) is hidden by the marker of its event
+_SPACING = 3.0  # points between the places of a smooth curve
+_MOST = 64  # places added between two points
+_SMALLER = 0.7  # markers among many families, against those of one
+_APART = 7.0  # points from the middle of a marker to the next
+_ABOUT, _ALONE = 5.0, 2.6  # half the width of a marker's surroundings, and how many times that width of curves they may hold
+
+
+class DrawnCurve(NamedTuple):
+    """A curve as it is drawn: x, y (N,), stability codes (N,), and where it must not be joined (N-1,)."""
+
+    x: np.ndarray
+    y: np.ndarray
+    stable: np.ndarray
+    breaks: np.ndarray
+
+
+def segment_kinds(stable: np.ndarray) -> np.ndarray:
+    """Stability (N-1,) of the pieces between N points: stable only where both ends are; a single undecided point between
+    decided ones (an event, where the multiplier sits on the limit) takes the side of each neighbour."""
+    stable = np.asarray(stable).astype(int)
+    padded = np.concatenate([[0], stable, [0]])
+    lone = (stable == -1) & (padded[:-2] != -1) & (padded[2:] != -1)
+    a, b = stable[:-1], stable[1:]
+    mixed = np.where((a == -1) | (b == -1), -1, 0)
+    return np.where(a == b, a, np.where(lone[:-1], b, np.where(lone[1:], a, mixed)))
+
+
+def smooth(curve: DrawnCurve, arclength: np.ndarray, size: tuple[float, float]) -> DrawnCurve:
+    """The curve with places between its points, on a cubic of the arclength that passes through every point and stays between
+    neighbours (Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238), so it has no bend that the points do not have.
+
+    Parameters
+    ----------
+    curve : DrawnCurve
+        x positive: it is interpolated by its logarithm.
+    arclength : (N,) not falling
+    size : (width, height) of the panel in points
+
+    Returns
+    -------
+    DrawnCurve
+        All points of `curve` in their order, with places between those that stand far apart; nothing before the first point of
+        a piece and nothing behind its last.
+    """
+    count = len(curve.x)
+    kinds = segment_kinds(curve.stable)
+    level = np.log(curve.x)
+    finite = np.isfinite(curve.y) & np.isfinite(level)
+    joined = ~curve.breaks & finite[:-1] & finite[1:] & (np.diff(arclength) > 0.0)
+    columns = np.stack([level, curve.y], axis=1)
+    extent = np.array([np.ptp(column[finite]) if finite.any() else 0.0 for column in columns.T])
+    scale = np.array(size) / np.where(extent > 0.0, extent, np.inf)
+    steps = np.hypot(*(np.diff(columns, axis=0) * scale).T)
+    added = np.where(joined, np.clip(np.ceil(np.where(joined, steps, 0.0) / _SPACING) - 1, 0, _MOST), 0).astype(int)
+    pieces = np.split(np.arange(count), np.flatnonzero(~joined) + 1)
+    for piece in pieces:
+        if len(piece) == 2:
+            added[piece[0]] = 0  # a straight line needs no places
+    if not added.any():
+        return curve
+    parts: list[np.ndarray] = []
+    stable: list[np.ndarray] = []
+    for piece in pieces:
+        parts.append(_places(piece, columns, arclength, added))
+        codes = [curve.stable[piece[:1]]]
+        for i in piece[:-1]:
+            codes += [np.full(added[i], kinds[i]), curve.stable[i + 1 : i + 2]]
+        stable.append(np.concatenate(codes))
+    breaks = np.concatenate([np.append(np.zeros(len(part) - 1, dtype=bool), True) for part in parts])[:-1]
+    whole = np.concatenate(parts)
+    given = np.cumsum(np.concatenate([[0], 1 + added]))
+    x = np.exp(whole[:, 0])
+    x[given] = curve.x  # to the bit
+    return DrawnCurve(x, whole[:, 1], np.concatenate(stable), breaks)
+
+
+def _places(piece: np.ndarray, columns: np.ndarray, arclength: np.ndarray, added: np.ndarray) -> np.ndarray:
+    """Rows (log x, y) of one piece, with the places added between its points."""
+    if not added[piece[:-1]].any():
+        return columns[piece]
+    from scipy.interpolate import PchipInterpolator
+
+    s = arclength[piece]
+    at = [s[:1]]
+    for i, j in zip(piece, piece[1:], strict=False):
+        at.append(np.linspace(arclength[i], arclength[j], added[i] + 2)[1:])
+    places = PchipInterpolator(s, columns[piece])(np.concatenate(at))
+    places[np.cumsum(np.concatenate([[0], 1 + added[piece[:-1]]]))] = columns[piece]
+    return places
+
+
+def curve_runs(stable: np.ndarray, x: np.ndarray, y: np.ndarray, breaks: np.ndarray) -> dict[int, np.ndarray]:
+    """Split a curve by stability.
+
+    Parameters
+    ----------
+    stable : (N,) 1 stable, 0 unstable, -1 undecided
+    x, y : (N,) the curve
+    breaks : (N-1,) True where it must not be joined
+
+    Returns
+    -------
+    dict of code to (k, 2) polylines, joined by rows of NaN
+        A piece is stable only where both its ends are; a single undecided point between decided ones (an event, where the
+        multiplier sits on the limit) takes the side of each neighbour. A point joined to nothing is a run of its own.
+    """
+    stable = np.asarray(stable).astype(int)
+    points = np.stack([np.asarray(x, dtype=float), np.asarray(y, dtype=float)], axis=1)
+    kind = segment_kinds(stable)
+    finite = np.isfinite(points).all(axis=1)
+    joined = ~np.asarray(breaks, dtype=bool) & finite[:-1] & finite[1:]
+    alone = finite & ~np.append(joined, False) & ~np.insert(joined, 0, False)
+    gap = np.full((1, 2), np.nan)
+    runs: dict[int, np.ndarray] = {}
+    for code in STABILITY:
+        pieces: list[np.ndarray] = []
+        segments = np.flatnonzero(joined & (kind == code))
+        for run in np.split(segments, np.flatnonzero(np.diff(segments) > 1) + 1):
+            if len(run):
+                pieces += [points[run[0] : run[-1] + 2], gap]
+        for i in np.flatnonzero(alone & (stable == code)):
+            pieces += [points[i : i + 1], gap]
+        if pieces:
+            runs[code] = np.concatenate(pieces[:-1])
+    return runs
+
+
+def _pieces(run: np.ndarray) -> list[np.ndarray]:
+    return np.split(run, np.flatnonzero(np.isnan(run[:, 0])))
+
+
+def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str, fine: float = 1.0) -> None:
+    """Draw runs from `curve_runs`: stable solid, unstable thin with crosses, undecided dotted grey.
+
+    `fine` below 1 draws thinner, for many curves in one figure."""
+    to_points = 72 / axes.figure.dpi
+    for code, run in runs.items():
+        marker, size = _DOT[code]
+        pieces = [piece[np.isfinite(piece[:, 0])] for piece in _pieces(run)]
+        single = [piece for piece in pieces if len(piece) == 1]
+        look = {**_LINE[code], "linewidth": fine * _LINE[code]["linewidth"]}
+        (line,) = axes.plot(run[:, 0], run[:, 1], zorder=2 + (code == 1) * 0.1, **look)
+        line.set_gid(f"{panel}-{STABILITY[code]}")
+        if single:
+            dots = np.concatenate(single)
+            (spots,) = axes.plot(dots[:, 0], dots[:, 1], marker, markersize=fine * size, color=_LINE[code]["color"], zorder=2.5)
+            spots.set_gid(f"{panel}-{STABILITY[code]}-single")
+        if code == 0:
+            spots_at = []
+            for piece in pieces:
+                if len(piece) > 1:
+                    even = even_points(axes.transData.transform(piece) * to_points, _CROSS_SPACING)
+                    spots_at.append(even if len(even) else axes.transData.transform(piece[:1]) * to_points)
+            if spots_at:
+                apart = one_in_cell(np.concatenate(spots_at), 1.0)
+                apart = apart[thinned(apart, 0.6 * _CROSS_SPACING)]
+                crosses = axes.transData.inverted().transform(apart / to_points)
+                cross = {name: fine * value for name, value in _CROSS.items()}
+                (marks,) = axes.plot(crosses[:, 0], crosses[:, 1], "x", color=VERMILION, zorder=2.4, **cross)
+                marks.set_gid(f"{panel}-unstable-crosses")
+
+
+def _marker(kind: str, scale: float = 1.0) -> dict[str, Any]:
+    """How matplotlib draws the marker of an event."""
+    style = event_style(kind)
+    return {
+        "marker": style.marker,
+        "markersize": scale * style.size,
+        "markerfacecolor": style.colour,
+        "markeredgecolor": BLACK,
+        "markeredgewidth": 0.6,
+        "linestyle": "none",
+    }
+
+
+def draw_events(axes: Axes, kinds: Sequence[str], places: np.ndarray, panel: str, **look: Any) -> None:
+    """Draw a marker at the place (2,) of each event, with one line object for each type.
+
+    Parameters
+    ----------
+    axes : Axes
+    kinds : sequence of str
+    places : (E, 2) in data coordinates
+    panel : name of the panel
+    **look
+        Of the markers, against the usual one.
+    """
+    for kind in dict.fromkeys(kinds):
+        x, y = places[[k == kind for k in kinds]].T
+        (marks,) = axes.plot(x, y, **{"zorder": _BELOW.get(kind, 4.0), **_marker(kind), **look})
+        marks.set_gid(f"{panel}-events-{kind}")
+
+
+def draw_events_with_room(room: Room, kinds: Sequence[str], places: np.ndarray, panel: str) -> None:
+    """Draw the markers that have room, smaller than for one family, and keep their room.
+
+    An event has room if its surroundings contain its own curve and at most one that crosses it, and no marker of an event before it.
+
+    Parameters
+    ----------
+    room : Room
+    kinds : sequence of str, the most important event first
+    places : (E, 2) in data coordinates
+    panel : name of the panel
+    """
+    at = room.to_page(places)
+    free = ((at > room.frame[:2] + 3.0) & (at < room.frame[2:] - 3.0)).all(axis=1)
+    free &= ~room.taken(np.concatenate([at - 3.0, at + 3.0], axis=1))
+    free &= room.ink_around(at, _ABOUT, each=True) <= _ALONE * 2.0 * _ABOUT
+    chosen = np.flatnonzero(free)
+    chosen = chosen[thinned(at[chosen], _APART)]
+    for kind in dict.fromkeys(kinds):
+        mine = [i for i in chosen if kinds[i] == kind]
+        if mine:
+            look = _marker(kind, _SMALLER)
+            draw_events(room.axes, [kind] * len(mine), places[mine], panel, zorder=3.8, markersize=look["markersize"])
+            room.take_around(places[mine], 0.5 * look["markersize"] + 0.5)
+
+
+def thinned(points: np.ndarray, spacing: float) -> np.ndarray:
+    """Which of the points (k, 2), in order, are at least `spacing` from each one kept before: bool (k,)."""
+    from scipy.spatial import cKDTree
+
+    kept = np.ones(len(points), dtype=bool)
+    if len(points):
+        for i, j in sorted(cKDTree(points).query_pairs(spacing)):
+            kept[j] &= not kept[i]
+    return kept
+
+
+def visible_codes(panels: Iterable[tuple[Axes, Mapping[int, np.ndarray]]]) -> set[int]:
+    """Stability codes that a legend of panels needs: those of the runs from `curve_runs` that are visible within the limits.
+
+    A short undecided run does not count: the marker of its event hides it."""
+    codes = set()
+    for axes, runs in panels:
+        corners = np.sort(axes.transAxes.transform([(0.0, 0.0), (1.0, 1.0)]), axis=0)
+        codes |= {code for code, run in runs.items() if any(_in_sight(axes, corners, piece, code < 0) for piece in _pieces(run))}
+    return codes
+
+
+def _in_sight(axes: Axes, corners: np.ndarray, piece: np.ndarray, long: bool) -> bool:
+    """Whether a piece of a run is visible between two corners (2, 2) of a panel in pixels, or, `long`, visible at some length."""
+    points = axes.transData.transform(piece[np.isfinite(piece).all(axis=1)])
+    low, high = corners
+    # Of one point, the dot that is drawn for it; else the lines from one to the next.
+    begin, end = (points, points) if len(points) == 1 else (points[:-1], points[1:])
+    inside = ((np.maximum(begin, end) >= low) & (np.minimum(begin, end) <= high)).all(axis=1)
+    if not inside.any():
+        return False
+    shown = np.clip(np.concatenate([begin[inside], end[inside]]), low, high)
+    return not long or len(points) == 1 or bool(np.max(np.ptp(shown, axis=0)) * 72 / axes.figure.dpi > _SEEN)
+
+
+def legend_entries(codes: Collection[int], kinds: Sequence[str]) -> list[Line2D]:
+    """Legend entries for the stabilities with these codes and for types of events, in the order of `EVENT_STYLES`."""
+    from matplotlib.lines import Line2D
+
+    entries = []
+    for code, name in STABILITY.items():
+        if code in codes:
+            cross = {"marker": "x", **_CROSS} if code == 0 else {}
+            entries.append(Line2D([], [], label=name, **{**_LINE[code], **cross}))
+    for kind in [k for k in EVENT_STYLES if k in kinds] + [k for k in dict.fromkeys(kinds) if k not in EVENT_STYLES]:
+        name = event_style(kind).name
+        entries.append(Line2D([], [], label=f"{kind} {name}" if name != kind else kind, **_marker(kind)))
+    return entries

@@ -1,0 +1,243 @@
+"""Free room in a panel: for names, which textalloc places, for markers and for insets.
+
+All lengths are points (1/72 inch), places are counted from the lower left corner of the figure, and boxes are (left, bottom, right, top).
+Nothing is random, so a figure is the same each time.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.diagram.style import BLACK, GREY, SMALL
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.text import Text
+
+__all__ = ["Room", "even_points", "one_in_cell", "overlapping"]
+
+_CELL, _COARSE = 1.0, 3.0  # two points of curves in one cell count once; names need coarser cells
+_GRID = 3.0  # a box is kept free by points that are so far apart, less than any text is high
+_EDGE = 3.0  # names keep off the ticks inside the frame
+_MARGIN, _GAP = 1.0, 2.0  # least distance of a name from anything, and from its own point
+_LONGEST = 100.0  # nothing further away from the place of a name than this hinders it
+_ROUNDS = 3  # times that a name is tried whose leader would cross another name
+_CANDIDATES = 500  # places that are tried for a name
+
+
+def overlapping(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which of `boxes` (a, 4) overlap which of `others` (b, 4): bool (a, b). Touching edges do not overlap."""
+    a, b = boxes[:, None, :], others[None, :, :]
+    return (a[..., 0] < b[..., 2]) & (b[..., 0] < a[..., 2]) & (a[..., 1] < b[..., 3]) & (b[..., 1] < a[..., 3])
+
+
+def even_points(curve: np.ndarray, spacing: float) -> np.ndarray:
+    """Points (k, 2) every `spacing` along a polyline (n, 2), from half a spacing on; rows that are not finite break it."""
+    finite = np.isfinite(curve).all(axis=1)
+    joined = finite[:-1] & finite[1:]
+    steps = np.where(joined, np.hypot(*np.where(joined[:, None], np.diff(curve, axis=0), 0.0).T), 0.0)
+    reached = np.concatenate([[0.0], np.cumsum(steps)])
+    if reached[-1] == 0.0:
+        return np.empty((0, 2))
+    spots = np.arange(min(spacing, reached[-1]) / 2, reached[-1], spacing)
+    segment = np.clip(np.searchsorted(reached, spots, side="right") - 1, 0, len(steps) - 1)
+    part = (spots - reached[segment]) / steps[segment]
+    return curve[segment] + part[:, None] * (curve[segment + 1] - curve[segment])
+
+
+class Room:
+    """The free room of a panel that has its final limits and its place in the figure.
+
+    Parameters
+    ----------
+    axes : Axes
+    curves : sequence of (n, 2) array
+        Everything drawn as a line, in data coordinates. Rows that are not finite break a line.
+    """
+
+    def __init__(self, axes: Axes, curves: Sequence[np.ndarray]) -> None:
+        self.axes = axes
+        self.frame = np.array(axes.bbox.extents) * 72 / axes.figure.dpi
+        cells = [self._cells(curve) for curve in curves]
+        self._each = np.concatenate([*cells, np.empty((0, 2))])
+        self.ink = np.unique(self._each, axis=0)
+        """Points (k, 2) of curves, about one in each square point that a curve crosses."""
+        self._taken = np.empty((0, 2))
+        self._names = np.empty((0, 4))
+
+    def _cells(self, curve: np.ndarray) -> np.ndarray:
+        path = self.to_page(curve)
+        path = np.concatenate([even_points(path, _CELL), path[np.isfinite(path).all(axis=1)]])
+        inside = ((path >= self.frame[:2]) & (path <= self.frame[2:])).all(axis=1)
+        return one_in_cell(path[inside], _CELL)
+
+    def to_page(self, data: np.ndarray) -> np.ndarray:
+        """Points of the page (n, 2) for data coordinates (n, 2)."""
+        return np.asarray(self.axes.transData.transform(data)) * 72 / self.axes.figure.dpi
+
+    def take(self, boxes: np.ndarray) -> None:
+        """Keep boxes (a, 4) free from names and markers from now on."""
+        filled = [np.empty((0, 2))]
+        for left, bottom, right, top in np.asarray(boxes, dtype=float).reshape(-1, 4):
+            x = np.linspace(left, right, 2 + int((right - left) / _GRID))
+            y = np.linspace(bottom, top, 2 + int((top - bottom) / _GRID))
+            filled.append(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+        self._taken = np.concatenate([self._taken, *filled])
+
+    def take_around(self, data: np.ndarray, radii: np.ndarray | float) -> None:
+        """Keep markers at data coordinates (n, 2) free; radii (n,), or one for all."""
+        at, reach = self.to_page(data), np.broadcast_to(radii, len(data))[:, None]
+        self.take(np.concatenate([at - reach, at + reach], axis=1))
+
+    def take_path(self, data: np.ndarray) -> None:
+        """Keep a polyline (n, 2) in data coordinates free."""
+        self._taken = np.concatenate([self._taken, self._cells(data)])
+
+    def taken(self, boxes: np.ndarray) -> np.ndarray:
+        """Whether something is in each of the boxes (a, 4) that is to be kept free: bool (a,)."""
+        return _count(boxes, self._taken) > 0
+
+    def ink_in(self, boxes: np.ndarray) -> np.ndarray:
+        """Number of points of `ink` in each of the boxes (a, 4)."""
+        return _count(boxes, self.ink)
+
+    def ink_around(self, spots: np.ndarray, half: float, *, each: bool = False) -> np.ndarray:
+        """Number of points of `ink` within squares of this half width around spots (a, 2); `each` counts the curves one by one."""
+        if not len(self.ink) or not len(spots):
+            return np.zeros(len(spots))
+        return np.asarray(self._trees[each].query_ball_point(spots, half, p=np.inf, return_length=True))
+
+    @cached_property
+    def _trees(self) -> dict[bool, Any]:
+        from scipy.spatial import cKDTree
+
+        return {False: cKDTree(self.ink), True: cKDTree(self._each)}
+
+    def write(
+        self,
+        texts: Sequence[str],
+        at: np.ndarray,
+        radii: np.ndarray | float = 0.0,
+        *,
+        most: int | None = None,
+        far: float = 48.0,
+        beside: float = 0.0,
+        over_curves: bool = False,
+        font: float = SMALL,
+    ) -> list[Text | None]:
+        """Write names beside their points, each with a leader line, in order of importance.
+
+        Parameters
+        ----------
+        texts : sequence of str
+        at : (n, 2) points of the page that the names belong to
+        radii : (n,) or one for all: radii of the markers at these points
+        most : largest number of names; all by default
+        far : largest distance of a name from its point
+        beside : a name no further than this from its marker has no leader line
+        over_curves : whether names may cover curves
+        font : size of the names
+
+        Returns
+        -------
+        list of Text or None
+            None for a name without room. Names cover neither each other nor their leaders nor anything that is taken.
+        """
+        if not len(texts):
+            return []
+        from scipy.spatial import cKDTree
+
+        radii = np.broadcast_to(radii, len(texts))
+        frame = self.frame + np.array([_EDGE, _EDGE, -_EDGE, -_EDGE])
+        curves = np.empty((0, 2)) if over_curves else one_in_cell(self.ink, _COARSE)
+        near = cKDTree(at)
+        written: list[Text | None] = [None] * len(texts)
+        waiting = list(range(len(texts)))
+        for _ in range(_ROUNDS):
+            if not waiting:
+                break
+            obstacles = np.concatenate([curves, self._taken])
+            if len(obstacles):
+                obstacles = obstacles[near.query(obstacles, p=np.inf)[0] <= radii.max() + far + _LONGEST]
+            corners = _allocate([texts[i] for i in waiting], at[waiting], radii[waiting], obstacles, frame, far, font)
+            found = [(i, corner) for i, corner in zip(waiting, corners, strict=True) if corner is not None]
+            waiting = []
+            for i, corner in found:
+                if most is not None and sum(text is not None for text in written) >= most:
+                    return written
+                written[i] = self._write_at(texts[i], at[i], corner, radii[i] + beside, font)
+                if written[i] is None:  # next time this place is not free
+                    curves = np.concatenate([curves, [corner + 1.0 + font / 2]])
+                    waiting.append(i)
+        return written
+
+    def _write_at(self, text: str, point: np.ndarray, corner: np.ndarray, beside: float, font: float) -> Text | None:
+        """Write a name at a lower left corner, with its leader. None if the leader crosses a name.
+
+        textalloc keeps leaders off the names of the same call only.
+        """
+        scale = self.axes.figure.dpi / 72
+        to_data = self.axes.transData.inverted()
+        x, y = to_data.transform(corner * scale)
+        name = self.axes.text(x, y, text, fontsize=font, color=BLACK, ha="left", va="bottom", zorder=6)
+        box = np.array(name.get_window_extent().extents) / scale
+        leader = np.array([np.clip(point, box[:2], box[2:]), point])
+        if _count(self._names, even_points(leader, _CELL)).any():
+            name.remove()
+            return None
+        if np.hypot(*np.diff(leader, axis=0)[0]) > beside:
+            ends = to_data.transform(leader * scale)
+            self.axes.plot(*ends.T, color=GREY, linewidth=0.4, zorder=3, gid="leader")
+            self.take_path(ends)
+        self.take(box)
+        self._names = np.concatenate([self._names, box[None]])
+        return name
+
+
+def _allocate(
+    texts: Sequence[str], at: np.ndarray, radii: np.ndarray, obstacles: np.ndarray, frame: np.ndarray, far: float, font: float
+) -> list[np.ndarray | None]:
+    """The lower left corners of texts as textalloc places them, in points of the page; None for a text without room.
+
+    Its distances are parts of a figure's sides. In a figure of the frame's size, whose coordinates are points, they are the same in all
+    directions.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from textalloc import allocate
+
+    width, height = frame[2:] - frame[:2]
+    figure = Figure(figsize=(width / 72, height / 72), dpi=72)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height))
+    (x, y), (x_taken, y_taken) = (at - frame[:2]).T, (obstacles - frame[:2]).T
+    with redirect_stdout(io.StringIO()):  # it prints a line if no text has room
+        corners, *_ = allocate(
+            axes, x, y, list(texts), x_scatter=x_taken, y_scatter=y_taken, text_scatter_sizes=radii.tolist(), textsize=font, draw_all=False,
+            nbr_candidates=_CANDIDATES, margin=_MARGIN / width, min_distance=_GAP / width, max_distance=far / width,
+            avoid_label_lines_overlap=True, avoid_crossing_label_lines=True, auto_ha=False, va="bottom",
+        )  # fmt: skip
+    return [None if corner is None else frame[:2] + np.array(corner[:2]) for corner in corners]
+
+
+def one_in_cell(points: np.ndarray, cell: float) -> np.ndarray:
+    """The first of the points (k, 2) in each square cell, in their order."""
+    _, first = np.unique(np.floor(points / cell), axis=0, return_index=True)
+    return points[np.sort(first)]
+
+
+def _count(boxes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Number of points (k, 2) in each of the boxes (a, 4)."""
+    if not len(points):
+        return np.zeros(len(boxes))
+    order = np.argsort(points[:, 0])
+    x, y = points[order].T
+    first, last = np.searchsorted(x, boxes[:, 0]), np.searchsorted(x, boxes[:, 2])
+    spans = zip(first, last, boxes[:, 1], boxes[:, 3], strict=True)
+    return np.array([np.count_nonzero((y[i:j] > low) & (y[i:j] < high)) for i, j, low, high in spans])

@@ -1,0 +1,372 @@
+"""The full family of a branch that may have been cut: followed on beyond its cut ends, for its id and its other pieces.
+
+A branch can be cut by a range of energies, by a number of points, by a condition, or because only one side of a bifurcation was asked
+for. Its family does not depend on that. Through a regular orbit with given ends and impact sequence there is one family only. So one orbit
+identifies the family, if it does not depend on how the family was reached. A family ends where it grazes: its end of lowest energy (of
+several, that with the smallest quarter period) identifies it. A family without an end closes on itself, or its energy has no bound: its
+orbit of lowest energy identifies it.
+
+Ends are looked for at energies from 1e-3 to 1e5 times `energy_scale` of the system, whatever range was asked for: a family that leaves this
+window is known by what is inside. A branch all above it is followed down into it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+
+from branches.family import SETTINGS, Family
+from branches.identity import Mark, canonical_orbit, digests, is_solved_as_it_is, mark_of
+from branches.passing import Runs, one_family
+from branches.sequences import canonical_sequence, join_family_id
+from branches.steps import AdvancedSteps, solutions_of
+from bvp.frozen import read_only
+from bvp.kernels.segment import ENERGY, QUARTER_PERIOD
+from bvp.multipoint import MultipointProblem, Solution
+from continuation.ends import EndReason
+from continuation.problem import Advance, Step, Test
+from continuation.run import Run, trace
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from branches.events import BranchEvent, Ended
+    from branches.orbit import Orbit
+    from bvp.system import ImpactSystem
+
+__all__ = ["FullFamily", "Piece", "energy_scale", "full_family"]
+
+WINDOW = (1e-3, 1e5)
+"""Energies, in units of `energy_scale`, at which a family's ends are looked for."""
+
+TIE = 1e-8
+"""Relative difference of energies, and of quarter periods, below which they are equal."""
+
+_FOLD, _GUARDS = (0,), (2, 3, 4)
+"""Places of the tests for folds and for grazing among the tests of a `Family`."""
+
+_SLACK = 1e-3
+"""Part by which limits are widened beyond the points of a coarse curve."""
+
+_REACH = 1e-7
+"""Arclength over which a located end is polished."""
+
+
+class Followed(Protocol):
+    """What the identity of a branch's family depends on. `branches.branch.Branch` has it, and imports this module."""
+
+    @property
+    def problem(self) -> MultipointProblem: ...
+    @property
+    def points(self) -> Mapping[str, np.ndarray]: ...
+    @property
+    def events(self) -> Sequence[BranchEvent]: ...
+    @property
+    def ended(self) -> tuple[Ended, Ended]: ...
+    @property
+    def start(self) -> int: ...
+    @property
+    def energy(self) -> tuple[float, float]: ...
+    def orbit(self, i: int) -> Orbit: ...
+
+
+class Piece(NamedTuple):
+    """Another part of a cut family inside the same range of energies: (h, alpha) of its first and its last orbit."""
+
+    first: tuple[float, float]
+    last: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class FullFamily:
+    """What is known of a family beyond a branch of it.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        Its id; more than one where a number is at a border of rounding: each names the family.
+    marks : tuple of Mark
+        What identifies it; more than one where ends tie.
+    closed : bool
+    others : tuple of Piece
+        The other pieces into which the branch's range of energies cuts the family.
+    h, alpha : (m,) float
+        Energies and quarter periods along the full family.
+    """
+
+    ids: tuple[str, ...]
+    marks: tuple[Mark, ...]
+    closed: bool
+    others: tuple[Piece, ...]
+    h: np.ndarray
+    alpha: np.ndarray
+
+    def __post_init__(self) -> None:
+        for name in ("h", "alpha"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def reach(self, energy: tuple[float, float], quarter_period: float) -> tuple[tuple[float, float], float] | None:
+        """The limits within which the family hangs together, where it leaves those given and comes back into them.
+
+        Parameters
+        ----------
+        energy : (float, float)
+        quarter_period : float
+            The longest.
+
+        Returns
+        -------
+        ((float, float), float) or None
+            Energies and the longest quarter period; None where the family is in one piece.
+        """
+        inside = (self.h >= energy[0]) & (self.h <= energy[1]) & (self.alpha <= quarter_period)
+        places = np.flatnonzero(inside)
+        if not places.size or np.all(inside[places[0] : places[-1] + 1]):
+            return None
+        if self.closed and _runs(inside) - int(inside[0] and inside[-1]) < 2:
+            return None
+        part = slice(places[0], places[-1] + 1)
+        h, alpha = self.h[part], self.alpha[part]
+        low, high = min(energy[0], float(h.min()) * (1.0 - _SLACK)), max(energy[1], float(h.max()) * (1.0 + _SLACK))
+        return (low, high), max(quarter_period, float(alpha.max()) * (1.0 + _SLACK))
+
+    def words(self) -> str:
+        """That a range of energies cut the family into pieces, and where the others are; empty where it did not."""
+        if not self.others:
+            return ""
+        places = "; ".join(
+            f"from h = {piece.first[0]:.6g}, alpha = {piece.first[1]:.6g} to h = {piece.last[0]:.6g}, alpha = {piece.last[1]:.6g}"
+            for piece in self.others
+        )
+        return f"the range of energies cuts {self.ids[0]} into {len(self.others) + 1} pieces; not followed: {places}"
+
+
+def energy_scale(system: ImpactSystem) -> float:
+    """Energy at which the fastest mode would move a stop's effective mass through its gap, the largest of all stops: the order of the
+    energies at which impacts begin. 1 where no mode has a frequency, or no stop a finite gap."""
+    modes = system.modes
+    fastest = float(np.max(modes.squares))
+    n = system.degrees_of_freedom
+    scales = [
+        0.5 * fastest * float(modes.contact_bound[c]) ** 2 / float(np.sum(modes.contact_gap[c, :n] ** 2))
+        for c in range(len(modes.contact_side))
+    ]
+    return max(scales, default=0.0) or 1.0
+
+
+class _Ends(Family):
+    """A family with its folds, branch points and ends for events: those of `Family` that come before the others."""
+
+    COUNT = 7
+
+    @property
+    def tests(self) -> tuple[Test, ...]:
+        """See `continuation.Problem`."""
+        return super().tests[: self.COUNT]
+
+    def __init__(self, problem: MultipointProblem, energy: tuple[float, float]):
+        super().__init__(problem, energy)
+        self._kinds = self._kinds[: self.COUNT]  # a advance watches no more
+
+    def _step(self, solution: Solution | None) -> Step:
+        step = super()._step(solution)
+        return step._replace(tests=step.tests[: self.COUNT])
+
+    def _advance(self, *arguments: Any) -> Advance:
+        advanced = super()._advance(*arguments)
+        assert isinstance(advanced.steps, AdvancedSteps)
+        block = advanced.steps.block
+        return advanced._replace(steps=AdvancedSteps(block._replace(tests=block.tests[:, : self.COUNT])))
+
+
+class _Curve(NamedTuple):
+    """A family inside the window: energies and quarter periods along it, the orbits at its grazing ends and folds, and those at the
+    other ends; `start`: place of the orbit that it was followed from."""
+
+    h: np.ndarray
+    alpha: np.ndarray
+    grazing: list[np.ndarray]
+    folds: list[np.ndarray]
+    cuts: list[np.ndarray]
+    closed: bool
+    start: int
+
+
+def full_family(branch: Followed, wider: Followed | None = None) -> FullFamily:
+    """Follow a branch's family on where it was cut, and identify it.
+
+    Parameters
+    ----------
+    branch : branches.branch.Branch
+    wider : branches.branch.Branch, optional
+        A wider branch of the family, followed from the same orbit.
+
+    Returns
+    -------
+    FullFamily
+
+    Notes
+    -----
+    A branch of orbits that are another orbit run through several times, or half an orbit with half-period symmetry, is identified as the
+    family of that orbit.
+    """
+    scale = energy_scale(branch.problem.system)
+    lowest = float(branch.points["h"].min())
+    # A branch that is all above the window is followed down into it.
+    window = (WINDOW[0] * scale, WINDOW[1] * scale if lowest < WINDOW[1] * scale else 2.0 * lowest)
+    inside = [i for i in _plain(branch) if branch.points["h"][i] < window[1]] or [int(np.argmin(branch.points["h"]))]
+    problem, y = _primitive(branch, inside)
+    uncut = (_known(one) for one in (branch, wider) if one is not None and problem is one.problem and one.points["h"].max() <= window[1])
+    curve = next((one for one in uncut if one is not None), None)
+    if curve is None:
+        curve = _followed(problem, y, window)
+    marks = _marks(_Ends(problem, window), curve)
+    sequence, ends = canonical_sequence(problem.word, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
+    ids = tuple(join_family_id(ends, sequence, digest) for digest in digests(marks))
+    return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), curve.h, curve.alpha)
+
+
+def _runs(inside: np.ndarray) -> int:
+    """How many unbroken runs of true there are."""
+    return int(np.sum(inside[1:] & ~inside[:-1])) + int(inside[0])
+
+
+def _plain(branch: Followed) -> list[int]:
+    """Points that are no events; all where there are no others."""
+    located = {event.point for event in branch.events}
+    return [i for i in range(len(branch.points["h"])) if i not in located] or list(range(len(branch.points["h"])))
+
+
+def _primitive(branch: Followed, points: list[int]) -> tuple[MultipointProblem, np.ndarray]:
+    """The problem and an orbit of the branch; those of its primitive orbits where the branch solves more than these, or with fewer
+    symmetries than they have. Two orbits are asked: at a bifurcation a single one has more symmetry than its family."""
+    problem = branch.problem
+    length = branch.points["arclength"]
+    middle = min(points, key=lambda i: abs(float(length[i]) - 0.5 * float(length[points[0]] + length[points[-1]])))
+    for i in (points[len(points) // 3], middle):
+        y = branch.orbit(i).solution.y
+        if is_solved_as_it_is(problem, y):
+            return problem, branch.orbit(middle).solution.y
+    return canonical_orbit(problem, y)
+
+
+def _known(branch: Followed) -> _Curve | None:
+    """The family from a branch that was not cut; None where it was."""
+    grazing = []
+    closed = branch.ended[1].reason == "CLOSED"
+    for at, ended in ((0, branch.ended[0]), (len(branch.points["h"]) - 1, branch.ended[1])):
+        if ended.reason == "EVENT" and any(event.type == "GR" and event.point == at for event in branch.events):
+            grazing.append(branch.orbit(at).solution.y)
+        elif not closed:
+            return None
+    folds = [branch.orbit(event.point).solution.y for event in branch.events if event.type == "SN"]
+    return _Curve(branch.points["h"], branch.points["alpha"], grazing, folds, [], closed, branch.start)
+
+
+def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, float]) -> _Curve:
+    """The family of an orbit, both ways, through the window.
+
+    One that cannot be followed is known by the orbit alone.
+    """
+    family = _Ends(problem, window)
+    # As branches are followed, so that both see the same ends.
+    run = one_family(problem, Runs(partial(trace, family), _at, _near_ends, _is_stuck, _length), y, SETTINGS)
+    if not run.points:
+        return _Curve(np.array([problem.energy(y)]), np.array([problem.quarter_period(y)]), [], [], [y], False, 0)
+    grazing: list[np.ndarray] = []
+    cuts: list[np.ndarray] = []
+    for point, end in zip((run.points[0], run.points[-1]), run.ends, strict=True):
+        if not run.closed:
+            certain = end.reason is EndReason.EVENT and point.event is not None and point.event.code == "GR"
+            (grazing if certain else cuts).append(point.y)
+    folds = [event.point.y for event in run.events if event.code == "SN"]
+    found = solutions_of(run.points).result
+    h, alpha = found[:, ENERGY], found[:, QUARTER_PERIOD]
+    return _Curve(h, alpha, grazing, folds, cuts, run.closed, run.start)
+
+
+def _is_stuck(run: Run) -> bool:
+    return bool(run.points) and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends)
+
+
+def _length(run: Run) -> float:
+    return run.points[-1].arclength if run.points else 0.0
+
+
+def _at(run: Run, part: float) -> np.ndarray:
+    return run.points[int(np.argmin(np.abs(run.points.arclengths() - part * _length(run))))].y
+
+
+def _near_ends(run: Run) -> tuple[np.ndarray, np.ndarray] | None:
+    return (run.points[1].y, run.points[-2].y) if len(run.points) > 3 else None
+
+
+def _marks(family: _Ends, curve: _Curve) -> tuple[Mark, ...]:
+    """What identifies the family: the lowest of its ends, else of its folds, else of where it leaves the window."""
+    problem = family.problem
+    if curve.grazing:
+        marks = [mark_of("GR", problem, _polished(family, y, _GUARDS)) for y in curve.grazing]
+    elif curve.folds:
+        marks = [mark_of("SN", problem, _polished(family, y, _FOLD)) for y in curve.folds]
+    else:
+        marks = [mark_of("EP", problem, y) for y in curve.cuts]
+    for name in ("h", "alpha", "pattern"):
+        # Numbers that are equal within their error do not decide; what does not decide at all stays as a further mark.
+        least = min(getattr(mark, name) for mark in marks)
+        marks = [mark for mark in marks if getattr(mark, name) <= least * (1.0 + TIE)]
+    return tuple(sorted(marks))
+
+
+def _polished(family: _Ends, y: np.ndarray, tests: tuple[int, ...]) -> np.ndarray:
+    """A located orbit moved to the zero of that one of the tests whose zero is nearest, beyond the tolerance of its location.
+
+    Two runs then agree on its numbers to rounding, and not only to the tolerance.
+    """
+    here = family.begin(y)
+    if not here.converged:
+        return y
+    nearby = [(s, family.step(here.y, here.tangent, s)) for s in (_REACH, -_REACH)]
+    zeros = []
+    for index in tests:
+        # Both sides of a fold are orbits; one of grazing.
+        values = [(step.tests[index], s) for s, step in nearby if step.converged and math.isfinite(step.tests[index])]
+        if values and max(values)[0] != here.tests[index]:
+            value, s = max(values)
+            zeros.append(-here.tests[index] * s / (value - here.tests[index]))
+    if not zeros or abs(min(zeros, key=abs)) > _REACH:
+        return y
+    there = family.step(here.y, here.tangent, min(zeros, key=abs))
+    return there.y if there.converged else y
+
+
+def _others(curve: _Curve, energies: tuple[float, float]) -> tuple[Piece, ...]:
+    """The pieces of the family inside a range of energies but for the one that it was followed from."""
+    # Places along the curve, counted in points, where it crosses a bound; between two of them it is inside or outside.
+    level = np.log(curve.h)
+    places = [0.0, float(len(level) - 1)]
+    for bound in energies:
+        if 0.0 < bound < math.inf:
+            height = level - math.log(bound)
+            at = np.flatnonzero((height[:-1] > 0.0) != (height[1:] > 0.0))
+            places += list(at + height[at] / (height[at] - height[at + 1]))
+    places = sorted(places)
+    index = np.arange(len(level))
+
+    def orbit(place: float) -> tuple[float, float]:
+        return math.exp(float(np.interp(place, index, level))), float(np.interp(place, index, curve.alpha))
+
+    low, high = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in energies)
+    runs = [(a, b) for a, b in itertools.pairwise(places) if b > a and low <= np.interp(0.5 * (a + b), index, level) <= high]
+    if curve.closed and len(runs) > 1 and runs[0][0] == 0.0 and runs[-1][1] == places[-1]:
+        runs = [(runs[-1][0], runs[0][1]), *runs[1:-1]]
+
+    def is_own(run: tuple[float, float]) -> bool:
+        first, last = run[0] - TIE, run[1] + TIE
+        return first <= curve.start <= last if run[0] <= run[1] else curve.start >= first or curve.start <= last
+
+    return tuple(Piece(orbit(first), orbit(last)) for first, last in runs if not is_own((first, last)))

@@ -1,0 +1,294 @@
+"""From a name to the one family that has it: the search finds orbits, families are followed to tell them apart, and one is traced.
+
+A reference point never starts a family. It chooses among what was found, and its energy is one of those that are searched: at that energy
+`branches.search.discovery` lists every orbit.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from branches.naming.labels import Label, Name, matches, parse, parse_name
+from branches.naming.reference_points import PIN_TOLERANCE, AmbiguousName, NameNotFound, fits_otherwise, note, pin_of, why_a_cover
+from branches.naming.search import LEVELS, Limits, Search, find_by_id, passes, search_bounds
+from branches.search.discovery import discover
+from branches.search.orbits import Found, accept, from_other_end
+from branches.search.scope import require_conservative
+from branches.tracing import Courses, TraceError, check_energy
+from bvp.ends import EndsError, parse_end
+from bvp.shown import shown
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from bvp.system import ImpactSystem
+
+__all__ = ["AmbiguousName", "Limits", "NameNotFound", "from_other_end", "passes", "resolve", "search_bounds", "trace_named"]
+
+OPTIONS = ("points", "direction", "stop_at", "stop_when", "on_event", "on_end", "on_point", "settings")
+"""Options of `follow_family` that a named family may be traced with."""
+
+_ROUNDING = 1e-13
+"""Part of an energy by which a start that was solved for a bound of the range may lie outside of it."""
+
+
+_BY_ID = "expected the id of a family, which saltus discover or saltus build finds"
+
+
+def resolve(
+    text: str,
+    system: ImpactSystem,
+    *,
+    pins: Mapping[str, Mapping[str, float]],
+    limits: Limits,
+    energy: tuple[float, float],
+    courses: Courses | None = None,
+) -> tuple[Found, Branch]:
+    """An orbit of the one family that a name stands for, and the family as the search followed it.
+
+    Parameters
+    ----------
+    text : str
+    system : ImpactSystem
+    pins : mapping of bare names to {"h", "alpha"}
+    limits : Limits
+    energy : (float, float)
+        The range in which the family will be followed; the search is kept to it.
+    courses : Courses, optional
+        Where what the search follows is kept.
+
+    Raises
+    ------
+    NameNotFound, AmbiguousName, LabelSyntaxError, ImpossibleLabelError
+    ValueError
+        For a system on which names cannot be searched.
+    """
+    courses = Courses() if courses is None else courses
+    require_conservative(system, "families of periodic orbits")
+    name = parse_name(text)
+    if name.label is not None and name.label.kind == "L":
+        raise NameNotFound(why_a_cover(name.label, lambda root: True) or _linear_mode(system, name.label))
+    if name.family is not None and not name.family.startswith("origin"):
+        found_orbit, branch = find_by_id(system, name, limits, energy, courses)
+        chosen = _select(name, [(found_orbit, branch)])
+        if not chosen:
+            raise NameNotFound(_elsewhere(name, [(found_orbit, branch)]))
+        return chosen[0]
+    try:
+        parse_end(system, "origin")
+    except EndsError as error:
+        raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
+    search = Search(system, name, limits, energy, courses)
+    if name.label is not None and not _has_labels(system):
+        raise NameNotFound(
+            f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
+            "expected absorber and primary (in a scene NES and LO under [coordinates])"
+        )
+    pin = pin_of(text, name.label, pins) if name.h is None and name.alpha is None else None
+    families = _at_pin(search, name.label, pin) if pin is not None and name.label is not None else []
+    families = families or search.families(search.run(LEVELS)) or _passing(search, energy)
+    found_without = families
+    families = _select(name, families)
+    if not families:
+        raise NameNotFound(_elsewhere(name, found_without) if found_without else search.nothing())
+    if len(families) > 1 and pin is not None:
+        families = _with_number(families, pin) or families
+    if len(families) > 1:
+        listed = " ".join(f"{text.split('@')[0]}@h={f.h:.6g},alpha={f.alpha:.6g}" for f, _ in families)
+        raise AmbiguousName(f"{text} is {len(families)} families; expected one of {listed}")
+    return families[0]
+
+
+def trace_named(
+    name: str,
+    system: ImpactSystem,
+    *,
+    pins: Mapping[str, Mapping[str, float]] | None = None,
+    bounds: Mapping[str, Any] | None = None,
+    energy: tuple[float, float] | None = None,
+    on_start: Callable[[str], object] | None = None,
+    **options: Any,
+) -> Branch:
+    """Find the family that has a name, and follow it.
+
+    Parameters
+    ----------
+    name : str
+        ``LABEL[@h=..][,alpha=..]`` or a family's id.
+    system : ImpactSystem
+    pins : mapping of str to {"h", "alpha"}
+        Bare names that stand for the family through a cited orbit; used only to choose among orbits that a search finds.
+    bounds : mapping
+        ``energy`` (lo, hi), ``quarter_period``, ``impacts`` (in the half period): where names are searched.
+    energy : (float, float), optional
+        Where the family is followed; by default the bounds' energy.
+    on_start : callable, optional
+        Called with a line that tells what was found.
+    **options
+        As for `branches.tracing.follow_family`.
+
+    Returns
+    -------
+    Branch
+
+    Raises
+    ------
+    ValueError
+        For a name that does not parse, that no family has, or that several have; for options that cannot be.
+    RuntimeError
+        Where the family cannot be followed.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> branch = trace_named("S11O00-", vibro_impact_nes(), energy=(0.05, 1.0))
+    >>> [(event.type, round(event.h, 10)) for event in branch.events if event.type == "SN"]
+    [('SN', 0.06911645)]
+    """
+    for option in options:
+        if option not in OPTIONS:
+            near = difflib.get_close_matches(option, OPTIONS, n=1) or OPTIONS
+            raise TypeError(f"unknown option {option!r}; expected {', '.join(near)}")
+    for what, value in (("pins", pins), ("bounds", bounds)):
+        if value is not None and not isinstance(value, Mapping):
+            raise TypeError(f"{what} = {shown(value)}: expected a mapping")
+    limits = search_bounds(bounds)
+    energy = check_energy(energy if energy is not None else limits.energy)
+    courses = Courses()
+    found, branch = resolve(name, system, pins=pins or {}, limits=limits, energy=energy, courses=courses)
+    if not energy[0] * (1.0 - _ROUNDING) <= found.h <= energy[1] * (1.0 + _ROUNDING):
+        raise TraceError(
+            f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}; expected a range with it inside"
+        )
+    if on_start is not None:
+        problem = found.problem
+        said = note(parse_name(name).label, found.label)
+        on_start(
+            f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, sequence {''.join(problem.word) or '(no inner impact)'}, "
+            f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}{said and '; ' + said}"
+        )
+    rising = bool(branch.points["h"][0] <= branch.points["h"][-1])
+    return courses.follow(found.problem, found.solution.y, energy=energy, rising=rising, **options)
+
+
+def _has_labels(system: ImpactSystem) -> bool:
+    """Whether orbits of a system have labels: these count half-waves of an absorber and a primary from an origin on."""
+    return system.has_odd_symmetry and system.absorber is not None and system.primary is not None
+
+
+def _linear_mode(system: ImpactSystem, label: Label) -> str:
+    modes = system.modes
+    k = 0 if label.sign == "+" else 1
+    w, b = modes.frequencies[k], modes.contact_gap[0, k]
+    stop = system.stops[0]
+    reach = min(abs(stop.lower), abs(stop.upper))
+    expected = "expected the name of an impacting family such as S13O00+ or S11O00-" if _has_labels(system) else _BY_ID
+    return (
+        f"{label} is a linear mode of frequency {w:.10g}: it has no impacts, and grazes the stops at h = "
+        f"{0.5 * (w * reach / b) ** 2:.10g}; {expected}"
+    )
+
+
+def _passing(search: Search, energy: tuple[float, float]) -> list[tuple[Found, Branch]]:
+    """Families found elsewhere within the limits, each with an orbit in a range of energies, or at the one energy of the name,
+    where the search itself found none: one so narrow, or so near to grazing, that the orbits lie between its angles."""
+    low, high = energy
+    system, name, limits = search.system, search.name, search.limits
+    if name.h is not None:
+        beyond = (min(limits.energy[0], 0.9 * name.h), max(limits.energy[1], 1.1 * name.h))
+        anywhere = Search(system, replace(name, h=None), limits, beyond, search.courses)
+        return anywhere.families(anywhere.run(LEVELS[:1]))
+    if not 0.0 < low < high < math.inf or (low <= limits.energy[0] and high >= limits.energy[1]):
+        return []
+    wide = Search(system, name, limits, limits.energy, search.courses)
+    return _inside(wide.families(wide.run(LEVELS[:1])), energy, wide.fits)
+
+
+def _inside(
+    families: list[tuple[Found, Branch]], energy: tuple[float, float], fits: Callable[[Found], bool]
+) -> list[tuple[Found, Branch]]:
+    """The families with an orbit that fits in a range of energies, each with that one."""
+    low, high = energy
+    out = []
+    for found, branch in families:
+        if low <= found.h <= high:
+            out.append((found, branch))
+            continue
+        least, most = max(low, float(branch.points["h"].min())), min(high, float(branch.points["h"].max()))
+        for part in (0.5, 0.1, 0.9) if least < most else ():
+            candidates = branch.orbits_at(energy=least ** (1.0 - part) * most**part)
+            orbits = [orbit for orbit in (accept(c.problem, c.solution) for c in candidates) if orbit is not None and fits(orbit)]
+            if orbits:
+                out.append((orbits[0], branch))
+                break
+    return out
+
+
+def _select(name: Name, families: list[tuple[Found, Branch]]) -> list[tuple[Found, Branch]]:
+    """The families, each with its orbit at the energy or quarter period of the name's suffix, where it has one."""
+    if name.h is None and name.alpha is None:
+        return families
+    chosen: list[tuple[float, Found, Branch]] = []
+    for found, branch in families:
+        orbits = branch.orbits_at(energy=name.h) if name.h is not None else branch.orbits_at(alpha=name.alpha)
+        if not orbits:
+            continue
+        distances = [abs(orbit.alpha / name.alpha - 1.0) if name.h is not None and name.alpha is not None else 0.0 for orbit in orbits]
+        distance, orbit = min(zip(distances, orbits, strict=True), key=lambda pair: pair[0])
+        if distance < PIN_TOLERANCE:
+            chosen.append((distance, Found(orbit.problem, orbit.solution, found.label), branch))
+    if name.h is not None and name.alpha is not None and chosen:
+        best = min(distance for distance, _, _ in chosen)
+        chosen = [item for item in chosen if item[0] <= best + 1e-9]
+    return [(found, branch) for _, found, branch in chosen]
+
+
+def _elsewhere(name: Name, families: list[tuple[Found, Branch]]) -> str:
+    """The suffix of a name selects none of the families: what they have instead, the nearest in quarter period first."""
+    key, value = ("h", name.h) if name.h is not None else ("alpha", name.alpha)
+    assert value is not None
+    asked = ", ".join(f"{k} = {v:g}" for k, v in (("h", name.h), ("alpha", name.alpha)) if v is not None)
+    text = f"no orbit {name.label or name.family} found at {asked}"
+    near = [orbit for _, branch in families for orbit in (branch.orbits_at(energy=value) if key == "h" else [])]
+    if near:
+        near.sort(key=lambda orbit: abs(orbit.alpha - (name.alpha or 0.0)))
+        there = ", ".join(f"{orbit.label or orbit.sequence}@h={orbit.h:.6g},alpha={orbit.alpha:.6g}" for orbit in near[:5])
+        return f"{text}; at h = {value:g} there are {there}"
+    ranges = [(float(branch.points[key].min()), float(branch.points[key].max())) for _, branch in families]
+    return f"{text}; followed over {key} = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in sorted(ranges)[:5])
+
+
+def _with_number(families: list[tuple[Found, Branch]], pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
+    """The families at the energy, or with the quarter period, of a pin that has only one of the two."""
+    if "h" in pin and "alpha" in pin:
+        return []
+    where = {"energy": pin["h"]} if "h" in pin else {"alpha": pin["alpha"]}
+    return [(found, branch) for found, branch in families if branch.orbits_at(**where)]
+
+
+def _at_pin(search: Search, label: Label, pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
+    """The family through the orbit that a pin with two numbers chooses, among all at its energy, with an orbit in the range of energies.
+
+    Those with the label come first, then those that have its impacts with other half-waves."""
+    if "h" not in pin or "alpha" not in pin:
+        return []
+    longest = min(search.limits.quarter_period, (1.0 + PIN_TOLERANCE) * pin["alpha"])
+    most = search.limits.impacts
+    if label.p is not None and label.q is not None:
+        most = label.p + label.q + (label.parity == "O")
+    orbits = discover(search.system, pin["h"], quarter_period=longest, impacts=most).orbits
+    near = [(abs(orbit.alpha / pin["alpha"] - 1.0), orbit) for orbit in orbits if orbit.label]
+    for fits in (matches, fits_otherwise):
+        fitting = [(distance, orbit) for distance, orbit in near if distance < PIN_TOLERANCE and fits(label, parse(orbit.label))]
+        if not fitting:
+            continue
+        _, orbit = min(fitting, key=lambda item: item[0])
+        found = Found(orbit.problem, orbit.solution, parse(orbit.label))
+        assert found.label is not None
+        if label.kind == "U" and label.p is not None and label.p != found.label.p:
+            found = from_other_end(found)
+        return _inside(search.families([found]), search.range, lambda other: other.label is not None and fits_otherwise(label, other.label))
+    return []

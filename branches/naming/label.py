@@ -1,0 +1,352 @@
+"""A label as data: its fields, its text, how it is read, and why some cannot be. `branches.naming.labels` explains the notation."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NoReturn
+
+from branches.sequences import SequenceSyntaxError, split_family_id
+from bvp.shown import shown
+
+__all__ = [
+    "ImpossibleLabelError",
+    "Label",
+    "LabelSyntaxError",
+    "Name",
+    "count_half_waves",
+    "label_of",
+    "parse",
+    "parse_name",
+    "pieces",
+    "why_impossible",
+]
+
+
+class ImpossibleLabelError(ValueError):
+    """A label that can be read, but that no periodic orbit with impacts (or linear mode) can have; the message says why."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """A label, or a pattern of labels where parity, p and q, or sign are None.
+
+    Parameters
+    ----------
+    kind
+        "S", "U" or "L".
+    m, n
+        Half-waves of absorber and primary in the half period.
+    parity
+        "E" or "O", symmetric labels only.
+    p, q
+        Impacts strictly inside the first and second quarter; both or none; none for linear modes.
+    sign
+        "+" or "-".
+
+    Raises
+    ------
+    ImpossibleLabelError
+        Where no orbit can have the label; `why_impossible` gives the rules.
+    ValueError
+        Where the fields make no label at all.
+    """
+
+    kind: str
+    m: int
+    n: int
+    parity: str | None = None
+    p: int | None = None
+    q: int | None = None
+    sign: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("S", "U", "L"):
+            raise ValueError(f"kind of a label is {self.kind!r}, expected S, U or L")
+        if self.parity is not None and (self.kind != "S" or self.parity not in ("E", "O")):
+            raise ValueError(f"parity of a {self.kind} label is {self.parity!r}, expected E or O for S, none for U and L")
+        if self.sign not in (None, "+", "-"):
+            raise ValueError(f"sign of a label is {self.sign!r}, expected + or -")
+        countable = self.kind == "U" or self.parity is not None
+        if (self.p is None) != (self.q is None) or (self.p is not None and not countable):
+            rule = "expected both or none, none for L, and for S only with E or O"
+            raise ValueError(f"impacts p, q of a {self.kind} label are {self.p}, {self.q}: {rule}")
+        for field in ("m", "n", "p", "q"):
+            value = getattr(self, field)
+            if value is not None and (not isinstance(value, int) or value < 0):
+                raise ValueError(f"{field} of a label is {value!r}, expected a whole number, 0 or more")
+        reason = why_impossible(self)
+        if reason is not None:
+            raise ImpossibleLabelError(f"{self} cannot be a periodic orbit: {reason}")
+
+    def __str__(self) -> str:
+        """The label as `parse` reads it."""
+        return "".join(pieces(self)) + (self.sign or "")
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is left open: one label, not a pattern of several."""
+        return self.sign is not None and (self.kind == "L" or self.p is not None)
+
+
+def why_impossible(label: Label) -> str | None:
+    """Why no orbit can have this label, in words; None where one can.
+
+    The displacements vanish at both ends of a half period, so each velocity changes sign in it. Over a half period a symmetric
+    orbit turns into its own negative, so its velocities change sign an odd number of times, and its quarters have equally many
+    impacts.
+    """
+    if label.m == 0 or label.n == 0:
+        body = "NES" if label.m == 0 else "LO"
+        return f"the {body} has 0 half-waves, but its velocity changes sign at least once in a half period (m, n >= 1)"
+    if label.kind == "L":
+        differ = f"m = {label.m} and n = {label.n} differ, but in a linear mode both bodies move alike (L11+, L11-)"
+        return differ if label.m != label.n else None
+    if label.kind == "S" and label.p != label.q:
+        return f"a symmetric orbit has as many impacts in its second quarter as in its first, here {label.p} and {label.q}"
+    if label.kind == "S" and (label.m % 2 == 0 or label.n % 2 == 0):
+        return f"a symmetric orbit reverses each velocity over a half period, so m and n are odd, here {label.m} and {label.n}"
+    if label.kind == "S" and label.parity == "E" and label.p == 0:
+        return "it has no impact at all (none inside a quarter, E: none at the quarter); the linear modes are L11+, L11-"
+    if label.kind == "U" and label.p == label.q == 0:
+        return "it has no impact at all (p = q = 0); the linear modes are L11+, L11-"
+    return None
+
+
+def label_of(m: int, n: int, parity: str | None, p: int, q: int, sign: str) -> Label:
+    """The label of an orbit from its counts, p and q in the order of its start: S where a parity is given, else U.
+
+    Raises
+    ------
+    ImpossibleLabelError
+        Where the counts contradict each other, as they can where a velocity is zero to rounding at an origin (impulsive orbit).
+
+    Examples
+    --------
+    >>> str(label_of(1, 3, "O", 0, 0, "+")), str(label_of(15, 5, None, 8, 7, "-"))
+    ('S13O00+', 'U(15)587-')
+    """
+    return Label("U" if parity is None else "S", m, n, parity, p, q, sign)
+
+
+def count_half_waves(signs: Iterable[float]) -> int:
+    """The number of sign changes in a sequence of velocities (or their signs) over a half period; zeros are passed over.
+
+    Raises
+    ------
+    ValueError
+        For a value that is not a number.
+
+    Examples
+    --------
+    >>> count_half_waves([1, 0, -1, -1, 0, 0, -1, 1])
+    2
+    """
+    count, last = 0, 0
+    for value in signs:
+        if math.isnan(value):
+            raise ValueError("a velocity is NaN, expected numbers")
+        sign = (value > 0) - (value < 0)
+        if sign:
+            count += last == -sign
+            last = sign
+    return count
+
+
+def pieces(label: Label) -> list[str]:
+    """The parts of the label's text, without the sign."""
+    numbers = [f"({value})" if value > 9 else str(value) for value in (label.m, label.n, label.p, label.q) if value is not None]
+    return [label.kind, *numbers[:2], label.parity or "", *numbers[2:]]
+
+
+_SIGNS = dict.fromkeys("+\N{SUPERSCRIPT PLUS SIGN}", "+") | dict.fromkeys(
+    "-\N{MINUS SIGN}\N{EN DASH}\N{SUPERSCRIPT MINUS}", "-"
+)
+_DIGITS = "0123456789"
+_FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
+
+class LabelSyntaxError(ValueError):
+    """A label or name that does not parse; the message is one line that points at the character.
+
+    Attributes
+    ----------
+    text : str
+        What was given.
+    position : int
+        The character, counted from 1, at which reading stopped; len(text) + 1 where the text ends too early.
+    expected : str
+        What could have stood there.
+    caret : str
+        Two lines: the text, and a caret below the character.
+    """
+
+    def __init__(self, text: str, position: int, expected: str):
+        self.text, self.position, self.expected = text, position, expected
+        self.caret = f"{text}\n{' ' * (position - 1)}^"
+        found = f'unexpected "{text[position - 1]}" at' if position <= len(text) else "it ends before"
+        super().__init__(f'label "{text}": {found} character {position}: expected {expected}')
+
+
+@dataclass(frozen=True)
+class Name:
+    """A label or a family id, with what selects among several orbits: energy h > 0, quarter period alpha > 0, or None."""
+
+    label: Label | None = None
+    family: str | None = None
+    h: float | None = None
+    alpha: float | None = None
+
+    def __str__(self) -> str:
+        """The name as `parse_name` reads it."""
+        suffix = ",".join(f"{key}={value!r}" for key, value in (("h", self.h), ("alpha", self.alpha)) if value is not None)
+        return (self.family or str(self.label)) + ("@" + suffix if suffix else "")
+
+
+def parse(text: str) -> Label:
+    """Read a label or a pattern of labels.
+
+    Raises
+    ------
+    LabelSyntaxError
+        Where the text does not follow the notation; it points at the character.
+    ImpossibleLabelError
+        Where it does, but no orbit can have the label.
+
+    Examples
+    --------
+    >>> parse("S73O33-")
+    Label(kind='S', m=7, n=3, parity='O', p=3, q=3, sign='-')
+    >>> str(parse("S13+")), str(parse("U(15)578-")), str(parse("U21"))
+    ('S13O00+', 'U(15)578-', 'U21')
+    """
+    reader = _Reader(text)
+    fields = reader.fields()
+    if reader.here:
+        reader.fail(reader.after)
+    return Label(*fields)
+
+
+def parse_name(text: str) -> Name:
+    """Read a name: a label or a family id, then `@h=..`, `@alpha=..` or both with a comma between.
+
+    Raises
+    ------
+    LabelSyntaxError, ImpossibleLabelError
+        As in `parse`.
+    TypeError
+        For what is no text.
+
+    Examples
+    --------
+    >>> name = parse_name("U8353-@h=1.9458,alpha=4.9065")
+    >>> str(name.label), name.h, name.alpha
+    ('U8353-', 1.9458, 4.9065)
+    >>> parse_name("origin-stop+:+-:03fa9c1e").family
+    'origin-stop+:+-:03fa9c1e'
+    """
+    if not isinstance(text, str):
+        raise TypeError(f"a name is text such as S13O00+ or U8353-@h=1.9; received {shown(text)}")
+    reader = _Reader(text)
+    head = text.partition("@")[0]
+    family, fields = None, None
+    if ":" in head:
+        try:
+            split_family_id(head)
+        except SequenceSyntaxError as error:
+            raise LabelSyntaxError(text, 1, f"a label or a family id ({error})") from None
+        reader.at, family = len(head), head
+        reader.after = "@ or the end of the name"
+    else:
+        fields = reader.fields()
+        reader.after = reader.after.replace("the end of the label", "@ or the end of the name").replace("or @", "@")
+    chosen: dict[str, float] = {}
+    if reader.here == "@" or (family is None and reader.here == ","):
+        reader.at += 1
+        reader.condition(chosen)
+        while reader.here == "," and len(chosen) < 2:
+            reader.at += 1
+            reader.condition(chosen)
+        reader.after = "the end of the name" if len(chosen) == 2 else "a comma or the end of the name"
+    if reader.here:
+        reader.fail(reader.after)
+    return Name(Label(*fields) if fields else None, family, chosen.get("h"), chosen.get("alpha"))
+
+
+class _Reader:
+    """A place in a text, which moves on as parts are read and knows what could have stood where it stops."""
+
+    def __init__(self, text: str):
+        self.text, self.at = text, 0
+        self.after = ""
+
+    @property
+    def here(self) -> str:
+        return self.text[self.at : self.at + 1]
+
+    def fail(self, expected: str, back: int = 0) -> NoReturn:
+        raise LabelSyntaxError(self.text, self.at + 1 - back, expected)
+
+    def number(self, meaning: str) -> int:
+        """One digit, or several in parentheses."""
+        if self.here and self.here in _DIGITS:
+            self.at += 1
+            return int(self.text[self.at - 1])
+        if self.here != "(":
+            self.fail(f"{meaning}, a digit or a longer number in parentheses")
+        self.at += 1
+        start = self.at
+        while self.here and self.here in _DIGITS:
+            self.at += 1
+        digits = self.text[start : self.at]
+        if not digits:
+            self.fail("a digit")
+        if len(digits) > 1 and digits[0] == "0":
+            self.fail("a number without leading zeros", back=len(digits))
+        if len(digits) > 9:
+            self.fail("a number of at most 9 digits", back=len(digits) - 9)
+        if self.here != ")":
+            self.fail("a digit or )")
+        self.at += 1
+        return int(digits)
+
+    def fields(self) -> tuple[str, int, int, str | None, int | None, int | None, str | None]:
+        """The longest label from here on, as the fields of a Label."""
+        kind = self.here
+        if not kind or kind not in "SUL":
+            self.fail("S (symmetric), U (unsymmetric) or L (linear mode)")
+        self.at += 1
+        m, n = self.number("the half-waves m of the NES"), self.number("the half-waves n of the LO")
+        parity, p, q = None, None, None
+        more = {"S": "the letter O or E, ", "U": "the impacts p, ", "L": ""}[kind]
+        self.after = more + "a sign + or -, or the end of the label"
+        if kind == "S" and self.here and self.here in "EO":
+            parity = self.here
+            self.at += 1
+            self.after = "the impacts p, a sign + or -, or the end of the label"
+        if (kind == "U" or parity) and self.here and self.here in _DIGITS + "(":
+            p, q = self.number("the impacts p"), self.number("the impacts q")
+            self.after = "a sign + or -, or the end of the label"
+        sign = _SIGNS.get(self.here)
+        if sign:
+            self.at += 1
+            self.after = "the end of the label"
+            if kind == "S" and parity is None:
+                parity, p, q = "O", 0, 0
+        return kind, m, n, parity, p, q, sign
+
+    def condition(self, chosen: dict[str, float]) -> None:
+        """One `h=..` or `alpha=..`, added to those chosen."""
+        keys = [key for key in ("h", "alpha") if key not in chosen]
+        key = next((key for key in keys if self.text.startswith(key + "=", self.at)), None)
+        if key is None:
+            self.fail(" or ".join(f"{key}=.." for key in keys))
+        self.at += len(key) + 1
+        found = _FLOAT.match(self.text, self.at)
+        value = float(found.group()) if found else 0.0
+        if found is None or not 0.0 < value < math.inf:
+            self.fail(f"a positive number, the {'energy' if key == 'h' else 'quarter period'} {key}")
+        self.at = found.end()
+        chosen[key] = value

@@ -1,0 +1,284 @@
+"""The search for a name: a label by scans at many energies, an id by every orbit between its ends at more and more energies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.identity import same_orbit
+from branches.naming.labels import Label, Name, canonical_label, matches, nearest, nearest_labels, parse
+from branches.naming.reference_points import PIN_TOLERANCE, NameNotFound, why_a_cover
+from branches.search.discovery import LONGEST, discover, fastest_turn
+from branches.search.orbits import Found, from_other_end
+from branches.search.scope import require_one_stop, require_two_degrees
+from branches.search.uniform import Scanner
+from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
+from branches.tracing import HIGHEST, Courses
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from bvp.system import ImpactSystem
+
+__all__ = ["LEVELS", "Limits", "Search", "find_by_id", "least_energy", "passes", "search_bounds"]
+
+LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
+"""Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
+inner impact up to four (at least one). Each level is finer; the search ends at the first that finds the name."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Where names are searched by default: energies, longest quarter period, most impacts in a half period."""
+
+    energy: tuple[float, float] = (0.05, 1e4)
+    quarter_period: float = 10.0
+    impacts: int = 16
+
+
+def search_bounds(bounds: Mapping[str, Any] | None) -> Limits:
+    """Limits from a scene's bounds (missing ones by default)."""
+    bounds = dict(bounds or {})
+    default = Limits()
+    for key in bounds:
+        if key not in default.__dataclass_fields__:
+            near = nearest(key, default.__dataclass_fields__, 1) or tuple(default.__dataclass_fields__)
+            raise ValueError(f"unknown bound {key!r}; expected {', '.join(near)}")
+    energy = bounds.get("energy", default.energy)
+    return Limits(
+        (float(energy[0]), float(energy[1])),
+        float(bounds.get("quarter_period", default.quarter_period)),
+        int(bounds.get("impacts", default.impacts)),
+    )
+
+
+class Search:
+    """One search for a name over energies, coarse first."""
+
+    def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], courses: Courses):
+        self.name = name
+        self.limits = limits
+        self.courses = courses
+        # What is asked for is searched, also where it goes beyond the limits; above HIGHEST orbits are lost in rounding.
+        top = max(HIGHEST, limits.energy[1])
+        self.energy = (name.h, name.h) if name.h is not None else (energy[0], min(energy[1], top) if energy[0] < top else energy[1])
+        self.longest = max(limits.quarter_period, (1.0 + PIN_TOLERANCE) * name.alpha if name.alpha is not None else 0.0)
+        self.range = energy
+        self.system = system
+        self.sequence: tuple[str, ...] | None = None
+        self.ends: tuple[str, str] | None = None
+        most = limits.impacts
+        if name.label is not None:
+            label = name.label
+            end = "origin" if label.kind == "U" else {"O": "stop", "E": "rest", None: "stop"}[label.parity]
+            if label.p is not None and label.q is not None:
+                self.impacts = [label.p + label.q if label.kind == "U" else label.p]
+            elif label.kind == "U":
+                self.impacts = list(range(1, most + 1))
+            else:
+                self.impacts = list(range(most // 2 + 1))
+            kinds = [end] if label.kind == "U" or label.parity is not None else ["stop", "rest"]
+        else:
+            assert name.family is not None
+            self.ends, self.sequence, _ = split_family_id(name.family)
+            kinds = ["stop" if self.ends[1].startswith("stop") else self.ends[1]]
+            self.impacts = [len(self.sequence)]
+        self.scanners = [Scanner(system, kind, self.longest) for kind in kinds]
+        self.seen: dict[str, tuple[float, float]] = {}
+        self.others: dict[str, Branch] = {}
+        self.searched = (0, 0)
+
+    def run(self, levels: Sequence[tuple[float, int]]) -> list[Found]:
+        """All matches of the first of the levels that has any."""
+        for step, density in levels:
+            energies = self._energies(step if max(self.impacts) else 2.0 * step)
+            angles = density * max(1, min(4, max(self.impacts)))
+            self.searched = (len(energies), angles)
+            found = [orbit for h in energies for orbit in self._at(h, angles)]
+            if found:
+                return found
+        return []
+
+    def _energies(self, step: float) -> np.ndarray:
+        low, high = self.energy
+        if low == high:
+            return np.array([low])
+        low = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
+        count = max(2, math.ceil(math.log(high / low) / step))
+        grid = np.linspace(math.log(low), math.log(high), 2 * count + 1)[1::2]
+        return np.exp(grid)
+
+    def _at(self, h: float, angles: int) -> list[Found]:
+        out = []
+        for scanner in self.scanners:
+            for orbit in scanner.orbits(h, angles, self.impacts):
+                if not self.fits(orbit) and self._matches_turned(orbit):
+                    orbit = from_other_end(orbit)
+                if self.fits(orbit):
+                    out.append(orbit)
+                elif orbit.label is not None:
+                    self.seen.setdefault(str(canonical_label(orbit.label)), (orbit.h, orbit.alpha))
+        return out
+
+    def fits(self, orbit: Found) -> bool:
+        if self.sequence is not None and self.ends is not None:
+            same = canonical_sequence(orbit.problem.word, orbit.problem.ends, odd_symmetry=self.system.has_odd_symmetry)
+            return same == canonical_sequence(self.sequence, self.ends, odd_symmetry=self.system.has_odd_symmetry)
+        label, pattern = orbit.label, self.name.label
+        if label is None or pattern is None or not matches(pattern, label):
+            return False
+        if pattern.p is not None and pattern.p != pattern.q:
+            return pattern.p == label.p
+        return label.p is None or label.q is None or label.p <= label.q
+
+    def _matches_turned(self, orbit: Found) -> bool:
+        """Whether the orbit has the label when it is started at its other end: Umnpq is Umnqp."""
+        label, pattern = orbit.label, self.name.label
+        return label is not None and pattern is not None and label.kind == "U" and label.p != label.q and matches(pattern, label)
+
+    def families(self, found: list[Found]) -> list[tuple[Found, Branch]]:
+        """One orbit of each family, and the family traced."""
+        # What a range of energies cuts apart can be one family.
+        low, high = min(self.range[0], self.limits.energy[0]), max(self.range[1], self.limits.energy[1])
+        out: list[tuple[Found, Branch]] = []
+        followed: list[Branch] = []
+        for orbit in found:
+            if any(passes(branch, orbit) for branch in followed):
+                continue
+            branch = self.courses.follow(orbit.problem, orbit.solution.y, energy=(low, high))
+            followed.append(branch)
+            if self.name.family is not None and not branch.has_id(self.name.family):
+                self.others[branch.id] = branch
+                continue
+            out.append((orbit, branch))
+        return out
+
+    def nothing(self) -> str:
+        """What was searched, and what exists."""
+        low, high = self.energy
+        where = f"at h = {low:g}" if low == high else f"for h in {low:g}:{high:g}"
+        counts = self.impacts if len(self.impacts) == 1 else f"{self.impacts[0]} to {self.impacts[-1]}"
+        text = (
+            f"no orbit {self.name.label or self.name.family} found {where}, quarter period up to {self.longest:g}, "
+            f"with {counts if isinstance(counts, str) else counts[0]} inner impacts in the solved segment "
+            f"({self.searched[0]} energies, {self.searched[1]} angles)"
+        )
+        turn = fastest_turn(self.system, self.longest)
+        if turn > LONGEST:
+            text += (
+                f"; the fastest mode turns by {turn:.4g} rad within half of the longest period, and angles so far apart tell little of "
+                f"orbits in which it turns by more than {LONGEST:g}"
+            )
+        if self.name.family is not None and self.others:
+            known = [
+                f"{name} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for name, branch in self.others.items()
+            ]
+            return f"{text}; with these ends and this sequence there {'is' if len(known) == 1 else 'are'} {', '.join(known[:5])}"
+        label = self.name.label
+        if label is not None:
+            turned = why_a_cover(label, self._exists)
+            if turned:
+                return turned
+        if self.seen and label is not None:
+            near = nearest_labels(label, self.seen)
+            text += "; nearest that exist: " + ", ".join(f"{k}@h={self.seen[k][0]:.5g},alpha={self.seen[k][1]:.5g}" for k in near)
+        return text
+
+    def _exists(self, root: Label) -> bool:
+        search = Search(self.system, Name(root, None, None, None), self.limits, self.range, self.courses)
+        step, angles = LEVELS[0]
+        return any(search._at(h, angles) for h in search._energies(step))
+
+
+def least_energy(system: ImpactSystem) -> float:
+    """Energy below which the first stop cannot be reached: the least potential energy with the gap coordinate at its nearer bound, which is
+    0 where the system can drift there.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> round(least_energy(vibro_impact_nes(sigma=0.1)), 12), least_energy(vibro_impact_nes(sigma=0.0))
+    (0.05, 0.0)
+    """
+    gap = system.modes.contact_gap[0, : system.degrees_of_freedom]
+    reach = min(abs(system.stops[0].lower), abs(system.stops[0].upper))
+    pairs = zip(gap, system.modes.squares, strict=True)
+    compliance = sum(math.inf if w <= 0.0 and g != 0.0 else (g * g / w if g else 0.0) for g, w in pairs)
+    return float(0.5 * reach**2 / compliance)
+
+
+def passes(branch: Branch, orbit: Found) -> bool:
+    """Whether a branch passes through an orbit, in whatever presentation."""
+    odd = branch.system.has_odd_symmetry
+    mine, other = branch.problem, orbit.problem
+    if canonical_sequence(mine.word, mine.ends, odd_symmetry=odd) != canonical_sequence(other.word, other.ends, odd_symmetry=odd):
+        return False
+    return any(
+        abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7 and same_orbit((mine, candidate.solution.y), (other, orbit.solution.y))
+        for candidate in branch.orbits_at(energy=orbit.h)
+    )
+
+
+ROUNDS = 6
+"""Times that energies are put between those that were searched: 63 energies at most."""
+
+KEPT = "expected a catalogue that has it (--catalogue FILE)"
+
+
+def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], courses: Courses) -> tuple[Found, Branch]:
+    """An orbit of the family with an id, and the family.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    name : Name
+        With a family.
+    limits : Limits
+        Quarter periods and energies that are searched.
+    energy : (float, float)
+        The range in which the family will be followed.
+    courses : Courses
+        Where what is followed is kept.
+
+    Raises
+    ------
+    NameNotFound
+        Where no orbit of it is found, or its orbits have no reversal, so that no search finds them.
+    ValueError
+        For a system whose orbits cannot be searched.
+    """
+    assert name.family is not None
+    ends, sequence, _ = split_family_id(name.family)
+    if ends == PERIODIC:
+        raise NameNotFound(f"{name.family} has orbits without a reversal, which no search finds; {KEPT}")
+    require_two_degrees(system, "families are searched by id for", KEPT)
+    require_one_stop(system, "families are searched by id for")
+    impacts = math.ceil(impacts_per_period(sequence, ends) / 2)
+    pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
+    wanted = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)
+    low, high = max(energy[0], 1e-3 * limits.energy[0]), min(energy[1], limits.energy[1] if energy[1] == math.inf else energy[1])
+    span = min(low, limits.energy[0]), max(high, limits.energy[1])
+    followed: list[Branch] = []
+    for round_ in range(ROUNDS):
+        parts = 2 ** (round_ + 1)
+        for k in range(1, parts, 2) if name.h is None else (1,):
+            h = low * (high / low) ** (k / parts) if name.h is None else name.h
+            for orbit in discover(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
+                found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
+                same = canonical_sequence(orbit.problem.word, orbit.problem.ends, odd_symmetry=system.has_odd_symmetry) == wanted
+                if not same or any(passes(branch, found) for branch in followed):
+                    continue
+                branch = courses.follow(orbit.problem, orbit.solution.y, energy=span)
+                if branch.has_id(name.family):
+                    return found, branch
+                followed.append(branch)
+        if name.h is not None:
+            break
+    there = ", ".join(list(dict.fromkeys(branch.id for branch in followed))[:5])
+    raise NameNotFound(
+        f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; "
+        + (f"with these ends and this sequence of impacts there are {there}" if there else KEPT)
+    )

@@ -1,0 +1,1 @@
+"""Search for all orbits of a system at one energy."""

@@ -1,0 +1,195 @@
+"""The starts in an end set at one energy: curves of states, each a combination of two functions of one parameter.
+
+Two degrees of freedom with a stop: the energy at zero displacement is a circle of velocities (origin); at zero velocity a conic of
+displacements inside the gap (rest); at an impact along the stop's normal an ellipse of position along the stop and speed (stop).
+Where the mirror image of an orbit is an orbit, half of each is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from bvp.kernels.follow import Flow
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["QUADRATIC", "Curve", "Path", "curves"]
+
+TRIGONOMETRIC, LINEAR, HYPERBOLIC, QUADRATIC = 0, 1, 2, 3
+
+INSET = 1e-11
+"""How far from a curve's end at a stop the scan begins: nearer, the first impact is slower than rounding lets be told."""
+
+OFFSET = 0.3
+"""Where the full circle is cut: at no parameter that a symmetry singles out."""
+
+
+class Path(NamedTuple):
+    """One start followed: its state (4,), contacts hit (k,), states after them (k, 4), flight times before them, instants (k,)."""
+
+    start: np.ndarray
+    contacts: np.ndarray
+    nodes: np.ndarray
+    durations: np.ndarray
+    instants: np.ndarray
+
+    @property
+    def until_last(self) -> float:
+        """Time from the start to the last impact followed."""
+        return float(self.instants[-1]) if len(self.instants) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Starts of one kind at one energy, parametrised over an interval.
+
+    Parameters
+    ----------
+    end : str
+        "origin", "rest", "stop+", "stop-".
+    flow : Flow
+        The system and this curve for the kernels.
+    low, high : float
+        The parameter's range.
+    singular : (bool, bool)
+        Whether the curve ends at a stop there, so that the first impact's speed goes to zero.
+    before : Path, optional
+        Where the curve is the image of a short piece of another one (`branches.search.scan`): the motion up to it, from that
+        piece's middle. The impact that the curve starts after is the last one of it.
+    piece : (float, float)
+        With `before`: middle of the piece, and its derivative by this curve's parameter. Else (0, 1).
+    """
+
+    end: str
+    flow: Flow
+    low: float
+    high: float
+    singular: tuple[bool, bool] = (False, False)
+    before: Path | None = None
+    piece: tuple[float, float] = (0.0, 1.0)
+
+    def angle(self, parameter: float) -> float:
+        """Parameter of the start on the curve of starts that this one is an image of, or lies on."""
+        return self.piece[0] + self.piece[1] * parameter
+
+
+def curves(system: ImpactSystem, end: str, energy: float) -> list[Curve]:
+    """The curves of all starts of a kind at an energy, up to the mirror image.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        Two degrees of freedom, one stop, conservative.
+    end : str
+        "origin", "rest" or "stop".
+    energy : float
+
+    Returns
+    -------
+    list of Curve
+        Empty where the energy does not reach the end set.
+
+    Raises
+    ------
+    ValueError
+        For rest or stop ends of a system that nothing holds along its stop: its starts are not bounded.
+    """
+    if end == "origin":
+        speed = math.sqrt(2.0 * energy)
+        coefficients = np.zeros((3, 4))
+        coefficients[1, 2] = coefficients[2, 3] = speed
+        return [Curve("origin", _flow(system, coefficients, TRIGONOMETRIC, -1), OFFSET, OFFSET + math.pi)]
+    # Displacements q = w normal + s across: V = (a w^2 + 2 b w s + c s^2)/2.
+    modes = system.modes
+    gap = modes.contact_gap[0, :2]
+    normal = gap / (gap @ gap)
+    across = _across(gap)
+    a, b, c = ((modes.squares * x) @ y for x, y in ((normal, normal), (normal, across), (across, across)))
+    if c <= 1e-12 * float(np.max(np.abs(modes.squares))):
+        raise ValueError(f"the ends rest and stop need a system that is held along its stop; the stiffness there is {c:.3g}")
+    stiffness = a - b * b / c
+    if abs(stiffness) <= 1e-12 * float(np.max(np.abs(modes.squares))) * float(normal @ normal):
+        stiffness = 0.0
+    slide = normal - b / c * across
+    if end == "rest":
+        return _rest(system, energy, stiffness, c, slide, across)
+    out = []
+    for contact, letter in enumerate(modes.contact_letters):
+        if system.has_odd_symmetry and modes.contact_side[contact] < 0.0:
+            continue
+        bound = float(modes.contact_bound[contact])
+        left = energy - 0.5 * stiffness * bound * bound
+        if left <= 0.0:
+            continue
+        coefficients = np.zeros((3, 4))
+        coefficients[0, :2] = bound * slide
+        coefficients[2, :2] = math.sqrt(2.0 * left / c) * across
+        coefficients[1, 2:] = -modes.contact_side[contact] * math.sqrt(2.0 * left) * gap / math.sqrt(gap @ gap)
+        flow = _flow(system, coefficients, TRIGONOMETRIC, contact)
+        out.append(Curve("stop" + letter, flow, -0.5 * math.pi, 0.5 * math.pi, (True, True)))
+    return out
+
+
+def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, slide: np.ndarray, across: np.ndarray) -> list[Curve]:
+    """Displacements at rest inside the gap: w = W f(x), s = S g(x) about the line on which the force along the stop vanishes."""
+    stop = system.stops[0]
+    size = math.sqrt(2.0 * energy / along)
+    branches = (1.0,) if system.has_odd_symmetry else (1.0, -1.0)
+    out = []
+    if stiffness > 0.0:
+        reach = math.sqrt(2.0 * energy / stiffness)
+        coefficients = np.zeros((3, 4))
+        coefficients[1, :2] = size * across
+        coefficients[2, :2] = reach * slide
+        flow = _flow(system, coefficients, TRIGONOMETRIC, -1)
+        lower, upper = stop.lower / reach, stop.upper / reach
+        first = math.asin(lower) if lower > -1.0 else None
+        last = math.asin(upper) if upper < 1.0 else None
+        if first is None and last is None:
+            turn = math.pi if system.has_odd_symmetry else 2.0 * math.pi
+            return [Curve("rest", flow, OFFSET, OFFSET + turn)]
+        if first is not None and last is not None:
+            out.append(Curve("rest", flow, first, last, (True, True)))
+            if len(branches) == 2:
+                out.append(Curve("rest", flow, math.pi - last, math.pi - first, (True, True)))
+            return out
+        if last is not None:
+            return [Curve("rest", flow, math.pi - last, 2.0 * math.pi + last, (True, True))]
+        assert first is not None
+        return [Curve("rest", flow, first, math.pi - first, (True, True))]
+    for branch in branches:
+        coefficients = np.zeros((3, 4))
+        if stiffness == 0.0:
+            coefficients[0, :2] = branch * size * across
+            coefficients[2, :2] = slide
+            shape, low, high = LINEAR, stop.lower, stop.upper
+        else:
+            reach = math.sqrt(-2.0 * energy / stiffness)
+            coefficients[1, :2] = branch * size * across
+            coefficients[2, :2] = reach * slide
+            shape, low, high = HYPERBOLIC, math.asinh(stop.lower / reach), math.asinh(stop.upper / reach)
+        out.append(Curve("rest", _flow(system, coefficients, shape, -1), low, high, (True, True)))
+    return out
+
+
+def _across(gap: np.ndarray) -> np.ndarray:
+    """Unit vector along the stop, in modal coordinates."""
+    return np.array([-gap[1], gap[0]]) / math.hypot(gap[0], gap[1])
+
+
+def _flow(system: ImpactSystem, coefficients: np.ndarray, shape: int, contact: int) -> Flow:
+    modes = system.modes
+    return Flow(
+        modes.flight,
+        modes.contacts,
+        np.array(modes.squares, dtype=np.float64),
+        _across(modes.contact_gap[0, :2]),
+        np.array([system.stops[0].lower, system.stops[0].upper], dtype=np.float64),
+        coefficients,
+        np.array([shape, contact], dtype=np.int64),
+    )

@@ -1,0 +1,394 @@
+"""Words of impacts: which stops a solved segment hits, in which order, and what its symmetries make of that.
+
+A **sequence** is a tuple of contact letters, one for each impact strictly inside the segment, in order of time: `+` and `-` for
+the two sides of a single stop, `a+`, `a-`, `b+`, ... where there are several. The **ends** of the segment are kept apart from
+it, as a pair of `origin`, `rest`, `stop+`, `stop-` (`stopa+`, ... where there are several stops), or `("periodic", "periodic")`
+for an orbit that closes on itself without a reversal.
+
+About an end the orbit continues as its own reversal, s being the time from the end:
+
+    origin         u(s) = -u(-s)   the sequence continues reversed and mirrored
+    rest           u(s) =  u(-s)   the sequence continues reversed
+    stop           u(s) =  u(-s)   the end's own impact, then the sequence reversed
+
+With e = -1 at an origin and +1 elsewhere this gives u(2 tau + s) = e_first e_last u(s) for a segment of length tau: ends of
+equal e close after two segments, others after four. A family is known by the smallest image of its sequence and ends under the
+symmetries of the equations: mirror (where the stops are symmetric), and reversal with exchange of the ends.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+
+__all__ = [
+    "Ends",
+    "PERIODIC",
+    "ImpactSequence",
+    "SequenceSyntaxError",
+    "canonical_sequence",
+    "check_ends",
+    "end_letter",
+    "exchange",
+    "format_ends",
+    "format_sequence",
+    "full_sequence",
+    "impacts_per_period",
+    "join_family_id",
+    "mirror",
+    "mirror_ends",
+    "parity",
+    "parse_ends",
+    "parse_sequence",
+    "primitive",
+    "reverse",
+    "segments_per_period",
+    "split_family_id",
+    "unfold",
+]
+
+ImpactSequence = tuple[str, ...]
+Ends = tuple[str, str]
+
+PERIODIC: Ends = ("periodic", "periodic")
+"""The ends of an orbit that closes on itself, without any reversal."""
+
+_LETTER = re.compile(r"[a-z]?[+-]")
+_END = r"(origin|rest|stop[a-z]?[+-])"
+_ENDS = re.compile(_END + "-" + _END)
+_HASH = re.compile(r"[0-9a-f]{4,64}")
+
+
+class SequenceSyntaxError(ValueError):
+    """A sequence, a pair of ends or a family id that cannot be read; the message is one line."""
+
+
+def parse_sequence(text: str) -> ImpactSequence:
+    """Read a sequence such as `+-+` or `a+b-`.
+
+    Raises
+    ------
+    SequenceSyntaxError
+        Where a letter is not `+` or `-`, or not a stop's letter followed by one, or where both kinds are mixed.
+
+    Examples
+    --------
+    >>> parse_sequence("+-+"), parse_sequence("a+b-"), parse_sequence("")
+    (('+', '-', '+'), ('a+', 'b-'), ())
+    """
+    letters: list[str] = []
+    at = 0
+    while at < len(text):
+        found = _LETTER.match(text, at)
+        if found is None:
+            raise SequenceSyntaxError(
+                f'impact sequence "{text}": unexpected "{text[at]}" at character {at + 1}: '
+                "expected + or -, after a stop's letter if there are several"
+            )
+        if letters and len(found.group()) != len(letters[0]):
+            raise SequenceSyntaxError(
+                f'impact sequence "{text}": "{found.group()}" at character {at + 1} and "{letters[0]}" are mixed: '
+                "expected a stop's letter before each sign, or before none"
+            )
+        letters.append(found.group())
+        at = found.end()
+    return tuple(letters)
+
+
+def format_sequence(sequence: Iterable[str]) -> str:
+    """The sequence as text, e.g. `+-+`; what `parse_sequence` reads.
+
+    Examples
+    --------
+    >>> format_sequence(("a+", "b-"))
+    'a+b-'
+    """
+    return "".join(sequence)
+
+
+def parse_ends(text: str) -> Ends:
+    """Read a pair of ends such as `origin-stop+`, or `periodic`.
+
+    Raises
+    ------
+    SequenceSyntaxError
+        Where the text is neither.
+
+    Examples
+    --------
+    >>> parse_ends("stop+-stop-"), parse_ends("periodic")
+    (('stop+', 'stop-'), ('periodic', 'periodic'))
+    """
+    if text == "periodic":
+        return PERIODIC
+    found = _ENDS.fullmatch(text)
+    if found is None:
+        raise SequenceSyntaxError(
+            f'ends "{text}": expected two of origin, rest, stop+, stop- joined by "-", such as origin-stop+, or periodic'
+        )
+    return found.group(1), found.group(2)
+
+
+def format_ends(ends: Ends) -> str:
+    """The ends as text, e.g. `origin-stop+`; what `parse_ends` reads.
+
+    Examples
+    --------
+    >>> format_ends(("origin", "stop+"))
+    'origin-stop+'
+    """
+    check_ends(ends)
+    return "periodic" if ends == PERIODIC else "-".join(ends)
+
+
+def split_family_id(text: str) -> tuple[Ends, ImpactSequence, str]:
+    """Take a family id `ends:sequence:hash` apart.
+
+    Raises
+    ------
+    SequenceSyntaxError
+        Where a part is missing or cannot be read.
+
+    Examples
+    --------
+    >>> split_family_id("origin-stop+:+-:03fa9c1e")
+    (('origin', 'stop+'), ('+', '-'), '03fa9c1e')
+    """
+    parts = text.split(":")
+    if len(parts) != 3:
+        raise SequenceSyntaxError(f'family id "{text}": expected ends:sequence:hash, such as origin-stop+:+-:03fa9c1e')
+    ends, sequence, digest = parse_ends(parts[0]), parse_sequence(parts[1]), parts[2]
+    if not _HASH.fullmatch(digest):
+        raise SequenceSyntaxError(f'family id "{text}": the hash "{digest}" is not of 4 to 64 characters 0-9 and a-f')
+    return ends, sequence, digest
+
+
+def join_family_id(ends: Ends, sequence: Iterable[str], digest: str) -> str:
+    """The family id `ends:sequence:hash`, the inverse of `split_family_id`.
+
+    Examples
+    --------
+    >>> join_family_id(("origin", "origin"), ("+", "-"), "03fa9c1e")
+    'origin-origin:+-:03fa9c1e'
+    """
+    text = f"{format_ends(ends)}:{format_sequence(sequence)}:{digest}"
+    split_family_id(text)
+    return text
+
+
+def check_ends(ends: Ends) -> None:
+    """Refuse ends that do not exist, in words."""
+    if tuple(ends) != PERIODIC:
+        parse_ends("-".join(ends))
+
+
+_SWAP = {"+": "-", "-": "+"}
+
+
+def mirror(sequence: Iterable[str]) -> ImpactSequence:
+    """The sequence of the mirrored orbit -u: each contact becomes the opposite side of its stop.
+
+    Examples
+    --------
+    >>> mirror(("+", "+", "-"))
+    ('-', '-', '+')
+    """
+    return _mirrored(tuple(sequence))
+
+
+@lru_cache(maxsize=16384)
+def _mirrored(sequence: ImpactSequence) -> ImpactSequence:
+    return tuple(letter[:-1] + _SWAP[letter[-1]] for letter in sequence)
+
+
+def reverse(sequence: Iterable[str]) -> ImpactSequence:
+    """The sequence of the orbit run backwards in time."""
+    return tuple(sequence)[::-1]
+
+
+def exchange(ends: Ends) -> Ends:
+    """The ends in the other order, as the reversed segment has them."""
+    return ends[1], ends[0]
+
+
+def mirror_ends(ends: Ends) -> Ends:
+    """The ends of the mirrored orbit: stop+ and stop- change places, origin, rest and periodic stay."""
+    first, last = (end[:-1] + _SWAP[end[-1]] if end.startswith("stop") else end for end in ends)
+    return first, last
+
+
+def end_letter(end: str) -> str | None:
+    """The contact letter of a stop end, None for the other ends.
+
+    Examples
+    --------
+    >>> end_letter("stop+"), end_letter("stopb-"), end_letter("rest")
+    ('+', 'b-', None)
+    """
+    return end.removeprefix("stop") if end.startswith("stop") else None
+
+
+def canonical_sequence(
+    sequence: Iterable[str], ends: Ends, *, odd_symmetry: bool = True, reversible: bool = True
+) -> tuple[ImpactSequence, Ends]:
+    """The smallest image of sequence and ends under the symmetries of the equations.
+
+    Ends are compared before sequences, in the order of their text (`origin` < `rest` < `stop+` < `stop-`; `+` < `-`), so a segment
+    with one origin end starts there and one with one stop end ends at its upper side.
+
+    Parameters
+    ----------
+    sequence, ends
+        The segment; for periodic ends the sequence of the whole period, of which all rotations are images as well.
+    odd_symmetry
+        Whether -u is a motion whenever u is (each stop two-sided with equal gaps, no constant load): allows the mirror.
+    reversible
+        Whether motions can be run backwards (no damping, elastic stops): allows the reversal. Only periodic ends exist without.
+
+    Raises
+    ------
+    ValueError
+        For ends that do not exist, for an origin end without odd symmetry, and for a reversing end without reversibility.
+
+    Examples
+    --------
+    >>> canonical_sequence(("+", "-"), ("stop-", "origin"))
+    (('+', '-'), ('origin', 'stop+'))
+    """
+    check_ends(ends)
+    if "origin" in ends and not odd_symmetry:
+        raise ValueError("an origin end needs odd symmetry: each stop two-sided with equal gaps and no constant load")
+    if ends != PERIODIC and not reversible:
+        raise ValueError(f"ends {format_ends(ends)} need a reversible system (no damping, elastic stops), expected periodic")
+    return _smallest(tuple(sequence), (ends[0], ends[1]), odd_symmetry, reversible)
+
+
+@lru_cache(maxsize=16384)
+def _smallest(sequence: ImpactSequence, ends: Ends, odd_symmetry: bool, reversible: bool) -> tuple[ImpactSequence, Ends]:
+    """See `canonical_sequence`; a search asks for the same sequences at each energy."""
+    images = [(ends, sequence)]
+    if odd_symmetry:
+        images += [(mirror_ends(e), mirror(w)) for e, w in images]
+    if reversible:
+        images += [(exchange(e), reverse(w)) for e, w in images]
+    if ends == PERIODIC:
+        images = [(e, w[k:] + w[:k]) for e, w in images for k in range(max(len(w), 1))]
+    smallest_ends, smallest_word = min(images)
+    return smallest_word, smallest_ends
+
+
+def segments_per_period(ends: Ends) -> int:
+    """How many images of the segment make up one period: 1 (periodic), 2 (ends of one kind of reversal) or 4.
+
+    Examples
+    --------
+    >>> segments_per_period(("origin", "stop+")), segments_per_period(("rest", "stop+"))
+    (4, 2)
+    """
+    check_ends(ends)
+    if ends == PERIODIC:
+        return 1
+    return 4 if (ends[0] == "origin") != (ends[1] == "origin") else 2
+
+
+def parity(ends: Ends) -> str | None:
+    """The index E or O of a symmetric orbit with these ends (O: an impact at the quarter period), None for other orbits.
+
+    Examples
+    --------
+    >>> parity(("origin", "stop-")), parity(("rest", "origin")), parity(("origin", "origin"))
+    ('O', 'E', None)
+    """
+    if segments_per_period(ends) != 4:
+        return None
+    return "E" if "rest" in ends else "O"
+
+
+def unfold(sequence: Iterable[str], ends: Ends, count: int) -> tuple[ImpactSequence, Ends]:
+    """The segment that `count` successive segments make together, continued by reversal at each end.
+
+    Returns
+    -------
+    sequence, ends
+        The impacts strictly inside the longer segment and its own two ends.
+
+    Raises
+    ------
+    ValueError
+        For periodic ends, which have no reversal, and for a count below 1.
+
+    Examples
+    --------
+    >>> unfold((), ("origin", "stop+"), 3)
+    (('+',), ('origin', 'stop-'))
+    """
+    check_ends(ends)
+    if ends == PERIODIC:
+        raise ValueError("a segment with periodic ends has no reversal to continue by; repeat its sequence instead")
+    if count < 1:
+        raise ValueError(f"number of segments is {count}, expected 1 or more")
+    sequence = tuple(sequence)
+    inside: list[str] = []
+    mirrored = False
+    for k in range(count):
+        piece = sequence if k % 2 == 0 else reverse(sequence)
+        inside += mirror(piece) if mirrored else piece
+        last = ends[(k + 1) % 2]
+        if mirrored:
+            last = mirror_ends((last, last))[0]
+        if k + 1 < count:
+            letter = end_letter(last)
+            if letter is not None:
+                inside.append(letter)
+            mirrored ^= last == "origin"
+    return tuple(inside), (ends[0], last)
+
+
+def full_sequence(sequence: Iterable[str], ends: Ends) -> ImpactSequence:
+    """The sequence of the whole period, from the first end on (whose own impact, if it is a stop, comes first).
+
+    Examples
+    --------
+    >>> format_sequence(full_sequence(("+",), ("origin", "stop-")))
+    '+-+-+-'
+    >>> format_sequence(full_sequence(("+", "-"), ("origin", "origin")))
+    '+-+-'
+    """
+    count = segments_per_period(ends)
+    if count == 1:
+        return tuple(sequence)
+    letter = end_letter(ends[0])
+    return (() if letter is None else (letter,)) + unfold(sequence, ends, count)[0]
+
+
+def impacts_per_period(sequence: Iterable[str], ends: Ends) -> int:
+    """The number of impacts in one period.
+
+    Examples
+    --------
+    >>> impacts_per_period(("+",), ("origin", "stop-"))
+    6
+    """
+    count = segments_per_period(ends)
+    at_ends = sum(end_letter(end) is not None for end in ends)
+    return count * len(tuple(sequence)) + count // 2 * at_ends
+
+
+def primitive(sequence: Iterable[str]) -> tuple[ImpactSequence, int]:
+    """The shortest sequence whose repetition the cyclic sequence of a period is, and how often it is repeated.
+
+    One turn says that the orbit is run through once. More turns only allow a repetition: an orbit of twice the period can
+    repeat the sequence of the orbit that it doubled, so states decide where this gives more than 1.
+
+    Examples
+    --------
+    >>> primitive(("+", "-", "+", "-"))
+    (('+', '-'), 2)
+    """
+    sequence = tuple(sequence)
+    for length in range(1, len(sequence) + 1):
+        turns, rest = divmod(len(sequence), length)
+        if rest == 0 and sequence[:length] * turns == sequence:
+            return sequence[:length], turns
+    return (), 1

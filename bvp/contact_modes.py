@@ -1,0 +1,292 @@
+"""Contact modes: the motion with none of the stops sticking, and with some of them, each as blocks for one and the same flight.
+
+While the gaps w_S = c_S . u of the stops S are held, u = T r + U w_S with T a basis of c_S u = 0 and U = M^-1 c' (c M^-1 c')^-1: the
+reduced motion T'MT r'' + T'CT r' + T'KT r = T'(f - K U w_S) has one degree of freedom less for each stop held. Kinetic energy keeps r and w
+apart. The held gaps and the loads are states y' = S y of their own. With X S - B X = G, z = z~ + X y takes z' = B z + G y to z~' = B z~:
+the particular solution is X y. Where it would be large beside the gaps - a load at resonance, or on a coordinate that hardly resists - the
+difference z - X y would cancel, and the block and the load share one larger block instead, whose exponential has no such limit.
+
+A contact that is held presses with the force by which the motion would leave the constraint; that force is a linear function of the
+state, and takes the place of the contact's distance: the release is its next zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bvp.blocks import Blocks, Matrices, damped_blocks, undamped_blocks
+from bvp.checks import repeated_contacts
+from bvp.conservation import modal_impulse, two_parts
+from bvp.energy_budget import BudgetTerms
+from bvp.forcing import Forcing
+from bvp.joined import join
+from bvp.kernels.contact_mode import ContactModes
+from bvp.modes import balanced
+from bvp.numerics import EPSILON, exact_product, undamped_modes
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["ContactMode", "ContactModeTable", "contact_mode_of"]
+
+NEVER = 1e300
+"""Bound of a gap that cannot be reached."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactMode:
+    """One mode, for N states Z: arrays as in `bvp.modes.Modes`, and
+
+    held : int
+        Bit c is set where contact c is held.
+    leave : (2n, N) ndarray
+        (u, v) = leave Z.
+    enter : (N, 2n + 2G) ndarray
+        Z = enter (u, v, y); velocities across a held gap are dropped.
+    to_modes : (2n, N) ndarray
+    from_modes : (N, 2n + 2G) ndarray
+        The same for the modal coordinates (q, p) of the system without dampers and stops, u = Phi q and v = Phi p: in these a motion goes
+        from mode to mode, for a free translation of any size, which is one of them, then takes no digits from the others.
+    push, push_rest : (m, N) ndarray
+        As the nearest doubles, and what these leave (see `bvp.conservation`); 0 while a contact is held.
+    first, second : (R, N) ndarray
+        Rows of the energy budget: their integrand is (first . Z)(second . Z).
+    """
+
+    held: int
+    pairs: np.ndarray
+    mean: np.ndarray
+    delta: np.ndarray
+    matrix: np.ndarray
+    leave: np.ndarray
+    enter: np.ndarray
+    to_modes: np.ndarray
+    from_modes: np.ndarray
+    gap: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+    side: np.ndarray
+    bound: np.ndarray
+    push: np.ndarray
+    push_rest: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+
+
+def contact_mode_of(system: ImpactSystem, held: int, forcing: Forcing, terms: BudgetTerms) -> ContactMode:
+    """The mode in which the contacts of the bits of `held` are held.
+
+    Raises
+    ------
+    RuntimeError
+        Where an eigenvalue iteration does not converge, or the held gaps depend on each other.
+    """
+    n = system.degrees_of_freedom
+    modes = system.modes
+    contacts = [c for c in range(len(modes.contact_side)) if held >> c & 1]
+    rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts]).reshape(-1, n)
+    k = len(contacts)
+    inverse_rows = np.linalg.solve(system.mass, rows.T)
+    compliance = rows @ inverse_rows
+    if k and np.linalg.cond(compliance) > 1e12:
+        raise RuntimeError("stops are held whose gaps depend on each other")
+    basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:] if k else np.eye(n)
+    basis = np.where(np.abs(basis) <= 8.0 * n * EPSILON, 0.0, basis)
+    lift = np.linalg.solve(compliance, inverse_rows.T).T if k else np.zeros((n, 0))
+    blocks, left = _blocks(system, basis, k)
+    m = n - k
+    loads = np.concatenate([np.zeros((k, m, 2)), np.einsum("nm,gnk->gmk", basis, forcing.loads)])
+    noise = np.abs(basis).T @ np.abs(system.stiffness) @ np.abs(lift)
+    frozen = basis.T @ system.stiffness @ lift
+    loads[:k, :, 0] = -np.where(np.abs(frozen) <= 8.0 * n * EPSILON * noise, 0.0, frozen).T
+    frequency = np.concatenate([np.zeros(k), forcing.frequency])
+    bounds = [abs(modes.contact_bound[c]) for c in contacts]
+    sizes = np.concatenate([np.array([[bound, 0.0] for bound in bounds]).reshape(-1, 2), forcing.sizes])
+    layout = join(system, blocks, basis, loads, frequency, sizes)
+    size = len(layout.matrix)
+    reduced = np.zeros((2 * n, 2 * m))
+    reduced[:n, :m] = reduced[n:, m:] = basis
+    leave = reduced @ layout.position
+    for j in range(k):
+        leave[:n, layout.masters[j]] += lift[:, j]
+    down = np.zeros((2 * m, 2 * n))
+    down[:m, :n] = down[m:, n:] = left
+    generators = np.zeros((2 * (k + len(forcing.loads)), 2 * n + 2 * len(forcing.loads)))
+    for j in range(k):
+        generators[2 * j, :n] = rows[j]
+    generators[2 * k :, 2 * n :] = np.eye(2 * len(forcing.loads))
+    loaded = 2 * len(forcing.loads)
+    enter = layout.states @ np.hstack([blocks.from_state @ down, np.zeros((2 * m, loaded))]) + layout.loads @ generators
+    shapes, weights = np.kron(np.eye(2), modes.shapes), np.kron(np.eye(2), modes.shapes.T @ system.mass)
+    to_modes = _snapped(exact_product(weights, reduced, blocks.to_state)) @ layout.inside
+    for j in range(k):
+        to_modes[:n, layout.masters[j]] += exact_product(weights[:n, :n], lift[:, j])
+    from_modes = layout.states @ np.hstack([_snapped(exact_product(blocks.from_state, down, shapes)), np.zeros((2 * m, loaded))])
+    held_rows = np.zeros((2 * k + loaded, 2 * n + loaded))
+    for j in range(k):
+        held_rows[2 * j, :n] = exact_product(rows[j], modes.shapes)
+    held_rows[2 * k :, 2 * n :] = np.eye(loaded)
+    from_modes += layout.loads @ held_rows
+    outer = np.zeros((2 * len(forcing.loads), size))
+    for g in range(len(forcing.loads)):
+        outer[2 * g, layout.masters[k + g]] = outer[2 * g + 1, layout.masters[k + g] + 1] = 1.0
+    gap, rate = np.zeros((len(modes.contact_side), size)), np.zeros((len(modes.contact_side), size))
+    acceleration = np.zeros_like(gap)
+    side, bound = modes.contact_side.copy(), modes.contact_bound.copy()
+    repeated = repeated_contacts(system.stops)
+    fixed = {int(modes.contact_stop[c]) for c in contacts}
+    press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, to_modes, outer)) if k else gap[:0]
+    for c in range(len(side)):
+        if c in contacts:
+            gap[c] = side[c] * press[contacts.index(c)]
+            rate[c] = gap[c] @ layout.matrix
+            acceleration[c] = rate[c] @ layout.matrix
+            side[c], bound[c] = -1.0, 0.0
+        elif c in repeated or int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
+            side[c], bound[c] = 1.0, NEVER
+        else:
+            row = np.array(system.stops[modes.contact_stop[c]].gap)
+            modal = exact_product(row, modes.shapes)
+            gap[c] = np.where(exact_product(modal, to_modes[:n]) == 0.0, 0.0, row @ leave[:n])
+            rate[c] = np.where(exact_product(modal, to_modes[n:]) == 0.0, 0.0, row @ leave[n:])
+            acceleration[c] = rate[c] @ layout.matrix
+    push, push_rest = np.zeros_like(gap), np.zeros_like(gap)
+    for c in range(len(side)):
+        if c not in contacts and bound[c] != NEVER:
+            participation = exact_product(np.array(system.stops[modes.contact_stop[c]].gap), basis, blocks.shapes)
+            jump = blocks.shapes @ participation / (participation @ participation)
+            clear = exact_product(from_modes[:, n : 2 * n], weights[n:, n:], basis, jump) == 0.0
+            push[c] = balanced(np.where(clear, 0.0, enter[:, n : 2 * n] @ (basis @ jump)), rate[c])
+            exact = None if k else modal_impulse(system, modes, rate[c] @ layout.states)
+            if exact is not None:
+                near, rest = two_parts(exact)
+                push[c], push_rest[c] = layout.states @ near, layout.states @ rest
+    second = terms.velocity @ leave[n:]
+    first = np.where((terms.load < 0)[:, None], second, outer[terms.load] if len(outer) else second)
+    flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)
+    arrays = (*flight, leave, enter, to_modes, from_modes, gap, rate, acceleration, side, bound, push, push_rest, first, second)
+    return ContactMode(held, *(np.ascontiguousarray(array + 0) for array in arrays))
+
+
+def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks, np.ndarray]:
+    """The blocks of the reduced system and the map r = left u; the free system keeps its own modes."""
+    modes = system.modes
+    if not held:
+        own = Blocks(modes.layout, modes.shapes, modes.pairs, modes.mean, modes.delta, modes.matrix, modes.to_state, modes.from_state)
+        return own, np.eye(len(basis))
+    mass, damping = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping))
+    stiffness = exact_product(basis.T, system.stiffness, basis)
+    m = len(mass)
+    if not m:
+        none = np.zeros((0, 0))
+        return Blocks("undamped", none, np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), none, none, none), basis.T
+    mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
+    rounding = 4.0 * len(basis) * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
+    damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
+    squares, shapes = undamped_modes(mass, stiffness)
+    scale = 8.0 * len(basis) * EPSILON * np.einsum(
+        "ik,ij,jk->k", np.abs(basis @ shapes), np.abs(system.stiffness), np.abs(basis @ shapes)
+    )  # fmt: skip
+    squares = np.where(np.abs(squares) <= scale, 0.0, squares)
+    if np.any(damping):
+        blocks = damped_blocks(Matrices(mass, damping, stiffness), squares, shapes)
+    else:
+        blocks = undamped_blocks(mass, squares, shapes)
+    return blocks, np.linalg.solve(mass, basis.T @ system.mass)
+
+
+def _free_acceleration(
+    system: ImpactSystem, inverse_rows: np.ndarray, forcing: Forcing, to_modes: np.ndarray, outer: np.ndarray
+) -> np.ndarray:
+    """Rows of c_S . M^-1 (f - C v - K u), which the held stops have to take away."""
+    shapes = system.modes.shapes
+    stiffness, damping = exact_product(system.stiffness, shapes), exact_product(system.damping, shapes)
+    stiffness = np.where(system.modes.squares == 0.0, 0.0, stiffness)
+    pull = exact_product(inverse_rows.T, np.hstack([stiffness, damping]))
+    force = -exact_product(pull, to_modes)
+    if len(outer):
+        force = force + exact_product(inverse_rows.T, np.concatenate(list(forcing.loads), axis=1)) @ outer
+    return force
+
+
+def _snapped(matrix: np.ndarray) -> np.ndarray:
+    """Entries that are 0 or 1 to rounding, exactly: a motion that goes through the modal coordinates and back in the mode without stops
+    held is the same one."""
+    whole = np.round(matrix)
+    return np.where((np.abs(matrix - whole) <= 16.0 * len(matrix) * EPSILON) & (np.abs(whole) <= 1.0), whole, matrix)
+
+
+def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:
+    """True where the gap of a stop is not fixed by the held ones."""
+    if not len(rows):
+        return True
+    row = np.array(system.stops[stop].gap)
+    left = row - np.linalg.lstsq(rows.T, row, rcond=None)[0] @ rows
+    return bool(np.abs(left).max() > 1e-12 * np.abs(row).max())
+
+
+class ContactModeTable:
+    """The contact modes of a system under its loads that a run has met so far, stacked for the kernels. It grows when a run asks for one
+    more."""
+
+    def __init__(self, system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> None:
+        self.system, self.forcing, self.terms = system, forcing, terms
+        self.modes = [contact_mode_of(system, 0, forcing, terms)]
+
+    def add(self, held: int) -> None:
+        """Make one more mode."""
+        self.modes.append(contact_mode_of(self.system, held, self.forcing, self.terms))
+        self.__dict__.pop("stacked", None)
+
+    def index(self, held: int) -> int:
+        """Its index, or -1."""
+        return next((k for k, mode in enumerate(self.modes) if mode.held == held), -1)
+
+    @cached_property
+    def stacked(self) -> ContactModes:
+        """All modes in arrays of one size: smaller ones have entries that stay 0, and blocks that act on the last of these alone."""
+        count = max(len(mode.pairs) for mode in self.modes)
+        size = max(len(mode.matrix) + (len(mode.pairs) < count) for mode in self.modes)
+        modes = self.system.modes
+        contacts = len(modes.contact_side)
+        n, y = self.system.degrees_of_freedom, 2 * len(self.forcing.loads)
+        number, terms = len(self.modes), len(self.terms.weight)
+        pairs = np.empty((number, count, 2), dtype=np.int64)
+        pairs[:] = size - 1, -1
+        stacked = {
+            "mean": np.zeros((number, count)),
+            "delta": np.zeros((number, count)),
+            "matrix": np.zeros((number, size, size)),
+            "leave": np.zeros((number, 2 * n, size)),
+            "enter": np.zeros((number, size, 2 * n + y)),
+            "to_modes": np.zeros((number, 2 * n, size)),
+            "from_modes": np.zeros((number, size, 2 * n + y)),
+            **{key: np.zeros((number, contacts, size)) for key in ("gap", "rate", "acceleration", "push", "push_rest")},
+            **{key: np.zeros((number, contacts)) for key in ("side", "bound")},
+            **{key: np.zeros((number, terms, size)) for key in ("first", "second")},
+        }
+        for k, mode in enumerate(self.modes):
+            pairs[k, : len(mode.pairs)] = mode.pairs
+            for key, array in stacked.items():
+                own = getattr(mode, key)
+                target = array[k]
+                target[tuple(slice(0, length) for length in own.shape)] = own
+        reduced = np.array([1.0 / (row @ np.linalg.solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
+        return ContactModes(
+            held=np.array([mode.held for mode in self.modes], dtype=np.int64),
+            pairs=pairs,
+            **stacked,
+            restitution=modes.contact_restitution,
+            contact_mass=reduced[modes.contact_stop],
+            contact_stop=modes.contact_stop,
+            weight=self.terms.weight,
+            part=self.terms.part,
+            frequency=self.forcing.frequency,
+            breaks=self.forcing.breaks,
+            levels=self.forcing.levels,
+            shape=np.array([n, len(self.terms.dampers), len(self.system.stops)], dtype=np.int64),
+        )

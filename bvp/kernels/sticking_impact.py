@@ -1,0 +1,250 @@
+"""Newton's law at several contacts at once (Moreau): an impact while other contacts are held, and the end of bounces that go on together.
+
+A held contact has no speed, so restitution leaves it without: it takes the impulse that keeps it so, where that presses; where it would
+pull, the contact parts and takes none. With r_i the rates and p_j the changes by a unit impulse, the impulses a solve
+
+    r_i . (z - sum_j a_j p_j) = -restitution r_i . z   at the contact that is struck, = 0 at those that stay
+
+The set that stays is found by Murty's principal pivoting: the first contact that errs, by a pull or by an approach, changes sides. It ends,
+for the matrix r_i . p_j is c_i M^-1 c_j with scaled columns, and held gaps do not depend on each other.
+
+Bounces of several contacts that act on each other have one accumulation point. All the speeds across them are zero there, so the velocity
+is that before less its part M^-1 c_S, whatever the order of the bounces; the contacts S that are held from there on are those that press
+under the present forces, by the same pivoting with accelerations in place of rates. Bounces are followed one by one until none rises
+beyond the contact tolerance, and what is left is taken at once, which is right to the distance that they would still go."""
+
+import math
+
+from numba import int64
+
+from bvp.kernels.arrays import dot
+from bvp.kernels.compiled import kernel
+from bvp.kernels.contact_mode import contacts_of, flight_of
+from bvp.kernels.impact import NEAR, gauge, rounding_level
+
+
+@kernel
+def touches_sticking(modes, held, c):
+    """True where an impulse at contact c acts on a held contact."""
+    for k in range(modes.side.shape[1]):
+        if (held >> k) & 1 != 0 and interacts(modes.rate[0], modes.push[0], c, k):
+            return True
+    return False
+
+
+@kernel
+def impulses_of(modes, active, rows, c, factor, z, table):
+    """The impulses at the contacts of the bits of `active` that take away rows . z, and at c `factor` times that, into the last column of
+    table (m, m + 1); 0 at all others, and at those whose gap depends on the others and stops with them. False where it would not."""
+    contacts = table.shape[0]
+    largest = 0.0
+    for i in range(contacts):
+        for j in range(contacts):
+            table[i, j] = 0.0
+            if (active >> i) & (active >> j) & 1 != 0:
+                table[i, j] = dot(modes.rate[0], i, modes.push[0, j])
+        value = dot(rows, i, z) if (active >> i) & 1 != 0 else 0.0
+        table[i, contacts] = factor * value if i == c else value
+        largest = max(largest, abs(table[i, contacts]))
+        if (active >> i) & 1 == 0:
+            table[i, i] = 1.0
+    for k in range(contacts):
+        # r_k . p_k is 1 before the others are eliminated.
+        if not table[k, k] > INTERACTION_LEVEL:
+            if k == c or not abs(table[k, contacts]) <= INTERACTION_LEVEL * largest:
+                return False
+            for j in range(contacts + 1):
+                table[k, j] = 0.0
+            for i in range(contacts):
+                table[i, k] = 0.0
+            table[k, k] = 1.0
+            continue
+        for i in range(contacts):
+            if i != k and table[i, k] != 0.0:
+                factor = table[i, k] / table[k, k]
+                for j in range(k, contacts + 1):
+                    table[i, j] -= factor * table[k, j]
+    for k in range(contacts):
+        table[k, contacts] /= table[k, k]
+    return True
+
+
+@kernel
+def pivot(modes, active, held, rows, c, factor, z, table):
+    """The contacts of `active` that take an impulse, as `impulses_of`, which are in the last column of table: those of `held` only where it
+    presses. -1 where rounding does not decide which these are."""
+    contacts = table.shape[0]
+    for _ in range(8 * (contacts + 1)):
+        if not impulses_of(modes, active, rows, c, factor, z, table):
+            return int64(-1)
+        wrong = -1
+        for k in range(contacts):
+            if k == c or (held >> k) & 1 == 0:
+                continue
+            level = rounding_level(flight_of(modes, 0), rows, k, z)
+            if (active >> k) & 1 != 0:
+                err = -modes.side[0, k] * table[k, contacts]
+            else:
+                err = dot(rows, k, z)
+                for j in range(contacts):
+                    err -= table[j, contacts] * dot(modes.rate[0], k, modes.push[0, j])
+                err *= modes.side[0, k]
+            if err > level:
+                wrong = k
+                break
+        if wrong < 0:
+            return active
+        active ^= int64(1) << wrong
+    return int64(-1)
+
+
+@kernel
+def push_off(modes, z, table):
+    """Take the impulses in the last column of table from z."""
+    contacts = table.shape[0]
+    for j in range(contacts):
+        for r in range(z.shape[0]):
+            z[r] -= table[j, contacts] * modes.push[0, j, r]
+
+
+@kernel
+def strike_sticking(modes, held, c, z, table):
+    """The impact at contact c while the contacts of the bits of `held` are held.
+
+    z (N,) is the state of mode 0 before it, and after it on return; table (m, m + 1) is scratch. Returns (the held contacts that stay, the
+    energy lost at c); (-1, 0) where rounding does not decide which stay."""
+    struck = int64(1) << c
+    restitution = modes.restitution[c]
+    active = pivot(modes, held | struck, held, modes.rate[0], c, 1.0 + restitution, z, table)
+    if active < 0:
+        return int64(-1), 0.0
+    loss = 0.5 * modes.contact_mass[c] * table[c, table.shape[0]] * (1.0 - restitution) * dot(modes.rate[0], c, z)
+    push_off(modes, z, table)
+    return active & ~struck, max(loss, 0.0)
+
+
+@kernel
+def comes_to_rest(modes, still, moving, c, z, table):
+    """(contacts held from here on, contacts that only must not approach any more, time that bounces would still last) where contact c
+    bounces no higher than the contact tolerance and is pressed, while others of the bits of `moving`, which are within the tolerance of
+    their bound, bounce no higher either; `still` as of `at_their_bounds`. (0, 0, 0) where that is not so."""
+    struck = int64(1) << c
+    if not low(modes, c, z, 1.0) or modes.restitution[c] == 1.0:
+        return int64(0), int64(0), 0.0
+    company = int64(0)
+    for k in range(modes.side.shape[1]):
+        if (moving >> k) & 1 != 0 and modes.restitution[k] < 1.0 and low(modes, k, z, 1.0):
+            company |= int64(1) << k
+    if company == 0:
+        return int64(0), int64(0), 0.0
+    together = still | company | struck
+    rows = modes.acceleration[0]
+    stay = pivot(modes, together, together, rows, -1, 1.0, z, table)
+    if stay < 0 or stay & struck == 0:
+        return int64(0), int64(0), 0.0
+    speed = 0.0
+    press = math.inf
+    left = 1.0
+    for k in range(modes.side.shape[1]):
+        if ((company | struck) >> k) & 1 != 0:
+            d, slope, bend, _ = gauge(contacts_of(modes, 0), k, z)
+            speed = max(speed, math.sqrt(slope * slope + 2.0 * abs(bend) * max(d, 0.0)))
+        if (stay >> k) & 1 != 0:
+            own = abs(table[k, table.shape[0]])
+            if own <= rounding_level(flight_of(modes, 0), rows, k, z):
+                stay &= ~(int64(1) << k)
+            else:
+                press = min(press, own)
+                left = min(left, 1.0 - modes.restitution[k])
+    return stay, together & ~stay, 2.0 * speed / (press * left)
+
+
+@kernel
+def settle(modes, stay, part, z, table):
+    """Stop the speeds across the contacts of the bits of `stay`, and those towards the stop of the bits of `part`, at the state z of mode
+    0. Returns (True, the energy lost); (False, 0) where rounding does not decide which are stopped."""
+    if pivot(modes, stay | part, part, modes.rate[0], -1, 1.0, z, table) < 0:
+        return False, 0.0
+    loss = 0.0
+    for k in range(table.shape[0]):
+        before = dot(modes.rate[0], k, z)
+        after = before
+        for j in range(table.shape[0]):
+            after -= table[j, table.shape[0]] * dot(modes.rate[0], k, modes.push[0, j])
+        loss += 0.5 * modes.contact_mass[k] * table[k, table.shape[0]] * (before + after)
+    push_off(modes, z, table)
+    return True, max(loss, 0.0)
+
+
+INTERACTION_LEVEL = 1e-13
+"""c_i M^-1 c_j below this fraction of the sizes it is summed from is rounding."""
+
+
+@kernel
+def interacts(rate_rows, push, first, second):
+    """True where the impulse of contact `first` changes the rate of contact `second` by more than rounding."""
+    change = 0.0
+    size = 0.0
+    for r in range(rate_rows.shape[1]):
+        part = rate_rows[second, r] * push[first, r]
+        change += part
+        size += abs(part)
+    return abs(change) > INTERACTION_LEVEL * size
+
+
+@kernel
+def at_their_bounds(modes, c, z):
+    """Bits of the contacts other than c within the contact tolerance of their bound, at the state z of mode 0: (those without speed, held
+    or not, for a body may lie on its stop unpressed; those with)."""
+    still = int64(0)
+    moving = int64(0)
+    for k in range(modes.side.shape[1]):
+        if k == c:
+            continue
+        d, slope, _, tolerance = gauge(contacts_of(modes, 0), k, z)
+        if d <= tolerance:
+            if abs(slope) <= rounding_level(flight_of(modes, 0), modes.rate[0], k, z):
+                still |= int64(1) << k
+            else:
+                moving |= int64(1) << k
+    return still, moving
+
+
+@kernel
+def sunk(modes, bits, z):
+    """True where rounding has carried a contact of `bits` a good part of the tolerance beyond its bound, at the state z of mode 0."""
+    for k in range(modes.side.shape[1]):
+        if (bits >> k) & 1 != 0:
+            d, _, _, tolerance = gauge(contacts_of(modes, 0), k, z)
+            if d < -0.25 * tolerance:
+                return True
+    return False
+
+
+@kernel
+def low(modes, k, z, heights):
+    """True where contact k moves so slowly that its accelerations, taken by their sizes, stop it within `heights` contact tolerances."""
+    _, slope, _, tolerance = gauge(contacts_of(modes, 0), k, z)
+    size = 0.0
+    for r in range(z.shape[0]):
+        size += abs(modes.acceleration[0, k, r] * z[r])
+    return slope * slope <= 2.0 * size * heights * tolerance
+
+
+@kernel
+def clash(modes, moving, c, z):
+    """(True where a contact of the bits of `moving` arrives together with c, acts on it, and it is not known which is first; how far the
+    end of bounces is left open where rounding tells, in time)."""
+    open_time = 0.0
+    _, speed, press, _ = gauge(contacts_of(modes, 0), c, z)
+    for k in range(modes.side.shape[1]):
+        if (moving >> k) & 1 == 0 or not interacts(modes.rate[0], modes.push[0], c, k):
+            continue
+        d, slope, bend, _ = gauge(contacts_of(modes, 0), k, z)
+        if slope > 0.0:
+            continue
+        if not (low(modes, c, z, NEAR) and low(modes, k, z, NEAR)):
+            return True, 0.0
+        if d <= rounding_level(flight_of(modes, 0), modes.gap[0], k, z):
+            open_time = max(open_time, (abs(speed) + abs(slope)) / max(abs(press), abs(bend)))
+    return False, open_time

@@ -1,1 +1,0 @@
-"""Speed against error: tasks whose answers are known to many digits, solved by saltus and by what else there is, on one machine."""

@@ -1,0 +1,263 @@
+"""Families and orbits by name: the public functions `trace` and `discover`, and the choice of one orbit of a family."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from bvp.checks import require_system
+from bvp.shown import shown
+from saltus import catalogue_arguments
+from saltus.errors import BadInput
+from saltus.scene import Scene, load_scene
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from branches.branch import Branch
+    from branches.catalogue import Catalogue
+    from branches.naming.labels import Name
+    from branches.orbit import Orbit
+    from branches.search.discovery import Discovery
+    from bvp.system import ImpactSystem
+
+__all__ = ["agreed", "discover", "family_of", "has_label", "list_orbits", "orbits_of", "select", "start_of", "trace"]
+
+TOLERANCE = 0.01
+"""How far, relatively, a selecting value may be from the orbit that it selects."""
+
+
+def trace(
+    name: str,
+    system: ImpactSystem | None = None,
+    *,
+    scene: Scene | str | os.PathLike[str] | None = None,
+    energy: tuple[float, float] | None = None,
+    catalogue: Catalogue | None = None,
+    **options: Any,
+) -> Branch:
+    """Follow the family of periodic orbits that has a name.
+
+    Parameters
+    ----------
+    name : str
+        A label of Lee et al., Physica D 238 (2009) 1868, such as ``S13O00+`` or ``U8353-@h=1.9,alpha=4.9``, or a family's id.
+    system : bvp.system.ImpactSystem, optional
+        By default the system of the scene.
+    scene : Scene or path-like, optional
+        Where the bounds of the search and the energy range come from; by default the reference scene. Its pinned names hold
+        only for its own system.
+    energy : tuple of float, optional
+        Lowest and highest energy h; by default those of the scene.
+    catalogue : saltus.Catalogue, optional
+        Where the name is looked up, in place of a search; the family is followed anew from the orbit that is found there.
+    **options
+        ``points``, ``direction``, ``stop_at``, ``stop_when`` and the callbacks of `branches.tracing.follow_family`.
+
+    Returns
+    -------
+    branches.branch.Branch
+
+    Raises
+    ------
+    ValueError
+        For a name that does not parse, that no orbit or more than one family has, or options that cannot be, in one line.
+    RuntimeError
+        Where the family cannot be followed for numerical reasons.
+
+    Examples
+    --------
+    >>> branch = trace("S13O00+", energy=(0.1, 1.0))
+    >>> branch.events[0].type, round(branch.events[0].h, 10)
+    ('GR', 0.1185078106)
+    """
+    from branches.naming.families import trace_named
+
+    if not isinstance(scene, Scene):
+        scene = load_scene(scene)
+    if system is None:
+        scene.require_used("saltus.trace")
+        system = scene.system
+    require_system(system)
+    for option in ("pins", "bounds"):
+        if not isinstance(options.get(option, {}), Mapping):
+            raise BadInput(f"{option} = {shown(options[option])}: expected a mapping")
+    energy = scene.energy if energy is None else energy
+    pins = {**scene.pins_for(system), **options.pop("pins", {})}
+    bounds = {**scene.bounds, **options.pop("bounds", {})}
+    if catalogue is not None:
+        catalogue.require_system(system.describe())
+        return _follow_kept(name, catalogue, energy, pins, **options)
+    return trace_named(name, system, energy=energy, pins=pins, bounds=bounds, **options)
+
+
+def _follow_kept(
+    name: str,
+    catalogue: Catalogue,
+    energy: tuple[float, float],
+    pins: dict[str, dict[str, float]],
+    on_start: Callable[[str], object] | None = None,
+    **options: Any,
+) -> Branch:
+    """Follow a family of a catalogue from the point that lies nearest to what the name selects, inside the range of energies."""
+    import numpy as np
+
+    from branches.tracing import extend
+
+    match = catalogue.find(name, reference_points=pins)
+    if match.kind != "family":
+        raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
+    branch = catalogue.branch(match.id)
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    inside = np.flatnonzero((h >= energy[0]) & (h <= energy[1]))
+    if not len(inside):
+        raise BadInput(f"{name} has h = {h.min():.6g} to {h.max():.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}")
+    i = branch.start if branch.start in inside else int(inside[0])
+    if match.h is not None and match.alpha is not None:
+        i = int(inside[np.argmin(np.hypot(np.log(h[inside] / match.h), np.log(alpha[inside] / match.alpha)))])
+    if on_start is not None:
+        on_start(f"{branch.points['label'][i] or match.id}: point {i} of {match.id} in {catalogue.path}, from h = {h[i]:.10g}")
+    return extend(branch, i, energy=energy, rising=bool(h[0] <= h[-1]), **options)
+
+
+def discover(system: ImpactSystem, energy: float, *, catalogue: Catalogue | None = None, **options: Any) -> Discovery:
+    """Find every primitive symmetric orbit at an energy, within bounds.
+
+    Parameters
+    ----------
+    system : bvp.system.ImpactSystem
+        Conservative, two degrees of freedom, one stop.
+    energy : float
+        h > 0.
+    catalogue : saltus.Catalogue, optional
+        Of the same system: the families of the orbits are looked up in it, and stand in ``families`` of what is returned.
+    **options
+        ``quarter_period``, ``impacts``, ``ends`` and ``budget`` of `branches.search.discovery.discover`.
+
+    Returns
+    -------
+    branches.search.discovery.Discovery
+
+    Raises
+    ------
+    ValueError
+        For a system or bounds that cannot be searched, or a catalogue of another system.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> found = discover(vibro_impact_nes(), 0.3, quarter_period=3.0, impacts=2)
+    >>> [orbit.label for orbit in found.orbits], found.families
+    (['S11O00-', 'U2111-', 'S13O00+'], ())
+    """
+    from branches.search.discovery import discover as search
+
+    if options.get("impacts") == 0:
+        raise BadInput("at most 0 impacts in half a period: no orbit with impacts has so few, expected 1 or more")
+    if catalogue is None:
+        return search(system, energy, **options)
+    catalogue.require_system(system.describe())
+    found = search(system, energy, **options)
+    return replace(found, families=tuple(map(catalogue.identify, found.orbits)))
+
+
+def agreed(text: str, key: str, said: float | None, option: str, given: float | None) -> float | None:
+    """The value that a name or an option gives.
+
+    Raises
+    ------
+    BadInput
+        Where both give one, and they differ.
+    """
+    if said is not None and given is not None and said != given:
+        raise BadInput(f"{text} says {key} = {said:.10g} and {option} says {given:.10g}: expected one of them")
+    return said if given is None else given
+
+
+def family_of(name: str, scene: Scene, energy: float | None, arguments: argparse.Namespace) -> Branch:
+    """The family as a catalogue has it; else traced over the scene's energies, and past them as far as the energy asked for."""
+    with catalogue_arguments.lookup(name, arguments, scene) as opened:
+        if opened is not None:
+            match = opened.find(name)
+            if match.kind != "family":
+                raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
+            return opened.branch(match.id)
+    from saltus.progress import ProgressBar
+    from saltus.startup import prepare
+
+    prepare()
+    low, high = scene.energy
+    if energy is not None:
+        low, high = min(low, 0.9 * energy), max(high, 1.1 * energy)
+    with ProgressBar() as bar:
+        return trace(name, scene=scene, energy=(low, high), on_point=bar.update)
+
+
+def select(branch: Branch, name: Name, energy: float | None, alpha: float | None) -> Orbit:
+    """Find the one orbit of a family with an energy, with a quarter period, or nearest to both."""
+    key, value, other, wish = ("h", energy, "alpha", alpha) if energy is not None else ("alpha", alpha, "h", None)
+    assert value is not None
+    found = orbits_of(branch, name, energy, alpha)
+    if not found:
+        values = branch.points[key]
+        raise BadInput(
+            f"no orbit of {name} has {key} = {value:.15g}: the family was followed from {key} = {values.min():.15g} to {values.max():.15g}"
+        )
+    if wish is not None:
+        nearest = min(found, key=lambda orbit: abs(getattr(orbit, other) - wish))
+        if abs(getattr(nearest, other) - wish) > TOLERANCE * wish:
+            near = list_orbits([nearest], branch)
+            raise BadInput(f"no orbit of {name} has {key} = {value:.10g} and {other} = {wish:.10g}; nearest: {near}")
+        return nearest
+    if len(found) > 1:
+        raise BadInput(f"{len(found)} orbits of {name} have {key} = {value:.10g}, expected one of {list_orbits(found, branch)}")
+    return found[0]
+
+
+def orbits_of(branch: Branch, name: Name, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
+    """The orbits of a family with an energy, or else with a quarter period, that a name can mean."""
+    found = branch.orbits_at(energy=energy) if energy is not None else branch.orbits_at(alpha=alpha)
+    # A family carries several labels: where some of its orbits here have the label asked for, the others are not meant.
+    return _distinct([orbit for orbit in found if has_label(orbit, name)] or found)
+
+
+def _distinct(orbits: list[Orbit]) -> list[Orbit]:
+    """Each orbit once: a family that turns back on itself passes through the same orbit twice, the second time from its other end."""
+    from branches.identity import same_orbit
+
+    kept: list[Orbit] = []
+    for orbit in orbits:
+        mine = (orbit.problem, orbit.solution.y)
+        if not any(abs(other.alpha / orbit.alpha - 1.0) < 1e-9 and same_orbit((other.problem, other.solution.y), mine) for other in kept):
+            kept.append(orbit)
+    return kept
+
+
+def has_label(orbit: Orbit, name: Name) -> bool:
+    """Whether an orbit has the label of a name."""
+    from branches.naming.labels import matches, parse
+
+    return name.label is not None and bool(orbit.label) and matches(name.label, parse(orbit.label))
+
+
+def start_of(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, str | None]:
+    """The displacements and velocities at the start of an orbit, and the contact that it leaves there."""
+    import numpy as np
+
+    if orbit.velocities is not None:
+        return np.zeros(len(orbit.velocities)), orbit.velocities, None
+    u, v = orbit.sample(np.zeros(1))
+    at_impact = bool(orbit.impacts) and orbit.impacts[0].time == 0.0
+    return u[0], v[0], orbit.impacts[0].stop if at_impact else None
+
+
+def list_orbits(orbits: list[Orbit], branch: Branch) -> str:
+    """Name orbits of a branch by label, or else by its id, with the suffix that selects each: with as many digits as tell them apart."""
+    for digits in range(6, 18):
+        suffixes = {f"@h={orbit.h:.{digits}g},alpha={orbit.alpha:.{digits}g}" for orbit in orbits}
+        if len(suffixes) == len(orbits):
+            break
+    return " ".join(f"{orbit.label or branch.id}@h={orbit.h:.{digits}g},alpha={orbit.alpha:.{digits}g}" for orbit in orbits)

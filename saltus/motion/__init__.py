@@ -1,0 +1,1 @@
+"""One damped motion of a scene: its start, its simulation, and the record, table and text that report it."""

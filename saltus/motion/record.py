@@ -1,0 +1,254 @@
+"""A damped motion as plain data: the record for JSON, and tables of its samples and impacts."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.options import Units
+
+if TYPE_CHECKING:
+    from branches.export.table_files import Table
+    from bvp.forcing import Force
+    from saltus.motion.simulation import ImpactTable, MotionReport
+    from saltus.motion.start import Start
+    from saltus.scene import Scene
+    from transitions.empirical import Modes
+
+__all__ = ["motion_json", "mode_table", "motion_record", "sample_table"]
+
+SCHEMA = 1
+
+AT_ONCE = 1 << 16
+"""Impacts that are made text at once, between two looks at whether there is a hurry."""
+
+PATIENCE = 2.0
+"""Seconds after an interrupt in which impacts are still made text."""
+
+
+def motion_record(
+    report: MotionReport, scene: Scene, start: Start, units: Units, locked: MotionReport | None = None, modes: Modes | None = None
+) -> dict[str, Any]:
+    """The motion as JSON has it; its impacts are in `saltus.motion.simulation.impact_table`."""
+    from transitions.stage import stages_as_data
+
+    motion, t, e = report.motion, units.time, units.energy
+    nes, lo = report.shares
+    return {
+        "schema": SCHEMA,
+        "system": scene.system.describe(),
+        "forces": [_force(force) for force in scene.forces],
+        "units": {"clearance": units.length, "natural_frequency": units.frequency},
+        "initial": {
+            **start.record(),
+            "follows": _follows(report, units),
+            "left": _left(report, units),
+            "u": (motion.start[: len(start.u)] * units.length).tolist(),
+            "v": (motion.start[len(start.u) :] * units.speed).tolist(),
+            "energy": motion.initial_energy * e,
+        },
+        "duration": motion.duration * t,
+        "ended": {"reason": motion.status.name, "text": motion.status.value},
+        "chatter": _chatter(report, units),
+        "sticking": [{"begin": s.begin * t, "end": s.end * t, "stops": list(s.held)} for s in motion.stretches if s.held],
+        "sticking_time": motion.held_time * t,
+        "switch_error": motion.switch_error * t,
+        "shares": {"nes": nes, "lo": lo},
+        "shares_of": {"what": report.shares_of, "energy": report.reference * e},
+        "at": {f"{100.0 * mark.fraction:.10g}": _mark(report, mark, units) for mark in motion.marks},
+        "dissipated": {part: value * e for part, value in motion.dissipated.items()},
+        "work": motion.work * e,
+        "energy": motion.energy * e,
+        "peaks": _peaks(report, units),
+        "last_impact": None if motion.last_impact is None else motion.last_impact * t,
+        "no_impact_from": None if motion.clear_from is None else motion.clear_from * t,
+        "energy_balance_error": motion.balance_error,
+        "energy_balance_of_turnover": abs(motion.balance) / motion.turnover if motion.turnover > 0.0 else 0.0,
+        "stages": None if report.stages is None else [_in_units(stage, units) for stage in stages_as_data(report.stages)],
+        "changes": None if report.stages is None else _changes(report, units),
+        "stages_note": report.why_no_stages or None,
+        "empirical": modes_record(modes, units),
+        "locked": None if locked is None else {"peaks": _peaks(locked, units), "energy_balance_error": locked.motion.balance_error},
+    }
+
+
+def motion_json(record: dict[str, Any], impacts: ImpactTable, samples: Table | None, hurry: Callable[[], bool]) -> tuple[str, str]:
+    """The JSON text of a record and its impacts, an impact a line; with the samples where they are given, a list for each column.
+
+    Once `hurry` is true, the impacts end after `PATIENCE` seconds. A note, which the text holds too, says where; "" where all are there."""
+    from branches.export.table_files import plain_columns
+
+    listed, count, hurried = [], len(impacts["time"]), math.inf
+    for first in range(0, count, AT_ONCE):
+        if hurry():
+            now = time.monotonic()
+            hurried = min(hurried, now)
+            if now > hurried + PATIENCE:
+                break
+        listed.append(_rows_text(impacts, slice(first, first + AT_ONCE)))
+    whole = record if samples is None else {**record, "samples": plain_columns(samples)}
+    done = len(listed) * AT_ONCE
+    note = f"the first {done} of {count}: the program was interrupted" if done < count else ""
+    lines = []
+    for key, value in whole.items():
+        rows = isinstance(value, list) and len(value) > 0 and isinstance(value[0], dict)
+        text = _listed([json.dumps(row, allow_nan=False) for row in value]) if rows else json.dumps(value, allow_nan=False)
+        lines.append(f"  {json.dumps(key)}: {text}")
+        if key == "ended":
+            lines.append(f'  "impacts": {_listed(listed)}')
+            if note:
+                lines.append(f'  "impacts_note": {json.dumps(note)}')
+    return "{\n" + ",\n".join(lines) + "\n}\n", note
+
+
+def _listed(rows: Sequence[str]) -> str:
+    """A list in JSON, a row a line."""
+    return "[\n    " + ",\n    ".join(rows) + "\n  ]" if rows else "[]"
+
+
+def _rows_text(columns: ImpactTable, part: slice) -> str:
+    """Some rows of a table in JSON, a row a line."""
+    texts = []
+    for values in columns.values():
+        if values.dtype.kind == "f" and not np.all(np.isfinite(values[part])):
+            raise ValueError("a value of an impact is not finite, which JSON cannot express")
+        texts.append(map(json.dumps if values.dtype.kind == "U" else repr, values[part].tolist()))
+    row = "{" + ", ".join(f"{json.dumps(name)}: %s" for name in columns) + "}"
+    return ",\n    ".join(map(row.__mod__, zip(*texts, strict=True)))
+
+
+def sample_table(report: MotionReport, samples: int, units: Units) -> Table:
+    """The motion at uniform times: displacements, velocities, energies, what was dissipated, the work of the loads."""
+    times = np.linspace(0.0, report.motion.duration, samples)
+    u, v = report.motion.sample(times)
+    whole, nes, lo = report.sharing.energies(report.motion, times)
+    by_nes, by_lo, work = report.sharing.dissipated(report.motion, times)
+    energies = {"energy": whole, "nes_energy": nes, "lo_energy": lo, "dissipated_nes": by_nes, "dissipated_lo": by_lo, "work": work}
+    return {
+        "time": times * units.time,
+        "u": u * units.length,
+        "v": v * units.speed,
+        **{name: values * units.energy for name, values in energies.items()},
+    }
+
+
+def _left(report: MotionReport, units: Units) -> dict[str, Any] | None:
+    """Where a motion that starts on an orbit leaves its impact sequence."""
+    left = None if report.began is None else report.began.left
+    return None if left is None else {**left._asdict(), "time": left.time * units.time}
+
+
+def _follows(report: MotionReport, units: Units) -> dict[str, Any] | None:
+    """The family that a motion starts on, up to where it leaves the impact sequence, or impacts no more."""
+    began = report.began
+    if began is None:
+        return None
+    # The first impact at another stop, and what it dissipates, is not of this time.
+    end = began.end if began.left is None else float(np.nextafter(began.end, 0.0))
+    energies = report.sharing.energies(report.motion, [0.0, end])[0]
+    nes, lo, _ = report.sharing.dissipated(report.motion, [end])
+    return {
+        "family": began.family,
+        "name": began.name,
+        "label": began.label,
+        "end": began.end * units.time,
+        "impacts": began.impacts,
+        "energies": sorted((energies * units.energy).tolist()),
+        "dissipated_nes": float(nes[0]) * units.energy,
+        "dissipated_lo": float(lo[0]) * units.energy,
+    }
+
+
+def _chatter(report: MotionReport, units: Units) -> list[dict[str, Any]]:
+    """Where a contact began to be held, with what the stops have dissipated since the last impact: the bounces that were summed."""
+    from bvp.motion import EventKind
+
+    motion = report.motion
+    stops = slice(len(motion.parts) - len(motion.system.stops), len(motion.parts))
+    out = []
+    for k in np.flatnonzero(motion.kinds == EventKind.STICK.value).tolist():
+        impact = k - 2 if motion.kinds[k - 1] == EventKind.CHATTER.value else k - 1
+        lost = (motion.sums[k] - motion.sums[impact])[stops].sum()
+        letter = motion.system.modes.contact_letters[int(motion.contacts[k])]
+        out.append({"time": float(motion.times[k]) * units.time, "stop": letter, "energy_lost": float(lost) * units.energy})
+    return out
+
+
+def _mark(report: MotionReport, mark: Any, units: Units) -> dict[str, float | None]:
+    """When a fraction of the initial energy is gone, and who has dissipated it; None where it is not."""
+    if mark.time is None or not report.motion.initial_energy > 0.0:
+        return {"time": None, "nes": None, "lo": None}
+    nes, lo = report.sharing.totals(mark.dissipated)
+    return {"time": mark.time * units.time, "nes": nes / report.reference, "lo": lo / report.reference}
+
+
+def _peaks(report: MotionReport, units: Units) -> dict[str, dict[str, dict[str, float]]] | None:
+    """Peak, its time and root mean square, of displacements, gaps and drifts; None where an interrupt came before."""
+    if report.watched is None:
+        return None
+    found, t, length = report.watched.extents, units.time, units.length
+    columns = zip((found.peaks * length).tolist(), (found.times * t).tolist(), (found.rms * length).tolist(), strict=True)
+    entries = iter([dict(zip(("peak", "time", "rms"), entry, strict=True)) for entry in columns])
+    return {group: {name: next(entries) for name in names} for group, names in report.watched.names.items()}
+
+
+def _force(force: Force) -> dict[str, Any]:
+    """A load; of a record the samples."""
+    from bvp.forcing import Constant, Harmonic
+
+    if isinstance(force, Constant):
+        return {"kind": "constant", "load": force.load.tolist()}
+    if isinstance(force, Harmonic):
+        cosine, sine = (np.asarray(part).tolist() for part in (force.cosine, force.sine))
+        return {"kind": "harmonic", "frequency": force.frequency, "cosine": cosine, "sine": sine}
+    return {"kind": "record", "load": force.load.tolist(), "times": force.times.tolist(), "values": force.values.tolist()}
+
+
+def _changes(report: MotionReport, units: Units) -> list[dict[str, Any]]:
+    """The captures and escapes between the stages."""
+    from transitions.stage import changes
+
+    return [{**asdict(change), "time": change.time * units.time} for change in changes(report.stages or ())]
+
+
+def _in_units(stage: dict[str, Any], units: Units) -> dict[str, Any]:
+    """The numbers of a stage in the units asked for."""
+    scales = dict.fromkeys(("start", "end"), units.time) | dict.fromkeys(("frequency", "frequencies"), units.frequency)
+    scales |= dict.fromkeys(("energies", "dissipated_nes", "dissipated_lo"), units.energy)
+    out = dict(stage)
+    for name, scale in scales.items():
+        out[name] = [scale * value for value in out[name]] if isinstance(out[name], list) else scale * out[name]
+    return out
+
+
+def modes_record(modes: Modes | None, units: Units) -> dict[str, Any] | None:
+    """The modes as JSON has them: of each its mean frequency, weighted by its squared amplitude (None where it has none), and the root
+    mean square of itself."""
+    if modes is None:
+        return None
+    sizes = np.sqrt(np.mean(modes.functions**2, axis=1))
+    rows = zip((modes.mean_frequencies * units.frequency).tolist(), (sizes * units.length).tolist(), strict=True)
+    return {
+        "orthogonality": modes.orthogonality,
+        "modes": [{"frequency": frequency if size > 0.0 else None, "rms": size} for frequency, size in rows],
+        "residue_rms": float(np.sqrt(np.mean(modes.residue**2))) * units.length,
+    }
+
+
+def mode_table(modes: Modes | None, units: Units) -> Table:
+    """The modes over time, with amplitude and frequency by the Hilbert transform, (m, k) each; nothing where there are none."""
+    if modes is None:
+        return {}
+    return {
+        "emd_time": modes.times * units.time,
+        "emd_modes": modes.functions.T * units.length,
+        "emd_amplitudes": modes.amplitudes.T * units.length,
+        "emd_frequencies": modes.frequencies.T * units.frequency,
+        "emd_residue": modes.residue * units.length,
+    }

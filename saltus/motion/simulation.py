@@ -1,0 +1,300 @@
+"""Simulation of one damped motion of a scene, and what is computed from it: energy shares, peaks, stages, empirical modes."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus.errors import BadInput, one_line
+
+if TYPE_CHECKING:
+    from branches.catalogue import Catalogue
+    from bvp.motion import Motion
+    from bvp.system import ImpactSystem
+    from saltus.motion.start import Start
+    from saltus.options import Units
+    from saltus.scene import Scene
+    from transitions.empirical import Modes
+    from transitions.extents import Extents
+    from transitions.sharing import Sharing
+    from transitions.stage import Stage
+    from transitions.start_family import StartFamily
+    from transitions.transition import Transition
+
+__all__ = [
+    "NOT_ASKED",
+    "ImpactTable",
+    "MotionReport",
+    "Watched",
+    "default_duration",
+    "impact_table",
+    "modes_of_motion",
+    "require_sifting",
+    "run_locked",
+    "run_scene",
+    "with_stages",
+]
+
+ImpactTable = dict[str, np.ndarray]
+
+MOST_SAMPLES = 400_000
+"""Most samples of the record from which stages are computed. A longer motion has a coarser record where that still shows what moves, and
+else stages up to an earlier time."""
+
+NOT_ASKED = "expected --stages, --catalogue FILE or --plot FILE for them"
+"""Why there are no stages where nobody asked for them."""
+
+MOST_IN_A_HURRY = 500_000
+"""Events of the longest motion whose peaks are computed after an interrupt, which takes about a second."""
+
+FINEST = 64
+"""How many times more samples than by default are tried where the record is too coarse."""
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """The extents of displacements, gaps and drifts.
+
+    Attributes
+    ----------
+    names : dict of str to tuple of str
+        The names of the ``displacements``, ``gaps`` and ``drifts``, in the order of `extents`.
+    extents : transitions.extents.Extents
+    """
+
+    names: dict[str, tuple[str, ...]]
+    extents: Extents
+
+
+@dataclass(frozen=True, eq=False)
+class MotionReport:
+    """A motion and what is computed from it.
+
+    Attributes
+    ----------
+    sharing : Sharing
+    watched : Watched or None
+        None where an interrupt came before it was computed.
+    reference : float
+        The energy that shares are fractions of: the initial one; where there was none, what came in.
+    shown : transitions.transition.Transition or None
+        Its record and stages, where they can be computed.
+    why_no_stages : str
+        Why they cannot, or not to the end.
+    began : transitions.start_family.StartFamily or None
+        The family that it starts on, and how long it keeps the impact sequence of that family.
+    """
+
+    motion: Motion
+    sharing: Sharing
+    watched: Watched | None
+    reference: float
+    shown: Transition | None = None
+    why_no_stages: str = ""
+    began: StartFamily | None = None
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether an interrupt came before all was computed but the stages."""
+        return self.watched is None or self.motion.status.name == "INTERRUPTED"
+
+    @property
+    def stages(self) -> Sequence[Stage] | None:
+        """Its stages, None where they cannot be computed."""
+        return None if self.shown is None else self.shown.stages
+
+    @property
+    def shares_of(self) -> str:
+        """What shares are fractions of."""
+        return "initial energy" if self.motion.initial_energy > 0.0 else "energy that came in"
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """(NES, LO) dissipated over the whole motion."""
+        nes, lo = self.sharing.totals(self.motion.dissipated)
+        return (nes / self.reference, lo / self.reference) if self.reference > 0.0 else (0.0, 0.0)
+
+
+def default_duration(scene: Scene) -> float | None:
+    """The end of the longest record among the scene's loads, None where there is none."""
+    from bvp.forcing import Record
+
+    return max((float(force.times[-1]) for force in scene.forces if isinstance(force, Record)), default=None)
+
+
+def run_scene(
+    scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
+) -> MotionReport:
+    """Run a scene from a start; `on_progress` as of `bvp.damped.run`.
+
+    Raises
+    ------
+    ValueError
+        Where the start lies beyond a stop.
+    """
+    from transitions.sharing import sharing_of
+
+    shared = sharing_of(scene.system, scene.nes, scene.lo)
+    report = _simulate(scene.system, shared, scene.forces, start.u, start.v, duration, max_impacts, start.leaving, scene.nes, on_progress)
+    return replace(report, began=_began(start, report.motion))
+
+
+def _began(start: Start, motion: Motion) -> StartFamily | None:
+    """The family that a motion starts on, None where it starts on none."""
+    from saltus.options import Units
+    from transitions.start_family import start_family
+
+    if start.on is None or start.branch is None:
+        return None
+    impacts = impact_table(motion, Units())
+    end = motion.duration if motion.clear_from is None else None
+    times_and_stops = list(zip(impacts["time"].tolist(), impacts["stop"].tolist(), strict=True))
+    return start_family(start.branch.id, start.name, start.on, (start.u, start.v), times_and_stops, end)
+
+
+def impact_table(motion: Motion, units: Units) -> ImpactTable:
+    """The impacts of a motion, a column each of their entries."""
+    from bvp.motion import EventKind
+
+    modes = motion.system.modes
+    rows = np.flatnonzero(motion.kinds == EventKind.IMPACT.value)
+    contacts = motion.contacts[rows]
+    speeds = motion.speeds[rows] * units.speed
+    return {
+        "time": motion.times[rows] * units.time,
+        "stop": np.array(modes.contact_letters, dtype=str)[contacts],
+        "speed": speeds,
+        "speed_after": np.asarray(modes.contact_restitution, dtype=float)[contacts] * speeds,
+        "energy_lost": motion.losses[rows] * units.energy,
+    }
+
+
+def run_locked(
+    scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
+) -> MotionReport:
+    """The same with the NES locked, from the displacements and velocities of the other coordinates.
+
+    Raises
+    ------
+    ValueError
+        Where the NES cannot be locked, or the start lies beyond a stop that stays.
+    """
+    from transitions.sharing import lock, sharing_of
+
+    system, forces = lock(scene.system, scene.nes, scene.forces)
+    kept = [k for k in range(scene.system.degrees_of_freedom) if k not in scene.nes]
+    return _simulate(system, sharing_of(system), forces, start.u[kept], start.v[kept], duration, max_impacts, None, (), on_progress)
+
+
+def _simulate(
+    system: ImpactSystem,
+    shared: Sharing,
+    forces: Any,
+    u: np.ndarray,
+    v: np.ndarray,
+    duration: float,
+    max_impacts: int,
+    leaving: str | None,
+    nes: tuple[int, ...],
+    on_progress: Callable[[float], object] | None,
+) -> MotionReport:
+    from bvp.damped import run
+    from bvp.motion import MotionStatus
+
+    watched = None
+    try:
+        motion = run(
+            system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=shared.dampers, on_progress=on_progress
+        )
+    except KeyboardInterrupt as error:
+        # What was computed before travels with the error.
+        if not hasattr(error, "motion"):
+            raise
+        motion = replace(error.motion, status=MotionStatus.INTERRUPTED)
+    if motion.status is not MotionStatus.INTERRUPTED or len(motion.times) <= MOST_IN_A_HURRY:
+        with contextlib.suppress(KeyboardInterrupt):
+            watched = _watched(motion, nes)
+    came_in = math.fsum([*motion.dissipated.values(), motion.energy])
+    return MotionReport(motion, shared, watched, motion.initial_energy if motion.initial_energy > 0.0 else came_in)
+
+
+def _watched(motion: Motion, nes: tuple[int, ...]) -> Watched:
+    from transitions.extents import drift_rows, extents
+
+    system = motion.system
+    gaps = {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops}
+    drifts = drift_rows(system, nes)
+    rows = np.array([*np.eye(system.degrees_of_freedom), *gaps.values(), *drifts.values()])
+    return Watched({"displacements": tuple(system.coordinates), "gaps": tuple(gaps), "drifts": tuple(drifts)}, extents(motion, rows))
+
+
+def with_stages(
+    report: MotionReport, scene: Scene, start: Start, catalogue: Catalogue | None, on_progress: Callable[[float], object] | None = None
+) -> MotionReport:
+    """The same with its record and stages, where they can be report; `on_progress` as of `transitions.stages.stages_of`.
+
+    The families are those of the catalogue; else the one that the motion starts on, where it starts on one; and the linear modes."""
+    from transitions.families import families_of, modes_of, relative
+    from transitions.record import sampled, samples_of
+    from transitions.spectrum import TooCoarse
+    from transitions.stages import stages_of
+    from transitions.transition import Transition
+
+    gap = relative(scene.system)
+    if catalogue is not None:
+        families = families_of(catalogue, gap)
+    elif start.branch is not None:
+        families = families_of([start.branch], gap)
+    else:
+        families = modes_of(scene.underlying.system)
+    span = report.motion.duration
+    wanted = samples_of(report.motion, span)
+    samples = min(MOST_SAMPLES, wanted)
+    finest = FINEST * wanted / span  # a unit of time
+    while True:
+        try:
+            shown = Transition(scene.system, sampled(report.motion, report.sharing, samples, span), gap, start=report.began)
+            stages = stages_of(shown.record, gap, families, start=report.began, on_progress=on_progress)
+        except TooCoarse as error:
+            # Twice as fine: with more samples, or, where these are as many as there can be, over half of the time.
+            if 2.0 * samples / span > finest:
+                return replace(report, why_no_stages=one_line(error))
+            if samples < MOST_SAMPLES:
+                samples = min(MOST_SAMPLES, 2 * samples)
+            else:
+                span *= 0.5
+        except ValueError as error:
+            return replace(report, why_no_stages=one_line(error))
+        else:
+            note = "" if span == report.motion.duration else f"computed up to time {span:.6g}, of which the record has {samples} samples"
+            return replace(report, shown=shown.with_stages(stages), why_no_stages=note)
+
+
+def require_sifting() -> None:
+    """Say before the work that the package for it is missing.
+
+    Raises
+    ------
+    BadInput
+    """
+    from transitions.empirical import NotInstalled, sifting
+
+    try:
+        sifting()
+    except NotInstalled as error:
+        raise BadInput(str(error)) from error
+
+
+def modes_of_motion(report: MotionReport) -> Modes | None:
+    """The empirical modes of the relative displacement over the record that the stages are computed from; None where there is no record."""
+    from transitions.empirical import decompose
+
+    if report.shown is None:
+        return None
+    record = report.shown.record
+    return decompose(record.times, record.along(report.shown.gap)[0])

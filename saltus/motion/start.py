@@ -1,0 +1,219 @@
+"""Where a damped motion starts: on an orbit of the undamped system, with an impulsive velocity, in a state that is given, or at rest."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from saltus import catalogue_arguments
+from saltus.arguments import number, positive
+from saltus.errors import BadInput
+from saltus.families import TOLERANCE, agreed, family_of, has_label, select, start_of
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.events import BranchEvent
+    from branches.naming.labels import Name
+    from branches.orbit import Orbit
+    from saltus.scene import Scene
+
+__all__ = ["Start", "add_arguments", "start_of_motion"]
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The state at time 0.
+
+    Attributes
+    ----------
+    kind : {"orbit", "impulsive", "state", "impulse", "rest"}
+    u, v : (n,) ndarray
+    leaving : str or None
+        The contact that the state has just left, where it is on a stop.
+    on : Orbit or None
+        The orbit that it is on.
+    branch : Branch or None
+        Its family.
+    name : str
+        What the family is called: the name that was asked for where that is a whole label, "" for its id.
+    """
+
+    kind: str
+    u: np.ndarray
+    v: np.ndarray
+    leaving: str | None = None
+    on: Orbit | None = None
+    branch: Branch | None = None
+    name: str = ""
+
+    @property
+    def text(self) -> str:
+        """What it is, in words."""
+        where = ""
+        if self.on is not None and self.branch is not None:
+            from transitions.stage import counted_label
+
+            label = counted_label(self.name, self.on.label)
+            called = f"{self.name or self.branch.id}{f' (counted {label})' if label else ''}"
+            where = f"{called} at h = {self.on.h:.10g}, alpha = {self.on.alpha:.10g}"
+        return {
+            "orbit": f"on {where}",
+            "impulsive": "impulsive: the oscillator's velocity alone" + (f", on {where}" if where else ""),
+            "state": "the state that was given",
+            "impulse": "the oscillator's velocity alone",
+            "rest": "at rest",
+        }[self.kind]
+
+    def record(self) -> dict[str, Any]:
+        """As JSON has it, without the state."""
+        on = None
+        if self.on is not None and self.branch is not None:
+            on = {"name": self.name, "label": self.on.label, "family": self.branch.id, "h": self.on.h, "alpha": self.on.alpha}
+        return {"kind": self.kind, "on": on}
+
+
+def state(text: str) -> tuple[float, ...]:
+    """Read numbers with commas between.
+
+    Examples
+    --------
+    >>> state("0,0.5,-1,2")
+    (0.0, 0.5, -1.0, 2.0)
+    """
+    values = tuple(number(part.strip()) for part in text.split(","))
+    if not all(math.isfinite(value) for value in values):
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected finite numbers")
+    return values
+
+
+def finite(text: str) -> float:
+    """Read a finite number."""
+    value = number(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected a finite number")
+    return value
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say where the motion starts."""
+    parser.add_argument("--on", metavar="NAME", help="start on the orbit of this family, of the undamped elastic system, with --energy")
+    parser.add_argument("--energy", metavar="H", type=positive, help="energy h of the orbit, or of the impulsive start")
+    parser.add_argument(
+        "--impulsive", action="store_true", help="start with the oscillator's velocity alone, of --energy; with --on: of that family's own"
+    )
+    parser.add_argument("--impulse", metavar="V", type=finite, help="start at rest but for this velocity of the oscillator")
+    parser.add_argument("--state", metavar="U1,..,V1,..", type=state, help="start with these displacements, then velocities")
+
+
+def start_of_motion(arguments: argparse.Namespace, scene: Scene) -> Start:
+    """The start asked for.
+
+    Raises
+    ------
+    BadInput
+        For options that do not go together, and what they ask for where it cannot be.
+    """
+    given = [
+        option
+        for option, value in (("--on", arguments.on), ("--state", arguments.state), ("--impulse", arguments.impulse))
+        if value is not None
+    ]
+    if arguments.impulsive and arguments.on is None:
+        given.append("--impulsive")
+    if len(given) > 1:
+        raise BadInput(f"{' and '.join(given)} each say where the motion starts: expected one of them")
+    if arguments.energy is not None and given not in (["--on"], ["--impulsive"]):
+        raise BadInput(f"--energy {arguments.energy:g} is the energy of --on NAME or --impulsive; expected one of these")
+    n = scene.system.degrees_of_freedom
+    zero = np.zeros(n)
+    if arguments.state is not None:
+        if len(arguments.state) != 2 * n:
+            names = scene.system.coordinates
+            listed = ",".join([*names, *(f"{name}'" for name in names)])
+            raise BadInput(f"--state has {len(arguments.state)} numbers, expected {2 * n}: {listed}")
+        return Start("state", np.array(arguments.state[:n]), np.array(arguments.state[n:]))
+    if arguments.impulse is not None:
+        return Start("impulse", zero, arguments.impulse * _oscillator_velocity(scene))
+    if arguments.on is not None:
+        return _on_a_family(arguments, scene.underlying)
+    if arguments.impulsive:
+        if arguments.energy is None:
+            raise BadInput("which impulsive start? expected --energy H")
+        return Start("impulsive", zero, _impulsive(scene, arguments.energy))
+    if scene.forces:
+        return Start("rest", zero, zero.copy())
+    raise BadInput("where does the motion start? expected --on NAME --energy H, --impulsive --energy H, --impulse V or --state U1,..,V1,..")
+
+
+def _oscillator_velocity(scene: Scene) -> np.ndarray:
+    """Unit velocity of every LO coordinate."""
+    if not scene.lo:
+        raise BadInput("the scene does not say which coordinate is the oscillator's; expected LO under [coordinates], or --state")
+    velocity = np.zeros(scene.system.degrees_of_freedom)
+    velocity[list(scene.lo)] = 1.0
+    return velocity
+
+
+def _impulsive(scene: Scene, energy: float) -> np.ndarray:
+    """The velocity of the LO alone that has an energy."""
+    velocity = _oscillator_velocity(scene)
+    return velocity * math.sqrt(2.0 * energy / float(velocity @ scene.system.mass @ velocity))
+
+
+def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
+    """A start on an orbit of a family of the undamped elastic system."""
+    from branches.naming.labels import parse_name
+
+    text = catalogue_arguments.named(arguments.on, arguments, scene)
+    name = parse_name(text)
+    energy = agreed(arguments.on, "h", name.h, "--energy", arguments.energy)
+    if energy is None and name.alpha is None and not arguments.impulsive:
+        raise BadInput(f"which orbit of {name}? expected --energy H, or {arguments.on}@alpha=A")
+    branch = family_of(text, scene, energy, arguments)
+    if arguments.impulsive:
+        h, alpha = _impulsive_orbit(branch, name, energy)
+        on = _nearest(branch, h, alpha)
+        rest = np.zeros(scene.system.degrees_of_freedom)
+        return Start("impulsive", rest, _impulsive(scene, h), None, on, branch, "" if on is None else _called(name, on))
+    orbit = select(branch, name, energy, name.alpha)
+    called = _called(name, orbit)
+    u, v, leaving = start_of(orbit)
+    return Start("orbit", u, v, leaving, orbit, branch, called)
+
+
+def _called(name: Name, orbit: Orbit) -> str:
+    """The name of the family of a start: the label that was asked for, or the label of the orbit where an incomplete label or an id was."""
+    if name.label is None or (not name.label.is_complete and has_label(orbit, name)):
+        return orbit.label
+    return str(name.label)
+
+
+def _impulsive_orbit(branch: Branch, name: Name, energy: float | None) -> tuple[float, float]:
+    """Energy and quarter period of a family's impulsive orbit: of the one that it has, or of that which the values select.
+
+    A family that turns back on itself passes through the same orbit twice, the second time from its other end: that is one."""
+    found: list[BranchEvent] = []
+    for event in branch.events:
+        known = any(abs(event.h / other.h - 1.0) < 1e-9 and abs(event.alpha / other.alpha - 1.0) < 1e-9 for other in found)
+        if event.type == "IO" and not known:
+            found.append(event)
+    listed = " ".join(f"@h={event.h:.10g},alpha={event.alpha:.10g}" for event in found)
+    near = [
+        event
+        for event in found
+        if all(wish is None or abs(value / wish - 1.0) <= TOLERANCE for value, wish in ((event.h, energy), (event.alpha, name.alpha)))
+    ]
+    if len(near) != 1:
+        which = "no impulsive orbit" if not found else f"{len(near)} impulsive orbits"
+        asked = "" if energy is None and name.alpha is None else " with these values"
+        raise BadInput(f"{name} has {which}{asked}{f', expected one of {listed}' if found else ''}")
+    return near[0].h, near[0].alpha
+
+
+def _nearest(branch: Branch, h: float, alpha: float) -> Orbit | None:
+    """The orbit of a family at one of its events."""
+    return min(branch.orbits_at(energy=h), key=lambda orbit: abs(orbit.alpha - alpha), default=None)

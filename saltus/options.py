@@ -1,0 +1,219 @@
+"""Options that several commands share: the scene, the units of results, and the filters that choose families."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from saltus.arguments import energy_range, number, positive
+from saltus.errors import BadInput
+
+if TYPE_CHECKING:
+    from saltus.scene import Scene
+
+__all__ = [
+    "Units",
+    "add_filters",
+    "add_parameters",
+    "add_scene",
+    "add_units",
+    "filter_words",
+    "filters_of",
+    "given_filters",
+    "nothing_fits",
+    "parameters_of",
+    "scene_of",
+    "units_of",
+]
+
+_PARAMETERS = {
+    "mu": "mass ratio, above 0",
+    "sigma": "coupling stiffness, 0 or more",
+    "lam": "viscous damping of the oscillator, 0 or more",
+    "rho": "restitution, 0 to 1",
+}
+_FILTERS = ("label", "energy", "stable", "ends", "impacts")
+
+
+def add_scene(parser: argparse.ArgumentParser, uses: tuple[str, ...] = ()) -> None:
+    """Add ``--scene``, the parameters of the model, and ``--model``.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    uses : tuple of str
+        What the command uses of a scene beside its system, of `saltus.scene.LOADS`.
+    """
+    parser.set_defaults(scene_uses=uses)
+    parser.add_argument("--scene", metavar="FILE", help="TOML file of the system and its bounds (default: lee2009)")
+    add_parameters(parser)
+    parser.add_argument("--model", action="store_true", help="say which model was chosen and why")
+
+
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """Add the parameters of the model."""
+    for name, meaning in _PARAMETERS.items():
+        parser.add_argument(f"--{name}", metavar="X", type=number, help=f"{meaning}, in place of the scene's")
+
+
+def scene_of(arguments: argparse.Namespace) -> Scene:
+    """Return the scene asked for.
+
+    Raises
+    ------
+    BadInput
+        Also where the scene has what the command does not use.
+    """
+    from saltus.scene import load_scene
+
+    scene = load_scene(arguments.scene, **parameters_of(arguments))
+    scene.require_used(f"saltus {arguments.command}", getattr(arguments, "scene_uses", ()))
+    return scene
+
+
+def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
+    """Return the parameters of the model that were given in place of the scene's."""
+    return {name: getattr(arguments, name) for name in _PARAMETERS if getattr(arguments, name, None) is not None}
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the natural units are in those that results are given in.
+
+    Attributes
+    ----------
+    length : float
+        The clearance.
+    frequency : float
+        The natural frequency of the oscillator alone, in rad/s; energies are those of an oscillator of unit mass.
+
+    Examples
+    --------
+    >>> metres = Units(0.02, 10.0)
+    >>> round(metres.time, 12), round(metres.speed, 12), round(metres.energy, 12)
+    (0.1, 0.2, 0.04)
+    """
+
+    length: float = 1.0
+    frequency: float = 1.0
+
+    @property
+    def time(self) -> float:
+        """Unit of time."""
+        return 1.0 / self.frequency
+
+    @property
+    def speed(self) -> float:
+        """Unit of velocity."""
+        return self.length * self.frequency
+
+    @property
+    def energy(self) -> float:
+        """Unit of energy."""
+        return self.speed**2
+
+
+def add_units(parser: argparse.ArgumentParser) -> None:
+    """Add ``--clearance`` and ``--natural-frequency``."""
+    parser.add_argument(
+        "--clearance", metavar="D", type=positive, default=1.0, help="give lengths for this clearance, and energies for its square"
+    )
+    parser.add_argument(
+        "--natural-frequency", metavar="W", type=positive, default=1.0, help="give times for this frequency of the oscillator, in rad/s"
+    )
+
+
+def units_of(arguments: argparse.Namespace) -> Units:
+    """The units asked for."""
+    return Units(arguments.clearance, arguments.natural_frequency)
+
+
+def add_filters(parser: argparse.ArgumentParser, *, shown: bool = False) -> None:
+    """Add ``--label``, ``--energy``, ``--stable``, ``--ends`` and ``--impacts``.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    shown : bool
+        Whether ``--energy`` can also be a range LO:HI, of the energies shown, which is no filter of families.
+    """
+    parser.add_argument("--label", metavar="LABEL", help="those with such a label: S13O00+, U83, or with wildcards 'U8*'")
+    if shown:
+        meaning = "those that cross the energy H; or the energies shown, LO:HI (default: all that the families have)"
+        parser.add_argument("--energy", metavar="H|LO:HI", type=_energy_or_range, help=meaning)
+    else:
+        parser.add_argument("--energy", metavar="H", type=positive, help="those that cross this energy")
+    parser.add_argument("--stable", action="store_true", help="those that are stable somewhere (with --label and --energy: there)")
+    parser.add_argument("--ends", metavar="ENDS", help="those between such ends: origin-origin, origin-stop, rest-stop+, periodic")
+    parser.add_argument("--impacts", metavar="N|LO:HI", type=_impacts, help="those with so many impacts in half a period")
+
+
+def filters_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the filters asked for, as `Catalogue.families` takes them."""
+    filters = {name: getattr(arguments, name) for name in _FILTERS}
+    return {**filters, "energy": None if isinstance(arguments.energy, tuple) else arguments.energy}
+
+
+def given_filters(filters: dict[str, Any]) -> dict[str, Any]:
+    """Those of the filters that leave something out.
+
+    Examples
+    --------
+    >>> given_filters({"label": "U8*", "energy": None, "stable": False})
+    {'label': 'U8*'}
+    """
+    return {name: value for name, value in filters.items() if value not in (None, False)}
+
+
+def filter_words(filters: dict[str, Any]) -> str:
+    """The filters as options of the command line.
+
+    Examples
+    --------
+    >>> filter_words({"label": "U8*", "energy": None, "stable": True, "impacts": (2.0, 3.5)})
+    '--label U8* --stable --impacts 2:3.5'
+    """
+    parts = []
+    for name, value in given_filters(filters).items():
+        text = "" if value is True else " " + (":".join(f"{part:g}" for part in value) if isinstance(value, tuple) else f"{value}")
+        parts.append(f"--{name}{text}")
+    return " ".join(parts)
+
+
+def nothing_fits(place: str, count: int, filters: dict[str, Any], names: Sequence[str] = ()) -> BadInput:
+    """The error that says that no family is left of those, so many, that a place holds.
+
+    Examples
+    --------
+    >>> print(nothing_fits("lee2009.sqlite", 7, {"label": "U8*"}))
+    no family of lee2009.sqlite fits --label U8*; saltus list shows those that there are
+    """
+    if not count:
+        return BadInput(f"{place} holds no family; expected one that saltus build or saltus continue --save has filled")
+    asked = " ".join(part for part in (*names, filter_words(filters)) if part)
+    return BadInput(f"no family of {place} fits {asked}; saltus list shows those that there are")
+
+
+def _energy_or_range(text: str) -> float | tuple[float, float]:
+    return energy_range(text) if ":" in text else positive(text)
+
+
+def _impacts(text: str) -> tuple[float, float]:
+    """Read a number or a range of impacts.
+
+    Examples
+    --------
+    >>> _impacts("3"), _impacts("0:2.5")
+    ((3.0, 3.0), (0.0, 2.5))
+    >>> _impacts("5:1")
+    Traceback (most recent call last):
+    argparse.ArgumentTypeError: received '5:1', expected a number of impacts N, or LO:HI with 0 <= LO <= HI
+    """
+    found = re.fullmatch(r"(\d+(?:\.5|\.0)?)(?::(\d+(?:\.5|\.0)?))?", text)
+    low, high = (float(found[1]), float(found[2] or found[1])) if found else (1.0, 0.0)
+    if low > high:
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected a number of impacts N, or LO:HI with 0 <= LO <= HI")
+    return low, high

@@ -1,0 +1,154 @@
+"""The loads of a scene: ``[ground]``, the motion of the ground, and ``[[forces]]`` on coordinates, each a harmonic, a record or a constant.
+
+The course of a load in time is ``record`` (a CSV file with a column ``time``, linear between its rows, nothing before the first and
+after the last), or ``amplitude`` with ``frequency`` (radians a unit of time) and ``phase``, amplitude cos(frequency t + phase), or
+``constant``. Each force acts ``on`` a coordinate, or on all of them by ``load``, a force on each for the value 1. The ground's course is
+its acceleration a(t): in displacements relative to the ground it is the load -M r a(t), r being ``direction``, all 1 by default.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from branches.files import read_input, reason
+from saltus.errors import BadInput, nearest, one_line
+from saltus.scene.toml import TomlTable
+
+if TYPE_CHECKING:
+    from bvp.forcing import Force
+    from bvp.system import ImpactSystem
+
+__all__ = ["read_loads", "read_record"]
+
+_COURSE = ("record", "column", "scale", "amplitude", "frequency", "phase", "constant")
+
+
+def read_loads(scene: TomlTable, system: ImpactSystem, folder: Path | Traversable) -> tuple[Force, ...]:
+    """The loads of a scene's ``[ground]`` and ``[[forces]]``.
+
+    Parameters
+    ----------
+    scene : TomlTable
+        The whole scene.
+    system : ImpactSystem
+    folder : path
+        Where the records are, if their names are relative.
+
+    Raises
+    ------
+    BadInput
+        For what cannot be read, with the place in the scene or in the record.
+    """
+    loads: list[Force] = []
+    if "ground" in scene.keys():
+        from bvp.forcing import ground_load
+
+        ground = scene.table("ground")
+        ground.only("direction", *_COURSE)
+        direction = ground.numbers("direction", system.degrees_of_freedom) if "direction" in ground.keys() else None
+        loads.append(_course(ground, ground_load(system, direction).tolist(), "acceleration", folder))
+    for force in scene.tables("forces"):
+        force.only("on", "load", *_COURSE)
+        loads.append(_course(force, _load(force, system), "force", folder))
+    return tuple(loads)
+
+
+def _load(force: TomlTable, system: ImpactSystem) -> list[float]:
+    """A force on each coordinate, for the value 1 of its course."""
+    if ("on" in force.keys()) == ("load" in force.keys()):
+        raise BadInput(f"{force.where}: a force acts on = \"{system.coordinates[0]}\", a coordinate, or has load, a force on each of them")
+    if "load" in force.keys():
+        return list(force.numbers("load", system.degrees_of_freedom))
+    name = force.text("on")
+    if name not in system.coordinates:
+        raise force.wrong("on", name, f"one of the coordinates {', '.join(system.coordinates)}{nearest(name, system.coordinates)}")
+    return [float(name == other) for other in system.coordinates]
+
+
+def _course(table: TomlTable, load: Sequence[float], column: str, folder: Path | Traversable) -> Force:
+    """The load whose course in time a table gives."""
+    from bvp.forcing import Constant, Harmonic, Record
+
+    kinds = [key for key in ("record", "amplitude", "constant") if key in table.keys()]
+    if len(kinds) != 1:
+        received = ", ".join(kinds) or "none"
+        raise BadInput(f"{table.where}: the course of a load is record, amplitude (with frequency) or constant; received {received}")
+    own = {"record": ("column", "scale"), "amplitude": ("frequency", "phase"), "constant": ()}[kinds[0]]
+    for key in table.keys():
+        if key in _COURSE and key not in (kinds[0], *own):
+            raise BadInput(f"{table.where}: {key} does not go with {kinds[0]}{'; expected ' + ', '.join(own) if own else ''}")
+    if kinds[0] == "record":
+        scale = table.finite("scale", 1.0)
+        times, values = read_record(folder.joinpath(table.text("record")), table.text("column", column), table.where)
+        return Record([scale * entry for entry in load], times, values)  # type: ignore[arg-type]
+    value = table.finite(kinds[0])
+    if kinds[0] == "constant":
+        return Constant([value * entry for entry in load])  # type: ignore[arg-type]
+    frequency, phase = table.positive("frequency", "a number above 0, in radians a unit of time"), table.finite("phase", 0.0)
+    cosine = [value * math.cos(phase) * entry for entry in load]
+    return Harmonic(frequency, cosine, [-value * math.sin(phase) * entry for entry in load])  # type: ignore[arg-type]
+
+
+def read_record(path: Path | Traversable, column: str, where: str) -> tuple[list[float], list[float]]:
+    """Times and values of a CSV file: a line of names, then rows of numbers; empty lines and lines that begin with # are passed over.
+
+    Parameters
+    ----------
+    path : path
+    column : str
+        The column of the values, beside ``time``.
+    where : str
+        What asks for it, for messages.
+
+    Raises
+    ------
+    BadInput
+        For a file that cannot be read, a column that it lacks, a cell that is no number, fewer than two rows, times that do not ascend.
+    """
+    try:
+        lines = (read_input(path) if isinstance(path, Path) else path.read_bytes()).decode("utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise BadInput(f"{where}: record {path} is no CSV: byte {error.start} is not UTF-8 text") from error
+    except OSError as error:
+        folder = Path(str(path)).parent
+        beside = [entry.name for entry in folder.glob("*.csv")] if folder.is_dir() else []
+        raise BadInput(f"{where}: cannot read record {path}: {reason(error)}{nearest(Path(str(path)).name, beside)}") from error
+    rows = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
+    try:
+        cells = [[cell.strip() for cell in row] for row in csv.reader([line for _, line in rows], strict=True)]
+    except csv.Error as error:
+        raise BadInput(f"{where}: record {path} is no CSV: {one_line(error)}") from error
+    names = cells[0] if cells else []
+    for wanted in ("time", column):
+        if wanted not in names:
+            hint = nearest(wanted, names) or f"; its columns: {', '.join(names) or 'none'}"
+            raise BadInput(f"{where}: record {path} has no column {wanted!r}{hint}")
+    at = names.index("time"), names.index(column)
+    columns: tuple[list[float], list[float]] = [], []
+    for (number, _), row in zip(rows[1:], cells[1:], strict=True):
+        for k, values in zip(at, columns, strict=True):
+            values.append(_cell(row[k] if k < len(row) else "", f"{where}: record {path}, line {number}: {names[k]}"))
+    times = columns[0]
+    if len(times) < 2:
+        raise BadInput(f"{where}: record {path} has {len(times)} rows, expected 2 at least")
+    for k in range(len(times) - 1):
+        if not times[k] < times[k + 1]:
+            line = rows[k + 2][0]
+            raise BadInput(f"{where}: record {path}, line {line}: time {times[k + 1]:g} after {times[k]:g}, expected times that ascend")
+    return columns
+
+
+def _cell(text: str, where: str) -> float:
+    """A finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise BadInput(f"{where} is {text!r}, expected a finite number")
+    return value

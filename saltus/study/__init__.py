@@ -1,0 +1,1 @@
+"""Studies: many damped motions over a grid or a Latin hypercube of parameters."""

@@ -1,0 +1,313 @@
+"""Execution of a study: the start of each run, then block after block on an executor. Each block is kept on disk when it is finished.
+
+A run that starts on an orbit needs the family of that orbit, in the undamped elastic system of the run. Each family is followed once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from saltus.errors import BadInput, one_line
+
+if TYPE_CHECKING:
+    from branches.naming.labels import Name
+    from branches.orbit import Orbit
+    from saltus.scene import Scene
+    from saltus.study.file import StudyFile
+    from transitions.study.plan import Plan
+    from transitions.study.runs import Starts
+
+__all__ = ["carry_out", "check_folder", "family_seeds", "find_all_starts", "find_starts", "keep_starts", "kept_starts"]
+
+AHEAD = 3
+"""Blocks that are worked on or wait for a worker, for each worker."""
+
+_STARTS = -1
+"""Number of the block that has the starts."""
+
+_OF_ORBITS = ("mu", "sigma")
+"""Parameters that orbits of the undamped elastic system depend on."""
+
+
+def check_folder(folder: Path, plan: Plan, kind: str) -> None:
+    """Refuse a folder that holds another study, or something else.
+
+    Raises
+    ------
+    BadInput
+    """
+    from transitions.study.study import PLAN, NoStudy, read_plan
+
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise BadInput(f"{folder} is a file; expected a folder for the study's blocks, or a place where one can be made")
+    if not (folder / PLAN).exists():
+        # The plan was lost. Each block holds the digest of its plan.
+        foreign = [entry.name for entry in sorted(folder.iterdir()) if not _is_own(entry.name)]
+        if foreign:
+            raise BadInput(f"{folder} holds no study but {foreign[0]}; expected an empty folder, or one that saltus study has made")
+        return
+    try:
+        other, digest, other_kind = read_plan(folder)
+    except NoStudy:
+        return  # damaged: it is written again
+    if digest != plan.digest:
+        raise BadInput(f"{folder} holds another study: {_difference(other, plan)}; expected another --out")
+    if other_kind != kind:
+        raise BadInput(f"{folder} holds this study as {other_kind}; expected --format {other_kind}, or another --out")
+
+
+def _is_own(name: str) -> bool:
+    return name.startswith(("block-", "starts.", ".saltus-", "study.json"))
+
+
+def _difference(other: Plan, plan: Plan) -> str:
+    """The first thing in which two plans differ."""
+    theirs, ours = other.plain(), plan.plain()
+    for key in ours:
+        if key not in ("title", "forces") and theirs.get(key) != ours[key]:
+            return f"its {key} is {theirs.get(key)!r}, and the file says {ours[key]!r}"
+    return "its loads are others"
+
+
+def kept_starts(study: StudyFile, folder: Path, damaged: Callable[[str], None]) -> tuple[Starts | None, bool]:
+    """The starts that are kept in the folder, and whether they are still to be found."""
+    from transitions.study.plan import IMPULSIVE
+    from transitions.study.runs import Starts
+    from transitions.study.study import DamagedBlock, read_block
+
+    plan = study.plan
+    if plan.families == (IMPULSIVE,):
+        return None, False
+    path = folder / "starts.npz"
+    if not path.exists():
+        return None, True
+    try:
+        kept = read_block(path, plan.digest, _STARTS, plan.count)
+    except DamagedBlock as error:
+        damaged(str(error))
+        return None, True
+    return Starts(kept["states"], kept["leaving"].astype("<U2")), False
+
+
+class FamilySeed(NamedTuple):
+    """A family to follow, and the energies at which its orbits are wanted: plain data.
+
+    Attributes
+    ----------
+    system : str
+        Description of the undamped elastic system, as JSON.
+    name : str
+    energies : tuple of float
+    runs : tuple of int
+        The run of each.
+    bounds : dict
+        Of the scene's search for names.
+    pins : dict
+        The scene's pinned names, where they hold for the system.
+    """
+
+    system: str
+    name: str
+    energies: tuple[float, ...]
+    runs: tuple[int, ...]
+    bounds: dict[str, Any]
+    pins: dict[str, dict[str, float]]
+
+
+class FamilyStarts(NamedTuple):
+    """The orbits of a family at the energies of a seed: states (k, 2n), NaN for none, and the contacts just left; or why there are none."""
+
+    states: np.ndarray
+    leaving: tuple[str, ...]
+    error: str = ""
+
+
+def family_seeds(plan: Plan, scene: Scene) -> list[FamilySeed]:
+    """The families of a plan of a scene, with the energies of their runs."""
+    from bvp.system import ImpactSystem
+    from transitions.study.plan import IMPULSIVE
+
+    names = plan.families
+    if names == (IMPULSIVE,):
+        return []
+    given = plan.values(0, plan.count)
+    count = plan.count
+    index = given["family"].astype(np.int64) if "family" in given else np.zeros(count, dtype=np.int64)
+    energies = given.get("energy", np.full(count, plan.fixed.get("energy", np.nan)))
+    if plan.units == "physical":
+        energies = energies / given.get("clearance", np.full(count, plan.fixed.get("clearance", 1.0))) ** 2
+    varied = [name for name in _OF_ORBITS if name in given]
+    rows = np.stack([index.astype(float), *(given[name] for name in varied)], axis=1)
+    distinct, which = np.unique(rows, axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    parts = np.split(order, np.cumsum(np.bincount(which.ravel()))[:-1])
+    seeds = []
+    for row, runs in zip(distinct, parts, strict=True):
+        name = names[int(row[0])]
+        if name == IMPULSIVE:
+            continue
+        described = {**plan.system, **dict(zip(varied, map(float, row[1:]), strict=True))}
+        system = ImpactSystem.from_description(described).underlying
+        wanted, pins = tuple(energies[runs].tolist()), scene.underlying.pins_for(system)
+        seeds.append(FamilySeed(json.dumps(system.describe()), name, wanted, tuple(runs.tolist()), scene.bounds, pins))
+    return seeds
+
+
+def find_starts(seed: FamilySeed) -> FamilyStarts:
+    """Follow the family of a seed, and take its orbits at the energies.
+
+    Where it has several there, that with the quarter period nearest to the name's is taken.
+    """
+    from branches.naming.labels import parse_name
+    from bvp.system import ImpactSystem
+    from saltus.families import list_orbits, orbits_of, trace
+    from saltus.scene import Scene
+
+    system = ImpactSystem.from_description(json.loads(seed.system))
+    n = system.degrees_of_freedom
+    states, leaving = np.full((len(seed.energies), 2 * n), np.nan), [""] * len(seed.energies)
+    name = parse_name(seed.name)
+    lowest, highest = seed.bounds["energy"]
+    low, high = min(lowest, 0.9 * min(seed.energies)), max(highest, 1.1 * max(seed.energies))
+    scene = Scene(system=system, pins=seed.pins, **seed.bounds)
+    try:
+        branch = trace(seed.name, scene=scene, energy=(low, high))
+    except (ValueError, RuntimeError) as failure:
+        return FamilyStarts(states, tuple(leaving), one_line(failure))
+    known: dict[float, tuple[np.ndarray, str]] = {}
+    for k, energy in enumerate(seed.energies):
+        if energy not in known:
+            found = orbits_of(branch, name, energy)
+            if len(found) > 1 and name.alpha is None:
+                error = f"{len(found)} orbits of {seed.name} have h = {energy:.10g}, expected one of {list_orbits(found, branch)}"
+                return FamilyStarts(states, tuple(leaving), error)
+            known[energy] = _state(_nearest(found, name), n)
+        states[k], leaving[k] = known[energy]
+    return FamilyStarts(states, tuple(leaving))
+
+
+def _nearest(found: list[Orbit], name: Name) -> Orbit | None:
+    wish = name.alpha
+    if wish is None:
+        return found[0] if found else None
+    return min(found, key=lambda orbit: abs(orbit.alpha - wish), default=None)
+
+
+def _state(orbit: Orbit | None, n: int) -> tuple[np.ndarray, str]:
+    """The start of an orbit, and the contact that it leaves; NaN where there is no orbit."""
+    from saltus.families import start_of
+
+    if orbit is None:
+        return np.full(2 * n, np.nan), ""
+    u, v, contact = start_of(orbit)
+    return np.concatenate([u, v]), contact or ""
+
+
+def find_all_starts(study: StudyFile, executor: Executor) -> Starts | None:
+    """Follow the families of a study on an executor.
+
+    Returns
+    -------
+    Starts or None
+        One start a run; None where all runs start with an impulse.
+
+    Raises
+    ------
+    BadInput
+        For the first family that is not found, or that has several orbits at an energy.
+    """
+    from bvp.system import ImpactSystem
+    from transitions.study.runs import Starts
+
+    plan = study.plan
+    seeds = family_seeds(plan, study.scene)
+    if not seeds:
+        return None
+    futures = [executor.submit(find_starts, seed) for seed in seeds]
+    n = ImpactSystem.from_description(plan.system).degrees_of_freedom
+    states, leaving = np.full((plan.count, 2 * n), np.nan), np.full(plan.count, "", dtype="<U2")
+    for seed, found in zip(seeds, [future.result() for future in futures], strict=True):
+        if found.error:
+            raise BadInput(_family_error(plan, seed, found.error))
+        runs = np.array(seed.runs)
+        states[runs], leaving[runs] = found.states, found.leaving
+    return Starts(states, leaving)
+
+
+def _family_error(plan: Plan, seed: FamilySeed, error: str) -> str:
+    """What was wrong with a family, and in which system, where that is varied."""
+    described: dict[str, Any] = json.loads(seed.system)
+    where = ", ".join(f"{name} = {described[name]:.6g}" for name in _OF_ORBITS if name in plan.names)
+    return f"family {seed.name!r}{f' at {where}' if where else ''}: {error}"
+
+
+def keep_starts(starts: Starts, folder: Path, digest: str) -> None:
+    """Keep the starts in a study's folder."""
+    from transitions.study.study import write_block
+
+    write_block(folder / "starts.npz", {"states": starts.states, "leaving": starts.leaving.astype("S2")}, digest, _STARTS)
+
+
+class _Block(NamedTuple):
+    """What a worker needs for a block."""
+
+    number: int
+    given: dict[str, np.ndarray]
+    starts: Starts | None
+
+
+def _work(plan: Plan, block: _Block) -> dict[str, np.ndarray]:
+    """Run a block: in any process, from plain data."""
+    from transitions.study.runs import run_block
+
+    return run_block(plan, block.given, block.starts)
+
+
+def carry_out(
+    plan: Plan, starts: Starts | None, folder: Path, kind: str, finished: set[int], executor: Executor, workers: int,
+    on_progress: Callable[[int], None],
+) -> None:  # fmt: skip
+    """Run the blocks of a plan that are not finished, and write each.
+
+    What is written does not depend on the executor: a block depends on the plan alone.
+
+    Parameters
+    ----------
+    on_progress : callable
+        Told how many runs are finished.
+
+    Raises
+    ------
+    branches.files.WriteFailure
+        Where a block cannot be written; those before it are kept.
+    """
+    from branches.building.frontier import Frontier
+    from transitions.study.runs import Starts
+    from transitions.study.study import block_path, write_block
+
+    digest = plan.digest
+    blocks = []
+    done = 0
+    for number in range(plan.blocks):
+        first, last = plan.block_range(number)
+        if number in finished:
+            done += last - first
+            continue
+        some = None if starts is None else Starts(starts.states[first:last], starts.leaving[first:last])
+        blocks.append(_Block(number, plan.values(first, last), some))
+    frontier = Frontier(executor, partial(_work, plan), lambda block: False, lambda block: block.number, AHEAD * workers)
+    frontier.extend(blocks)
+    for block, columns in frontier:
+        assert columns is not None
+        write_block(block_path(folder, block.number, kind), columns, digest, block.number)
+        done += len(columns["h"])
+        on_progress(done)

@@ -1,0 +1,261 @@
+"""Tables and lines of text that fit the terminal, and the cells that several tables share."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, TextIO
+
+__all__ = [
+    "EVENT_COLUMNS",
+    "EVENT_HEADER",
+    "counted",
+    "event_cells",
+    "event_line",
+    "range_text",
+    "short_id",
+    "stability_word",
+    "table_lines",
+    "terminal_width",
+    "with_short_ids",
+    "wrapped",
+]
+
+_GAP = 2
+"""Spaces between two columns."""
+_LEAST = 16
+"""Width that a column of texts or ids keeps."""
+_ID = re.compile(r"(?:origin|rest|stop|periodic)[^\s:]*:[^\s:]*:[0-9a-f]{8}")
+_EVENT_ROW = "{:>6}  {:<4}  {:<14}  {:<18}  {:<18}  {:<9}  {:<12}  {}"
+
+EVENT_COLUMNS = ("point", "type", "label", "energy h", "quarter alpha", "stable", "|multiplier|", "remark")
+EVENT_HEADER = _EVENT_ROW.format(*EVENT_COLUMNS)
+
+
+def terminal_width(stream: TextIO) -> int | None:
+    """The width of the terminal that a stream writes to; None where it writes to no terminal."""
+    return shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
+
+
+def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]], *, width: int | None = None, columns: str = "") -> list[str]:
+    """Lay out a table.
+
+    Parameters
+    ----------
+    head : sequence of str
+        Names of the columns.
+    rows : iterable of sequence of str
+    width : int, optional
+        Most characters in a line; by default any number.
+    columns : str
+        One letter a column: ``l`` and ``r`` give the alignment, left by default; ``t`` is text, which can wrap; ``i`` is ids of families,
+        which can be shortened. Other cells stay whole: where they do not fit, each row takes several lines.
+
+    Returns
+    -------
+    list of str
+        The lines, without spaces at their ends.
+
+    Examples
+    --------
+    >>> print("\\n".join(table_lines(("label", "points"), [("S13O00+", "203"), ("U8353-", "7")], columns="lr")))
+    label    points
+    S13O00+     203
+    U8353-        7
+    >>> print("\\n".join(table_lines(("id", "h"), [("origin-origin:+-+-+-+-:0123abcd", "1.5")], width=25, columns="il")))
+    id                    h
+    origin-ori…:0123abcd  1.5
+    """
+    cells = [list(head), *map(list, rows)]
+    kinds = columns.ljust(len(head), "l")[: len(head)]
+    sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    if width is None or sum(sizes) + _GAP * (len(sizes) - 1) <= width:
+        # rich needs most of a millisecond for a row, and a catalogue has thousands.
+        pads = [str.rjust if kind == "r" else str.ljust for kind in kinds]
+        return [(" " * _GAP).join(pad(cell, size) for pad, cell, size in zip(pads, row, sizes, strict=True)).rstrip() for row in cells]
+    lines: list[str] = []
+    for count, flexible in [(len(head), "t"), *((count, "it") for count in range(len(head), 0, -1))]:
+        least = [min(size, _LEAST) if kind in flexible else size for kind, size in zip(kinds, sizes, strict=True)]
+        if count == 1 or sum(max(least[j::count]) for j in range(count)) + _GAP * (count - 1) <= width:
+            lines = _in_columns(cells, kinds, least, count, width)
+            if max(map(len, lines)) <= width:
+                break
+    return lines
+
+
+def _in_columns(cells: list[list[str]], kinds: str, least: list[int], count: int, width: int) -> list[str]:
+    """Lay out a table by rich, with so many columns: the other cells of a row are on further lines, indented."""
+    from rich.console import Console
+    from rich.measure import Measurement
+    from rich.segment import Segment
+    from rich.table import Table
+    from rich.text import Text
+
+    class Cell:
+        """A cell with the gap behind it: padding by rich takes as long as all else."""
+
+        def __init__(self, text: str, kind: str, least: int) -> None:
+            self.text, self.kind, self.least = text, kind, least
+
+        def __rich_measure__(self, console: Any, options: Any) -> Measurement:
+            size = len(self.text)
+            return Measurement(min(size, self.least) + _GAP, size + _GAP)
+
+        def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
+            size = options.max_width - _GAP
+            if self.kind == "t" and len(self.text) > size:
+                yield from Text(self.text).__rich_console__(console, options.update_width(size))
+            else:
+                text = with_short_ids(self.text, size) if self.kind == "i" else self.text
+                yield Segment(text.rjust(size) if self.kind == "r" else text)
+
+    for j in range(count, len(kinds), count):
+        cells = [[*row[:j], " " * _GAP + row[j], *row[j + 1 :]] for row in cells]
+        least = [*least[:j], least[j] + _GAP, *least[j + 1 :]]
+    columns = list(zip(*cells, strict=True))
+    table = Table(box=None, show_header=False, pad_edge=False, padding=0)
+    for j in range(count):
+        rigid = all(size == max(map(len, column)) for size, column in zip(least[j::count], columns[j::count], strict=True))
+        table.add_column(min_width=max(least[j::count]) + _GAP, no_wrap=rigid)
+    for row in cells:
+        made = [Cell(*entry) for entry in zip(row, kinds, least, strict=True)]
+        for first in range(0, len(made), count):
+            if first == 0 or "".join(row[first : first + count]).strip():
+                table.add_row(*made[first : first + count])
+    console = Console(width=width + _GAP, color_system=None)
+    with console.capture() as captured:
+        console.print(table, crop=False)
+    return [line.rstrip() for line in captured.get().splitlines()]
+
+
+def short_id(id: str, size: int) -> str:
+    """A family's id in so many characters: its beginning and its hash. It is longer where the hash needs more.
+
+    Examples
+    --------
+    >>> short_id("origin-origin:+-+-:d777f141", 18), short_id("origin-stop+::44db5a75", 0), short_id("L11+", 2)
+    ('origin-o…:d777f141', 'o…:44db5a75', 'L11+')
+    """
+    if len(id) <= size or not _ID.fullmatch(id):
+        return id
+    tail = _ellipsis() + id[-9:]
+    return id[: max(1, size - len(tail))] + tail
+
+
+def with_short_ids(line: str, width: int | None) -> str:
+    """A line with the ids in it shortened as far as it has to be.
+
+    Examples
+    --------
+    >>> with_short_ids("S13O00+  origin-stop+::44db5a75", 24)
+    'S13O00+  origi…:44db5a75'
+    """
+    if width is None:
+        return line
+    excess = max(0, len(line) - width)
+    return _ID.sub(lambda found: short_id(found[0], len(found[0]) - excess), line)
+
+
+def _ellipsis() -> str:
+    """The ellipsis, or a full stop where standard output cannot show it."""
+    try:
+        "…".encode(getattr(sys.stdout, "encoding", None) or "utf-8")
+    except UnicodeEncodeError:
+        return "."
+    return "…"
+
+
+def wrapped(lines: Iterable[str], width: int | None, indent: int) -> list[str]:
+    """Lines of words. Those that are too long are broken between words, and their further lines are indented.
+
+    Examples
+    --------
+    >>> wrapped(["model  elastic stops -> momentum is kept"], 30, 7)
+    ['model  elastic stops ->', '       momentum is kept']
+    """
+    if width is None:
+        return list(lines)
+    wrapper = textwrap.TextWrapper(width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False)
+    return [part for line in lines for part in ([line] if len(line) <= width else wrapper.wrap(line))]
+
+
+def counted(count: int, thing: str) -> str:
+    """A number of things, one of them in the singular.
+
+    Examples
+    --------
+    >>> counted(1, "orbit"), counted(0, "edge"), counted(2, "family")
+    ('1 orbit', '0 edges', '2 families')
+    """
+    if count == 1:
+        return f"1 {thing}"
+    return f"{count} {thing[:-1]}ies" if thing.endswith("y") else f"{count} {thing}s"
+
+
+def range_text(ends: tuple[float, float]) -> str:
+    """A range of numbers as ``0.1185:14.55``.
+
+    Examples
+    --------
+    >>> range_text((0.118507810594, 14.5537010891)), range_text((1.0, 1.0))
+    ('0.11851:14.554', '1:1')
+    """
+    return f"{ends[0]:.5g}:{ends[1]:.5g}"
+
+
+def stability_word(stable: bool | int | None) -> str:
+    """Return ``yes``, ``no``, or ``undecided``.
+
+    Parameters
+    ----------
+    stable : bool, int or None
+        True or 1, False or 0; None or -1 where it cannot be decided.
+
+    Examples
+    --------
+    >>> [stability_word(stable) for stable in (True, 0, -1, None)]
+    ['yes', 'no', 'undecided', 'undecided']
+    """
+    if stable is None or stable == -1:
+        return "undecided"
+    return "yes" if stable else "no"
+
+
+def event_line(event: Any) -> str:
+    """One line of the table of events, which is printed while events are found.
+
+    Parameters
+    ----------
+    event : Event
+        With ``number``, ``type``, ``label``, ``h``, ``alpha``, ``stable``, ``multiplier`` (the largest modulus, None where
+        it is unbounded), ``stop``, ``p_q``, ``breaks``, ``note``.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> event = SimpleNamespace(number=-12, type="SN", label="S11O00-", h=0.06911644996826901, alpha=1.13584395619551,
+    ...     stable=None, multiplier=1.0, stop=None, p_q=None, breaks=None, note=None)
+    >>> print(EVENT_HEADER + "\\n" + event_line(event))
+    point   type  label           energy h            quarter alpha       stable     |multiplier|  remark
+     -12    SN    S11O00-         0.069116449968269   1.1358439561955     undecided  1
+    """
+    return _EVENT_ROW.format(*event_cells(event)).rstrip()
+
+
+def event_cells(event: Any) -> tuple[str, ...]:
+    """The cells of an event, in the order of `EVENT_COLUMNS`."""
+    if event.note:
+        remark = event.note
+    elif event.p_q:
+        remark = "p/q = {}/{}".format(*event.p_q)
+    elif event.breaks:
+        remark = f"breaks {event.breaks}"
+    else:
+        remark = f"stop {event.stop}" if event.stop else ""
+    return (
+        str(event.number), event.type, event.label, f"{event.h:.14g}", f"{event.alpha:.14g}", stability_word(event.stable),
+        "unbounded" if event.multiplier is None else f"{event.multiplier:.8g}", remark,
+    )  # fmt: skip

@@ -1,0 +1,57 @@
+"""The next impact of a system from a state, as the kernel finds it, in words."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from bvp.impact import checked_state, contact_index
+from bvp.kernels import impact as kernels
+from bvp.kernels.flight import flow_state
+
+
+class ImpactStatus(Enum):
+    """What the search for the next impact found; the value says it in words."""
+
+    NONE = "no stop is reached up to the horizon"
+    HIT = "a stop is hit"
+    TOUCH = "the gap turns within the contact tolerance of a stop and goes on without an impact"
+    PRESSED = "the motion stays pressed against the stop that it starts on"
+    OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
+    EXHAUSTED = "the search gave up; ask for a shorter horizon"
+
+
+@dataclass(frozen=True, eq=False)
+class NextImpact:
+    """The end of a free flight: status, time, letter of the contact ("" where there is none), state (u, v) there before any
+    impact, and the speed of approach side * w' (>= 0 at a hit)."""
+
+    status: ImpactStatus
+    time: float
+    contact: str
+    u: np.ndarray
+    v: np.ndarray
+    speed: float
+
+
+def next_impact(system, u, v, horizon, leaving=None):
+    """The first impact or touch of the free flight from (u, v) up to the horizon; `leaving`: letter of the contact that the start is on
+    exactly.
+
+    >>> from bvp.system import ImpactSystem, Stop
+    >>> oscillator = ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), upper=1.0)])
+    >>> found = next_impact(oscillator, [0.0], [2.0], 10.0)
+    >>> found.contact, round(found.time * 6 / np.pi, 12), round(found.speed**2, 12)
+    ('+', 1.0, 3.0)
+    """
+    modes = system.modes
+    n = system.degrees_of_freedom
+    z = modes.from_state @ checked_state(system, u, v)
+    work = kernels.work_array(len(z), len(modes.contact_side))
+    status, contact, time = kernels.next_impact(modes.flight, modes.contacts, contact_index(system, leaving), z, float(horizon), work)
+    end = np.empty_like(z)
+    flow_state(modes.flight, z, time, end)
+    state = modes.to_state @ end
+    speed = float(modes.contact_side[contact] * (modes.contact_rate[contact] @ end)) if contact >= 0 else 0.0
+    letter = modes.contact_letters[contact] if contact >= 0 else ""
+    return NextImpact(tuple(ImpactStatus)[status], float(time), letter, state[:n], state[n:], speed)

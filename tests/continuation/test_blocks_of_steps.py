@@ -1,0 +1,128 @@
+"""A problem that marches by itself gives the run that the engine finds step by step. Oracle: the same problem without `advance`."""
+
+import math
+
+import numpy as np
+import pytest
+
+from continuation import Settings, follow, trace
+from continuation import Test as Marker
+from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, kinds_of, may_hide, next_step, refusal, watch
+from continuation.problem import Advance
+from tests.continuation.curves import Eight, Line, Ring, circle, cubic, ellipse, hyperbola, parts, pitchfork
+
+
+class Marching:
+    """Any problem with a advance in plain Python, by the functions that the contract names."""
+
+    def __init__(self, problem):
+        self.problem = problem
+        self.blocks = []
+
+    def __getattr__(self, name):
+        return getattr(self.problem, name)
+
+    def advance(self, step, tests, older, oldest, before, first, ds, goal, direction, room, control):
+        kinds, singular = kinds_of(self.problem.tests), [test.singular for test in self.problem.tests]
+        steps, strides, lengths, trial = [], [], [], None
+        while len(steps) < room and trial is None:
+            if direction is None and steps:
+                direction = np.subtract(steps[0].position, goal)
+            new = self.problem.step(step.y, step.tangent, ds)
+            new = new._replace(tests=[float(value) for value in new.tests])
+            chord = distance(step.position, new.position) if new.converged else math.inf
+            length = arclength_of(chord, new.turn)
+            if (
+                not new.converged
+                or refusal(new.turn, new.contraction, chord, ds, control) != ACCEPTED
+                or (passes(step, new, goal, direction) and distance(new.position, goal) <= NEAR_GOAL * chord)
+                or watch(kinds, singular, may_hide, oldest, older, tests, new.tests, first, before, length)
+            ):
+                trial = new
+            else:
+                steps.append(new)
+                strides.append(ds)
+                lengths.append(length)
+                ds = next_step(ds, new.turn, new.contraction, control)
+                step, oldest, older, tests, first, before = new, older, tests, new.tests, before, length
+        self.blocks.append(len(steps))
+        return Advance(steps, np.array(strides), np.array(lengths), ds, trial)
+
+
+def passes(old, new, goal, direction):
+    return direction is not None and height(old.position, goal, direction) < 0.0 <= height(new.position, goal, direction)
+
+
+EVENTS = (
+    (Marker("A", "crossing"), lambda s: math.sin(3 * s)),
+    (Marker("D", "crossing"), lambda s: math.cos(s) - 0.9999),
+    (Marker("K", "change"), lambda s: float(math.floor(1.7 * s))),
+)
+GUARD = (Marker("G", "guard", terminal=True), lambda s: 5.03 - abs(s))
+SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=150)
+CASES = {
+    "closes": (circle, [0.6, 0.8], {}),
+    "ellipse": (lambda: ellipse(2.0, 0.5), [2.0, 0.0], {}),
+    "folds": (cubic, [0.0, 0.0], {"maximum_points": 120}),
+    "turns sharply": (lambda: hyperbola(1e-3), [1.0, -1.0], {"maximum_points": 300}),
+    "branch point": (pitchfork, [0.0, -0.5], {"maximum_points": 80}),
+    "events": (lambda: Line(*EVENTS, GUARD), [0.3], {"initial_step": 0.1, "maximum_step": 0.1}),
+    "events on a ring": (lambda: Ring(*EVENTS), [0.3], {"initial_step": 0.1, "maximum_step": 0.1}),
+    "fails": (lambda: Line(*EVENTS, broken=lambda s: s > 4.0), [0.3], {}),
+    "contracts badly": (lambda: Line(contraction=lambda ds: 8.0 * ds), [0.3], {"maximum_points": 50}),
+}
+
+
+def same(a, b):
+    """Two lists of points, or of events, with the same numbers."""
+    assert len(a) == len(b)
+    for x, y in zip(a, b, strict=True):
+        assert x.index == y.index and x.arclength == y.arclength
+        p, q = getattr(x, "step", None) or x.point, getattr(y, "step", None) or y.point
+        assert np.array_equal(p.y, q.y) and np.array_equal(p.tangent, q.tangent)
+        assert [float(v) for v in p.tests] == pytest.approx([float(v) for v in q.tests], rel=0, abs=0, nan_ok=True)
+
+
+@pytest.mark.parametrize("points", [None, 2, 3, 66, 67])
+@pytest.mark.parametrize("case", CASES)
+def test_a_march_is_the_run_step_by_step(case, points):
+    make, start, options = CASES[case]
+    settings = Settings(**{**options, **({} if points is None else {"maximum_points": points})})
+    marching = Marching(make())
+    begin = np.array(start)
+    alone = trace(make(), begin, settings)
+    together = trace(marching, begin, settings)
+    same(alone.points, together.points)
+    same(alone.events, together.events)
+    assert alone.ends == together.ends and alone.start == together.start
+    for a, b in zip(alone.points, together.points, strict=True):
+        assert a.step_size == b.step_size and (a.event is None) is (b.event is None)
+    assert points is not None or sum(marching.blocks) > 0.3 * len(alone.points)
+
+
+@pytest.mark.parametrize("number", [1, 2, 30, 64, 65, 66])
+def test_a_march_stops_where_the_condition_holds(number):
+    """Points computed ahead are not given, and not counted."""
+    runs = [
+        parts(follow(problem, np.array([0.3]), settings=SHORT, stop_when=lambda point: point.index == number))
+        for problem in (Line(GUARD), Marching(Line(GUARD)))
+    ]
+    (points, _, (end,)), (marched, _, (marched_end,)) = runs
+    same(points, marched)
+    assert end == marched_end and end.tally.accepted == points[-1].index
+
+
+def test_a_march_that_passes_its_start_with_another_tangent_goes_on():
+    start = Eight().step(np.zeros(2), np.array([1.0, 2.0]) / math.sqrt(5), 0.0)
+    runs = [parts(follow(problem, start, 0, Settings(maximum_step=0.1))) for problem in (Eight(), Marching(Eight()))]
+    same(runs[0][0], runs[1][0])
+    assert runs[0][2] == runs[1][2] and runs[0][2][0].reason.name == "CLOSED"
+
+
+def test_an_event_to_stop_at_ends_a_march():
+    runs = [
+        parts(follow(problem, np.array([0.3]), settings=SHORT, stop_at={"A"})) for problem in (Line(*EVENTS), Marching(Line(*EVENTS)))
+    ]
+    for a, b in zip(*(run[:2] for run in runs), strict=True):
+        same(a, b)
+    assert runs[0][2] == runs[1][2]

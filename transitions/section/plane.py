@@ -1,0 +1,236 @@
+"""The plane of a Poincare section at one energy: its coordinates, its bounding curve, and starts spread over it.
+
+The section is u_p = 0, u_p' > 0 for the primary coordinate p of a system with two degrees of freedom (Lee et al., Physica D 238 (2009)
+1868, Eq. (10)). The other coordinate a gives the plane: x = u_a and y = (M u')_a/m_aa, its momentum over its mass. For a diagonal mass
+matrix y is u_a'. In these coordinates each point has one state with u_p' > 0, and the map of a conservative system keeps areas:
+
+    2 h = m_aa y^2 + (m_pp - m_ap^2/m_aa) u_p'^2 + k_aa x^2
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.checks import is_finite, reals, require_system
+from bvp.shown import shown
+
+if TYPE_CHECKING:
+    from bvp.kernels.contact_mode import ContactModes
+    from bvp.system import ImpactSystem
+
+__all__ = ["SectionPlane", "checked_points"]
+
+_PLASTIC = 1.32471795724474602596
+"""Root of x^3 = x + 1: its powers spread points over a square evenly (Roberts, The unreasonable effectiveness of quasirandom
+sequences, 2018)."""
+
+
+def checked_points(points: Any, what: str) -> np.ndarray:
+    """Points or directions as an array (m, 2) of floats.
+
+    Raises
+    ------
+    ValueError
+        For anything else.
+    """
+    try:
+        array = np.atleast_2d(reals(points))
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"{what} is an array of numbers of shape (m, 2); received {shown(points)}")
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class SectionPlane:
+    """The section's plane at one energy.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        With two degrees of freedom, one of them the primary.
+    energy : float
+        h > 0 of the states on it.
+
+    Raises
+    ------
+    ValueError
+        For another number of degrees of freedom, a system without primary, an energy that is not above 0, a section that no motion
+        reaches, or a section without bounds.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> plane = SectionPlane(vibro_impact_nes(), 0.06)
+    >>> plane.reach, round(plane.height(0.0), 12)
+    ((-1.0, 1.0), 1.09544511501)
+    >>> u, v = plane.states([[0.5, 0.2]])
+    >>> plane.system.energy(u, v).round(15)
+    array([0.06])
+    """
+
+    system: ImpactSystem
+    energy: float
+
+    def __post_init__(self) -> None:
+        require_system(self.system)
+        n = self.system.degrees_of_freedom
+        if n != 2:
+            raise ValueError(f"a section is a plane for two degrees of freedom; this system has {n}")
+        if self.system.primary is None:
+            names = " or ".join(self.system.coordinates)
+            raise ValueError(f"a section is taken where the primary coordinate passes zero; expected the scene to name it: LO = {names}")
+        if not (is_finite(self.energy) and self.energy > 0.0):
+            raise ValueError(f"the energy of a section is a finite number above 0; received {shown(self.energy)}")
+        _ = self.reach
+
+    @property
+    def primary(self) -> int:
+        """Index of the coordinate that is zero on the section."""
+        assert self.system.primary is not None
+        return self.system.primary
+
+    @property
+    def other(self) -> int:
+        """Index of the coordinate of the plane."""
+        return 1 - self.primary
+
+    @property
+    def momentum(self) -> bool:
+        """Whether the masses are coupled, so that y is a momentum over a mass and not a velocity."""
+        return bool(self.system.mass[0, 1] != 0.0)
+
+    @cached_property
+    def _constants(self) -> tuple[float, float, float, float]:
+        """m_aa, m_pp - m_ap^2/m_aa, k_aa, m_ap."""
+        a, p = self.other, self.primary
+        mass, stiffness = self.system.mass, self.system.stiffness
+        own, coupled = float(mass[a, a]), float(mass[a, p])
+        return own, float(mass[p, p]) - coupled * coupled / own, float(stiffness[a, a]), coupled
+
+    @cached_property
+    def walls(self) -> tuple[float, float]:
+        """Bounds of x by the stops: infinite without a stop, lower > upper if no x is inside."""
+        low, high = -math.inf, math.inf
+        name = self.system.coordinates[self.primary]
+        for stop in self.system.stops:
+            part = stop.gap[self.other]
+            if part == 0.0:
+                if not stop.lower < 0.0 < stop.upper:
+                    raise ValueError(
+                        f"no motion reaches the section {name} = 0: stop {stop.name} keeps {stop.lower:g} <= "
+                        f"{stop.gap[self.primary]:g} {name} <= {stop.upper:g}"
+                    )
+                continue
+            ends = sorted((stop.lower / part, stop.upper / part))
+            low, high = max(low, ends[0]), min(high, ends[1])
+        return low, high
+
+    @cached_property
+    def reach(self) -> tuple[float, float]:
+        """Least and largest x of the section."""
+        names = self.system.coordinates
+        stiffness = self._constants[2]
+        low, high = self.walls
+        most = math.sqrt(2.0 * self.energy / stiffness) if stiffness > 0.0 else math.inf
+        if not low < high:
+            raise ValueError(f"no motion reaches the section {names[self.primary]} = 0: the stops leave {names[self.other]} no room there")
+        if not max(low, -most) < min(high, most):
+            least = 0.5 * stiffness * min(abs(low), abs(high)) ** 2
+            raise ValueError(
+                f"no motion with energy {self.energy:g} reaches the section {names[self.primary]} = 0; expected an energy above {least:.6g}"
+            )
+        low, high = max(low, -most), min(high, most)
+        if math.isinf(low) or math.isinf(high):
+            held = f"neither a spring nor a stop holds {names[self.other]} there"
+            raise ValueError(f"the section {names[self.primary]} = 0 has no bounds: {held}")
+        return low, high
+
+    def height(self, x: float) -> float:
+        """Largest y at x."""
+        own, _, stiffness, _ = self._constants
+        return math.sqrt(max(2.0 * self.energy - stiffness * x * x, 0.0) / own)
+
+    def holds(self, points: Any) -> np.ndarray:
+        """Whether points (m, 2) lie inside the bounding curve: bool (m,)."""
+        points = np.asarray(points, dtype=float)
+        own, _, stiffness, _ = self._constants
+        low, high = self.reach
+        left = 2.0 * self.energy - stiffness * points[:, 0] ** 2 - own * points[:, 1] ** 2
+        return (points[:, 0] > low) & (points[:, 0] < high) & (left > 0.0)
+
+    def boundary(self, count: int = 400) -> np.ndarray:
+        """The bounding curve as a closed polygon: (2 count + 1, 2), along y > 0 and back along y < 0.
+
+        On its arcs u_p' = 0. Elsewhere it runs along the stops."""
+        low, high = self.reach
+        x = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.linspace(0.0, math.pi, count))
+        y = np.array([self.height(value) for value in x])
+        return np.concatenate([np.stack([x, y], 1), np.stack([x[::-1], -y[::-1]], 1), [[x[0], y[0]]]])
+
+    def starts(self, count: int) -> np.ndarray:
+        """Points spread evenly inside the bounding curve, always the same: (count, 2)."""
+        low, high = self.reach
+        top = max(self.height(x) for x in (low, high, min(max(0.0, low), high)))
+        found = np.zeros((0, 2))
+        first = 0
+        while len(found) < count:
+            index = np.arange(first, first + 2 * count + 8)
+            square = np.stack([(0.5 + index / _PLASTIC) % 1.0, (0.5 + index / _PLASTIC**2) % 1.0], 1)
+            points = np.stack([low + (high - low) * square[:, 0], top * (2.0 * square[:, 1] - 1.0)], 1)
+            found = np.concatenate([found, points[self.holds(points)]])
+            first += len(index)
+        return found[:count]
+
+    def states(self, points: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (m, 2) of points (m, 2) inside the bounding curve.
+
+        Raises
+        ------
+        ValueError
+            For a point outside.
+        """
+        points = checked_points(points, "starts")
+        inside = self.holds(points)
+        if not np.all(inside):
+            wrong = points[int(np.argmin(inside))].tolist()
+            raise ValueError(f"starts are points inside the bounding curve of the section at h = {self.energy:g}; received {wrong}")
+        own, joint, stiffness, coupled = self._constants
+        x, y = points.T
+        u, v = np.zeros((len(x), 2)), np.zeros((len(x), 2))
+        u[:, self.other] = x
+        v[:, self.primary] = np.sqrt((2.0 * self.energy - stiffness * x * x - own * y * y) / joint)
+        v[:, self.other] = y - coupled / own * v[:, self.primary]
+        return u, v
+
+    def tangents(self, points: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Derivatives (m, 4) of (u, v) on the energy surface at points (m, 2), along directions (m, 2) of the plane."""
+        own, joint, stiffness, coupled = self._constants
+        x, y = points.T
+        speed = self.states(points)[1][:, self.primary]
+        out = np.zeros((len(x), 4))
+        out[:, self.other] = directions[:, 0]
+        out[:, 2 + self.primary] = -(stiffness * x * directions[:, 0] + own * y * directions[:, 1]) / (joint * speed)
+        out[:, 2 + self.other] = directions[:, 1] - coupled / own * out[:, 2 + self.primary]
+        return out
+
+    def rows(self, phases: ContactModes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows on the states z (N,) of each of F contact modes: (F, 3, N) of u_p, u_p', u_p''; (F, 2, N) of x and y; (F, N, N) with
+        energy z . quadratic z/2."""
+        position, velocity = phases.leave[:, :2], phases.leave[:, 2:]
+        own = velocity[:, self.primary]
+        functional = np.stack([position[:, self.primary], own, np.einsum("fn,fnk->fk", own, phases.matrix)], axis=1)
+        plane = np.stack([position[:, self.other], self.system.mass[self.other] @ velocity / self._constants[0]], axis=1)
+        potential = position.transpose(0, 2, 1) @ self.system.stiffness @ position
+        quadratic = potential + velocity.transpose(0, 2, 1) @ self.system.mass @ velocity
+        return functional, plane, np.ascontiguousarray(quadratic)
+
+    def coordinates(self, u: Any, v: Any) -> np.ndarray:
+        """x and y of states (m, 2): (m, 2)."""
+        return np.stack([np.asarray(u)[:, self.other], np.asarray(v) @ self.system.mass[self.other] / self._constants[0]], 1)

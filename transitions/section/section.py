@@ -1,0 +1,275 @@
+"""Poincare sections: many motions of one energy, each followed from crossing to crossing.
+
+Flights are exact. Impacts and crossings are found by bounds, so that none is missed (`transitions.kernels.section`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.checks import is_finite
+from bvp.damped import Mover
+from bvp.interrupts import Pace
+from bvp.kernels import motion as motion_kernels
+from bvp.kernels.compiled import address_of
+from bvp.kernels.contact_mode import CLOCK, COUNTS, PASSES
+from bvp.shown import shown
+from transitions.kernels import section as kernels
+from transitions.section.plane import SectionPlane, checked_points
+
+if TYPE_CHECKING:
+    from bvp.kernels.contact_mode import ContactModes
+    from bvp.system import ImpactSystem
+
+__all__ = ["Section", "SectionEnd", "follow", "section"]
+
+SETTLING = 0.1
+"""Fraction of an orbit's crossings that its Lyapunov exponent leaves out. There the perturbation turns to its fastest direction."""
+
+MOST = 10**9
+"""Largest number of orbits, and of crossings of each, that can be asked for."""
+
+_BATCH = 32  # orbits between two reports of progress
+_PERIODS = 8.0  # of the fastest mode in one block
+_PATIENCE = 50.0  # of the longest natural period for each crossing
+
+
+class SectionEnd(Enum):
+    """How an orbit ended; the value says it in words."""
+
+    COMPLETE = "all crossings asked for"
+    TIME_OVER = "crosses the section too seldom: the longest time was reached"
+    SIMULTANEOUS = "hits two stops at the same instant whose impulses interact: the outcome is not defined by restitution"
+    OUTSIDE = "started beyond a stop"
+    PIERCED = "was carried beyond a stop by rounding"
+    UNDECIDED = "meets its stops again and again without time passing"
+    EXHAUSTED = "the search for its next impact or crossing gave up"
+
+
+_ENDS = {
+    kernels.COMPLETE: SectionEnd.COMPLETE,
+    kernels.TIME_OVER: SectionEnd.TIME_OVER,
+    motion_kernels.INTERACTING: SectionEnd.SIMULTANEOUS,
+    motion_kernels.STARTED_OUTSIDE: SectionEnd.OUTSIDE,
+    motion_kernels.PIERCED: SectionEnd.PIERCED,
+    motion_kernels.CYCLING: SectionEnd.UNDECIDED,
+    motion_kernels.GAVE_UP: SectionEnd.EXHAUSTED,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Crossings of the section by m orbits, up to k of each. The start is the first crossing. NaN fills the rows after an orbit's end.
+
+    Attributes
+    ----------
+    plane : SectionPlane
+    times : (m, k) ndarray
+    points : (m, k, 2) ndarray
+        x and y of `plane`.
+    energies : (m, k) ndarray
+    growths : (m, k) ndarray
+        Logarithm of the size of a perturbation along the section, in the plane, over that at the start.
+    tangents : (m, k, 2) ndarray
+        Direction of that perturbation in the plane. Growths and tangents are NaN after the orbit has stuck to a stop. A degree of freedom
+        is lost there, so that the plane maps to a curve, and the growth has no rate.
+    counts, impacts : (m,) ndarray of int
+        Number of crossings and of impacts of each orbit.
+    sticking_times : (m,) ndarray
+        Time that each orbit sticks to stops, up to its last crossing or its end.
+    ends : tuple of m SectionEnd
+    interrupted : bool
+        Whether Ctrl-C came before all orbits were followed.
+    """
+
+    plane: SectionPlane
+    times: np.ndarray
+    points: np.ndarray
+    energies: np.ndarray
+    growths: np.ndarray
+    tangents: np.ndarray
+    counts: np.ndarray
+    impacts: np.ndarray
+    sticking_times: np.ndarray
+    ends: tuple[SectionEnd, ...]
+    interrupted: bool = False
+
+    @property
+    def system(self) -> ImpactSystem:
+        """The system of the motions."""
+        return self.plane.system
+
+    def __len__(self) -> int:
+        return int(self.counts.sum())
+
+    @cached_property
+    def drift(self) -> float:
+        """Largest relative difference of an energy from that of the section. For a conservative system it is rounding."""
+        return float(np.nanmax(np.abs(self.energies / self.plane.energy - 1.0), initial=0.0))
+
+    @cached_property
+    def exponents(self) -> np.ndarray:
+        """Largest Lyapunov exponent of each orbit, per unit of time, (m,): growth of the perturbation over time, without the first
+        `SETTLING` of the crossings. NaN for an orbit that sticks to a stop or has fewer than two crossings."""
+        out = np.full(len(self.counts), math.nan)
+        for m, count in enumerate(self.counts.tolist()):
+            first, last = int(SETTLING * (count - 1)), count - 1
+            if last > first:
+                out[m] = (self.growths[m, last] - self.growths[m, first]) / (self.times[m, last] - self.times[m, first])
+        return out
+
+
+def section(
+    system: ImpactSystem,
+    energy: float,
+    *,
+    orbits: int = 150,
+    crossings: int = 400,
+    starts: Any = None,
+    longest: float | None = None,
+    on_orbits: Callable[[int], None] | None = None,
+) -> Section:
+    """The Poincare section u_p = 0, u_p' > 0 of motions that start on it with one energy.
+
+    If the system loses energy, the motions leave the energy surface; `Section.energies` shows by how much.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        With two degrees of freedom, one of them the primary.
+    energy : float
+        h > 0 at the starts.
+    orbits : int
+        Number of starts, spread over the section.
+    crossings : int
+        Largest number of points of each orbit, its start included.
+    starts : (m, 2) array_like, optional
+        Starts in the plane, in place of the spread ones.
+    longest : float, optional
+        Time limit of an orbit; by default 50 of the longest natural period for each crossing.
+    on_orbits : callable, optional
+        Called from time to time with the number of orbits that are done.
+
+    Returns
+    -------
+    Section
+        After Ctrl-C with the orbits that are done.
+
+    Raises
+    ------
+    ValueError
+        As `SectionPlane`; for counts below 1, and starts outside the bounding curve.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> found = section(vibro_impact_nes(), 0.06, orbits=3, crossings=20)
+    >>> len(found), found.drift < 1e-13
+    (60, True)
+    """
+    plane = SectionPlane(system, energy)
+    for name, value in (("orbits", orbits), ("crossings", crossings)):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 < value <= MOST:
+            raise ValueError(f"{name} is a whole number from 1 to {MOST}; received {shown(value)}")
+    if longest is not None and not (is_finite(longest) and longest > 0.0):
+        raise ValueError(f"longest is a finite time above 0; received {shown(longest)}")
+    points = plane.starts(orbits) if starts is None else checked_points(starts, "starts")
+    parts: list[Section] = []
+    interrupted = False
+    try:
+        for first in range(0, len(points), _BATCH):
+            parts.append(follow(plane, points[first : first + _BATCH], crossings, longest=longest))
+            if on_orbits is not None:
+                on_orbits(min(first + _BATCH, len(points)))
+    except KeyboardInterrupt:
+        interrupted = True
+        if not parts:
+            raise
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in kernels.Crossings._fields[:-1]}
+    return Section(plane, **arrays, ends=tuple(end for part in parts for end in part.ends), interrupted=interrupted)
+
+
+def follow(plane: SectionPlane, starts: np.ndarray, crossings: int, *, directions: Any = None, longest: float | None = None) -> Section:
+    """Follow starts (m, 2) of a plane to so many crossings, with a perturbation of each along one of `directions` (m, 2).
+
+    By default the perturbations point along the diagonal of the section's extent. `longest` as in `section`."""
+    u, v = plane.states(starts)
+    count, simulator = len(u), Mover(plane.system)
+    if directions is None:
+        low, high = plane.reach
+        directions = np.tile([0.5 * (high - low), plane.height(min(max(0.0, low), high))], (count, 1))
+    changes = plane.tangents(starts, checked_points(directions, "directions"))
+    shortest, slowest = _periods(plane)
+    limit = _PATIENCE * slowest * crossings if longest is None else float(longest)
+    out = _no_crossings(count, crossings)
+    first, sticking = 0, 0
+    pace = Pace()
+    while first < count:
+        if sticking >= 0:  # with one more contact mode the orbit is followed from its start
+            phases = simulator.table.stacked
+            rows = kernels.Rows(*plane.rows(phases))
+            orbit, work = _arrays(simulator, phases)
+            simulate = _address_of_move(phases, work)
+        orbit.numbers[PASSES] = pace.passes
+        with pace:
+            first, sticking = kernels.follow_section(
+                simulate, phases, rows, np.concatenate([u, v], 1), changes @ phases.enter[0].T, _PERIODS * shortest, limit, first, orbit,
+                out, work,
+            )  # fmt: skip
+        if first < count and sticking >= 0:
+            simulator.table.add(int(sticking))
+    return Section(plane, *out[:-1], ends=tuple(_ENDS[code] for code in out.statuses.tolist()))
+
+
+def _no_crossings(m: int, k: int) -> kernels.Crossings:
+    """Empty crossings of m orbits, up to k of each."""
+    times, energies, growths = np.full((3, m, k), math.nan)
+    points, tangents = np.full((2, m, k, 2), math.nan)
+    counts, impacts, statuses = np.zeros((3, m), dtype=np.int64)
+    return kernels.Crossings(times, points, energies, growths, tangents, counts, impacts, np.zeros(m), statuses)
+
+
+def _arrays(simulator: Mover, phases: ContactModes) -> tuple[kernels.Following, kernels.Work]:
+    """Arrays for the orbit that is followed, and to write into."""
+    n, size = simulator.system.degrees_of_freedom, phases.matrix.shape[1]
+    log, scratch = simulator.log(kernels.EVENTS_AT_ONCE), simulator.scratch(np.zeros(2 * n))
+    z, begin, change, state, image, velocity, row = np.zeros((7, size))
+    orbit = kernels.Following(
+        z=z,
+        x=np.zeros(2 * n),
+        begin=begin,
+        change=change,
+        numbers=np.zeros(COUNTS, dtype=np.int64),
+        clock=np.zeros(CLOCK),
+        dissipated=np.zeros((log.sums.shape[1], 2)),
+        places=np.zeros(kernels.PLACES, dtype=np.int64),
+        clocks=np.zeros(kernels.CLOCKS),
+    )
+    marks = np.zeros((0, len(simulator.parts) + 3))
+    times = np.zeros(kernels.ROOM)
+    return orbit, kernels.Work(state, image, velocity, row, times, np.zeros((0, 2)), np.zeros(0), marks, log, scratch)
+
+
+def _address_of_move(phases: ContactModes, work: kernels.Work) -> int:
+    """Address of `bvp.kernels.motion.move`, compiled for the types that `Mover.run` uses, too."""
+    line, table, counts = np.zeros(0), np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
+    arguments = (phases, 0.0, kernels.MOST, line, line, counts, line, table, table, work.marks, line, work.log, work.scratch)
+    return address_of(motion_kernels.move, arguments)
+
+
+def _periods(plane: SectionPlane) -> tuple[float, float]:
+    """Shortest and longest natural period; for motions without springs the time to cross the section at full speed."""
+    frequencies = plane.system.modes.frequencies
+    moving = frequencies[frequencies > 0.0]
+    if not len(moving):
+        low, high = plane.reach
+        across = (high - low) / plane.height(0.5 * (low + high))
+        return across, across
+    return 2.0 * math.pi / float(moving.max()), 2.0 * math.pi / float(moving.min())

@@ -1,0 +1,276 @@
+"""What is shown of a section: the periodic orbits that cross it, and its data as rows of a table and as a record for JSON."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.damped import Mover
+from bvp.kernels.extrema import rises
+from bvp.kernels.flight import flow_state
+from transitions.kernels.section import ROOM
+from transitions.section.plane import SectionPlane
+from transitions.section.rotation import Rotations
+from transitions.section.section import Section
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.catalogue import Catalogue
+    from branches.export.table_files import Table
+    from branches.orbit import Orbit
+    from bvp.cycle import Cycle
+
+__all__ = [
+    "COLOURS", "IMAGES", "SCHEMA", "Mark", "SectionView", "branch_marks", "catalogue_marks", "crossings_of", "mode_marks",
+    "orbit_marks", "view_record", "views_table",
+]  # fmt: skip
+
+SCHEMA = 1
+COLOURS = ("none", "energy", "lyapunov", "rotation")
+IMAGES = ("own", "mirrored", "reversed", "mirrored and reversed")
+_SAME = 1e-9  # distance of two crossings of one orbit that is computed twice
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A periodic orbit on a section.
+
+    Attributes
+    ----------
+    family, label : str
+        Id and label; a linear mode has its label for both.
+    stable : int
+        1 elliptic, 0 hyperbolic, -1 undecided.
+    period : float
+    impacts : int
+        In a period.
+    image : str
+        One of `IMAGES`: the orbit itself, or its image under the mirror u to -u, the reversal of time, or both, if that is another orbit.
+    points : (k, 2) ndarray
+        Its crossings, x and y of the plane.
+    """
+
+    family: str
+    label: str
+    stable: int
+    period: float
+    impacts: int
+    image: str
+    points: np.ndarray
+
+    @property
+    def kind(self) -> str:
+        """elliptic, hyperbolic or undecided"""
+        return {1: "elliptic", 0: "hyperbolic"}.get(self.stable, "undecided")
+
+
+def crossings_of(plane: SectionPlane, cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
+    """Where a closed orbit crosses u_p = 0 upwards, (k, 2), and downwards, (k, 2), in order of time, in the coordinates of the plane.
+
+    Raises
+    ------
+    RuntimeError
+        If the search for a crossing gives up.
+    """
+    functional, rows = (of_mode[0] for of_mode in plane.rows(Mover(plane.system).table.stacked)[:2])
+    return _rises(plane, cycle, functional, rows), _rises(plane, cycle, -functional, rows)
+
+
+def _rises(plane: SectionPlane, cycle: Cycle, functional: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Points (k, 2) at which a functional (3, N) rises through zero along a closed orbit."""
+    flight = plane.system.modes.flight
+    fastest = float(np.nanmax(plane.system.modes.frequencies))
+    last = len(cycle.after) - 1
+    times, scratch, state, begin = np.empty(ROOM), *np.empty((3, cycle.after.shape[1]))
+    points: list[np.ndarray] = []
+    sign = 0
+    for number, i in enumerate((last, *range(last + 1))):  # the last flight comes first, for the sign at the start of the first one
+        pieces = max(1, math.ceil(cycle.duration[i] * fastest / ROOM))
+        step = float(cycle.duration[i]) / pieces
+        for piece in range(pieces):
+            flow_state(flight, np.ascontiguousarray(cycle.after[i]), step * piece, begin)
+            found, sign = rises(flight, *functional, begin, step, sign, times, scratch)
+            if found < 0:
+                raise RuntimeError("the search for an orbit's crossings of the section gave up")
+            for time in times[:found] if number else ():
+                flow_state(flight, begin, float(time), state)
+                points.append(rows @ state)
+    return np.array(points).reshape(-1, 2)
+
+
+def orbit_marks(plane: SectionPlane, orbit: Orbit, family: str) -> list[Mark]:
+    """The marks of one orbit and of its images that are other orbits; none if it does not cross the section."""
+    up, down = crossings_of(plane, orbit.cycle)
+    flip, reverse = np.array([-1.0, -1.0]), np.array([1.0, -1.0])
+    # The mirror and the reversal of time each turn an upward crossing into a downward one. Both together keep it.
+    images = {"own": up, "reversed": reverse * down}
+    if plane.system.has_odd_symmetry:
+        images |= {"mirrored": flip * down, "mirrored and reversed": flip * reverse * up}
+    out: list[Mark] = []
+    stable = {True: 1, False: 0, None: -1}[orbit.stable]
+    for image in IMAGES:
+        points = images.get(image)
+        if points is None or not len(points) or any(_same(points, other.points) for other in out):
+            continue
+        out.append(Mark(family, orbit.label, stable, orbit.period, len(orbit.cycle.times), image, points))
+    return out
+
+
+def _same(points: np.ndarray, others: np.ndarray) -> bool:
+    """Whether two sets of points are the same."""
+    if len(points) != len(others):
+        return False
+    apart = np.abs(points[:, None] - others[None]).max(axis=-1)
+    return bool((apart.min(axis=1) < _SAME).all())
+
+
+def mode_marks(plane: SectionPlane) -> list[Mark]:
+    """The marks of the linear modes that reach no stop at the energy of the plane. Linear motion beside them is stable."""
+    from branches.linear_modes import linear_modes
+
+    system = plane.system
+    out = []
+    for mode in linear_modes(system):
+        shape = system.modes.shapes[:, mode.index]
+        if mode.energies[1] <= plane.energy or shape[plane.primary] == 0.0:
+            continue
+        velocity = np.sign(shape[plane.primary]) * math.sqrt(2.0 * plane.energy) * shape
+        point = plane.coordinates(np.zeros((1, 2)), velocity[None])
+        out.append(Mark(mode.name, mode.name, 1, 4.0 * mode.alpha, 0, "own", point))
+    return out
+
+
+def branch_marks(plane: SectionPlane, branch: Branch) -> list[Mark]:
+    """The marks of all orbits that a branch has at the energy of the plane."""
+    return [mark for orbit in branch.orbits_at(energy=plane.energy) for mark in orbit_marks(plane, orbit, branch.id)]
+
+
+def catalogue_marks(plane: SectionPlane, catalogue: Catalogue) -> list[Mark]:
+    """The marks of the linear modes that reach no stop, and of all orbits that a catalogue has at the energy of the plane. Marks with few
+    crossings come first.
+
+    Raises
+    ------
+    ValueError
+        For a catalogue of another system.
+    """
+    marks = mode_marks(plane)
+    for row in catalogue.families(energy=plane.energy):
+        branch = catalogue.branch(row.id)
+        if branch.system.describe() != plane.system.describe():
+            raise ValueError(f"{catalogue.path} belongs to another system than the section")
+        marks += branch_marks(plane, branch)
+    return sorted(marks, key=lambda mark: len(mark.points))
+
+
+@dataclass(frozen=True, eq=False)
+class SectionView:
+    """A section, the periodic orbits marked on it, and the rotation numbers of its orbits (None if nobody asked for them)."""
+
+    section: Section
+    marks: tuple[Mark, ...] = ()
+    rotations: Rotations | None = None
+
+    def values(self, colour: str) -> np.ndarray | None:
+        """The values that colour the orbits: their Lyapunov exponents or rotation numbers, (m,); or the energy at each crossing, (m, k).
+        None for colour "none"."""
+        if colour == "energy":
+            return self.section.energies
+        if colour == "lyapunov":
+            return self.section.exponents
+        if colour == "rotation":
+            assert self.rotations is not None
+            return self.rotations.numbers
+        return None
+
+
+def views_table(views: Sequence[SectionView]) -> Table:
+    """The data as one table, a row for each point.
+
+    kind: point (of an orbit), mark (of a periodic orbit) or boundary; section: the energy h of the section; orbit: number of the orbit or
+    mark, -1 on the boundary; crossing: number of the crossing; time, x, y, energy at the crossing; impacts: all of the orbit;
+    lyapunov, rotation: of the orbit; family, label, image, stable (1, 0, -1 undecided): of the mark.
+    """
+    parts = [part for view in views for part in _parts(view)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _parts(view: SectionView) -> Iterator[dict[str, np.ndarray]]:
+    """Columns of the orbits, of each mark, and of the boundary."""
+    section = view.section
+    orbit, crossing = np.nonzero(~np.isnan(section.times))
+    numbers = np.full(len(section.counts), math.nan) if view.rotations is None else view.rotations.numbers
+    yield _rows(
+        view, "point", section.points[orbit, crossing], orbit=orbit, crossing=crossing, time=section.times[orbit, crossing],
+        energy=section.energies[orbit, crossing], impacts=section.impacts[orbit], lyapunov=section.exponents[orbit],
+        rotation=numbers[orbit],
+    )  # fmt: skip
+    for k, mark in enumerate(view.marks):
+        yield _rows(
+            view, "mark", mark.points, orbit=k, crossing=np.arange(len(mark.points)), energy=section.plane.energy,
+            family=mark.family, label=mark.label, image=mark.image, stable=mark.stable,
+        )  # fmt: skip
+    yield _rows(view, "boundary", section.plane.boundary())
+
+
+def _rows(view: SectionView, kind: str, points: np.ndarray, **columns: Any) -> dict[str, np.ndarray]:
+    """Columns of some rows. A column that is not given is empty."""
+    given: dict[str, Any] = {
+        "kind": kind, "section": view.section.plane.energy, "orbit": -1, "crossing": -1, "time": math.nan, "x": points[:, 0],
+        "y": points[:, 1], "energy": math.nan, "impacts": -1, "lyapunov": math.nan, "rotation": math.nan, "family": "", "label": "",
+        "image": "", "stable": -1, **columns,
+    }  # fmt: skip
+    return {name: np.array(np.broadcast_to(values, (len(points),))) for name, values in given.items()}
+
+
+def view_record(view: SectionView) -> dict[str, Any]:
+    """The data of one section for JSON: null for what does not exist."""
+    section, rotations = view.section, view.rotations
+    plane = section.plane
+    orbits = []
+    for m, count in enumerate(section.counts.tolist()):
+        about = -1 if rotations is None else int(rotations.about[m])
+        orbits.append(
+            {
+                "times": section.times[m, :count].tolist(),
+                "points": section.points[m, :count].tolist(),
+                "energies": section.energies[m, :count].tolist(),
+                "impacts": int(section.impacts[m]),
+                "end": section.ends[m].name.lower(),
+                "sticking_time": float(section.sticking_times[m]),
+                "lyapunov": _number(section.exponents[m]),
+                "rotation": None if rotations is None else _number(rotations.numbers[m]),
+                "about": None if about < 0 else about,
+            }
+        )
+    centres = () if rotations is None else rotations.centres
+    return {
+        "energy": plane.energy,
+        "energy_drift": section.drift,
+        "points": len(section),
+        "impacts": int(section.impacts.sum()),
+        "ends": {end.name.lower(): count for end, count in Counter(section.ends).items()},
+        "fixed_points": [{"x": p.x, "y": p.y, "period": p.period, "trace": p.trace, "kind": p.kind} for p in centres],
+        "boundary": plane.boundary().tolist(),
+        "marks": [
+            {
+                "family": mark.family,
+                "label": mark.label or None,
+                "kind": mark.kind,
+                "period": mark.period,
+                "image": mark.image,
+                "points": mark.points.tolist(),
+            }
+            for mark in view.marks
+        ],
+        "orbits": orbits,
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
