@@ -23,7 +23,7 @@ TASKS = {
     "browsing": ("catalogues:browsing_arguments", "size of a catalogue, and times of the commands that read it"),
     "sections": ("motions:section_arguments", "Poincare sections beside scipy's integrator"),
     "studies": ("motions:study_arguments", "many damped runs beside scipy's integrator"),
-    "hard-cases": ("hard_cases:add_arguments", "errors of the hard cases, into docs/hard_cases.md"),
+    "hard-cases": ("hard_cases:add_arguments", "errors of the hard cases, into docs/reference/hard_cases.md"),
     "orbit": ("orbit:add_arguments", "one orbit by the paper's nonsmooth time transformation, beside the exact one"),
 }
 """Summary of each task, and the function that fills its parser and sets `run`, which returns the exit code."""

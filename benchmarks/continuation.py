@@ -1,8 +1,8 @@
 """`python -m benchmarks continuation`: points beside shooting, their layers, whole families, the memory of a branch, whole processes.
 
-    python -m benchmarks continuation                      print all tables (about ten minutes)
-    python -m benchmarks continuation --quick              the same with few repeats (less than a minute)
-    python -m benchmarks continuation --out docs/speed.md  and put the tables into the page
+    python -m benchmarks continuation                                print all tables (about ten minutes)
+    python -m benchmarks continuation --quick                        the same with few repeats (less than a minute)
+    python -m benchmarks continuation --out docs/reference/speed.md  and put the tables into the page
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`python -m benchmarks hard-cases`: the tables of docs/hard_cases.md, every hard case with the error that its test measures.
+"""`python -m benchmarks hard-cases`: the tables of docs/reference/hard_cases.md, every hard case with the error that its test measures.
 
 The task runs tests/hard and the long cases of tests/full, and writes the tables into the page. With `--quick` it leaves the long cases out,
 and their rows stay as they are. If a test fails, the page does not change.
@@ -21,7 +21,7 @@ from tests.hard.cases import HEADINGS, RECORD, Case, all_cases
 __all__ = ["add_arguments", "old_errors", "page_tables", "run", "tables"]
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "hard_cases.md"
+PAGE = ROOT / "docs" / "reference" / "hard_cases.md"
 BEGIN = "<!-- tables: python -m benchmarks hard-cases -->"
 END = "<!-- end of the tables -->"
 

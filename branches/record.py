@@ -2,7 +2,7 @@
 
 A branch is ``{"schema", "system", "branch": {id, label, aliases, ends, sequence, energy, others}, "points", "events", "ended"}``; points
 and events stand in the order of arclength, every number in full precision. What has no value is null: where the multipliers or tau grow
-without bound (at grazing) a ``note`` says so. ``docs/howto.md`` lists the fields with their meaning.
+without bound (at grazing) a ``note`` says so. ``docs/reference/files.md`` lists the fields with their meaning.
 """
 
 from __future__ import annotations

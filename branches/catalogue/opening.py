@@ -1,6 +1,6 @@
 """Connections to the SQLite file of a catalogue, and its tables.
 
-``docs/catalogue.md`` describes every column. Columns of numbers have no declared type, so SQLite keeps every float64 as it is, also the
+``docs/reference/catalogue.md`` describes every column. Columns of numbers have no declared type, so SQLite keeps every float64 as it is, also the
 sign of a zero. NaN is stored as NULL.
 """
 

@@ -220,7 +220,7 @@ def test_each_task_has_its_help(capsys, task):
 def test_the_tasks_on_the_pages_exist(capsys):
     """Oracle: the help of each task that a page names, which has the options."""
     root = Path(__file__).parents[2]
-    pages = [root / "README.md", root / "tests" / "README.md", *(root / "docs").glob("*.md")]
+    pages = [root / "README.md", root / "tests" / "README.md", *(root / "docs").rglob("*.md")]
     lines = [line for page in pages for line in re.findall(r"python -m benchmarks( [a-z][^`\n]*)?[`\n]", page.read_text(encoding="utf-8"))]
     assert len(lines) > 8
     for line in lines:
@@ -247,7 +247,7 @@ def test_a_table_is_printed(capsys, trivial_processes):
 
 def test_out_puts_the_tables_into_the_page(tmp_path, capsys, monkeypatch, trivial_processes):
     """Oracle: the page of the project, whose text around the marks stays; its tables are those printed."""
-    source = (Path(__file__).parents[2] / "docs" / "speed.md").read_text(encoding="utf-8")
+    source = (Path(__file__).parents[2] / "docs" / "reference" / "speed.md").read_text(encoding="utf-8")
     page = tmp_path / "speed.md"
     page.write_text(source, encoding="utf-8")
     monkeypatch.setattr(continuation, "FULL", QUICK)

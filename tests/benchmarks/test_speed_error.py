@@ -478,6 +478,6 @@ def test_a_quick_run_and_no_results_are_refused(results, capsys):
 
 def test_the_page_of_the_docs_has_a_place_for_the_tables():
     """Oracle: the marks; `check_page` raises without them."""
-    page = Path(__file__).parents[2] / "docs" / "speed_error.md"
+    page = Path(__file__).parents[2] / "docs" / "reference" / "speed_error.md"
     check_page(page)
     assert page.read_text(encoding="utf-8").index(BEGIN) < page.read_text(encoding="utf-8").index(END)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 
 def page(name):
-    """The text of a page of docs/."""
-    return (Path(__file__).parents[2] / "docs" / name).read_text(encoding="utf-8")
+    """The text of a page of docs/reference."""
+    return (Path(__file__).parents[2] / "docs" / "reference" / name).read_text(encoding="utf-8")
 
 
 def table(text, title):

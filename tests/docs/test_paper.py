@@ -1,4 +1,4 @@
-"""docs/paper.md: each number of the right-hand columns is computed here, and compared to the digits that are printed.
+"""docs/reference/paper.md: each number of the right-hand columns is computed here, and compared to the digits that are printed.
 
 Oracles: saltus, for the page; closed forms where there are some (linear modes, thresholds).
 """

@@ -1,4 +1,4 @@
-"""docs/paper_damped.md: each number of the columns that are ours is computed here, and compared to the digits that are printed.
+"""docs/reference/paper_damped.md: each number of the columns that are ours is computed here, and compared to the digits that are printed.
 
 Oracle: saltus, for the page; what the paper says stands beside it and is not tested."""
 

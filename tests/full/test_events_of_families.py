@@ -14,7 +14,7 @@ from tests.full.test_shipped_scene import COMPLETE
 
 FAMILIES = 320
 DIFFERENT = 0.004
-"""Part of the runs that may report a fold more or less within rounding of a branch point: one of these (docs/limits.md: none of 1920)."""
+"""Share of the runs that may have a fold more or less within rounding of a branch point (docs/reference/limits.md: none of 1920)."""
 
 STUCK = 0.01
 """Part of the runs that may end beside a branch point, where the corrector fails. They say so, and are compared as far as they go."""

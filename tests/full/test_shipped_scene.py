@@ -106,7 +106,7 @@ def test_a_second_build_has_nothing_to_do(built, capsys):
 
 @pytest.mark.parametrize("name", ["U2201+", "U3201-", "U4421+", "U5421-", "U5511+", "S95E22-", "U44-"])
 def test_named_families_are_joined_to_the_linear_mode_at_which_they_begin(built, name):
-    """Oracle: what the paper says of them (docs/paper.md)."""
+    """Oracle: what the paper says of them (docs/reference/paper.md)."""
     with Catalogue(built[0]) as catalogue:
         id = catalogue.find(name).id
         assert any({edge.source, edge.target} & {"L11+", "L11-"} for edge in catalogue.edges(id))

@@ -1,7 +1,7 @@
 """The hard cases: what each shows, where its expected answer comes from, and the error that is measured.
 
 A test that is decorated with `hard` returns the largest error that it has met; the decorator asks that it stays within the limit, and
-records it on demand: `python -m benchmarks hard-cases` writes the tables of docs/hard_cases.md from that.
+records it on demand: `python -m benchmarks hard-cases` writes the tables of docs/reference/hard_cases.md from that.
 """
 
 import functools

@@ -191,7 +191,7 @@ def test_an_orbit(capsys, tmp_path):
 
 @pytest.mark.parametrize(("energy", "told"), [("1e11", False), ("1e13", True)])
 def test_an_orbit_beyond_the_highest_energy_of_a_family_is_doubted(capsys, energy, told):
-    """Oracle: the bound that docs/limits.md states, 1e12."""
+    """Oracle: the bound that docs/reference/limits.md states, 1e12."""
     code, out, _ = run(capsys, "orbit", "S11O00-", "--energy", energy)
     assert code == 0 and ("warning  above h = 1e+12" in out) is told
 

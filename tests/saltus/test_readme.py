@@ -10,7 +10,7 @@ from saltus.__main__ import main
 from saltus.scene import load_scene
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -102,7 +102,7 @@ def test_the_python_and_toml_of_a_page_run(page, tmp_path, monkeypatch):
 
 def test_the_scene_of_the_how_to_is_followed(tmp_path, capsys):
     """Oracle: exit code 0 for the command that the page gives in its text."""
-    page = ROOT / "docs" / "howto.md"
+    page = ROOT / "docs" / "how-to" / "families.md"
     line = re.search(r"`(saltus continue \S+ --scene two-masses.toml)`", page.read_text(encoding="utf-8")).group(1)
     scene = tmp_path / "two-masses.toml"
     scene.write_text(next(text for language, text in blocks(page) if language == "toml"), encoding="utf-8")
