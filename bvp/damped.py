@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from bvp.motion import Motion
     from bvp.system import ImpactSystem
 
-__all__ = ["BeyondStop", "Mover", "run"]
+__all__ = ["BeyondStop", "Simulator", "simulate"]
 
 
 class BeyondStop(ValueError):
     """A start beyond a stop: the message names the stop, its gap and its bounds."""
 
 
-class Mover:
+class Simulator:
     """Runs motions of one system under given loads; contact modes are made when a motion first needs them, and kept.
 
     Parameters
@@ -98,13 +98,13 @@ class Mover:
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
         on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
-        """The motion from (u, v); see `bvp.damped.run`.
+        """The motion from (u, v); see `bvp.damped.simulate`.
 
         Raises
         ------
         BeyondStop
         ValueError, KeyboardInterrupt
-            As `bvp.damped.run`.
+            As `bvp.damped.simulate`.
         """
         with held() as interrupt:
             motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
@@ -302,7 +302,7 @@ def _mark(row: np.ndarray, parts: tuple[str, ...]) -> tuple[float, dict[str, flo
     return float(row[1]), dict(zip(parts, row[2:-1].tolist(), strict=True))
 
 
-def run(
+def simulate(
     system: ImpactSystem,
     u: Any,
     v: Any,
@@ -357,7 +357,7 @@ def run(
 
     >>> from bvp.system import ImpactSystem, Stop
     >>> free = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), 0.0, 1.0)])
-    >>> motion = run(free, [0.5], [1.0], 3.0)
+    >>> motion = simulate(free, [0.5], [1.0], 3.0)
     >>> motion.stop_events.times, motion.stop_events.contacts, motion.status.name
     (array([0.5, 1.5, 2.5]), ('+', '-', '+'), 'DURATION_REACHED')
     >>> u, v = motion.sample([0.25, 0.5, 1.0])
@@ -368,8 +368,8 @@ def run(
 
     >>> from bvp.forcing import Constant
     >>> ball = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)])
-    >>> motion = run(ball, [0.5], [0.0], 5.0, forces=Constant([-1.0]))
+    >>> motion = simulate(ball, [0.5], [0.0], 5.0, forces=Constant([-1.0]))
     >>> round(motion.stretches[1].begin, 12), motion.stretches[1].held, motion.balance_error < 1e-15
     (3.0, ('-',), True)
     """
-    return Mover(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks, on_progress)
+    return Simulator(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks, on_progress)

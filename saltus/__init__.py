@@ -1,10 +1,10 @@
-"""saltus follows families of periodic orbits of mechanical systems that impact, and says which orbits are stable.
+"""saltus follows families of periodic orbits of mechanical systems with impacts, and reports their stability.
 
 >>> import saltus
 >>> saltus.vibro_impact_nes(mu=0.1, sigma=0.1).degrees_of_freedom
 2
 
-Names are imported when they are first asked for, so that ``import saltus`` costs nothing.
+A name is imported when it is first used. So ``import saltus`` is fast.
 """
 
 from __future__ import annotations
@@ -13,83 +13,121 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from branches.branch import Branch
-    from branches.catalogue.catalogue import Catalogue
-    from branches.orbit import Orbit
-    from branches.reading import read_branch
-    from branches.search.discovery import Discovery
-    from bvp.damped import Mover, run
-    from bvp.forcing import Constant, Harmonic, Record, ground_load
-    from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-    from saltus.families import discover, trace
-    from saltus.scene import Scene, load_scene
-    from transitions.section.section import Section, section
-    from transitions.study.study import Study
-
-__all__ = [
-    "Branch",
-    "Catalogue",
-    "Constant",
-    "Discovery",
-    "Harmonic",
-    "ImpactSystem",
-    "Mover",
-    "Orbit",
-    "Record",
-    "Scene",
-    "Section",
-    "Stop",
-    "Study",
-    "discover",
-    "ground_load",
-    "load_scene",
-    "read_branch",
-    "run",
-    "section",
-    "trace",
-    "vibro_impact_nes",
-]
+    # The redundant aliases mark the names as public for type checkers.
+    from branches.branch import Branch as Branch
+    from branches.branch import BranchEvent as BranchEvent
+    from branches.catalogue import Catalogue as Catalogue
+    from branches.catalogue import Edge as Edge
+    from branches.catalogue import Node as Node
+    from branches.catalogue.event_orbits import switch_edge as switch_edge
+    from branches.catalogue.packing import pack_family as pack_family
+    from branches.diagram import atlas_of as atlas_of
+    from branches.diagram import draw_atlas as draw_atlas
+    from branches.export import read_atlas as read_atlas
+    from branches.export import write_atlas as write_atlas
+    from branches.grazing.at_linear_modes import families_at as families_at
+    from branches.grazing.following import Neighbour as Neighbour
+    from branches.grazing.following import neighbours as neighbours
+    from branches.impulsive import impulsive_manifold as impulsive_manifold
+    from branches.impulsive import impulsive_orbits as impulsive_orbits
+    from branches.linear_modes import LinearMode as LinearMode
+    from branches.linear_modes import linear_modes as linear_modes
+    from branches.orbit import Orbit as Orbit
+    from branches.reading import read_branch as read_branch
+    from branches.search.discovery import Discovery as Discovery
+    from branches.switching import switch as switch
+    from branches.tracing import extend as extend
+    from bvp.damped import Simulator as Simulator
+    from bvp.damped import simulate as simulate
+    from bvp.forcing import Constant as Constant
+    from bvp.forcing import Harmonic as Harmonic
+    from bvp.forcing import Record as Record
+    from bvp.forcing import ground_load as ground_load
+    from bvp.motion import Motion as Motion
+    from bvp.system import ImpactSystem as ImpactSystem
+    from bvp.system import Stop as Stop
+    from bvp.system import vibro_impact_nes as vibro_impact_nes
+    from saltus.__main__ import main as main
+    from saltus.families import discover as discover
+    from saltus.families import trace as trace
+    from saltus.scene import Scene as Scene
+    from saltus.scene import load_scene as load_scene
+    from transitions.diagram.transition_picture import draw_transition as draw_transition
+    from transitions.empirical import decompose as decompose
+    from transitions.extents import extents as extents
+    from transitions.families import families_of as families_of
+    from transitions.ground_motion import Ground as Ground
+    from transitions.ground_motion import record_text as record_text
+    from transitions.ground_motion import synthetic_record as synthetic_record
+    from transitions.record import sampled as sampled
+    from transitions.section.section import Section as Section
+    from transitions.section.section import section as section
+    from transitions.sharing import Sharing as Sharing
+    from transitions.sharing import sharing_of as sharing_of
+    from transitions.stage import changes as changes
+    from transitions.stages import stages_of as stages_of
+    from transitions.study.runs import Ending as Ending
+    from transitions.study.study import Study as Study
+    from transitions.transition import Transition as Transition
+    from transitions.transition import read_transition as read_transition
+    from transitions.transition import write_transition as write_transition
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "Branch": "branches.branch",
-    "Catalogue": "branches.catalogue.catalogue",
-    "Constant": "bvp.forcing",
-    "Discovery": "branches.search.discovery",
-    "Harmonic": "bvp.forcing",
-    "ImpactSystem": "bvp.system",
-    "Mover": "bvp.damped",
-    "Orbit": "branches.orbit",
-    "Record": "bvp.forcing",
-    "Scene": "saltus.scene",
-    "Section": "transitions.section.section",
-    "Stop": "bvp.system",
-    "Study": "transitions.study.study",
-    "discover": "saltus.families",
-    "ground_load": "bvp.forcing",
-    "load_scene": "saltus.scene",
-    "read_branch": "branches.reading",
-    "run": "bvp.damped",
-    "section": "transitions.section.section",
-    "trace": "saltus.families",
-    "vibro_impact_nes": "bvp.system",
+    "branches.branch": "Branch BranchEvent",
+    "branches.catalogue": "Catalogue Edge Node",
+    "branches.catalogue.event_orbits": "switch_edge",
+    "branches.catalogue.packing": "pack_family",
+    "branches.diagram": "atlas_of draw_atlas",
+    "branches.export": "read_atlas write_atlas",
+    "branches.grazing.at_linear_modes": "families_at",
+    "branches.grazing.following": "Neighbour neighbours",
+    "branches.impulsive": "impulsive_manifold impulsive_orbits",
+    "branches.linear_modes": "LinearMode linear_modes",
+    "branches.orbit": "Orbit",
+    "branches.reading": "read_branch",
+    "branches.search.discovery": "Discovery",
+    "branches.switching": "switch",
+    "branches.tracing": "extend",
+    "bvp.damped": "Simulator simulate",
+    "bvp.forcing": "Constant Harmonic Record ground_load",
+    "bvp.motion": "Motion",
+    "bvp.system": "ImpactSystem Stop vibro_impact_nes",
+    "saltus.__main__": "main",
+    "saltus.families": "discover trace",
+    "saltus.scene": "Scene load_scene",
+    "transitions.diagram.transition_picture": "draw_transition",
+    "transitions.empirical": "decompose",
+    "transitions.extents": "extents",
+    "transitions.families": "families_of",
+    "transitions.ground_motion": "Ground record_text synthetic_record",
+    "transitions.record": "sampled",
+    "transitions.section.section": "Section section",
+    "transitions.sharing": "Sharing sharing_of",
+    "transitions.stage": "changes",
+    "transitions.stages": "stages_of",
+    "transitions.study.runs": "Ending",
+    "transitions.study.study": "Study",
+    "transitions.transition": "Transition read_transition write_transition",
 }
+"""The modules of the public names."""
 
-_BRANCHES = ("Branch", "Catalogue", "discover", "read_branch", "trace")
-"""Public names that give branches: their methods `switch`, `neighbours`, `trace` and `save` come with them."""
+_MODULES = {name: module for module, names in _HOME.items() for name in names.split()}
+
+__all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name from where it lives, and keep it."""
-    if name not in _HOME:
+    """Import a public name from its module, and keep it."""
+    if name not in _MODULES:
         raise AttributeError(f"module 'saltus' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOME[name]), name)
-    if name in _BRANCHES:
+    value = getattr(importlib.import_module(_MODULES[name]), name)
+    if _MODULES[name].startswith(("branches", "saltus.families")):
         importlib.import_module("branches.methods")
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return __all__

@@ -24,11 +24,11 @@ def pytest_sessionstart(session):
 
         warm()
     elif worker == "gw1":
-        from bvp.damped import run
+        from bvp.damped import simulate
         from bvp.system import vibro_impact_nes
         from transitions.section.section import section
 
-        run(vibro_impact_nes(rho=0.7, lam=0.01), [0.0, 0.0], [0.0, 1.0], 1.0)
+        simulate(vibro_impact_nes(rho=0.7, lam=0.01), [0.0, 0.0], [0.0, 1.0], 1.0)
         section(vibro_impact_nes(), 0.06, orbits=1, crossings=2)
 
 

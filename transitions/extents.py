@@ -56,9 +56,9 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
 
     Examples
     --------
-    >>> from bvp.damped import run
+    >>> from bvp.damped import simulate
     >>> from bvp.system import vibro_impact_nes
-    >>> found = extents(run(vibro_impact_nes(sigma=0.0), [0.0, 0.0], [0.0, 0.5], 3.0), [[0.0, 1.0]])
+    >>> found = extents(simulate(vibro_impact_nes(sigma=0.0), [0.0, 0.0], [0.0, 0.5], 3.0), [[0.0, 1.0]])
     >>> found.peaks.round(12), found.times.round(7)
     (array([0.5]), array([1.5707963]))
     """

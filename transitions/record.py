@@ -171,12 +171,12 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
 
     Examples
     --------
-    >>> from bvp.damped import run
+    >>> from bvp.damped import simulate
     >>> from bvp.system import vibro_impact_nes
     >>> from transitions.sharing import sharing_of
     >>> system = vibro_impact_nes(lam=0.01, rho=0.7)
     >>> shared = sharing_of(system, (0,), (1,))
-    >>> record = sampled(run(system, [0, 0], [0, 2], 20.0, dampers=shared.dampers), shared)
+    >>> record = sampled(simulate(system, [0, 0], [0, 2], 20.0, dampers=shared.dampers), shared)
     >>> bool(abs(record.energy[-1] + record.dissipated_nes[-1] + record.dissipated_lo[-1] - 2.0) < 1e-12)
     True
     """

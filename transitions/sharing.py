@@ -37,7 +37,7 @@ class Sharing:
     why_not : str
         The reason for None, else "".
     dampers : dict of str to (n, n) ndarray
-        The damping matrix in the parts that `bvp.damped.run` records separately.
+        The damping matrix in the parts that `bvp.damped.simulate` records separately.
     nes_parts : frozenset of str
         The parts of a motion in which the NES dissipates.
     sink : bool

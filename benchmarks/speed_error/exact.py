@@ -15,7 +15,7 @@ from branches.family import Family
 from branches.stability import describe
 from branches.tracing import SETTINGS, follow_family
 from bvp.cycle import cycle_of
-from bvp.damped import Mover
+from bvp.damped import Simulator
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import Solution
 from continuation.settings import Settings
@@ -119,7 +119,7 @@ def _answers(task: OrbitTask, solutions: list[Solution], multipliers: list[np.nd
 
 
 def _simulate(task: RunTask) -> Answer:
-    motion = Mover(task.system).run([0.0, 0.0], task.velocities, 1e9, task.impacts)
+    motion = Simulator(task.system).run([0.0, 0.0], task.velocities, 1e9, task.impacts)
     if motion.impacts != task.impacts:
         raise RuntimeError(f"the run ended after {motion.impacts} impacts: {motion.status.value}")
     return Answer(task.impacts, ran=(motion.duration, motion.final, motion.energy))

@@ -12,7 +12,7 @@ from scipy.fft import next_fast_len, rfft
 
 from branches.impulsive.start import check_system, impulsive_state, oscillator_period
 from bvp.checks import energy_range
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.motion import MotionStatus
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def peak_at(system: ImpactSystem, energy: float, periods: int = PERIODS) -> tupl
     duration = periods * period
     u, v = impulsive_state(system, energy)
     gap = np.asarray(system.stops[0].gap)
-    motion = run(system, u, v, duration, max_impacts=_LARGEST)
+    motion = simulate(system, u, v, duration, max_impacts=_LARGEST)
     if motion.status is not MotionStatus.DURATION_REACHED:
         raise RuntimeError(f"the motion ends at {motion.duration:.6g} of {duration:.6g}: {motion.status.value}")
     fastest = period * float(np.nanmax(system.modes.frequencies)) / (2.0 * math.pi)

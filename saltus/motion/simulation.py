@@ -130,7 +130,7 @@ def default_duration(scene: Scene) -> float | None:
 def run_scene(
     scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
 ) -> MotionReport:
-    """Run a scene from a start; `on_progress` as of `bvp.damped.run`.
+    """Run a scene from a start; `on_progress` as of `bvp.damped.simulate`.
 
     Raises
     ------
@@ -203,12 +203,12 @@ def _simulate(
     nes: tuple[int, ...],
     on_progress: Callable[[float], object] | None,
 ) -> MotionReport:
-    from bvp.damped import run
+    from bvp.damped import simulate
     from bvp.motion import MotionStatus
 
     watched = None
     try:
-        motion = run(
+        motion = simulate(
             system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=shared.dampers, on_progress=on_progress
         )
     except KeyboardInterrupt as error:

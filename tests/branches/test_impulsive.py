@@ -13,7 +13,7 @@ from branches.impulsive.scan import ImpulsiveMotions, Traces, certain, judge
 from branches.impulsive.start import impulsive_state, oscillator_period
 from branches.naming.labels import canonical_label, parse
 from branches.tracing import follow_family
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.kernels.scan import TURN, ZERO
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from continuation.settings import Settings
@@ -80,7 +80,7 @@ def dense(low, high, longest, count):
     times = np.linspace(1e-9, longest, 3000)
     for h in np.geomspace(low, high, count):
         u, v = impulsive_state(SYSTEM, h)
-        motion = run(SYSTEM, u, v, longest)
+        motion = simulate(SYSTEM, u, v, longest)
         states, _ = motion.sample(times)
         met = motion.stop_events
         gap, other = states[:, 0] - states[:, 1], states[:, 0] + states[:, 1]
@@ -133,7 +133,7 @@ def test_each_is_an_impulsive_periodic_orbit(index):
     speed = np.sqrt(2.0 * orbit.h)
     assert np.all(start[:2] == 0.0) and abs(start[2]) < 1e-14 * speed and abs(abs(start[3]) / speed - 1.0) < 1e-14
     assert abs(orbit.velocity / speed - 1.0) < 1e-14 and whole.residual < 1e-12
-    motion = run(SYSTEM, *impulsive_state(SYSTEM, orbit.h), 4.0 * orbit.alpha)
+    motion = simulate(SYSTEM, *impulsive_state(SYSTEM, orbit.h), 4.0 * orbit.alpha)
     assert len(motion.stop_events) == 2 * orbit.impacts
     assert np.max(np.abs(motion.final - motion.start)) < 1e-6 * speed
     for part in (2, 3, 5):
@@ -187,7 +187,7 @@ def test_trail_against_a_run(h):
     count = int(traces.count.min())
     kind = traces.kind[1, :count]
     assert (traces.kind[:, :count] == kind).all()
-    motion = run(SYSTEM, *impulsive_state(SYSTEM, h), 12.0)
+    motion = simulate(SYSTEM, *impulsive_state(SYSTEM, h), 12.0)
     hits = np.flatnonzero(kind >= 0)
     np.testing.assert_allclose(traces.time[1, hits], motion.stop_events.times[: len(hits)], rtol=1e-9)
     for i, j in zip(hits, hits[1:], strict=False):

@@ -40,7 +40,7 @@ def test_linear_modes_are_nodes():
         assert mode.energies[0] == 0.0 and abs(mode.energies[1] / (0.5 * (w / b) ** 2) - 1.0) < 1e-14
         shape = modes.shapes[:, mode.index]
         for factor, touches in ((1.0 - 1e-6, False), (1.0 + 1e-6, True)):
-            run = saltus.run(SYSTEM, np.zeros(2), factor * mode.amplitude * w * shape, 8.0 * mode.alpha)
+            run = saltus.simulate(SYSTEM, np.zeros(2), factor * mode.amplitude * w * shape, 8.0 * mode.alpha)
             assert (len(run.stop_events) > 0) == touches
     shape = SYSTEM.modes.shapes[:, 0]
     assert round(max(shape / shape[::-1]), 3) == 3.702

@@ -26,7 +26,7 @@ def test_a_name_is_the_family_that_the_paper_means(name):
     assert canonical_label(parse(orbit.label)) == canonical_label(parse(label)) and orbit.stable in (stable, None)
     if name in PUBLISHED:
         assert round(orbit.alpha, 4) == pytest.approx(PUBLISHED[name], abs=1.01e-4)
-    motion = saltus.run(SYSTEM, np.zeros(2), orbit.velocities, orbit.period * (1.0 - 1e-9))
+    motion = saltus.simulate(SYSTEM, np.zeros(2), orbit.velocities, orbit.period * (1.0 - 1e-9))
     assert len(motion.stop_events) == 2 * impacts
     u, v = motion.sample(np.array([orbit.period * (1.0 - 1e-9)]))
     scale = np.sqrt(2.0 * h)

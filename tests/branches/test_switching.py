@@ -66,7 +66,7 @@ def test_new_families(name, event, ends, times):
         orbit = family.orbit(0)
         u, v = orbit.sample(np.array([0.0371 * orbit.period]))
         start = np.concatenate([u[0], v[0]])
-        run = saltus.run(family.system, u[0], v[0], orbit.period)
+        run = saltus.simulate(family.system, u[0], v[0], orbit.period)
         size = np.linalg.norm(monodromy(orbit), 2)
         assert np.linalg.norm(run.final - start) < 1000.0 * EPS * max(size, 1.0) * np.linalg.norm(start)
         assert orbit.residual < 1e-12
@@ -257,7 +257,7 @@ def test_families_born_at_a_q_tupling(name, event):
         assert symmetries(orbit.cycle).cover == 1
         assert abs(orbit.tau - 2.0) < (1.1 if q < 5 else 0.05)
         u, v = orbit.sample(np.array([0.0371 * orbit.period]))  # inside a flight: at an impact, rounding decides which side of it is last
-        run = saltus.run(family.system, u[0], v[0], orbit.period)
+        run = saltus.simulate(family.system, u[0], v[0], orbit.period)
         start = np.concatenate([u[0], v[0]])
         assert np.linalg.norm(run.final - start) < 1e4 * EPS * max(np.linalg.norm(monodromy(orbit), 2), 1.0) * np.linalg.norm(start)
         kinds.setdefault(family.id, []).append(family)

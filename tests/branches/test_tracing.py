@@ -45,7 +45,7 @@ def test_each_orbit_returns_to_itself_in_the_event_driven_run(branch):
     for orbit in sampled(branch):
         u, v = orbit.sample(np.zeros(1))
         start = np.concatenate([u[0], v[0]])
-        run = saltus.run(branch.system, u[0], v[0], orbit.period)
+        run = saltus.simulate(branch.system, u[0], v[0], orbit.period)
         bound = 100.0 * EPS * np.linalg.norm(monodromy(orbit), 2) * np.linalg.norm(start)
         assert np.linalg.norm(run.final - start) < bound, (orbit.h, orbit.alpha)
         if bound < 0.01 * min(impact.speed for impact in orbit.impacts):  # else its own error may turn a slow impact into none

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind, MotionStatus
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -28,7 +28,7 @@ def ball(restitution, k=0.0, c=0.0, lower=0.0):
 def test_chatter_accumulates_at_its_closed_form_time(restitution, gravity):
     """A particle under constant load: the first impact with v = sqrt(2 g h), rest 2 v r/(g (1 - r)) after it; all energy goes to the
     stop."""
-    motion = run(ball(restitution), [0.5], [0.0], 3000.0, forces=Constant([-gravity]))
+    motion = simulate(ball(restitution), [0.5], [0.0], 3000.0, forces=Constant([-gravity]))
     speed = math.sqrt(gravity)
     rest = speed / gravity + 2.0 * speed * restitution / (gravity * (1.0 - restitution))
     assert motion.status is MotionStatus.DURATION_REACHED
@@ -73,7 +73,7 @@ def bouncing_on(c, bound, restitution, u):
 def test_chatter_under_a_force_that_changes_ends_where_all_of_its_bounces_end(restitution):
     """The oscillator pressed on u >= 1/2 while it moves; 40 digits, bounce by bounce to a speed of 1e-13."""
     system = ImpactSystem([[1.0]], [[0.3]], [[1.0]], (Stop((1.0,), 0.5, restitution=restitution),))
-    motion = run(system, [0.9], [0.0], 100.0)
+    motion = simulate(system, [0.9], [0.0], 100.0)
     rest, lost = bouncing_on(0.3, 0.5, restitution, 0.9)
     assert motion.kinds[-1] == EventKind.STICK.value
     assert abs(motion.times[-1] - rest) <= 1e-12
@@ -87,7 +87,7 @@ def test_a_mass_held_against_a_stop_by_a_spring_is_released(c):
 
     Released when u2 crosses 0: u2 = -1 at rest, undamped pi/2; damped by the closed form of the oscillator (never, if c >= 2)."""
     system = ImpactSystem(np.diag([0.5, 1.0]), np.diag([0.0, c]), [[1.0, -1.0], [-1.0, 1.0]], (Stop((1.0, 0.0), 0.0, restitution=0.3),))
-    motion = run(system, [0.0, -1.0], [0.0, 0.0], 30.0)
+    motion = simulate(system, [0.0, -1.0], [0.0, 0.0], 30.0)
     assert motion.kinds[1] == EventKind.STICK.value and motion.times[1] == 0.0
     if c >= 2.0:
         assert len(motion.kinds) == 2 and motion.held_time == 30.0
@@ -104,11 +104,11 @@ def test_a_mass_held_against_a_stop_by_a_spring_is_released(c):
 
 
 def test_zero_restitution_sticks_or_leaves_and_one_never_sticks():
-    stuck = run(ball(0.0), [0.5], [0.0], 5.0, forces=Constant([-1.0]))
+    stuck = simulate(ball(0.0), [0.5], [0.0], 5.0, forces=Constant([-1.0]))
     assert [EventKind(k).name for k in stuck.kinds] == ["START", "IMPACT", "STICK"] and stuck.held_time == 4.0
-    leaves = run(ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=0.5, restitution=0.0),)), [0.0], [1.0], 9.0)
+    leaves = simulate(ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=0.5, restitution=0.0),)), [0.0], [1.0], 9.0)
     assert leaves.held_time == 0.0 and leaves.impacts == 1 and leaves.touches == 1
-    bounces = run(ball(1.0), [0.5], [0.0], 5000.0, forces=Constant([-1.0]))
+    bounces = simulate(ball(1.0), [0.5], [0.0], 5000.0, forces=Constant([-1.0]))
     assert bounces.held_time == 0.0 and bounces.impacts == 2500
     np.testing.assert_allclose(bounces.times[1:], 1.0 + 2.0 * np.arange(2500), rtol=1e-12)
 
@@ -116,7 +116,7 @@ def test_zero_restitution_sticks_or_leaves_and_one_never_sticks():
 @pytest.mark.rounding
 def test_elastic_undamped_motion_keeps_its_energy_over_a_hundred_thousand_impacts():
     system = vibro_impact_nes(0.1, 0.1)
-    motion = run(system, [0.0, 0.0], [0.0, 1.5], 1e9, max_impacts=100_000)
+    motion = simulate(system, [0.0, 0.0], [0.0, 1.5], 1e9, max_impacts=100_000)
     assert motion.status is MotionStatus.IMPACTS_FULL and motion.impacts == 100_000
     assert abs(motion.energy - motion.initial_energy) <= 1e-10 * motion.initial_energy
     assert motion.totals.sum() == 0.0
@@ -127,9 +127,9 @@ def test_the_balance_closes_over_ten_thousand_impacts():
     """rho = 0.999, light damping: the balance to 1e-12 of the initial energy. Harmonically forced with rho = 0.7: to 16 eps of the energy
     that passes through, over a thousand times the initial one. Its parts are sums over all flights, of numbers that a rounded row makes:
     four roundings each, to the same side in all of them."""
-    light = run(vibro_impact_nes(0.1, 0.1, 1e-5, 0.999), [0.0, 0.0], [0.0, 30.0], 1e6, max_impacts=10_000)
+    light = simulate(vibro_impact_nes(0.1, 0.1, 1e-5, 0.999), [0.0, 0.0], [0.0, 30.0], 1e6, max_impacts=10_000)
     assert light.impacts == 10_000 and light.balance_error < 1e-12
-    forced = run(
+    forced = simulate(
         vibro_impact_nes(0.1, 0.1, 0.05, 0.7), [0.0, 0.0], [0.0, 5.0], 1e9,
         forces=Harmonic(1.0, cosine=[0.0, 1.0]), max_impacts=10_000,
     )  # fmt: skip
@@ -142,7 +142,7 @@ def test_the_balance_closes_over_ten_thousand_impacts():
 def test_the_balance_closes_over_ten_thousand_forced_impacts_that_are_nearly_elastic(lam, frequency, amplitude):
     """rho = 0.999, work of the load, to and fro, from hundredths of the initial energy to twice that: the balance to 1e-12 of it."""
     forces = Harmonic(frequency, cosine=[0.0, amplitude])
-    motion = run(vibro_impact_nes(0.1, 0.1, lam, 0.999), [0.0, 0.0], [0.0, 5.0], 1e9, forces=forces, max_impacts=10_000)
+    motion = simulate(vibro_impact_nes(0.1, 0.1, lam, 0.999), [0.0, 0.0], [0.0, 5.0], 1e9, forces=forces, max_impacts=10_000)
     assert motion.impacts == 10_000 and 0.01 < np.abs(motion.sums[:, -1]).max() / motion.initial_energy < 3.0
     assert motion.balance_error < 1e-12
 
@@ -152,7 +152,7 @@ def test_the_balance_closes_over_ten_thousand_forced_impacts_that_are_nearly_ela
 def test_the_balance_of_motions_that_a_load_pumps_up_closes_to_the_energy_that_passes_through(lam, rho, velocity):
     """Work of hundreds and of a hundred thousand times the initial energy in 10,000 impacts: rounding goes with what is there."""
     system = vibro_impact_nes(0.1, 0.1, lam, rho)
-    motion = run(system, [0.0, 0.0], [0.0, velocity], 1e9, forces=Harmonic(1.0, cosine=[0.0, 1.0]), max_impacts=10_000)
+    motion = simulate(system, [0.0, 0.0], [0.0, velocity], 1e9, forces=Harmonic(1.0, cosine=[0.0, 1.0]), max_impacts=10_000)
     assert motion.impacts == 10_000 and motion.turnover > 100.0 * motion.initial_energy
     assert abs(motion.balance) < 5e-14 * motion.turnover
 
@@ -163,7 +163,7 @@ def test_no_restitution_hangs_and_the_balance_closes(rho, seed, lam, forced):
     rng = np.random.default_rng(seed)
     system = vibro_impact_nes(rng.uniform(0.05, 2.0), rng.uniform(0.0, 2.0), lam, rho)
     forces = Harmonic(rng.uniform(0.3, 2.0), cosine=rng.normal(size=2)) if forced else None
-    motion = run(system, [0.0, 0.0], 3 * rng.normal(size=2), 100.0, forces=forces, max_impacts=5000)
+    motion = simulate(system, [0.0, 0.0], 3 * rng.normal(size=2), 100.0, forces=forces, max_impacts=5000)
     assert motion.status in (MotionStatus.DURATION_REACHED, MotionStatus.IMPACTS_FULL)
     turned_over = motion.initial_energy + abs(motion.work) + motion.totals[:-1].sum()
     assert abs(motion.balance) <= 1e-12 * turned_over
@@ -184,12 +184,12 @@ def test_damped_motion_from_two_published_orbits():
 
     v = start(10.0, 1.64, 1.65)
     assert v[0] > 0.0 and v[1] > 0.0
-    motion = run(damped, [0.0, 0.0], v, 400.0)
+    motion = simulate(damped, [0.0, 0.0], v, 400.0)
     mark = next(mark for mark in motion.marks if mark.fraction == 0.85)
     assert mark.dissipated["rest"] / 10.0 == pytest.approx(0.40, abs=0.03)
     assert mark.dissipated["stop a"] / 10.0 == pytest.approx(0.45, abs=0.03)
     v = start(0.8, 0.24, 0.25)
     assert v[0] * v[1] < 0.0
-    motion = run(damped, [0.0, 0.0], v, 60.0)
+    motion = simulate(damped, [0.0, 0.0], v, 60.0)
     assert motion.clear_from is not None and motion.last_impact < 10.0
     assert motion.spent([motion.last_impact])[0, :-1].sum() / 0.8 == pytest.approx(0.90, abs=0.03)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.fast_path import DECLINED
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_fast_path import impulsive, many
@@ -38,7 +38,7 @@ def test_of_two_masses():
     """Oracle: initial energy = dissipated + present, over 10,000 impacts of 150 systems."""
     full = 0
     for system, energy in systems(1, 150):
-        motion = run(system, [0.0, 0.0], [0.0, math.sqrt(2.0 * energy)], 1e5, max_impacts=10_000)
+        motion = simulate(system, [0.0, 0.0], [0.0, math.sqrt(2.0 * energy)], 1e5, max_impacts=10_000)
         assert motion.balance_error < limit(motion.impacts), (system, energy, motion.impacts)
         full += motion.impacts == 10_000
     assert full > 50
@@ -66,5 +66,5 @@ def test_of_chains(n, lam):
     damping[0, 0] = lam
     gap = (*(0.0,) * (n - 2), -1.0, 1.0)
     system = ImpactSystem(np.diag(rng.uniform(0.2, 2.0, n)), damping, stiffness, (Stop(gap, -1.0, 1.0, restitution=0.9999),))
-    motion = run(system, np.zeros(n), 5.0 * rng.normal(size=n), 1e5, max_impacts=5000)
+    motion = simulate(system, np.zeros(n), 5.0 * rng.normal(size=n), 1e5, max_impacts=5000)
     assert motion.impacts > 1000 and motion.balance_error < limit(motion.impacts)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Mover
+from bvp.damped import Simulator
 from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, TIMED, fast_path_numbers, fast_path_runs
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 
@@ -34,7 +34,7 @@ def impulsive(energies):
 def compare(system, states, duration):
     """With the general run; how many were not declined."""
     found = many(system, states, duration)
-    mover, kept = Mover(system), 0
+    mover, kept = Simulator(system), 0
     for b, state in enumerate(np.atleast_2d(states)):
         if found.reason[b] == DECLINED:
             continue
@@ -148,7 +148,7 @@ def test_what_is_not_ordinary_is_declined():
     sticking = vibro_impact_nes(lam=0.1, rho=0.2)
     states = impulsive(np.geomspace(0.5, 10.0, 40))
     found = many(sticking, states, 60.0)
-    mover = Mover(sticking)
+    mover = Simulator(sticking)
     held = np.array([mover.run(state[:2], state[2:], 60.0).held_time > 0.0 for state in states])
     assert held.any() and np.all(found.reason[held] == DECLINED)
     assert many(vibro_impact_nes(rho=0.7), [[1.0, 0.0, 0.0, 0.3]], 1.0).reason[0] == DECLINED

@@ -40,7 +40,7 @@ def start_of(curve, parameter):
 @pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize("end", ["origin", "rest", "stop"])
 def test_impacts_are_those_of_the_run(system, end):
-    """Oracle: `saltus.run`, whose events share only the search for the next impact."""
+    """Oracle: `saltus.simulate`, whose events share only the search for the next impact."""
     (curve,) = curves(system, end, 1.3)
     modes = system.modes
     total = 0
@@ -48,7 +48,7 @@ def test_impacts_are_those_of_the_run(system, end):
         record, rows = record_of(curve, curve.low + part * (curve.high - curve.low))
         state = modes.to_state @ record[0, :4]
         leaving = "+" if end == "stop" else None
-        met = saltus.run(system, state[:2], state[2:], 9.0, leaving=leaving).stop_events
+        met = saltus.simulate(system, state[:2], state[2:], 9.0, leaving=leaving).stop_events
         hits = [k for k in range(rows) if record[k, CONTACT] >= 0 and record[k, TIME] + record[k, DURATION] < 9.0]
         assert len(hits) == min(len(met.times), 7)
         total += len(hits)

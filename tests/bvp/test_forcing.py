@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Mover, run
+from bvp.damped import Simulator, simulate
 from bvp.forcing import Constant, Harmonic, Record, forcing_of, ground_load
 from bvp.motion import EventKind
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -51,14 +51,14 @@ def test_a_load_near_resonance(detuning, damping):
     """w = 1 + detuning on an oscillator of frequency 1, through critical damping: no digits are lost at, above or below resonance."""
     system, force = far([[1.0]], [[damping]], [[1.0]]), Harmonic(1.0 + detuning, cosine=[0.3], sine=[-0.2])
     for t in (1e-3, 0.7, 20.0, 300.0):
-        final = run(system, [0.1], [0.2], t, forces=force).final
+        final = simulate(system, [0.1], [0.2], t, forces=force).final
         reference = exact(system, force, [0.1], [0.2], t)
         assert np.abs(final - reference).max() <= 4e-16 * (8.0 + 30.0 * t) * max(1.0, np.abs(reference).max())
 
 
 def test_undamped_resonance_grows_as_its_closed_form():
     """u'' + u = cos t from rest: u = t sin(t)/2, and the load's work is the energy."""
-    motion = run(far([[1.0]], [[0.0]], [[1.0]]), [0.0], [0.0], 50.0, forces=Harmonic(1.0, cosine=[1.0]))
+    motion = simulate(far([[1.0]], [[0.0]], [[1.0]]), [0.0], [0.0], 50.0, forces=Harmonic(1.0, cosine=[1.0]))
     times = np.linspace(0.0, 50.0, 41)
     u, v = motion.sample(times)
     np.testing.assert_allclose(u[:, 0], times * np.sin(times) / 2, atol=2e-13)
@@ -71,7 +71,7 @@ def test_undamped_resonance_grows_as_its_closed_form():
 def test_a_constant_load_on_a_stiffness_that_vanishes(k, c):
     system = ImpactSystem([[2.0]], [[c]], [[k]], (Stop((1.0,), lower=-10.0),))
     for t in (0.01, 3.0, 40.0):
-        final = run(system, [0.1], [0.2], t, forces=Constant([0.7])).final
+        final = simulate(system, [0.1], [0.2], t, forces=Constant([0.7])).final
         reference = exact(system, Constant([0.7]), [0.1], [0.2], t)
         np.testing.assert_allclose(final, reference, rtol=2e-14, atol=1e-15)
 
@@ -84,7 +84,7 @@ def test_random_systems_under_harmonic_loads(n, seed, size, frequency):
     system = far(np.diag(rng.uniform(0.3, 3.0, n)), 10.0**size * half @ half.T, root @ root.T)
     force = Harmonic(frequency, cosine=rng.normal(size=n), sine=rng.normal(size=n))
     u, v = rng.normal(size=(2, n))
-    motion = run(system, u, v, 9.0, forces=force)
+    motion = simulate(system, u, v, 9.0, forces=force)
     fastest = np.abs(np.linalg.eigvals(first_order(system))).max()
     reference = exact(system, force, u, v, 9.0)
     assert np.abs(motion.final - reference).max() <= 1e-13 * (1.0 + fastest) ** 2 * max(1.0, np.abs(reference).max())
@@ -94,7 +94,7 @@ def test_random_systems_under_harmonic_loads(n, seed, size, frequency):
 def test_a_record_is_integrated_exactly_between_its_samples():
     """u'' = s(t) with s linear between samples: u by the cubic of each piece, in rational numbers."""
     times, values = [0.0, 0.5, 0.75, 2.0], [1.0, -1.0, 4.0, 0.0]
-    motion = run(far([[1.0]], [[0.0]], [[0.0]]), [0.25], [-0.5], 3.0, forces=Record([1.0], times, values))
+    motion = simulate(far([[1.0]], [[0.0]], [[0.0]]), [0.25], [-0.5], 3.0, forces=Record([1.0], times, values))
     u, v = 0.25, -0.5
     for k in range(3):
         h, slope = times[k + 1] - times[k], (values[k + 1] - values[k]) / (times[k + 1] - times[k])
@@ -109,12 +109,12 @@ def test_a_record_is_integrated_exactly_between_its_samples():
 def test_a_finely_sampled_sine_is_its_harmonic_to_second_order():
     """The record of sin(2 t) with steps h and h/2: the differences from the harmonic load fall by four; impacts on the way."""
     system = vibro_impact_nes(0.1, 0.1, 0.05, 0.7)
-    smooth = run(system, [0.0, 0.0], [0.0, 3.0], 12.0, forces=Harmonic(2.0, sine=[0.0, 1.0]))
+    smooth = simulate(system, [0.0, 0.0], [0.0, 3.0], 12.0, forces=Harmonic(2.0, sine=[0.0, 1.0]))
     assert smooth.impacts > 3
     miss = []
     for count in (1200, 2400):
         times = np.linspace(0.0, 12.0, count + 1)
-        motion = run(system, [0.0, 0.0], [0.0, 3.0], 12.0, forces=Record([0.0, 1.0], times, np.sin(2.0 * times)))
+        motion = simulate(system, [0.0, 0.0], [0.0, 3.0], 12.0, forces=Record([0.0, 1.0], times, np.sin(2.0 * times)))
         assert motion.impacts == smooth.impacts and motion.balance_error < 1e-12
         miss.append(np.abs(motion.final - smooth.final).max())
     assert miss[0] < 1e-3 and miss[0] / miss[1] == pytest.approx(4.0, rel=0.02)
@@ -123,7 +123,7 @@ def test_a_finely_sampled_sine_is_its_harmonic_to_second_order():
 def test_a_gap_that_a_ramp_closes():
     """u'' + u = t/4 from rest: u = (t - sin t)/4 meets 1/2 where t - sin t = 2."""
     system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=0.5, restitution=0.5),))
-    motion = run(system, [0.0], [0.0], 4.0, forces=Record([1.0], [0.0, 10.0], [0.0, 2.5]))
+    motion = simulate(system, [0.0], [0.0], 4.0, forces=Record([1.0], [0.0, 10.0], [0.0, 2.5]))
     root = float(mpmath.findroot(lambda t: t - mpmath.sin(t) - 2, 2.5))
     assert motion.times[1] == pytest.approx(root, rel=1e-15)
     assert motion.speeds[1] == pytest.approx((1 - math.cos(root)) / 4, rel=1e-14)
@@ -149,7 +149,7 @@ def test_steady_vibration_with_one_impact_a_period():
     assert cosine * cosine + sine * sine == pytest.approx(1.0, rel=1e-12)
     # x = gamma (cosine cos(w t) + sine sin(w t)) + a cos t + b sin t, so the load is cosine cos(w t) + sine sin(w t)
     system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=s, restitution=r),))
-    motion = run(system, [s], [-r * speed], 8.5 * period, forces=Harmonic(w, cosine=[cosine], sine=[sine]), leaving="+")
+    motion = simulate(system, [s], [-r * speed], 8.5 * period, forces=Harmonic(w, cosine=[cosine], sine=[sine]), leaving="+")
     assert motion.impacts == 8
     np.testing.assert_allclose(motion.times[1:], period * np.arange(1, 9), rtol=1e-11)
     np.testing.assert_allclose(motion.speeds[1:], speed, rtol=1e-10)
@@ -159,7 +159,7 @@ def test_a_body_on_a_shaking_table_lifts_off_where_the_table_falls_faster_than_i
     """u >= 0 above a table moving as A sin(w t): u'' = -g + A w^2 sin(w t), at rest until sin(w t) = g/(A w^2)."""
     system = ImpactSystem([[1.0]], [[0.0]], [[0.0]], (Stop((1.0,), lower=0.0, restitution=0.4),))
     forces = [Constant([-1.0]), Harmonic(2.0, sine=[1.6])]
-    motion = run(system, [0.0], [0.0], 40.0, forces=forces)
+    motion = simulate(system, [0.0], [0.0], 40.0, forces=forces)
     assert EventKind(motion.kinds[1]) is EventKind.STICK and EventKind(motion.kinds[2]) is EventKind.RELEASE
     assert motion.times[2] == pytest.approx(math.asin(1 / 1.6) / 2, rel=1e-14)
     assert sum(kind == EventKind.RELEASE.value for kind in motion.kinds) > 5
@@ -184,7 +184,7 @@ def test_ground_motion_moves_the_masses_against_the_ground():
         (lambda: Constant([math.nan]), "load is a list of finite numbers"),
         (lambda: forcing_of([Constant([1.0, 2.0])], 1), "an entry for each of 1 coordinates; received 2"),
         (lambda: forcing_of("wind", 1), "forces is a list of Constant, Harmonic and Record loads; received 'wind'"),
-        (lambda: Mover(vibro_impact_nes(lam=0.1), dampers={"a": np.zeros((2, 2))}), "damping matrix; entry 2,2 is 0.1, theirs 0"),
+        (lambda: Simulator(vibro_impact_nes(lam=0.1), dampers={"a": np.zeros((2, 2))}), "damping matrix; entry 2,2 is 0.1, theirs 0"),
     ],
 )  # fmt: skip
 def test_bad_loads_are_refused(make, words):
@@ -253,7 +253,7 @@ def test_no_impact_of_a_forced_motion_is_missed(n, seed, size):
     forces = [Harmonic(rng.uniform(0.3, 4.0), cosine=rng.normal(size=n)), Constant(0.3 * rng.normal(size=n))]
     v = 0.5 * rng.normal(size=n)
     expected = dense_first_crossing(system, forces, np.zeros(n), v, 8.0, 0.02)
-    motion = run(system, np.zeros(n), v, 8.0, forces=forces, max_impacts=1)
+    motion = simulate(system, np.zeros(n), v, 8.0, forces=forces, max_impacts=1)
     if expected is None:
         assert motion.impacts == 0
     elif expected != "close":

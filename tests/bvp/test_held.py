@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Mover, run
+from bvp.damped import Simulator, simulate
 from bvp.energy_budget import split_damping
 from bvp.forcing import Constant, Harmonic, Record
 from bvp.motion import EventKind, MotionStatus
@@ -40,7 +40,7 @@ def test_a_held_motion_is_that_of_the_constrained_equations(n, seed, forced):
     system, row, u, v, rng = random_held(seed, n)
     press = 50.0 * row / (row @ np.linalg.solve(system.mass, row))
     forces = [Constant(press)] + ([Harmonic(1.3, cosine=rng.normal(size=n))] if forced else [])
-    motion = run(system, u, v, 2.0, forces=forces)
+    motion = simulate(system, u, v, 2.0, forces=forces)
     assert [stretch.held for stretch in motion.stretches if stretch.end > 0.0] == [("+",)]
     times = np.linspace(0.1, 1.9, 7)
     h = 1e-4
@@ -60,7 +60,7 @@ def test_a_contact_stays_held_while_bounces_at_another_are_summed():
     """Oracle: the first contact is pressed all the time, so that it is held as long as the motion lasts; the second chatters meanwhile."""
     stops = Stop((1.0, 0.0), upper=1.0, restitution=0.0, name="a"), Stop((0.0, 1.0), upper=1.0, restitution=0.6, name="b")
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops)
-    motion = run(system, [1.0, 0.5], [0.0, 0.0], 20.0, forces=[Constant([1.0, 1.0])])
+    motion = simulate(system, [1.0, 0.5], [0.0, 0.0], 20.0, forces=[Constant([1.0, 1.0])])
     assert EventKind.CHATTER.value in motion.kinds
     assert motion.held_time == pytest.approx(20.0, rel=1e-14)
 
@@ -69,7 +69,7 @@ def test_a_release_is_where_the_force_vanishes_and_not_later():
     """Chain of three, pressed by a record that fades: the multiplier, from the constrained equations in numpy, changes sign there."""
     system = chain([0.5, 1.0, 2.0], [1.0, 0.7], ground=0.3, damping=0.05, stops=(Stop((1.0, 0.0, 0.0), lower=-0.1, restitution=0.0),))
     forces = Record([-1.0, 0.2, 0.0], [0.0, 4.0], [2.0, -1.0])
-    motion = run(system, [-0.1, 0.3, -0.2], [0.0, 0.1, 0.0], 4.0, forces=forces)
+    motion = simulate(system, [-0.1, 0.3, -0.2], [0.0, 0.1, 0.0], 4.0, forces=forces)
     at = int(np.flatnonzero(motion.kinds == EventKind.RELEASE.value)[0])
     row = np.array([1.0, 0.0, 0.0])
     inverse = np.linalg.inv(system.mass)
@@ -94,9 +94,9 @@ def test_two_stops_are_held_and_released_one_by_one():
     together = ImpactSystem(np.eye(2), 0.1 * np.eye(2), np.diag([1.0, 3.0]), stops)
     first, second = Harmonic(0.7, cosine=[1.0], sine=[-1.0]), Harmonic(1.1, sine=[1.5])
     both = [Harmonic(0.7, cosine=[1.0, 0.0], sine=[-1.0, 0.0]), Harmonic(1.1, sine=[0.0, 1.5])]
-    motion = run(together, [0.4, 0.3], [0.0, -1.0], 60.0, forces=both)
-    one = run(alone(1.0, 0.0, 0.5), [0.4], [0.0], 60.0, forces=first)
-    two = run(alone(3.0, 0.1, 0.2), [0.3], [-1.0], 60.0, forces=second)
+    motion = simulate(together, [0.4, 0.3], [0.0, -1.0], 60.0, forces=both)
+    one = simulate(alone(1.0, 0.0, 0.5), [0.4], [0.0], 60.0, forces=first)
+    two = simulate(alone(3.0, 0.1, 0.2), [0.3], [-1.0], 60.0, forces=second)
     assert motion.status is MotionStatus.DURATION_REACHED
     np.testing.assert_allclose(motion.final, [one.final[0], two.final[0], one.final[1], two.final[1]], atol=1e-9)
     assert {stretch.held for stretch in motion.stretches} >= {(), ("b-",), ("a-", "b-")}
@@ -110,7 +110,7 @@ def row_of_three(second, duration=0.9):
     stops = (Stop((0.0, 1.0, 0.0), lower=0.0, restitution=0.0), second)
     system = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.diag([0.0, 1e-3, 1.0]), stops)
     side = 1.0 if second.upper > 1e9 else -1.0
-    return run(system, [0.0, 0.0, 0.0], [2.0 * side, 0.0, 0.0], duration, forces=Constant([0.0, -1.0, 0.0]))
+    return simulate(system, [0.0, 0.0, 0.0], [2.0 * side, 0.0, 0.0], duration, forces=Constant([0.0, -1.0, 0.0]))
 
 
 def test_a_blow_away_from_its_stop_frees_a_held_mass():
@@ -133,7 +133,7 @@ def test_a_blow_onto_its_stop_meets_a_held_mass_as_a_wall():
 def test_a_body_that_lies_on_its_stop_unpressed_is_a_wall_too():
     """Two free bodies: the first comes to rest at 0 at time 0.1, the second meets it at time 1.8 and leaves with half its speed."""
     stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.0), Stop((-1.0, 1.0), lower=0.1, restitution=0.5))
-    motion = run(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops), [0.1, 1.0], [-1.0, -0.5], 2.8)
+    motion = simulate(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops), [0.1, 1.0], [-1.0, -0.5], 2.8)
     assert motion.status is MotionStatus.DURATION_REACHED
     np.testing.assert_allclose(motion.times, [0.0, 0.1, 1.8], rtol=1e-14)
     np.testing.assert_allclose(motion.final, [0.0, 0.35, 0.0, 0.25], atol=1e-14)
@@ -166,7 +166,7 @@ def test_a_blow_on_held_contacts_presses_some_and_frees_others():
         stops.append(Stop((0.0, 0.0, 0.0, 1.0), lower=-1.0, restitution=0.4))
         system = ImpactSystem(mass, np.zeros((4, 4)), 1e-3 * np.eye(4), tuple(stops))
         # With x4'' = 0 and a force of -1 on all held bodies, these are pressed with 1 each.
-        motion = run(system, np.zeros(4), [0.0, 0.0, 0.0, -2.0], 1.0, forces=Constant([-1.0, -1.0, -1.0, 0.0]))
+        motion = simulate(system, np.zeros(4), [0.0, 0.0, 0.0, -2.0], 1.0, forces=Constant([-1.0, -1.0, -1.0, 0.0]))
         assert motion.status is MotionStatus.DURATION_REACHED
         hit = int(np.flatnonzero((motion.kinds == EventKind.IMPACT.value) & (motion.contacts == 3))[0])
         before = motion.before[hit, 4:]
@@ -183,14 +183,14 @@ def test_a_blow_on_held_contacts_presses_some_and_frees_others():
 def test_simultaneous_impacts_of_stops_that_interact_end_the_motion():
     mass = np.array([[1.0, 0.3], [0.3, 1.0]])
     system = ImpactSystem(mass, np.zeros((2, 2)), mass, (Stop((1.0, 0.0), upper=0.5), Stop((0.0, 1.0), upper=0.5)))
-    motion = run(system, [0.0, 0.0], [1.0, 1.0], 5.0)
+    motion = simulate(system, [0.0, 0.0], [1.0, 1.0], 5.0)
     assert motion.status is MotionStatus.SIMULTANEOUS and motion.duration == pytest.approx(math.pi / 6, rel=1e-12)
     assert "interact" in motion.status.value and motion.balance_error < 1e-14
 
 
 def test_a_search_that_makes_no_way_ends_the_motion():
     """A phase whose states are scaled so that bounds of its gap are 1e14 times too large: steps too small to arrive, and it is said."""
-    mover = Mover(vibro_impact_nes(0.1, 0.0, 0.0, 0.7))
+    mover = Simulator(vibro_impact_nes(0.1, 0.0, 0.0, 0.7))
     phase = mover.table.modes[0]
     scale = np.ones(len(phase.matrix))
     scale[np.abs(phase.gap).argmax() % len(scale)] = 1e14
@@ -206,7 +206,7 @@ def test_a_search_that_makes_no_way_ends_the_motion():
 
 def test_marks_are_the_times_at_which_so_much_is_gone():
     """Against the cumulated dissipation at those times, in flights, at impacts and in the tail."""
-    motion = run(vibro_impact_nes(0.1, 0.1, 0.01, 0.7), [0.0, 0.0], [0.0, 4.0], 3000.0, marks=(0.1, 0.5, 0.85, 0.9, 0.99, 0.999999))
+    motion = simulate(vibro_impact_nes(0.1, 0.1, 0.01, 0.7), [0.0, 0.0], [0.0, 4.0], 3000.0, marks=(0.1, 0.5, 0.85, 0.9, 0.99, 0.999999))
     assert motion.clear_from is not None and motion.clear_from >= motion.last_impact
     for mark in motion.marks:
         spent = motion.spent([mark.time])[0, :-1]
@@ -214,7 +214,7 @@ def test_marks_are_the_times_at_which_so_much_is_gone():
         assert just_before <= mark.fraction * motion.initial_energy * (1 + 1e-12)
         assert spent.sum() >= mark.fraction * motion.initial_energy * (1 - 1e-12)
         np.testing.assert_allclose(list(mark.dissipated.values()), spent, rtol=1e-11)
-    late = run(vibro_impact_nes(0.1, 0.1, 0.0, 0.7), [0.0, 0.0], [0.0, 4.0], 3000.0, marks=(0.5, 0.9999999)).marks
+    late = simulate(vibro_impact_nes(0.1, 0.1, 0.0, 0.7), [0.0, 0.0], [0.0, 4.0], 3000.0, marks=(0.5, 0.9999999)).marks
     assert late[0].time is not None and late[1].time is None
 
 
@@ -226,18 +226,18 @@ def test_dampers_across_gaps_are_told_from_the_rest():
     parts = split_damping(system)
     np.testing.assert_allclose(parts["gaps"], gap, atol=1e-16)
     np.testing.assert_allclose(parts["rest"], plain.damping, atol=1e-16)
-    motion = run(system, [0.0, 0.0], [0.0, 3.0], 20.0)
-    own = run(system, [0.0, 0.0], [0.0, 3.0], 20.0, dampers={"all": system.damping})
+    motion = simulate(system, [0.0, 0.0], [0.0, 3.0], 20.0)
+    own = simulate(system, [0.0, 0.0], [0.0, 3.0], 20.0, dampers={"all": system.damping})
     assert motion.dissipated["gaps"] + motion.dissipated["rest"] == pytest.approx(own.dissipated["all"], rel=1e-12)
     assert motion.dissipated["gaps"] > 0.0 < motion.dissipated["rest"] and motion.balance_error < 1e-13
 
 
 def test_many_motions_are_those_run_one_by_one():
-    mover = Mover(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]))
+    mover = Simulator(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]))
     states = np.random.default_rng(4).normal(size=(20, 4)) * [0.2, 0.2, 2.0, 2.0]
     batch = mover.run_many(states, 60.0, marks=(0.5, 0.9))
     for k, state in enumerate(states):
-        motion = Mover(mover.system, forces=Harmonic(1.2, cosine=[0.0, 0.4])).run(state[:2], state[2:], 60.0, marks=(0.5, 0.9))
+        motion = Simulator(mover.system, forces=Harmonic(1.2, cosine=[0.0, 0.4])).run(state[:2], state[2:], 60.0, marks=(0.5, 0.9))
         assert batch.impacts[k] == motion.impacts and batch.status[k] is motion.status
         np.testing.assert_allclose(batch.final[k], motion.final, atol=1e-11)
         np.testing.assert_allclose(batch.totals[k], motion.totals, rtol=1e-11)
@@ -249,7 +249,7 @@ def test_many_motions_are_those_run_one_by_one():
 
 def test_a_motion_is_sampled_alike_after_its_mover_has_met_more_phases():
     """Oracle: the samples, peaks and sums before."""
-    mover = Mover(vibro_impact_nes(0.1, 0.1, 0.01, 0.0))
+    mover = Simulator(vibro_impact_nes(0.1, 0.1, 0.01, 0.0))
     free = mover.run([0.0, 0.0], [0.0, 0.2], 2.0)
     times = np.linspace(0.0, 2.0, 9)
     before = [*free.sample(times), free.spent(times), free.peaks, free.after]
@@ -267,7 +267,7 @@ def test_a_peak_after_a_hundred_thousand_turns_is_found():
     k = 8e-6
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), [[1.0 + k, -k], [-k, 1.0 + k]], (Stop((1.0, 0.0), upper=9.0),))
     beat = math.pi / (math.sqrt(1.0 + 2.0 * k) - 1.0)
-    mover = Mover(system)
+    mover = Simulator(system)
     state = np.array([[1.0, 0.0, 0.0, 0.0]])
     np.testing.assert_allclose(mover.run(state[0, :2], state[0, 2:], beat).peaks, 1.0, rtol=1e-9)
     np.testing.assert_allclose(mover.run_many(state, beat, with_peaks=True).peaks[0], 1.0, rtol=1e-9)
@@ -276,7 +276,7 @@ def test_a_peak_after_a_hundred_thousand_turns_is_found():
 @pytest.mark.parametrize("forced", [False, True])
 def test_peaks_are_the_largest_displacements(forced):
     """Against dense samples: none is larger, and one comes near to second order of their distance."""
-    mover = Mover(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]) if forced else None)
+    mover = Simulator(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]) if forced else None)
     states = np.random.default_rng(5).normal(size=(8, 4)) * [0.2, 0.2, 2.0, 2.0]
     batch = mover.run_many(states, 40.0, with_peaks=True)
     for state, peaks in zip(states, batch.peaks, strict=True):
@@ -286,7 +286,7 @@ def test_peaks_are_the_largest_displacements(forced):
         assert np.all(motion.peaks >= largest * (1 - 1e-14))
         np.testing.assert_allclose(motion.peaks, largest, rtol=2e-3)
         np.testing.assert_allclose(peaks, motion.peaks, rtol=1e-11)
-    closed = run(ImpactSystem([[1.0]], [[0.2]], [[1.0]], (Stop((1.0,), upper=9.0),)), [0.0], [1.0], 30.0)
+    closed = simulate(ImpactSystem([[1.0]], [[0.2]], [[1.0]], (Stop((1.0,), upper=9.0),)), [0.0], [1.0], 30.0)
     w = math.sqrt(0.99)
     assert closed.peaks[0] == pytest.approx(math.exp(-0.1 * math.atan2(w, 0.1) / w), rel=1e-14)
 
@@ -294,7 +294,7 @@ def test_peaks_are_the_largest_displacements(forced):
 def test_samples_of_summed_bounces_stay_at_the_stop():
     """From the last impact that is told to the end of the bounces: the gap is closed to the height of a bounce, and energies go on."""
     system = ImpactSystem([[1.0]], [[0.3]], [[1.0]], (Stop((1.0,), 0.5, restitution=0.7),))
-    motion = run(system, [0.9], [0.0], 20.0)
+    motion = simulate(system, [0.9], [0.0], 20.0)
     begin = int(np.flatnonzero(motion.kinds == EventKind.CHATTER.value)[0])
     assert [EventKind(k).name for k in motion.kinds[begin - 1 :]] == ["IMPACT", "CHATTER", "STICK"]
     assert motion.times[begin] == pytest.approx(motion.times[begin - 1], rel=1e-15)
@@ -320,12 +320,12 @@ def test_samples_of_summed_bounces_stay_at_the_stop():
 )
 def test_bad_input_is_refused(call, words):
     with pytest.raises(ValueError, match=words):
-        call(Mover(vibro_impact_nes()))
+        call(Simulator(vibro_impact_nes()))
 
 
 def test_a_start_beyond_a_stop_is_said():
     """Oracle: the gap and its bounds; of many starts each has a status of its own."""
-    mover = Mover(vibro_impact_nes())
+    mover = Simulator(vibro_impact_nes())
     with pytest.raises(ValueError, match=r"the start lies beyond stop a: its gap is 1\.5, expected -1 to 1"):
         mover.run([1.5, 0.0], [0.0, 0.0], 1.0)
     batch = mover.run_many([[1.5, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]], 1.0)

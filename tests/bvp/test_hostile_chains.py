@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bvp.checks import InvalidSystem, repeated_contacts
-from bvp.damped import Mover, run
+from bvp.damped import Simulator, simulate
 from bvp.forcing import Constant, Harmonic
 from bvp.kernels import contact_mode as places
 from bvp.motion import MotionStatus
@@ -38,11 +38,11 @@ def test_what_a_chain_does_inside_does_not_depend_on_how_far_it_has_gone(push, r
     """Displacements of 1e8 at the end: stick, release, chatter and impacts as of the distance alone, and the centre of mass as a body."""
     masses = 0.3, 0.7
     wave = 0.8
-    both = run(
+    both = simulate(
         free_pair(restitution=restitution), [0.0, 0.0], [0.5, -1.0], 20.0,
         forces=[Constant([0.3 * push, 0.7 * push]), Harmonic(1.1, cosine=[-wave, wave])],
     )  # fmt: skip
-    alone = run(relative(restitution=restitution), [0.0], [-1.5], 20.0, forces=Harmonic(1.1, cosine=[wave]))
+    alone = simulate(relative(restitution=restitution), [0.0], [-1.5], 20.0, forces=Harmonic(1.1, cosine=[wave]))
     assert both.status is alone.status is MotionStatus.DURATION_REACHED
     assert alone.impacts > 5 and [s.held for s in both.stretches] == [s.held for s in alone.stretches]
     hits, others = (m.stop_events.times[m.stop_events.speeds > 1e-3] for m in (both, alone))
@@ -57,7 +57,7 @@ def test_the_gaps_of_a_free_chain_have_nothing_of_its_translation():
     stiffness = np.array([[2.9, -2.9, 0.0], [-2.9, 4.8, -1.9], [0.0, -1.9, 1.9]])
     stops = (Stop((-1.0, 0.0, 1.0), lower=-0.05, restitution=0.38), Stop((-1.0, 1.0, 0.0), upper=0.1, restitution=0.0))
     system = ImpactSystem(np.diag([0.24, 0.89, 0.045]), np.zeros((3, 3)), stiffness, stops)
-    mover = Mover(system, Constant([1.38, 2.13, 0.22]))
+    mover = Simulator(system, Constant([1.38, 2.13, 0.22]))
     for held in (1, 2, 3):
         mover.table.add(held)
     for phase in mover.table.modes:
@@ -74,7 +74,7 @@ def test_a_translation_is_not_damped_by_a_damper_that_turns_with_it():
     damping = np.zeros((4, 4))
     damping[:2, :2] = 0.51 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     system = ImpactSystem(system.mass, damping, system.stiffness, system.stops)
-    mover = Mover(system)
+    mover = Simulator(system)
     mover.table.add(3)
     phase = mover.table.modes[-1]
     assert np.abs(phase.gap).max() < 100.0 and np.all(phase.mean == 0.0)
@@ -84,7 +84,7 @@ def test_a_body_that_lies_on_its_stop_unpressed_lets_the_rest_move():
     """A body without load, put to rest on its stop by an impact without restitution, beside an oscillator: u = sin t for all the time."""
     stops = (Stop((0.0, 1.0), upper=0.05, restitution=0.0), Stop((1.0, 0.0), upper=2.0))
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 0.0]), stops)
-    motion = run(system, [0.0, 0.0], [1.0, 0.3], 100.0)
+    motion = simulate(system, [0.0, 0.0], [1.0, 0.3], 100.0)
     assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 1
     np.testing.assert_allclose(motion.final, [math.sin(100.0), 0.05, math.cos(100.0), 0.0], atol=1e-12)
 
@@ -97,7 +97,7 @@ def test_a_crossing_within_the_tolerance_of_another_impact_is_not_passed_over():
     for seed in range(12):
         random = np.random.default_rng(seed)
         start = random.uniform(0.01, 0.1, 2)
-        motion = run(system, start, [0.0, 0.0], 6.0, forces=Constant([-3.0, -5.0]))
+        motion = simulate(system, start, [0.0, 0.0], 6.0, forces=Constant([-3.0, -5.0]))
         assert motion.status is MotionStatus.DURATION_REACHED
         u, _ = motion.sample(np.linspace(0.0, 6.0, 4000))
         assert u.min() > -1e-11 and abs(motion.balance) <= 1e-12 * turnover(motion)
@@ -107,7 +107,7 @@ def test_a_light_ball_between_a_wall_and_a_heavy_body_that_comes_is_stopped_with
     """Inelastic collapse at one instant: impact after impact without time passing. Both bodies end at rest at the wall."""
     stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.07), Stop((-1.0, 1.0), lower=0.0, restitution=0.17))
     system = ImpactSystem(np.diag([0.038, 8.8]), np.zeros((2, 2)), np.zeros((2, 2)), stops)
-    motion = run(system, [0.0, 0.2], [0.0, -0.8], 20.0, forces=Constant([-0.1, -1.0]))
+    motion = simulate(system, [0.0, 0.2], [0.0, -0.8], 20.0, forces=Constant([-0.1, -1.0]))
     assert motion.status is MotionStatus.DURATION_REACHED
     np.testing.assert_allclose(motion.final, 0.0, atol=1e-9)
     assert abs(motion.balance) <= 1e-12 * turnover(motion)
@@ -115,7 +115,7 @@ def test_a_light_ball_between_a_wall_and_a_heavy_body_that_comes_is_stopped_with
 
 def test_an_end_that_makes_no_way_is_counted():
     """By construction: events to which time passes, but less than a radian of the fastest motion in thousands of them, end the run."""
-    mover = Mover(free_pair(), Constant([1.0, -1.0]))
+    mover = Simulator(free_pair(), Constant([1.0, -1.0]))
     counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
     from bvp.kernels.motion import PATIENCE, impatient
 
@@ -139,7 +139,7 @@ def test_a_stop_with_two_names_is_hit_once(restitution):
     twice = two_names(restitution, restitution)
     once = ImpactSystem(twice.mass, twice.damping, twice.stiffness, twice.stops[:1])
     assert repeated_contacts(twice.stops) == {2}
-    results = [run(system, [0.0, 0.0], [1.0, -0.5], 30.0, forces=Constant([0.4, 0.1])) for system in (twice, once)]
+    results = [simulate(system, [0.0, 0.0], [1.0, -0.5], 30.0, forces=Constant([0.4, 0.1])) for system in (twice, once)]
     assert all(motion.status is MotionStatus.DURATION_REACHED for motion in results)
     assert results[0].impacts == results[1].impacts > 0
     np.testing.assert_array_equal(results[0].final, results[1].final)
@@ -158,7 +158,7 @@ def test_resting_contacts_that_depend_on_each_other_take_a_blow():
     rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0))
     stops = (*(Stop(row, lower=0.0, restitution=0.0) for row in rows), Stop((-1.0, 0.0, 1.0), lower=0.0, restitution=0.5))
     system = ImpactSystem(np.diag([1.0, 2.0, 0.5]), np.zeros((3, 3)), np.zeros((3, 3)), stops)
-    motion = run(system, [0.0, 0.0, 0.5], [0.0, 0.0, -1.0], 5.0, forces=Constant([-1.0, -1.0, 0.0]))
+    motion = simulate(system, [0.0, 0.0, 0.5], [0.0, 0.0, -1.0], 5.0, forces=Constant([-1.0, -1.0, 0.0]))
     assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 1
     np.testing.assert_allclose(motion.final, [0.0, 0.0, 0.5 * 4.5, 0.0, 0.0, 0.5], atol=1e-13)
 
@@ -166,7 +166,7 @@ def test_resting_contacts_that_depend_on_each_other_take_a_blow():
 def test_many_long_drifts_have_the_energy_of_each_alone():
     """Bodies 1e6 away, whose stiff springs turn the rounding of so long a way into energy where it is taken from (u, v)."""
     system = chain([0.24, 0.89, 0.45], [2.9e4, 1.9e4], stops=(Stop((-1.0, 0.0, 1.0), lower=-0.2, restitution=0.4),))
-    mover = Mover(system, Constant([1.38e3, 2.13e3, 0.22e3]))
+    mover = Simulator(system, Constant([1.38e3, 2.13e3, 0.22e3]))
     batch = mover.run_many([[0.0, 0.0, 0.0, 0.5, -1.0, 0.3]], 30.0)
     alone = mover.run([0.0, 0.0, 0.0], [0.5, -1.0, 0.3], 30.0)
     assert batch.final[0, 0] > 1e6 and abs(batch.energy[0] - alone.energy) <= 1e-15 * alone.energy
@@ -178,7 +178,7 @@ def test_a_flight_that_overflows_is_told(damper, duration=30.0):
     """Rates as far apart as c^2/k in one block with a load: what is told is finite, and says that it is not the whole."""
     stiffness = np.array([[0.06, -0.02], [-0.02, 0.02]])
     system = ImpactSystem(np.eye(2), damper * np.eye(2), stiffness, (Stop((1.0, 0.0), upper=50.0),))
-    mover = Mover(system, Constant([0.2, -0.3]))
+    mover = Simulator(system, Constant([0.2, -0.3]))
     motion, batch = mover.run([0.0, 0.0], [0.5, -0.3], duration), mover.run_many([[0.0, 0.0, 0.5, -0.3]], duration)
     assert motion.status is batch.status[0] is MotionStatus.EXHAUSTED and motion.duration < duration
     assert np.all(np.isfinite(motion.final)) and np.all(np.isfinite(batch.final)) and abs(motion.balance) <= 1e-12 * turnover(motion)

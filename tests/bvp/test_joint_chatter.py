@@ -7,7 +7,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind, MotionStatus
 from bvp.system import ImpactSystem, Stop
@@ -92,7 +92,7 @@ def coupled(seed, share):
 
 def run_coupled(mass, force, restitution, u, v, end):
     stops = [Stop(tuple(np.eye(3)[k]), lower=0.0, restitution=float(restitution[k])) for k in range(2)]
-    return run(ImpactSystem(mass, np.zeros((3, 3)), np.zeros((3, 3)), tuple(stops)), u, v, end, forces=Constant(list(force)))
+    return simulate(ImpactSystem(mass, np.zeros((3, 3)), np.zeros((3, 3)), tuple(stops)), u, v, end, forces=Constant(list(force)))
 
 
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.9])
@@ -114,7 +114,7 @@ def test_contacts_that_do_not_act_on_each_other_rest_as_each_alone():
     heights, gravity, restitution = [0.5, 0.4], [1.0, 1.7], [0.6, 0.7]
     stops = (Stop((1.0, 0.0), lower=0.0, restitution=0.6), Stop((0.0, 1.0), lower=0.0, restitution=0.7))
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops)
-    motion = run(system, heights, [0.0, 0.0], 20.0, forces=Constant([-g for g in gravity]))
+    motion = simulate(system, heights, [0.0, 0.0], 20.0, forces=Constant([-g for g in gravity]))
     rests = []
     for h, g, r in zip(heights, gravity, restitution, strict=True):
         speed = math.sqrt(2.0 * g * h)
@@ -129,7 +129,7 @@ def test_bodies_that_collapse_go_on_with_their_momentum():
     which all have the velocity of their centre and keep touching."""
     stops = tuple(Stop(row, lower=0.0, restitution=0.05) for row in ((-1.0, 1.0, 0.0), (0.0, -1.0, 1.0)))
     system = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.zeros((3, 3)), stops)
-    motion = run(system, [-1.0, 0.0, 1.1], [1.0, 0.05, -0.8], 5.0)
+    motion = simulate(system, [-1.0, 0.0, 1.1], [1.0, 0.05, -0.8], 5.0)
     assert motion.status is MotionStatus.DURATION_REACHED
     mean = 0.25 / 3.0
     np.testing.assert_allclose(motion.final[3:], mean, atol=1e-14)
@@ -161,7 +161,7 @@ def test_chains_with_many_stops_run_to_the_end(block):
     """Every motion reaches its duration, no stop is pierced, and the balance closes to 1e-12 of what the motion turns over."""
     for seed in range(40 * block, 40 * block + 40):
         system, forces, v = random_chain(seed)
-        motion = run(system, np.zeros(len(v)), v, 60.0, forces=forces)
+        motion = simulate(system, np.zeros(len(v)), v, 60.0, forces=forces)
         assert motion.status is MotionStatus.DURATION_REACHED, seed
         assert abs(motion.balance) <= 1e-12 * (motion.initial_energy + abs(motion.work) + motion.totals[:-1].sum())
         assert np.all(motion.losses >= 0.0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bvp.blocks import cut
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.modes import undamped_modes
 from bvp.motion import MotionStatus
 from bvp.numerics import jacobi
@@ -210,7 +210,7 @@ def test_a_translation_that_dampers_resist_only_in_rounding_is_free():
     modes = system.modes
     assert_blocks_are_the_system(system, 1e-14)
     assert np.abs(modes.to_state).max() < 10.0 and np.abs(modes.from_state).max() < 10.0
-    motion = run(system, np.zeros(4), [-3.0, 1.1, -0.5, 1.2], 40.0)
+    motion = simulate(system, np.zeros(4), [-3.0, 1.1, -0.5, 1.2], 40.0)
     assert motion.status is MotionStatus.DURATION_REACHED and motion.balance_error < 1e-13
 
 

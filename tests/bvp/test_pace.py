@@ -9,7 +9,7 @@ import branches.search.scan
 import bvp.interrupts
 import bvp.kernels.contact_mode
 from branches.search.discovery import discover
-from bvp.damped import Mover, run
+from bvp.damped import Simulator, simulate
 from bvp.forcing import Constant, Harmonic
 from bvp.interrupts import Pace
 from bvp.kernels import motion as kernels
@@ -52,7 +52,7 @@ def test_a_motion_does_not_depend_on_the_calls_that_it_takes(kind, slow):
     times = np.linspace(0.0, 40.0, 101)
     motions, told = [], []
     for _ in range(2):
-        motion = run(system, u, v, 40.0, forces=forces)
+        motion = simulate(system, u, v, 40.0, forces=forces)
         found = extents(motion)
         motions.append(motion)
         told.append((motion.peaks, *motion.sample(times), motion.spent(times), found.peaks, found.times, found.rms))
@@ -70,7 +70,7 @@ def test_many_motions_do_not_depend_on_the_calls_that_they_take(kind, slow):
     starts = np.concatenate([u, v]) * np.linspace(0.2, 1.0, 7)[:, None]
     batches = []
     for _ in range(2):
-        batches.append(Mover(system, forces).run_many(starts, 30.0, with_peaks=True))
+        batches.append(Simulator(system, forces).run_many(starts, 30.0, with_peaks=True))
         slow(3)
     same(*batches, BATCH)
 
@@ -132,7 +132,7 @@ def test_a_call_passes_as_many_events_as_it_may(slow, monkeypatch):
 
     monkeypatch.setattr(kernels, "move", counted)
     slow(5)
-    motion = run(vibro_impact_nes(), [0.0, 0.0], [0.0, 1e6], 0.02)
+    motion = simulate(vibro_impact_nes(), [0.0, 0.0], [0.0, 1e6], 0.02)
     assert motion.impacts > 1000 and max(events) <= 2 * 5 and len(events) > motion.impacts / 10
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Mover, run
+from bvp.damped import Simulator, simulate
 from bvp.motion import MotionStatus
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import twins
@@ -25,7 +25,7 @@ def oscillator(lower=-math.inf, upper=math.inf, restitution=1.0, damping=0.0):
 
 def test_a_rigid_mass_bounces_between_walls():
     """u = v t: impacts at 0.5, 1.5, 2.5, ... at constant speed."""
-    result = run(rigid(0.0, 1.0), [0.5], [1.0], 1000.0)
+    result = simulate(rigid(0.0, 1.0), [0.5], [1.0], 1000.0)
     assert result.status is MotionStatus.DURATION_REACHED and result.duration == 1000.0
     np.testing.assert_allclose(result.stop_events.times, np.arange(0.5, 1000.0), rtol=1e-13)
     assert set(result.stop_events.contacts[::2]) == {"+"} and set(result.stop_events.contacts[1::2]) == {"-"}
@@ -35,7 +35,7 @@ def test_a_rigid_mass_bounces_between_walls():
 
 def test_a_rigid_mass_slows_by_its_restitution():
     """Speed r^k after k impacts, the k-th wait 1/r^k."""
-    result = run(rigid(0.0, 1.0, 0.5), [0.5], [1.0], 100.0)
+    result = simulate(rigid(0.0, 1.0, 0.5), [0.5], [1.0], 100.0)
     np.testing.assert_allclose(result.stop_events.speeds, 0.5 ** np.arange(len(result.stop_events.times)), rtol=1e-14)
     np.testing.assert_allclose(np.diff(result.stop_events.times), 2.0 ** np.arange(1, len(result.stop_events.times)), rtol=1e-13)
 
@@ -43,7 +43,7 @@ def test_a_rigid_mass_slows_by_its_restitution():
 @pytest.mark.parametrize("amplitude", [1.001, 1.5, 30.0])
 def test_an_oscillator_between_walls(amplitude):
     """u = A sin t between -1 and 1: the wait between walls is 2 asin(1/A), the speed sqrt(A^2 - 1)."""
-    result = run(oscillator(-1.0, 1.0), [0.0], [amplitude], 20.0)
+    result = simulate(oscillator(-1.0, 1.0), [0.0], [amplitude], 20.0)
     wait = 2 * math.asin(1 / amplitude)
     np.testing.assert_allclose(result.stop_events.times, wait * (np.arange(len(result.stop_events.times)) + 0.5), rtol=1e-11)
     assert len(result.stop_events.times) == int((20.0 - wait / 2) / wait) + 1
@@ -52,7 +52,7 @@ def test_an_oscillator_between_walls(amplitude):
 
 def test_a_one_sided_stop_with_restitution():
     """u'' = -u bouncing on u >= 0: half periods of pi, the speed times r at each."""
-    result = run(oscillator(lower=0.0, restitution=0.8), [0.0], [1.0], 30.0)
+    result = simulate(oscillator(lower=0.0, restitution=0.8), [0.0], [1.0], 30.0)
     np.testing.assert_allclose(result.stop_events.times, math.pi * np.arange(1, len(result.stop_events.times) + 1), rtol=1e-14)
     np.testing.assert_allclose(result.stop_events.speeds, 0.8 ** np.arange(len(result.stop_events.times)), rtol=1e-13)
 
@@ -60,7 +60,7 @@ def test_a_one_sided_stop_with_restitution():
 def test_the_reference_system_keeps_energy_and_momentum_at_impacts():
     """Conservative: energy constant over 1000 impacts, mu u1' + u2' across each of them, |u1' - u2'| too."""
     system = vibro_impact_nes(0.1, 0.1)
-    result = run(system, [0.0, 0.0], [1.0, 1.5], 3000.0).stop_events
+    result = simulate(system, [0.0, 0.0], [1.0, 1.5], 3000.0).stop_events
     assert len(result.times) > 1000
     h = system.energy(result.after[:, :2], result.after[:, 2:])
     np.testing.assert_allclose(h, system.energy([0.0, 0.0], [1.0, 1.5]), rtol=1e-12)
@@ -80,7 +80,7 @@ def test_impacts_of_a_run_follow_formula_11(mu, sigma, rho, seed):
     it loses."""
     system = vibro_impact_nes(mu, sigma, 0.0, rho)
     v = 2 * np.random.default_rng(seed).normal(size=2)
-    result = run(system, [0.0, 0.0], v, 20.0, max_impacts=30).stop_events
+    result = simulate(system, [0.0, 0.0], v, 20.0, max_impacts=30).stop_events
     a, b = result.before[:, 2], result.before[:, 3]
     after = np.stack([(mu - rho) * a + (1 + rho) * b, mu * (1 + rho) * a + (1 - rho * mu) * b], axis=1) / (1 + mu)
     hit = ~result.touches
@@ -107,7 +107,7 @@ def test_the_published_orbit_s13o_at_quarter_period_1_7_closes():
     system = vibro_impact_nes(0.1, 0.1)
     velocity, energy = closed_form(system, 1.7)
     assert energy == pytest.approx(0.588748128566443, rel=1e-14)
-    result = run(system, [0.0, 0.0], velocity, 6.8)
+    result = simulate(system, [0.0, 0.0], velocity, 6.8)
     np.testing.assert_allclose(result.stop_events.times, [1.7, 5.1], rtol=1e-13)
     assert sorted(result.stop_events.contacts) == ["+", "-"]
     np.testing.assert_allclose(result.final, [0.0, 0.0, *velocity], atol=1e-13)
@@ -121,9 +121,9 @@ def test_the_published_orbit_s13o_at_quarter_period_1_7_closes():
 def test_time_reversed_the_elastic_motion_goes_back():
     """(u, v) -> (u, -v) at the end returns to the start within the growth of the motion (a short run)."""
     system = vibro_impact_nes(0.37, 0.81)
-    there = run(system, [0.1, -0.2], [1.3, -0.7], 12.0)
+    there = simulate(system, [0.1, -0.2], [1.3, -0.7], 12.0)
     assert len(there.stop_events.times) >= 4
-    back = run(system, there.final[:2], -there.final[2:], 12.0)
+    back = simulate(system, there.final[:2], -there.final[2:], 12.0)
     np.testing.assert_allclose(back.final, [0.1, -0.2, -1.3, 0.7], atol=1e-9)
     np.testing.assert_allclose(12.0 - back.stop_events.times[::-1], there.stop_events.times, atol=1e-9)
 
@@ -135,7 +135,7 @@ def test_free_free_chains_keep_energy_and_momentum(n, seed, ground):
     rng = np.random.default_rng(seed)
     system = chain(rng.uniform(0.2, 2.0, n), rng.uniform(0.2, 2.0, n - 1), ground)
     v = 2 * rng.normal(size=n)
-    result = run(system, np.zeros(n), v, 50.0)
+    result = simulate(system, np.zeros(n), v, 50.0)
     assert result.status is MotionStatus.DURATION_REACHED
     # displacements of a drifting chain round with their size
     size = 1.0 + np.abs(result.stop_events.after[:, :n]).max(initial=1.0) ** 2 + v @ system.mass @ v
@@ -153,7 +153,7 @@ def test_the_run_against_the_plain_twin(u, v, lam, rho, impacts):
     """Up to six impacts by dense sampling and Brent's method."""
     system = vibro_impact_nes(0.1, 0.1, lam, rho)
     times, states = twins.run(system, u, v, impacts)
-    result = run(system, u, v, 100.0, max_impacts=impacts)
+    result = simulate(system, u, v, 100.0, max_impacts=impacts)
     met = result.stop_events
     assert result.status is MotionStatus.IMPACTS_FULL and len(times) == len(met) == impacts
     np.testing.assert_allclose(met.times, times, atol=1e-9)
@@ -165,7 +165,7 @@ def test_the_run_against_the_plain_twin(u, v, lam, rho, impacts):
 def test_a_flipped_sign_in_restitution_makes_the_comparison_fail(sign, factor):
     """Mutation of the twin: -(1 + r) -> +(1 + r), 1 + r -> 1 - r, and both."""
     system = vibro_impact_nes(0.1, 0.1, 0.05, 0.7)
-    result = run(system, [0.0, 0.0], [2.0, 1.5], 100.0, max_impacts=3)
+    result = simulate(system, [0.0, 0.0], [2.0, 1.5], 100.0, max_impacts=3)
     _, states = twins.run(system, [0.0, 0.0], [2.0, 1.5], 3, sign=sign, factor=factor)
     assert len(states) == 0 or np.abs(result.stop_events.after[0] - states[0]).max() > 0.1
 
@@ -173,7 +173,7 @@ def test_a_flipped_sign_in_restitution_makes_the_comparison_fail(sign, factor):
 @pytest.mark.parametrize("mutated", ["rate", "push"])
 def test_a_flipped_sign_in_the_kernel_arrays_makes_the_comparison_fail(mutated):
     """Mutation of what the compiled kernel is given: the impact no longer reverses the rate."""
-    mover = Mover(vibro_impact_nes(0.1, 0.1))
+    mover = Simulator(vibro_impact_nes(0.1, 0.1))
     reference = mover.run([0.0, 0.0], [2.0, 1.5], 5.0).stop_events.after[0]
     getattr(mover.table.stacked, mutated)[:] *= -1.0
     broken = mover.run([0.0, 0.0], [2.0, 1.5], 5.0, max_impacts=1).stop_events
@@ -184,7 +184,7 @@ def test_a_flipped_sign_in_the_kernel_arrays_makes_the_comparison_fail(mutated):
 def test_chattering_comes_to_its_end_and_sticks(restitution):
     """u'' = -u pressed against u <= -1/2: from -0.6 at rest it arrives at acos(5/6) with s^2 = 0.11; a bounce that leaves with s comes back
     after 2 atan(2 s) with s, so it rests from acos(5/6) + the sum of 2 atan(2 s r^k), k = 1, 2, ..., and stays, for the spring presses."""
-    result = run(oscillator(upper=-0.5, restitution=restitution), [-0.6], [0.0], 1e4)
+    result = simulate(oscillator(upper=-0.5, restitution=restitution), [-0.6], [0.0], 1e4)
     assert result.status is MotionStatus.DURATION_REACHED
     speeds = math.sqrt(0.11) * restitution ** np.arange(len(result.stop_events))
     late = speeds > 1e-4  # a slower bounce is known to the rounding of its place over its speed
@@ -198,16 +198,16 @@ def test_chattering_comes_to_its_end_and_sticks(restitution):
 
 def test_a_perfectly_plastic_impact_sticks_or_leaves():
     """r = 0: pressed, it sticks; pulled away, it leaves at zero speed and comes back after a full period."""
-    stuck = run(oscillator(upper=-0.5, restitution=0.0), [-0.6], [0.0], 100.0)
+    stuck = simulate(oscillator(upper=-0.5, restitution=0.0), [-0.6], [0.0], 100.0)
     assert stuck.status is MotionStatus.DURATION_REACHED and len(stuck.stop_events) == 1
     assert stuck.held_time == pytest.approx(100.0 - math.acos(5.0 / 6.0), rel=1e-14)
     assert stuck.final.tolist() == pytest.approx([-0.5, 0.0], abs=1e-15)
-    left = run(oscillator(upper=0.5, restitution=0.0), [0.0], [1.0], 3.0 * math.pi)
+    left = simulate(oscillator(upper=0.5, restitution=0.0), [0.0], [1.0], 3.0 * math.pi)
     assert left.status is MotionStatus.DURATION_REACHED and left.held_time == 0.0
     met = left.stop_events
     assert met.contacts == ("+", "+") and met.touches.tolist() == [False, True]
     assert met.times[1] - met.times[0] == pytest.approx(2 * math.pi, abs=1e-6)
-    pressed = run(oscillator(upper=-0.5), [-0.5], [0.0], 1.0)
+    pressed = simulate(oscillator(upper=-0.5), [-0.5], [0.0], 1.0)
     assert pressed.status is MotionStatus.DURATION_REACHED and pressed.held_time == 1.0
 
 
@@ -216,7 +216,7 @@ def test_a_perfectly_plastic_impact_sticks_or_leaves():
 def test_no_restitution_hangs_and_energy_never_grows(rho, seed, lam):
     rng = np.random.default_rng(seed)
     system = vibro_impact_nes(rng.uniform(0.05, 2.0), rng.uniform(0.0, 2.0), lam, rho)
-    result = run(system, [0.0, 0.0], 3 * rng.normal(size=2), 100.0, max_impacts=2000)
+    result = simulate(system, [0.0, 0.0], 3 * rng.normal(size=2), 100.0, max_impacts=2000)
     assert result.status in (MotionStatus.DURATION_REACHED, MotionStatus.IMPACTS_FULL)
     h = system.energy(result.stop_events.after[:, :2], result.stop_events.after[:, 2:])
     assert np.all(np.diff(h) <= 1e-12 * h.max(initial=1.0))
@@ -226,7 +226,7 @@ def test_no_restitution_hangs_and_energy_never_grows(rho, seed, lam):
 
 def test_a_touch_is_recorded_and_the_motion_goes_on():
     """u = sin t and u <= 1: touches at pi/2 + 2 pi k, state unchanged."""
-    result = run(oscillator(upper=1.0), [0.0], [1.0], 20.0)
+    result = simulate(oscillator(upper=1.0), [0.0], [1.0], 20.0)
     assert result.status is MotionStatus.DURATION_REACHED and result.stop_events.touches.all()
     np.testing.assert_allclose(result.stop_events.times, math.pi / 2 + 2 * math.pi * np.arange(3), atol=1e-7)
     np.testing.assert_array_equal(result.stop_events.speeds, 0.0)
@@ -241,22 +241,22 @@ def two_masses(row, other, coupling=0.0):
 
 def test_simultaneous_impacts_that_do_not_interact_are_taken_in_turn():
     """Two separate oscillators: each as if alone."""
-    result = run(two_masses((1.0, 0.0), (0.0, 1.0)), [0.0, 0.0], [1.0, 1.0], 5.0)
-    alone = run(oscillator(upper=0.5), [0.0], [1.0], 5.0)
+    result = simulate(two_masses((1.0, 0.0), (0.0, 1.0)), [0.0, 0.0], [1.0, 1.0], 5.0)
+    alone = simulate(oscillator(upper=0.5), [0.0], [1.0], 5.0)
     assert result.status is MotionStatus.DURATION_REACHED
     assert result.stop_events.contacts == ("a+", "b+") * len(alone.stop_events.times)
     np.testing.assert_allclose(result.stop_events.times[::2], alone.stop_events.times, rtol=1e-13)
     np.testing.assert_allclose(result.stop_events.times[1::2], alone.stop_events.times, rtol=1e-13)
     np.testing.assert_allclose(result.final, np.repeat(alone.final, 2), atol=1e-12)
-    full = run(two_masses((1.0, 0.0), (0.0, 1.0)), [0.0, 0.0], [1.0, 1.0], 5.0, max_impacts=1)
-    onward = run(full.system, full.final[:2], full.final[2:], 0.1)
+    full = simulate(two_masses((1.0, 0.0), (0.0, 1.0)), [0.0, 0.0], [1.0, 1.0], 5.0, max_impacts=1)
+    onward = simulate(full.system, full.final[:2], full.final[2:], 0.1)
     assert full.stop_events.contacts == ("a+",) and onward.stop_events.contacts == ("b+",)
     assert onward.stop_events.times[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_simultaneous_impacts_that_interact_stop_the_run():
     """The same with a coupled mass matrix, c_1 M^-1 c_2 != 0, where the order of the impacts matters."""
-    result = run(two_masses((1.0, 0.0), (0.0, 1.0), coupling=0.3), [0.0, 0.0], [1.0, 1.0], 5.0)
+    result = simulate(two_masses((1.0, 0.0), (0.0, 1.0), coupling=0.3), [0.0, 0.0], [1.0, 1.0], 5.0)
     assert result.status is MotionStatus.SIMULTANEOUS and len(result.stop_events.times) == 0
     assert result.duration == pytest.approx(math.pi / 6, rel=1e-12)
     assert "interact" in result.status.value
@@ -265,7 +265,7 @@ def test_simultaneous_impacts_that_interact_stop_the_run():
 def test_a_start_beyond_a_stop_is_said():
     """Oracle: the gap and its bound."""
     with pytest.raises(ValueError, match=r"the start lies beyond stop a: its gap is 0\.6, expected -inf to 0\.5"):
-        run(oscillator(upper=0.5), [0.6], [0.0], 1.0)
+        simulate(oscillator(upper=0.5), [0.6], [0.0], 1.0)
 
 
 def test_every_ending_has_its_words():
@@ -278,7 +278,7 @@ def test_samples_lie_on_the_flights(seed, lam):
     """Dense output against the twin's expm from the state after the last impact; right-continuous at impacts."""
     rng = np.random.default_rng(seed)
     system = vibro_impact_nes(0.2, 0.3, lam, 0.9)
-    result = run(system, [0.0, 0.0], 2 * rng.normal(size=2), 10.0)
+    result = simulate(system, [0.0, 0.0], 2 * rng.normal(size=2), 10.0)
     times = rng.uniform(0.0, result.duration, 10)
     u, v = result.sample(times)
     for k, t in enumerate(times):
@@ -304,11 +304,11 @@ def test_samples_lie_on_the_flights(seed, lam):
 )
 def test_bad_input_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
-        run(oscillator(upper=1.0), *arguments)
+        simulate(oscillator(upper=1.0), *arguments)
 
 
 def test_times_outside_the_run_are_refused():
-    result = run(oscillator(upper=1.0), [0.0], [1.0], 2.0)
+    result = simulate(oscillator(upper=1.0), [0.0], [1.0], 2.0)
     with pytest.raises(ValueError, match="the motion covers times 0 to 2; received 2.5"):
         result.sample([1.0, 2.5])
     with pytest.raises(ValueError, match="received nan"):
@@ -319,7 +319,7 @@ def test_times_outside_the_run_are_refused():
 def test_a_long_elastic_run_keeps_its_energy(mu, sigma):
     """Oracle: energy, over some 80,000 impacts: what is rounded to one side at each impact would show."""
     system = vibro_impact_nes(mu, sigma)
-    result = run(system, [0.0, 0.0], [9.0, 1.0], 20_000.0, max_impacts=100_000)
+    result = simulate(system, [0.0, 0.0], [9.0, 1.0], 20_000.0, max_impacts=100_000)
     assert len(result.stop_events.times) > 75_000
     h = system.energy(result.stop_events.after[:, :2], result.stop_events.after[:, 2:])
     assert np.abs(h / h[0] - 1.0).max() < 2e-11

@@ -64,7 +64,7 @@ def first_impact():
     w, b = SYSTEM.modes.frequencies, SYSTEM.modes.contact_gap[0, :2]
     speed = 1.0 / np.sum(np.abs(b * SYSTEM.modes.shapes[1] / w))
     for factor, hits in ((1.0 - 1e-6, False), (1.02, True)):
-        assert (len(saltus.run(SYSTEM, *impulsive_state(SYSTEM, 0.5 * factor * speed**2), 2000.0).stop_events) > 0) == hits
+        assert (len(saltus.simulate(SYSTEM, *impulsive_state(SYSTEM, 0.5 * factor * speed**2), 2000.0).stop_events) > 0) == hits
     return [least, 0.5 * speed**2, family("U44-").points["h"].min()]
 
 

@@ -12,7 +12,7 @@ import saltus
 from branches.building.build import build
 from branches.building.plan import Bounds, Plan
 from branches.catalogue import Catalogue
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.motion import Motion
 from saltus.commands.gallery import load_gallery
 from saltus.executors import open_executor
@@ -90,7 +90,7 @@ def damped(v1, v2, lam=0.01, rho=0.7, duration=DURATION):
     """The motion from no displacement and these velocities."""
     system = saltus.vibro_impact_nes(lam=lam, rho=rho)
     shared = sharing_of(system, nes=(0,), lo=(1,))
-    motion = run(system, [0.0, 0.0], [v1, v2], duration, dampers=shared.dampers)
+    motion = simulate(system, [0.0, 0.0], [v1, v2], duration, dampers=shared.dampers)
     assert motion.balance_error < 1e-12
     return Damped(motion, shared)
 

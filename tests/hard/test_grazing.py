@@ -11,7 +11,7 @@ from scipy.optimize import root as solve_equations
 import saltus
 from branches.stability import describe
 from branches.tracing import TraceError, follow_family
-from bvp.damped import Mover, run
+from bvp.damped import Simulator, simulate
 from bvp.forcing import Harmonic
 from bvp.motion import EventKind, MotionStatus
 from bvp.multipoint import MultipointProblem
@@ -50,7 +50,7 @@ def test_a_fold_just_below_a_grazing():
 
     def after_a_period(v, amplitude, phase):
         load = Harmonic(1.0, cosine=[amplitude * math.cos(phase)], sine=[-amplitude * math.sin(phase)])
-        motion = Mover(system, forces=load).run([1.0], [-0.8 * v], 3.0 * math.pi, max_impacts=1)
+        motion = Simulator(system, forces=load).run([1.0], [-0.8 * v], 3.0 * math.pi, max_impacts=1)
         assert motion.kinds[-1] == EventKind.IMPACT.value
         return motion.times[-1] - 2.0 * math.pi, -motion.speeds[-1] - v if motion.speeds[-1] < 0 else motion.speeds[-1] - v
 
@@ -64,7 +64,7 @@ def test_a_fold_just_below_a_grazing():
     shape = np.polynomial.Polynomial.fit(speeds, least, 4)
     (at,) = [x.real for x in shape.deriv().roots() if abs(x.imag) < 1e-9 and 0.0038 < x.real < 0.0044]
     assert abs(at - 0.0041115) < 1e-7
-    touching = Mover(system, forces=Harmonic(1.0, cosine=[0.1])).run([0.0], [1.0], 100.0)
+    touching = Simulator(system, forces=Harmonic(1.0, cosine=[0.1])).run([0.0], [1.0], 100.0)
     assert touching.impacts == 0 and touching.touches == 16
     return largest(worst, abs(shape(at) - 0.099970753628))
 
@@ -214,7 +214,7 @@ def test_touch_and_go(power):
     assert hit.status is ImpactStatus.HIT
     assert next_impact(oscillator, [0.0], [1.0 - depth], 3.0).status is ImpactStatus.NONE
     assert next_impact(oscillator, [0.0], [1.0], 3.0).status is ImpactStatus.TOUCH
-    events = run(oscillator, [0.0], [1.0], 40.0).stop_events
+    events = simulate(oscillator, [0.0], [1.0], 40.0).stop_events
     assert events.touches.all() and len(events.times) == 7
     assert np.abs(events.times - math.pi / 2 - 2 * math.pi * np.arange(7)).max() < 1e-6
     exact = mp.asin(1 / mp.mpf(1.0 + depth))
@@ -233,8 +233,8 @@ def test_an_impact_at_the_end_of_a_flight(offset):
     exact = math.pi / 6.0 + 4.0 * math.pi / 3.0 * np.arange(10)
     worst = 0.0
     for k in range(10):
-        first = run(oscillator, [0.0], [2.0], float(exact[k] * (1.0 + offset)))
-        second = run(oscillator, first.final[:1], first.final[1:], float(exact[9] + 1.0 - first.duration))
+        first = simulate(oscillator, [0.0], [2.0], float(exact[k] * (1.0 + offset)))
+        second = simulate(oscillator, first.final[:1], first.final[1:], float(exact[9] + 1.0 - first.duration))
         assert first.status is second.status is MotionStatus.DURATION_REACHED
         met, later = first.stop_events, second.stop_events
         times = np.concatenate([met.times, first.duration + later.times])
@@ -287,7 +287,7 @@ def test_impacts_that_merge(coupling):
     for alpha in (0.2, 0.6, 1.0):
         exact = both_at_once(system, mp.mpf(alpha))
         start = modes.from_state @ np.array([0.0, 0.0, *map(float, exact)])
-        motion = run(system, [0.0, 0.0], [float(x) for x in exact], 1.5 * alpha)
+        motion = simulate(system, [0.0, 0.0], [float(x) for x in exact], 1.5 * alpha)
         assert motion.status is MotionStatus.DURATION_REACHED and sorted(motion.stop_events.contacts) == ["a+", "b+"]
         last = modes.from_state @ motion.stop_events.after[-1]
         first = last.copy()
@@ -301,7 +301,7 @@ def test_impacts_that_merge(coupling):
         assert all(end.text.startswith("GR at h") for end in ended)
     coupled = [[1.0, 0.3], [0.3, 1.0]]
     mixed = ImpactSystem(coupled, np.zeros((2, 2)), coupled, (Stop((1.0, 0.0), upper=0.5), Stop((0.0, 1.0), upper=0.5)))
-    assert run(mixed, [0.0, 0.0], [1.0, 1.0], 5.0).status is MotionStatus.SIMULTANEOUS
+    assert simulate(mixed, [0.0, 0.0], [1.0, 1.0], 5.0).status is MotionStatus.SIMULTANEOUS
     return worst
 
 

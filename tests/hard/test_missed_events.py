@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.forcing import Constant
 from bvp.motion import EventKind
 from bvp.system import ImpactSystem, Stop
@@ -87,7 +87,7 @@ def test_chattering():
     rho = 0.999
     for gravity in (1.0, 9.81):
         ball = ImpactSystem([[1.0]], [[0.0]], [[0.0]], (Stop((1.0,), 0.0, restitution=rho),))
-        motion = run(ball, [0.5], [0.0], 3000.0, forces=Constant([-gravity]))
+        motion = simulate(ball, [0.5], [0.0], 3000.0, forces=Constant([-gravity]))
         assert motion.kinds[-1] == EventKind.STICK.value
         exact = (1 + 2 * mp.mpf(rho) / (1 - mp.mpf(rho))) / mp.sqrt(mp.mpf(gravity))
         worst = largest(worst, float(abs(motion.times[-1] / exact - 1)), abs(motion.dissipated["stop a"] / (0.5 * gravity) - 1.0))

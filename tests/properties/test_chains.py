@@ -113,7 +113,7 @@ def test_each_orbit_is_one():
                 assert np.max(w) < stop.upper + 1e-11 and np.min(w) > stop.lower - 1e-11
             u, v = orbit.sample(np.array([0.0173 * orbit.period]))
             start = np.concatenate([u[0], v[0]])
-            run = saltus.run(orbit.system, u[0], v[0], orbit.period)
+            run = saltus.simulate(orbit.system, u[0], v[0], orbit.period)
             size = max(1.0, np.linalg.norm(monodromy(orbit), 2))
             assert np.linalg.norm(run.final - start) < 100.0 * EPS * size * np.linalg.norm(start)
             checked += 1

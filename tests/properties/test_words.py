@@ -52,7 +52,7 @@ def check(orbit, label):
     assert np.max(np.abs(orbit.system.energy(u, v) / orbit.h - 1.0)) < 1e-13
     start_u, start_v = orbit.sample(np.array([0.0213 * period]))
     start = np.concatenate([start_u[0], start_v[0]])
-    run = saltus.run(orbit.system, start_u[0], start_v[0], period)
+    run = saltus.simulate(orbit.system, start_u[0], start_v[0], period)
     size = np.linalg.norm(monodromy(orbit), 2)
     # for n impacts the run rounds n times as often as for one
     assert np.linalg.norm(run.final - start) < 100.0 * EPS * max(1.0, size) * np.linalg.norm(start)

@@ -13,7 +13,7 @@ def compiled():
     import saltus
 
     saltus.trace("S13O00+", energy=(0.2, 0.3), points=3)
-    saltus.run(saltus.vibro_impact_nes(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 0.5], 1.0)
+    saltus.simulate(saltus.vibro_impact_nes(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 0.5], 1.0)
 
 
 @pytest.fixture(autouse=True)

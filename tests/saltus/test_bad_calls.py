@@ -17,7 +17,7 @@ from branches.catalogue.errors import CatalogueError
 from branches.family import scales_of
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of
-from bvp.damped import Mover
+from bvp.damped import Simulator
 from bvp.stability import stability
 
 HUGE = 10**400
@@ -50,10 +50,10 @@ CALLS = [
     (lambda branch: saltus.Stop((HUGE,), 0.0, 1.0), "the gap row of a stop is a list of numbers; received (1000"),
     (lambda branch: saltus.Stop((1.0,), 0.0, 10**5000), "upper of a stop is a number; received a whole number of 16610 bits"),
     (lambda branch: saltus.ImpactSystem([[10**5000]], [[0.0]], [[1.0]], [saltus.Stop((1.0,), 0.0)]), "mass is a square matrix of numbers"),
-    (lambda branch: saltus.run(system(), [HUGE, 0], [0, 0], 1.0), "u is a list of 2 numbers; received [1000"),
-    (lambda branch: saltus.run(system(), [0, 0], [0, 0], HUGE), f"duration is a finite time of 0 or more; received {BEYOND}"),
-    (lambda branch: saltus.run(system(), [0, 0], [0, 0], 1.0, HUGE), f"max_impacts is a whole number of 0 or more; received {BEYOND}"),
-    (lambda branch: saltus.run(system(), [0, 0], [0, 0], 1.0).sample([HUGE]), "times is a list of times; received [1000"),
+    (lambda branch: saltus.simulate(system(), [HUGE, 0], [0, 0], 1.0), "u is a list of 2 numbers; received [1000"),
+    (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], HUGE), f"duration is a finite time of 0 or more; received {BEYOND}"),
+    (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], 1.0, HUGE), f"max_impacts is a whole number of 0 or more; received {BEYOND}"),
+    (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], 1.0).sample([HUGE]), "times is a list of times; received [1000"),
     (lambda branch: saltus.trace("S13O00+", energy=(0.1, HUGE)), "energy range (0.1, 1000"),
     (lambda branch: saltus.trace("S13O00+", energy=(0.1, 1.0), points=HUGE), f"points = {BEYOND}: expected at least 1"),
     (lambda branch: saltus.discover(system(), HUGE), f"the energy is {BEYOND}, expected a finite number above 0"),
@@ -83,9 +83,9 @@ CALLS = [
     (lambda branch: system(mu=b"0.1"), "mu is a number; received b'0.1'"),
     (lambda branch: saltus.Stop((b"1",), 0.0), "the gap row of a stop is a list of numbers; received (b'1',)"),
     (lambda branch: saltus.ImpactSystem([[b"1"]], [["0"]], [[1.0]], [saltus.Stop((1.0,), 0.0)]), "received [[b'1']]"),
-    (lambda branch: saltus.run(system(), [b"0", b"0"], [0, 0], 1.0), "u is a list of 2 numbers; received [b'0', b'0']"),
-    (lambda branch: saltus.run(system(), ["0", "0"], [0, 0], 1.0), "u is a list of 2 numbers; received ['0', '0']"),
-    (lambda branch: saltus.run(system(), [0, 0], [0, 0], b"1"), "duration is a finite time of 0 or more; received b'1'"),
+    (lambda branch: saltus.simulate(system(), [b"0", b"0"], [0, 0], 1.0), "u is a list of 2 numbers; received [b'0', b'0']"),
+    (lambda branch: saltus.simulate(system(), ["0", "0"], [0, 0], 1.0), "u is a list of 2 numbers; received ['0', '0']"),
+    (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], b"1"), "duration is a finite time of 0 or more; received b'1'"),
     (lambda branch: saltus.trace("S13O00+", energy=(b"1", b"2")), "energy range (b'1', b'2'): expected two numbers (LO, HI)"),
     (lambda branch: saltus.discover(system(), b"1"), "the energy is b'1', expected a finite number above 0"),
     (lambda branch: saltus.section(system(), "1"), "the energy of a section is a finite number above 0; received '1'"),
@@ -109,25 +109,25 @@ CALLS = [
     (lambda branch: branch.orbit(0).sample(b"12"), "times are numbers; received b'12'"),
     (lambda branch: branch.orbit(0).sample(memoryview(b"12")), "times are numbers; received <memory at"),
     (lambda branch: branch.orbit(0).sample([0.5, True]), "times are numbers; received [0.5, True]"),
-    (lambda branch: Mover(system()).run([False, True], [0, 0], 1.0), "u is a list of 2 numbers; received [False, True]"),
-    (lambda branch: Mover(system()).run([0.5, True], [0, 0], 1.0), "u is a list of 2 numbers; received [0.5, True]"),
-    (lambda branch: Mover(system()).run(memoryview(b"12"), [0, 0], 1.0), "u is a list of 2 numbers; received <memory at"),
-    (lambda branch: Mover(system()).run_many([bytearray(b"1234")], 1.0), "expected numbers; received bytearray(b'1234')"),
-    (lambda branch: Mover(system()).run([0, 0], [0, 0], 1.0, marks=b"1"), "expected numbers; received b'1'"),
+    (lambda branch: Simulator(system()).run([False, True], [0, 0], 1.0), "u is a list of 2 numbers; received [False, True]"),
+    (lambda branch: Simulator(system()).run([0.5, True], [0, 0], 1.0), "u is a list of 2 numbers; received [0.5, True]"),
+    (lambda branch: Simulator(system()).run(memoryview(b"12"), [0, 0], 1.0), "u is a list of 2 numbers; received <memory at"),
+    (lambda branch: Simulator(system()).run_many([bytearray(b"1234")], 1.0), "expected numbers; received bytearray(b'1234')"),
+    (lambda branch: Simulator(system()).run([0, 0], [0, 0], 1.0, marks=b"1"), "expected numbers; received b'1'"),
     (lambda branch: saltus.section(system(), 1.0, starts=b"12"), "starts is an array of numbers of shape (m, 2); received b'12'"),
     (lambda branch: saltus.section(system(), 1.0, orbits=1, longest=b"1"), "longest is a finite time above 0; received b'1'"),
     # another kind of object
     (lambda branch: branch.neighbours(None), "an event is one of branch.events or its id; received None"),
     (lambda branch: branch.switch(3), "an event is one of branch.events or its id; received 3"),
     (lambda branch: branch.neighbours("GR9"), "no event 'GR9' on this branch; it has EP1, SB1, EP2"),
-    (lambda branch: Mover("x"), "the system is 'x', expected an ImpactSystem"),
-    (lambda branch: saltus.run(None, [0], [0], 1.0), "the system is None, expected an ImpactSystem"),
+    (lambda branch: Simulator("x"), "the system is 'x', expected an ImpactSystem"),
+    (lambda branch: saltus.simulate(None, [0], [0], 1.0), "the system is None, expected an ImpactSystem"),
     (lambda branch: saltus.discover("x", 1.0), "the system is 'x', expected an ImpactSystem"),
     (lambda branch: saltus.section("x", 1.0), "the system is 'x', expected an ImpactSystem"),
     (lambda branch: saltus.trace("S13O00+", scene=dataclasses.replace(saltus.load_scene(), loads=("forces",))), "the scene has [[forces]]"),
     # states and files
-    (lambda branch: saltus.run(system(), [2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
-    (lambda branch: Mover(system()).run([2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
+    (lambda branch: saltus.simulate(system(), [2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
+    (lambda branch: Simulator(system()).run([2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
     (lambda branch: branch.save("x.mat"), "cannot save a branch as 'x.mat': expected a name that ends in .json or .csv"),
     (lambda branch: branch.save("x"), "cannot save a branch as 'x': expected a name that ends in .json or .csv"),
 ]
@@ -262,7 +262,7 @@ def test_what_objects_hand_out_cannot_be_changed(branch, tmp_path):
     arrays |= {f"described.{name}": values for name, values in orbit.described.columns.items()}
     arrays |= {f"solution.{name}": getattr(orbit.solution, name) for name in ("y", "tangent", "position", "ends", "result")}
     arrays |= {"full_family.h": branch.full_family.h, "full_family.alpha": branch.full_family.alpha}
-    motion = saltus.run(system(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 1.0], 20.0)
+    motion = saltus.simulate(system(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 1.0], 20.0)
     arrays |= {f"motion.{name}": values for name, values in vars(motion).items() if isinstance(values, np.ndarray)}
     arrays |= {"motion.after": motion.after, "motion.peaks": motion.peaks}
     with saltus.Catalogue(tmp_path / "a.sqlite", "a", scene=saltus.load_scene()) as catalogue:

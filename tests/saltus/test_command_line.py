@@ -1,6 +1,8 @@
 """The command line: what it prints and writes, and how it ends."""
 
+import ast
 import csv
+import importlib
 import io
 import json
 import math
@@ -12,6 +14,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +22,7 @@ import saltus
 from saltus.progress import ProgressBar
 from tests.saltus.running import run
 
+ROOT = Path(__file__).parents[2]
 NUMBER = r"[-+0-9.e]+"
 EVENT = re.compile(rf"^ *-?\d+  [A-Z]{{2}} +\S+ +({NUMBER}) +({NUMBER}) +(yes|no|undecided) +({NUMBER}|unbounded)")
 QUICK = ("--energy", "0.05:1")
@@ -58,12 +62,23 @@ def test_importing_the_package_loads_nothing():
     assert done.stdout == "[]\n"
 
 
-def test_the_public_names_exist():
-    """Oracle: the list of public names."""
-    for name in saltus.__all__:
-        assert getattr(saltus, name) is not None and name in dir(saltus)
+def test_the_public_names_are_those_that_are_listed():
+    """Oracle: the imports of the package's source, which type checkers read."""
+    source = ast.parse(Path(saltus.__file__).read_text(encoding="utf-8"))
+    froms = [node for node in ast.walk(source) if isinstance(node, ast.ImportFrom)]
+    imported = {alias.asname: (node.module, alias.name) for node in froms for alias in node.names if alias.asname}
+    assert dir(saltus) == saltus.__all__ == sorted(imported) and len(imported) > 40
+    for name, (module, original) in imported.items():
+        assert getattr(saltus, name) is getattr(importlib.import_module(module), original)
     with pytest.raises(AttributeError, match="tracee"):
         _ = saltus.tracee
+
+
+def test_the_pages_import_nothing_else():
+    """Oracle: the import lines of the README and of docs/."""
+    ours = re.compile(r"^\s*(?:from|import) (bvp|continuation|branches|transitions|saltus\.\w+)\b.*", re.MULTILINE)
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("**/*.md")]
+    assert len(pages) > 5 and not [(page.name, line[0]) for page in pages for line in ours.finditer(page.read_text(encoding="utf-8"))]
 
 
 def test_no_command_prints_the_help(capsys):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from bvp.damped import run as run_damped
+from bvp.damped import simulate as run_damped
 from bvp.motion import EventKind, MotionStatus
 from bvp.system import vibro_impact_nes
 from tests.saltus.running import refused, run
@@ -529,7 +529,7 @@ def test_a_motion_that_ends_beyond_a_stop_is_not_told_as_its_start(capsys, monke
     def carried_beyond(*arguments, **options):
         return replace(run_damped(*arguments, **options), status=MotionStatus.PIERCED)
 
-    monkeypatch.setattr(bvp.damped, "run", carried_beyond)
+    monkeypatch.setattr(bvp.damped, "simulate", carried_beyond)
     code, out, err = run(capsys, "run", "--impulse", "1", *DAMPED, "--duration", "5", "--json", "-")
     record = json.loads(out)
     assert code == 1 and not err.startswith("saltus:")

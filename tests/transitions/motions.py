@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bvp.damped import run
+from bvp.damped import simulate
 from transitions.record import Record, sampled
 from transitions.sharing import sharing_of
 
@@ -21,6 +21,6 @@ def synthetic(times, signal, rate, energy=None, impacts=()):
 def of_run(system, u, v, duration, step=0.02):
     """A record of a run."""
     shared = sharing_of(system, (system.absorber,), (system.primary,))
-    motion = run(system, u, v, duration, dampers=shared.dampers)
+    motion = simulate(system, u, v, duration, dampers=shared.dampers)
     assert motion.duration == duration
     return sampled(motion, shared, round(duration / step) + 1)

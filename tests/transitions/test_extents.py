@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic, Record
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.extents import extents
@@ -17,13 +17,13 @@ def oscillator(c, upper=100.0):
 
 def test_free_vibration_and_its_decay():
     """u = sin t: peak 1 at pi/2, rms over a period 1/sqrt 2; damped: the first turning point, and integral of u^2 of the closed form."""
-    found = extents(run(oscillator(0.0), [0.0], [1.0], 2.0 * math.pi))
+    found = extents(simulate(oscillator(0.0), [0.0], [1.0], 2.0 * math.pi))
     assert found.peaks[0] == pytest.approx(1.0, rel=1e-14) and found.times[0] == pytest.approx(math.pi / 2, rel=1e-7)
     assert found.rms[0] == pytest.approx(math.sqrt(0.5), rel=1e-14)
     c = 0.4
     a, w = c / 2, math.sqrt(1.0 - c * c / 4)
     turn = math.atan2(w, a) / w
-    found = extents(run(oscillator(c), [0.0], [1.0], 60.0))
+    found = extents(simulate(oscillator(c), [0.0], [1.0], 60.0))
     assert found.times[0] == pytest.approx(turn, rel=1e-7)
     assert found.peaks[0] == pytest.approx(math.exp(-a * turn) * math.sin(w * turn) / w, rel=1e-14)
     # integral of exp(-2 a t) sin(w t)^2/w^2 over 0 <= t < infinity: 1/(4 a (a^2 + w^2))
@@ -33,7 +33,7 @@ def test_free_vibration_and_its_decay():
 def test_a_bouncing_ball_is_highest_at_its_start():
     """Peak h at time 0; the integral of u^2 over one fall from 1/2, u = 1/2 - t^2/2: 2/15."""
     ball = ImpactSystem([[1.0]], [[0.0]], [[0.0]], (Stop((1.0,), lower=0.0, restitution=0.5),))
-    found = extents(run(ball, [0.5], [0.0], 1.0, forces=Constant([-1.0])))
+    found = extents(simulate(ball, [0.5], [0.0], 1.0, forces=Constant([-1.0])))
     assert found.peaks[0] == 0.5 and found.times[0] == 0.0
     assert found.rms[0] == pytest.approx(math.sqrt(2.0 / 15.0), rel=1e-14)
 
@@ -48,7 +48,7 @@ def test_no_sample_lies_beyond_a_peak(rho, forced):
         "harmonic": Harmonic(0.9, cosine=[0.0, 0.3]),
         "record": Record([0.1, 1.0], np.linspace(0.0, 30.0, 61), rng.normal(size=61)),
     }[forced]
-    motion = run(vibro_impact_nes(lam=0.02, rho=rho), [0.1, 0.0], [0.3, 2.0], 40.0, forces=forces)
+    motion = simulate(vibro_impact_nes(lam=0.02, rho=rho), [0.1, 0.0], [0.3, 2.0], 40.0, forces=forces)
     rows = [[1.0, 0.0], [0.0, 1.0], [1.0, -1.0]]
     found = extents(motion, rows)
     times = np.linspace(0.0, 40.0, 160_001)
@@ -66,4 +66,4 @@ def test_no_sample_lies_beyond_a_peak(rho, forced):
 
 def test_rows_of_another_length_are_refused():
     with pytest.raises(ValueError, match="2 coordinates"):
-        extents(run(vibro_impact_nes(), [0.0, 0.0], [0.0, 1.0], 1.0), [[1.0, 0.0, 0.0]])
+        extents(simulate(vibro_impact_nes(), [0.0, 0.0], [0.0, 1.0], 1.0), [[1.0, 0.0, 0.0]])

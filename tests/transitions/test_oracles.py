@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.forcing import Harmonic
 from bvp.motion import EventKind
 from bvp.system import vibro_impact_nes
@@ -21,7 +21,7 @@ STABLE = [name for name, (*_, stable) in NAMES.items() if stable]
 
 def away(orbit, velocities, periods):
     """Distance from the orbit's start after each period, of a motion that starts with these velocities: (periods + 1,), over sqrt(2 h)."""
-    motion = run(SYSTEM, [0.0, 0.0], velocities, (periods + 0.5) * orbit.period)
+    motion = simulate(SYSTEM, [0.0, 0.0], velocities, (periods + 0.5) * orbit.period)
     u, v = motion.sample(orbit.period * np.arange(periods + 1))
     return np.linalg.norm(np.hstack([u, v - orbit.velocities]), axis=1) / math.sqrt(2.0 * orbit.h)
 
@@ -55,7 +55,7 @@ def steady(mu, rho, force):
     system = vibro_impact_nes(mu, 0.0, mu, rho)
     period, count = 2.0 * math.pi, 20
     end = period * round(60.0 / mu / period)
-    motion = run(system, [0.5, 0.0], [1.0, 0.5], end, forces=Harmonic(1.0, cosine=[0.0, mu * force]))
+    motion = simulate(system, [0.5, 0.0], [1.0, 0.5], end, forces=Harmonic(1.0, cosine=[0.0, mu * force]))
     begin = end - count * period
     hits = motion.before[(motion.times > begin) & (motion.kinds == EventKind.IMPACT.value), 0]
     times = begin + period * count * np.arange(10_000) / 10_000

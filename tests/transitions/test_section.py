@@ -186,7 +186,7 @@ def test_dense_sampling_finds_no_crossing_that_was_missed(system):
         count = int(np.argmax(np.append(np.maximum.accumulate(found.growths[m, :count]) > 15.0, True)))
         assert count > 5
         end = found.times[m, count - 1] + 1e-9
-        run = saltus.run(system, u[m], v[m], end)
+        run = saltus.simulate(system, u[m], v[m], end)
         times = np.linspace(0.0, end, 400_000)
         shown = run.sample(times)[0][:, plane.primary]
         up = 1 + np.flatnonzero((shown[1:-1] < 0.0) & (shown[2:] >= 0.0))
@@ -279,7 +279,7 @@ def test_a_motion_that_loses_energy_leaves_its_surface():
     for m in range(5):
         count = int(found.counts[m])
         assert np.all(np.diff(found.energies[m, :count]) <= 1e-15)
-        run = saltus.run(system, u[m], v[m], found.times[m, count - 1])
+        run = saltus.simulate(system, u[m], v[m], found.times[m, count - 1])
         told = system.energy(*run.sample(found.times[m, :count]))
         assert np.all(np.abs(told - found.energies[m, :count]) < 1e-14 * np.exp(np.maximum.accumulate(found.growths[m, :count])))
     assert found.energies[:, -1].max() < 0.29
@@ -294,7 +294,7 @@ def test_orbits_that_stick_to_a_stop_go_on(sigma, rho):
     assert set(found.ends) == {SectionEnd.COMPLETE} and (found.sticking_times > 0.0).any()
     u, v = found.plane.states(found.points[:, 0])
     for m in range(12):
-        motion = saltus.run(system, u[m], v[m], found.times[m, -1] + 1e-9)
+        motion = saltus.simulate(system, u[m], v[m], found.times[m, -1] + 1e-9)
         assert found.sticking_times[m] == pytest.approx(motion.held_time, abs=2e-9)
         us, vs = motion.sample(found.times[m])
         np.testing.assert_allclose(us[:, 1], 0.0, atol=1e-10)

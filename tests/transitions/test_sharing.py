@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic, Record
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.sharing import lock, sharing_of
@@ -21,7 +21,7 @@ def test_the_reference_system():
     """NES: (mu u1'^2 + sigma (u1 - u2)^2)/2 and the stops; LO: the rest, and its damper."""
     system = vibro_impact_nes(0.1, 0.3, 0.02, 0.7)
     shared = sharing_of(system, (0,), (1,))
-    motion = run(system, [0.0, 0.0], [0.0, 2.0], 30.0, dampers=shared.dampers)
+    motion = simulate(system, [0.0, 0.0], [0.0, 2.0], 30.0, dampers=shared.dampers)
     u, v = motion.sample(TIMES)
     whole, nes, lo = shared.energies(motion, TIMES)
     np.testing.assert_allclose(nes, 0.5 * (0.1 * v[:, 0] ** 2 + 0.3 * (u[:, 0] - u[:, 1]) ** 2), atol=1e-15)
@@ -54,7 +54,7 @@ def test_two_sinks_and_a_wall_that_is_not_theirs():
     assert shared.nes_parts == {"gaps", "stop a", "stop b"}
     np.testing.assert_allclose(shared.dampers["gaps"][2], [0.0, -0.3, 0.3, 0.0], atol=1e-15)
     np.testing.assert_allclose(shared.dampers["rest"], 0.1 * np.diag([1.0, 0.0, 0.0, 0.0]), atol=1e-15)
-    motion = run(chain(), np.zeros(4), [0.0, 4.0, 0.0, 0.0], 30.0, dampers=shared.dampers)
+    motion = simulate(chain(), np.zeros(4), [0.0, 4.0, 0.0, 0.0], 30.0, dampers=shared.dampers)
     nes, lo = shared.totals(motion.dissipated)
     assert motion.dissipated["stop c"] > 0.0
     assert lo == pytest.approx(motion.dissipated["rest"] + motion.dissipated["stop c"], rel=1e-15)
@@ -71,7 +71,7 @@ def test_one_oscillator_named_keeps_the_springs_to_others():
 def test_without_marks_the_gaps_are_told_apart_still():
     shared = sharing_of(chain())
     assert shared.mass is None and "marked" in shared.why_not and shared.nes_parts == {"gaps", "stop a", "stop b", "stop c"}
-    motion = run(chain(), np.zeros(4), [0.0, 1.0, 0.0, 0.0], 3.0, dampers=shared.dampers)
+    motion = simulate(chain(), np.zeros(4), [0.0, 1.0, 0.0, 0.0], 3.0, dampers=shared.dampers)
     whole, nes, lo = shared.energies(motion, TIMES[:5] / 100.0)
     assert np.isfinite(whole).all() and np.isnan(nes).all() and np.isnan(lo).all()
 
@@ -85,7 +85,7 @@ def test_a_mass_matrix_that_couples_the_sink_has_no_shares():
 def test_the_reference_system_is_one_oscillator():
     """(1 + mu) u'' + u = 0."""
     system, _ = lock(vibro_impact_nes(0.21, 0.3), (0,))
-    motion = run(system, [0.0], [2.0], 50.0)
+    motion = simulate(system, [0.0], [2.0], 50.0)
     times = np.linspace(0.0, 50.0, 101)
     np.testing.assert_allclose(motion.sample(times)[0][:, 0], 2.0 * 1.1 * np.sin(times / 1.1), atol=1e-12)
     assert motion.impacts == 0
@@ -110,8 +110,8 @@ def test_two_sinks_and_the_stop_that_stays():
         stiff += 1e7 * np.outer(stop.gap, stop.gap)
     u, v = np.zeros(4), np.array([0.3, 1.0, 1.0, 1.0])
     times = np.linspace(0.0, 4.0, 41)
-    expected, _ = run(replace(free, stiffness=stiff), u, v, 4.0).sample(times)
-    found, _ = run(locked, u[:2], v[:2], 4.0).sample(times)
+    expected, _ = simulate(replace(free, stiffness=stiff), u, v, 4.0).sample(times)
+    found, _ = simulate(locked, u[:2], v[:2], 4.0).sample(times)
     np.testing.assert_allclose(found, expected[:, :2], atol=1e-5)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.forcing import Harmonic
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.study import runs as module
@@ -45,7 +45,7 @@ def test_until_no_impact_is_possible():
     assert np.all(found["ended"] == Ending.CLEAR.code)
     assert np.abs(found["nes_share"] + found["lo_share"] - 1.0).max() < 1e-12 and found["balance_error"].max() < 1e-12
     system, h = vibro_impact_nes(lam=0.01, rho=0.7), found["h"][0]
-    motion = run(system, [0.0, 0.0], [0.0, np.sqrt(2.0 * h)], 2000.0)
+    motion = simulate(system, [0.0, 0.0], [0.0, np.sqrt(2.0 * h)], 2000.0)
     assert motion.clear_from is not None and found["impacts"][0] == motion.impacts
     assert found["last_impact"][0] == found["duration"][0] == pytest.approx(motion.last_impact, abs=1e-9)
     assert found["nes_share"][0] == pytest.approx(motion.dissipated["stop a"] / h, abs=1e-9)
@@ -60,7 +60,7 @@ def test_sticking_and_the_free_sink(rho, sigma):
     plan = plan_of(system, until=40.0)
     found = results(plan)
     for b in range(plan.count):
-        motion = run(system, [0.0, 0.0], [0.0, np.sqrt(2.0 * found["h"][b])], 40.0)
+        motion = simulate(system, [0.0, 0.0], [0.0, np.sqrt(2.0 * found["h"][b])], 40.0)
         assert (found["impacts"][b], found["sticking_time"][b]) == (motion.impacts, motion.held_time)
     assert found["balance_error"].max() < 1e-12 and (rho > 0.5 or found["sticking_time"].max() > 0.0)
 
@@ -81,7 +81,7 @@ def test_the_tail_to_rest():
     state = np.array([0.3, -0.2, 1.0, 0.5])
     parts = {"gaps": gaps, "rest": system.damping - gaps}
     tail = spent_to_rest(system, parts, state)
-    motion = run(system, state[:2], state[2:], 3000.0, dampers=parts)
+    motion = simulate(system, state[:2], state[2:], 3000.0, dampers=parts)
     assert sum(tail.values()) == pytest.approx(motion.initial_energy, rel=1e-13)
     assert tail == pytest.approx({name: motion.dissipated[name] for name in parts}, rel=1e-12)
     assert spent_to_rest(vibro_impact_nes(), {"rest": np.zeros((2, 2))}, state) is None
@@ -107,7 +107,7 @@ def test_starts_that_are_given():
     states[0] = [0.0, 0.0, -2.0, 0.5]
     found = results(plan, Starts(states, np.full(4, "")))
     assert found["ended"].tolist() == [Ending.DURATION.code, Ending.NO_ORBIT.code, Ending.DURATION.code, Ending.DURATION.code]
-    motion = run(vibro_impact_nes(lam=0.01, rho=0.7), states[0, :2], states[0, 2:], 5.0)
+    motion = simulate(vibro_impact_nes(lam=0.01, rho=0.7), states[0, :2], states[0, 2:], 5.0)
     assert found["impacts"][0] == motion.impacts and found["h"][0] == motion.initial_energy
     assert np.isnan(found["nes_share"][1]) and found["impacts"][1] == 0 and found["h"][2:] == pytest.approx([0.5, 1.0])
 
@@ -118,7 +118,7 @@ def test_loads_and_more_coordinates():
     plan = plan_of(axes=(RHO,), until=60.0, forces=(force,))
     found = results(plan)
     for b, rho in enumerate(RHO.grid()):
-        motion = run(vibro_impact_nes(lam=0.01, rho=rho), [0.0, 0.0], [0.0, 0.0], 60.0, forces=[force])
+        motion = simulate(vibro_impact_nes(lam=0.01, rho=rho), [0.0, 0.0], [0.0, 0.0], 60.0, forces=[force])
         came = sum(motion.dissipated.values()) + motion.energy
         assert found["impacts"][b] == motion.impacts > 0
         assert found["nes_share"][b] == pytest.approx(motion.dissipated["stop a"] / came, abs=1e-12)

@@ -14,7 +14,7 @@ from branches.catalogue import Catalogue
 from branches.diagram import atlas_of
 from branches.diagram.names import short_name
 from branches.export import ExportError, read_atlas, write_atlas
-from bvp.damped import run
+from bvp.damped import simulate
 from bvp.forcing import Harmonic
 from tests.branches.test_diagram import ticks_outside
 from tests.branches.traced import traced
@@ -103,7 +103,7 @@ def test_what_a_load_brings_in_is_dissipated_within_the_panel(speed, words):
     """Oracles: shares of what came in end at what `saltus run` tells; shares of a small start exceed 100 % and are all to be seen."""
     system = replace(DAMPED, damping=DAMPED.damping + 0.1 * np.eye(2))
     shared = sharing_of(system, (0,), (1,))
-    motion = run(system, [0.0, 0.0], [0.0, speed], 60.0, forces=Harmonic(0.9, cosine=[0.0, 1.0]), dampers=shared.dampers)
+    motion = simulate(system, [0.0, 0.0], [0.0, speed], 60.0, forces=Harmonic(0.9, cosine=[0.0, 1.0]), dampers=shared.dampers)
     figure = transition_figure(Transition(system, sampled(motion, shared), GAP, (), Wavelet(), (0.5, 6.0)))
     line = by_gid(figure, "lost-both")
     spent = float(motion.totals[:-1].sum())
@@ -308,7 +308,7 @@ def test_a_system_without_a_sink_has_none_in_its_picture():
     """Oracle: the words of the figure, and the energy, which is drawn in place of the share of the sink."""
     gears = saltus.ImpactSystem([[1.0, 0.0], [0.0, 0.5]], 0.02 * np.eye(2), np.diag([1.0, 0.3]), (saltus.Stop(GAP, -0.1, 0.1, 0.8),))
     shared = sharing_of(gears)
-    motion = run(gears, [0.0, 0.0], [1.0, 0.2], 60.0, dampers=shared.dampers)
+    motion = simulate(gears, [0.0, 0.0], [1.0, 0.2], 60.0, dampers=shared.dampers)
     record = sampled(motion, shared)
     figure = transition_figure(Transition(gears, record, GAP, (), Wavelet(), (0.5, 6.0)))
     words = " ".join(text.get_text() for text in figure.findobj(Text))

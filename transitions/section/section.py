@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import is_finite
-from bvp.damped import Mover
+from bvp.damped import Simulator
 from bvp.interrupts import Pace
 from bvp.kernels import motion as motion_kernels
 from bvp.kernels.compiled import address_of
@@ -201,7 +201,7 @@ def follow(plane: SectionPlane, starts: np.ndarray, crossings: int, *, direction
 
     By default the perturbations point along the diagonal of the section's extent. `longest` as in `section`."""
     u, v = plane.states(starts)
-    count, simulator = len(u), Mover(plane.system)
+    count, simulator = len(u), Simulator(plane.system)
     if directions is None:
         low, high = plane.reach
         directions = np.tile([0.5 * (high - low), plane.height(min(max(0.0, low), high))], (count, 1))
@@ -236,7 +236,7 @@ def _no_crossings(m: int, k: int) -> kernels.Crossings:
     return kernels.Crossings(times, points, energies, growths, tangents, counts, impacts, np.zeros(m), statuses)
 
 
-def _arrays(simulator: Mover, phases: ContactModes) -> tuple[kernels.Following, kernels.Work]:
+def _arrays(simulator: Simulator, phases: ContactModes) -> tuple[kernels.Following, kernels.Work]:
     """Arrays for the orbit that is followed, and to write into."""
     n, size = simulator.system.degrees_of_freedom, phases.matrix.shape[1]
     log, scratch = simulator.log(kernels.EVENTS_AT_ONCE), simulator.scratch(np.zeros(2 * n))
@@ -258,7 +258,7 @@ def _arrays(simulator: Mover, phases: ContactModes) -> tuple[kernels.Following, 
 
 
 def _address_of_move(phases: ContactModes, work: kernels.Work) -> int:
-    """Address of `bvp.kernels.motion.move`, compiled for the types that `Mover.run` uses, too."""
+    """Address of `bvp.kernels.motion.move`, compiled for the types that `Simulator.run` uses, too."""
     line, table, counts = np.zeros(0), np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
     arguments = (phases, 0.0, kernels.MOST, line, line, counts, line, table, table, work.marks, line, work.log, work.scratch)
     return address_of(motion_kernels.move, arguments)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.damped import Mover
+from bvp.damped import Simulator
 from bvp.kernels.extrema import rises
 from bvp.kernels.flight import flow_state
 from transitions.kernels.section import ROOM
@@ -77,7 +77,7 @@ def crossings_of(plane: SectionPlane, cycle: Cycle) -> tuple[np.ndarray, np.ndar
     RuntimeError
         If the search for a crossing gives up.
     """
-    functional, rows = (of_mode[0] for of_mode in plane.rows(Mover(plane.system).table.stacked)[:2])
+    functional, rows = (of_mode[0] for of_mode in plane.rows(Simulator(plane.system).table.stacked)[:2])
     return _rises(plane, cycle, functional, rows), _rises(plane, cycle, -functional, rows)
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bvp.damped import BeyondStop, Mover
+from bvp.damped import BeyondStop, Simulator
 from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, fast_path_numbers, fast_path_runs, with_restitution
 from bvp.motion import MotionStatus
 from bvp.system import ImpactSystem
@@ -245,7 +245,7 @@ def _run_general(runs: _Runs) -> None:
         description, system, sharing, _ = runs.systems[k]
         if restitution is not None:
             system = ImpactSystem.from_description({**description, "rho": restitution})
-        simulator = Mover(system, list(plan.forces), sharing.dampers)
+        simulator = Simulator(system, list(plan.forces), sharing.dampers)
         if not contact:
             batch = simulator.run_many(runs.states[some], plan.duration, plan.impacts, FRACTIONS, with_peaks=True)
             for i, b in enumerate(some):
@@ -280,7 +280,7 @@ class _Result(NamedTuple):
     times: Any
 
 
-def _write_general(runs: _Runs, b: int, simulator: Mover, sharing: Sharing, run: _Result) -> None:
+def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, run: _Result) -> None:
     """Write the results of one general run."""
     ended = _ending(runs.plan, run)
     if ended is Ending.OUTSIDE:
