@@ -11,16 +11,22 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO
 
 from bvp.shown import shown
 
-__all__ = ["DATABASE", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "read_input", "reason", "replacing", "write_text"]
+__all__ = [
+    "DATABASE", "PICTURE_FORMATS", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "picture_format", "read_input",
+    "reason", "replacing", "write_text",
+]  # fmt: skip
 
 DATABASE = "it is an SQLite file, as catalogues are; expected another file"
 """Why a result does not take its place."""
 
 SQLITE = b"SQLite format 3\0"
 """How such a file begins."""
+
+PICTURE_FORMATS = ("png", "pdf", "svg")
 
 MOST_BYTES = 1 << 30
 """Size of the largest file that is read: longer ones are no input, but a pipe or a file by mistake."""
@@ -105,6 +111,32 @@ def is_special(path: str | os.PathLike[str]) -> bool:
         raise TypeError(f"a path is text; received {shown(path)}, expected the name of a file")
     path = Path(path)
     return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def picture_format(path_or_file: str | os.PathLike[str] | IO[bytes], format: str | None = None) -> str:
+    """The format of a figure: the given one, else the suffix of the file's name.
+
+    Raises
+    ------
+    ValueError
+        For a format that is not one of `PICTURE_FORMATS`.
+
+    Examples
+    --------
+    >>> picture_format("backbone.PDF")
+    'pdf'
+    >>> picture_format("backbone.jpg")
+    Traceback (most recent call last):
+    ...
+    ValueError: unknown picture format 'jpg' of 'backbone.jpg': expected png, pdf or svg
+    """
+    name = getattr(path_or_file, "name", "") if hasattr(path_or_file, "write") else os.fspath(path_or_file)
+    name = name if isinstance(name, str) else ""
+    found = Path(name).suffix[1:] if format is None else format.lstrip(".")
+    if found.lower() in PICTURE_FORMATS:
+        return found.lower()
+    what = f"unknown picture format {found!r}" if found else "no picture format"
+    raise ValueError(f"{what}{f' of {name!r}' if name else ''}: expected png, pdf or svg")
 
 
 def is_database(path: str | os.PathLike[str]) -> bool:

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from branches.catalogue import Catalogue as Catalogue
     from branches.catalogue import Edge as Edge
     from branches.catalogue import Node as Node
-    from branches.catalogue.event_orbits import switch_edge as switch_edge
+    from branches.catalogue.members import switch_edge as switch_edge
     from branches.catalogue.packing import pack_family as pack_family
-    from branches.diagram import atlas_of as atlas_of
-    from branches.diagram import draw_atlas as draw_atlas
+    from branches.figures import atlas_of as atlas_of
+    from branches.figures import draw_atlas as draw_atlas
     from branches.export import read_atlas as read_atlas
     from branches.export import write_atlas as write_atlas
     from branches.grazing.at_linear_modes import families_at as families_at
@@ -52,9 +52,9 @@ if TYPE_CHECKING:
     from saltus.families import trace as trace
     from saltus.scene import Scene as Scene
     from saltus.scene import load_scene as load_scene
-    from transitions.diagram.transition_picture import draw_transition as draw_transition
+    from transitions.figures.transition import draw_transition as draw_transition
     from transitions.empirical import decompose as decompose
-    from transitions.extents import extents as extents
+    from transitions.record import extents as extents
     from transitions.families import families_of as families_of
     from transitions.ground_motion import Ground as Ground
     from transitions.ground_motion import record_text as record_text
@@ -77,9 +77,9 @@ __version__ = "0.1.0"
 _HOME = {
     "branches.branch": "Branch BranchEvent",
     "branches.catalogue": "Catalogue Edge Node",
-    "branches.catalogue.event_orbits": "switch_edge",
+    "branches.catalogue.members": "switch_edge",
     "branches.catalogue.packing": "pack_family",
-    "branches.diagram": "atlas_of draw_atlas",
+    "branches.figures": "atlas_of draw_atlas",
     "branches.export": "read_atlas write_atlas",
     "branches.grazing.at_linear_modes": "families_at",
     "branches.grazing.following": "Neighbour neighbours",
@@ -97,9 +97,9 @@ _HOME = {
     "saltus.__main__": "main",
     "saltus.families": "discover trace",
     "saltus.scene": "Scene load_scene",
-    "transitions.diagram.transition_picture": "draw_transition",
+    "transitions.figures.transition": "draw_transition",
     "transitions.empirical": "decompose",
-    "transitions.extents": "extents",
+    "transitions.record": "extents",
     "transitions.families": "families_of",
     "transitions.ground_motion": "Ground record_text synthetic_record",
     "transitions.record": "sampled",

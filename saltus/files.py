@@ -8,8 +8,17 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from branches.diagram.files import PICTURE_FORMATS, picture_format
-from branches.files import DATABASE, WriteFailure, is_database, is_special, reason, replacing, write_text
+from branches.files import (
+    DATABASE,
+    PICTURE_FORMATS,
+    WriteFailure,
+    is_database,
+    is_special,
+    picture_format,
+    reason,
+    replacing,
+    write_text,
+)
 from saltus.errors import BadInput, nearest
 from saltus.printing import outlast, plain_stream
 

@@ -17,7 +17,7 @@ from saltus.files import STANDARD_OUTPUT, WriteFailure, check_picture, check_wri
 from saltus.printing import words_stream
 
 if TYPE_CHECKING:
-    from branches.export.table_files import Table
+    from branches.export.tables import Table
 
 __all__ = ["NotDrawn", "Outputs", "add_arguments", "after", "apart", "json_text", "outputs_of"]
 
@@ -179,7 +179,7 @@ class Outputs:
         about : callable, optional
             Returns a text that files of arrays hold beside the table.
         cells : bool
-            As for `branches.export.table_files.write_binary`.
+            As for `branches.export.tables.write_binary`.
         plot : callable, optional
             Draws into the file that it is given.
         files : mapping of str to callable, optional
@@ -201,7 +201,7 @@ class Outputs:
                 with replacing(path) as beside:
                     direct[kind](beside)
             elif kind in ARRAYS:
-                from branches.export.table_files import write_binary
+                from branches.export.tables import write_binary
 
                 assert made is not None
                 with replacing(path) as beside, beside.open("wb") as file:
@@ -209,7 +209,7 @@ class Outputs:
             elif texts is not None and kind in texts:
                 write_data(path, texts[kind]())
             else:
-                from branches.export.table_files import csv_text
+                from branches.export.tables import csv_text
 
                 assert made is not None
                 write_data(path, csv_text(made()))

@@ -1,15 +1,25 @@
-"""A stage of a motion as data and in words, and the changes between stages."""
+"""A stage of a motion, the family that the motion starts on, and the changes between stages: as data and in words."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from transitions.families import NEAR, Families
+from transitions.ridges import LEAST_PERIODS, SHARE
+
+if TYPE_CHECKING:
+    from branches.orbit import Orbit
+    from transitions.record import Record
 
 __all__ = [
-    "Change", "Companion", "Follows", "Stage", "changes", "counted_label", "family_name", "stage_from_data", "stages_as_data",
+    "Change", "Companion", "Follows", "Leaving", "Stage", "StartFamily", "changes", "counted_label", "family_name", "impacts_from",
+    "leaving", "stage_from_data", "stages_as_data", "start_family", "start_from_data", "why_another",
 ]  # fmt: skip
-
 
 def family_name(name: str, label: str, family: str) -> str:
     """What a family is called in messages: the name that the user gave, else its label, else its id.
@@ -225,4 +235,238 @@ def stage_from_data(data: dict[str, Any]) -> Stage:
         companions=tuple(Companion(**item) for item in data["companions"]),
         follows=None if follows is None else Follows(**{**follows, **{name: tuple(follows[name]) for name in ("harmonics", "others")}}),
         why=data.get("why", ""),
+    )
+
+
+_PLACES = 64  # number of places in a stage at which it is compared with the family
+_SAME_STATE = 1e-6  # relative distance of two states of one orbit that is computed twice
+
+
+class Leaving(NamedTuple):
+    """The first impact of a motion that differs from its orbit: number (from 1), time, stop, and the stop of the orbit."""
+
+    impact: int
+    time: float
+    stop: str
+    expected: str
+
+
+@dataclass(frozen=True)
+class StartFamily:
+    """The family that a motion starts on.
+
+    Parameters
+    ----------
+    family, name, label : str
+        Id; the name of the family ("" for its id); the computed label of the orbit at the start ("" outside the grammar of labels).
+    end : float
+        Time up to which the motion keeps the impact sequence of the orbit: the first impact at another stop, else the last impact, else
+        the end of a motion with more impacts to come.
+    impacts : int
+        Number of impacts up to there.
+    left : Leaving or None
+        The first impact at another stop.
+    """
+
+    family: str
+    name: str
+    label: str
+    end: float
+    impacts: int
+    left: Leaving | None = None
+
+    @property
+    def called(self) -> str:
+        """Its name, or its id if it has none.
+
+        Examples
+        --------
+        >>> StartFamily("a:b:c", "", "", 9.0, 3).called
+        'a:b:c'
+        """
+        return family_name(self.name, "", self.family)
+
+    @property
+    def explained(self) -> str:
+        """The name, with the computed label if that differs.
+
+        Examples
+        --------
+        >>> StartFamily("a:b:c", "S95E22-", "S75E22-", 9.0, 3).explained
+        'S95E22- (counted S75E22- at the start)'
+        """
+        label = counted_label(self.called, self.label)
+        return f"{self.called} (counted {label} at the start)" if label else self.called
+
+    @property
+    def kept(self) -> str:
+        """The number of impacts that keep the impact sequence, in words.
+
+        Examples
+        --------
+        >>> StartFamily("a:b:c", "S13O00+", "S13O00+", 9.0, 1).kept
+        '1 impact in its impact sequence'
+        """
+        return f"{self.impacts} impact{'s' * (self.impacts != 1)} in its impact sequence"
+
+
+def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float, str]]:
+    """Times and stops of an orbit's impacts over one period, from a state at one of its ends.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    u, v : (n,) float
+        Its state at time 0 or half a period later, or the mirror image of one of these if the system has odd symmetry.
+
+    Returns
+    -------
+    list of (float, str)
+        In order of time; for a mirror image those of the mirrored orbit.
+    """
+    from branches.sequences import mirror
+
+    period, wanted = orbit.period, np.concatenate([u, v])
+    begins = (0.0, 0.5 * period)
+    states = np.hstack(orbit.sample(np.array(begins)))
+    signs = (1.0, -1.0) if orbit.system.has_odd_symmetry else (1.0,)
+    candidates = list(itertools.product(signs, range(len(begins))))
+    distances = [float(np.linalg.norm(wanted - sign * states[k])) for sign, k in candidates]
+    near = [i for i, distance in enumerate(distances) if distance <= _SAME_STATE * float(np.linalg.norm(wanted))]
+    sign, k = candidates[near[0] if near else int(np.argmin(distances))]
+    stops = [impact.stop for impact in orbit.impacts]
+    times = np.mod([impact.time - begins[k] for impact in orbit.impacts], period)
+    return sorted(zip(times.tolist(), stops if sign > 0.0 else mirror(stops), strict=True))
+
+
+def leaving(orbit: Sequence[tuple[float, str]], impacts: Sequence[tuple[float, str]]) -> Leaving | None:
+    """The first impact of a motion at another stop than the orbit's; None if the motion keeps the sequence.
+
+    Parameters
+    ----------
+    orbit : sequence of (float, str)
+        Times and stops of the impacts in one period, from the start of the motion on. An impact at time 0 counts as the last one of the
+        period: the motion starts after it.
+    impacts : sequence of (float, str)
+        Times and stops of the motion's impacts.
+
+    Examples
+    --------
+    >>> leaving([(1.0, "+"), (3.0, "-")], [(1.0, "+"), (1.9, "+"), (2.5, "-")])
+    Leaving(impact=2, time=1.9, stop='+', expected='-')
+    >>> leaving([(0.0, "+"), (3.0, "-")], [(2.8, "-"), (5.0, "+"), (7.0, "-")])
+    """
+    cycle = [stop for time, stop in orbit if time > 0.0] + [stop for time, stop in orbit if time <= 0.0]
+    for k, (time, stop) in enumerate(impacts):
+        expected = cycle[k % len(cycle)] if cycle else "none"
+        if stop != expected:
+            return Leaving(k + 1, time, stop, expected)
+    return None
+
+
+def start_family(
+    family: str, name: str, orbit: Orbit, state: tuple[np.ndarray, np.ndarray], impacts: Sequence[tuple[float, str]], end: float | None
+) -> StartFamily:
+    """The family of a start, and how long the motion keeps the impact sequence of its orbit.
+
+    Parameters
+    ----------
+    family, name : str
+        As for `StartFamily`.
+    orbit : Orbit
+    state : u, v (n,)
+        The start of the motion, as for `impacts_from`.
+    impacts : sequence of (float, str)
+        Times and stops of the motion's impacts.
+    end : float or None
+        The end of the motion; None if no impact is possible after the last one.
+    """
+    left = leaving(impacts_from(orbit, *state), impacts)
+    if left is not None:
+        return StartFamily(family, name, orbit.label, left.time, left.impact - 1, left)
+    last = impacts[-1][0] if impacts else 0.0
+    return StartFamily(family, name, orbit.label, last if end is None else end, len(impacts))
+
+
+def start_from_data(data: dict[str, Any] | None) -> StartFamily | None:
+    """The family of a start from the result of `dataclasses.asdict`; None from None. In a file the named tuple is a list.
+
+    Raises
+    ------
+    KeyError, TypeError
+        For anything else.
+    """
+    if data is None:
+        return None
+    left = data["left"]
+    return StartFamily(**{**data, "left": None if left is None else Leaving(*left)})
+
+
+def why_another(
+    start: StartFamily,
+    families: Families,
+    record: Record,
+    stage: Stage,
+    times: np.ndarray,
+    pitch: np.ndarray,
+    unlike: float | None,
+) -> str:
+    """Why a stage does not follow the family of the start, in words.
+
+    Parameters
+    ----------
+    start : StartFamily
+    families : Families
+        The reason is "" if the family of the start is not among them.
+    record : Record
+    stage : Stage
+        A stage that does not follow the family.
+    times, pitch : (j,) float
+        Times and angular frequencies of the stage's ridge.
+    unlike : float or None
+        Mean difference of the lines of the motion and of the family (`transitions.following.unlike`); None if they were not compared.
+    """
+    family = next((family for family in families.members if family.id == start.family), None)
+    if family is None:
+        return ""
+    name = start.called
+    if stage.follows is not None and start.family in stage.follows.others:
+        return f"{name} fits as well, this one is simpler"
+    if not stage.impacts:
+        return f"it has no impact, {name} has {family.impacts} in a period"
+    some = np.unique(np.linspace(0, len(times) - 1, _PLACES).round().astype(int))
+    energies = np.interp(times[some], record.times, record.energy)
+    own, harmonic, share = family.closest(np.maximum(energies, 1e-300), pitch[some], families.gap)
+    there = np.isfinite(own)
+    if 2 * there.sum() < len(some) and not (times[0] < start.end and there.any()):
+        low, high = float(family.h.min()), float(family.h.max())
+        return f"{name} has no orbit at these energies, only from h = {low:.4g} to {high:.4g}"
+    if times[0] < start.end:
+        change = _change(own[there], times[some][there], pitch[some][there])
+        if change > 2.0 * NEAR:
+            return f"the frequency of {name} changes by {change:.2g} octaves in three of its periods, too fast for the spectrum"
+    away = np.log2(pitch[some]) - own - np.log2(harmonic)
+    k = int(np.median(harmonic[there]))
+    which = f"harmonic {k} of {name}"
+    off = float(np.median(np.abs(away[there])))
+    if off > NEAR:
+        return f"its frequency is {off:.2g} octaves from {which}, {NEAR:g} is allowed"
+    part = float(np.median(share[there]))
+    if part < SHARE:
+        return f"{which} carries {part:.0%} of the orbit's amplitude, {SHARE:.0%} is required"
+    rate = stage.impacts / stage.periods * k
+    if abs(rate - family.impacts) * LEAST_PERIODS / k >= 1.0:
+        return f"it has {rate:.2g} impacts in a period of {name}, not {family.impacts}"
+    if unlike is not None and unlike > SHARE:
+        return f"its harmonics have other amplitudes than those of {name}"
+    if stage.follows is not None:
+        return f"this one fits better than {name}"
+    return f"it fits {name} too poorly, or for less than three periods"
+
+
+def _change(own: np.ndarray, times: np.ndarray, pitch: np.ndarray) -> float:
+    """Largest change in octaves of the logarithm (j,) of a frequency within three periods of the ridge."""
+    spans = LEAST_PERIODS * 2.0 * np.pi / pitch
+    return max(
+        (float(np.ptp(own[(times >= time) & (times <= time + span)])) for time, span in zip(times, spans, strict=True)), default=0.0
     )

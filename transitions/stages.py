@@ -14,8 +14,7 @@ from transitions.following import EQUAL_SHARE, Around, Match, best_of, family_in
 from transitions.record import Record
 from transitions.ridges import LEAST_PERIODS, SHARE, Ridge, RidgeInterval, amplitude_of_motion, beside, periods, ridge_intervals, ridges
 from transitions.spectrum import Spectrum, morlet_spectrum
-from transitions.stage import Companion, Follows, Stage
-from transitions.start_family import StartFamily, why_another
+from transitions.stage import Companion, Follows, Stage, StartFamily, why_another
 
 __all__ = ["spectrum_of", "stages_of"]
 

@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.export.picture_data import Layout, read_data, told, write_data
+from branches.export.figure_data import Layout, read_data, told, write_data
 from bvp.system import ImpactSystem
 from transitions.record import Record
 from transitions.spectrum import Spectrum, Wavelet
-from transitions.stage import Stage, stage_from_data, stages_as_data
+from transitions.stage import Stage, StartFamily, stage_from_data, stages_as_data, start_from_data
 from transitions.stages import spectrum_of
-from transitions.start_family import StartFamily, start_from_data
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-    from branches.diagram.atlas_data import Atlas
+    from branches.figures.atlas_data import Atlas
 
 __all__ = ["Transition", "atlas_behind", "read_transition", "require_same", "write_transition"]
 
@@ -89,7 +88,7 @@ def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
     ValueError
         If the systems differ in their masses, springs or stops.
     """
-    from branches.diagram.atlas_data import atlas_of
+    from branches.figures.atlas_data import atlas_of
 
     require_same(catalogue.system, transition.system)
     followed = {stage.follows.family for stage in transition.stages if stage.follows is not None}
@@ -126,7 +125,7 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
 
     Raises
     ------
-    branches.export.ExportError
+    branches.export.figure_data.ExportError
         For another suffix.
     branches.files.WriteFailure
         If the file cannot be written; an old file is then unchanged.
@@ -151,7 +150,7 @@ def read_transition(path: str | os.PathLike[str]) -> Transition:
 
     Raises
     ------
-    branches.export.ExportError
+    branches.export.figure_data.ExportError
         With one line: the file cannot be read, or something is missing in it.
     """
     about, columns = read_data(_LAYOUT, path)

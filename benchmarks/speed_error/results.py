@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.report import Table, number
 from benchmarks.speed_error.methods import OWN, OWN_SHORT, Task
-from branches.diagram.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, new_figure, picture_settings
+from branches.figures.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, new_figure, picture_settings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

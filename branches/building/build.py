@@ -21,9 +21,8 @@ from branches.building.frontier import Frontier
 from branches.building.plan import Plan, energies_of, open_ranges
 from branches.building.seeds import Answer, KnownGrazings, Link, Seed, plain_seed, read_seed
 from branches.building.work import work
-from branches.catalogue.errors import CatalogueError, readable
-from branches.catalogue.event_orbits import distance_from_orbit, event_orbit, orbit_of_event, unknowns_of
-from branches.catalogue.identify import FamilyPlace, KnownFamilies
+from branches.catalogue.database import CatalogueError, readable
+from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, event_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.identity import canonical_orbit, presentations
 from branches.linear_modes import linear_modes

@@ -18,7 +18,7 @@ from branches.between_events import DigitWork
 from branches.branch import Branch, BranchEvent
 from branches.building.plan import Plan
 from branches.building.seeds import Answer, Grazing, Link, Seed
-from branches.catalogue.event_orbits import kept_orbit, orbit_of_event, presented, unknowns_of
+from branches.catalogue.members import kept_orbit, orbit_of_event, presented, unknowns_of
 from branches.catalogue.packing import pack_family
 from branches.catalogue.rows import EventOrbit
 from branches.family import RESONANCES

@@ -4,7 +4,7 @@ Lists of families and the graph need neither numpy nor compiled kernels.
 """
 
 from branches.catalogue.catalogue import Catalogue
-from branches.catalogue.errors import CatalogueDamaged, CatalogueError, CatalogueInUse
+from branches.catalogue.database import CatalogueDamaged, CatalogueError, CatalogueInUse
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 
 __all__ = ["Catalogue", "CatalogueDamaged", "CatalogueError", "CatalogueInUse", "Edge", "EventOrbit", "FamilyRow", "Node"]

@@ -13,13 +13,12 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch
     from branches.catalogue.find import NameMatch
-    from branches.catalogue.identify import CatalogueFamilies
+    from branches.catalogue.members import CatalogueFamilies
     from branches.catalogue.rows import FamilyRow
     from branches.catalogue.widening import Kept
     from branches.orbit import Orbit
 
 __all__ = ["Catalogue"]
-
 
 class Catalogue(CatalogueStore):
     """The families of one system, in one file.
@@ -154,7 +153,7 @@ class Catalogue(CatalogueStore):
 
     @cached_property
     def _curves(self) -> CatalogueFamilies:
-        from branches.catalogue.identify import CatalogueFamilies
+        from branches.catalogue.members import CatalogueFamilies
 
         return CatalogueFamilies(self)
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.catalogue.errors import CatalogueDamaged
-from branches.catalogue.event_orbits import distance_from_orbit, unknowns_of
+from branches.catalogue.database import CatalogueDamaged
+from branches.catalogue.members import distance_from_orbit, unknowns_of
 from branches.catalogue.rows import Edge, Node
 from branches.missed import missed_events
 from branches.sequences import parse_sequence

@@ -14,18 +14,21 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from branches.catalogue import schema2
-from branches.catalogue.errors import CatalogueDamaged, CatalogueError, not_taken, translated
-from branches.catalogue.lock import WriterLock
-from branches.catalogue.opening import (
+from branches.catalogue.database import (
     KEYED,
     SCHEMA,
+    CatalogueDamaged,
+    CatalogueError,
+    WriterLock,
     checksum,
     close_settled,
     create_tables,
+    not_taken,
     open_to_read,
     open_to_write,
     refuse_special,
     schema_of,
+    translated,
 )
 from branches.catalogue.rows import SceneRecord, difference
 from branches.files import WriteFailure

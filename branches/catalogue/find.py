@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
-from branches.catalogue.errors import CatalogueError, not_taken
+from branches.catalogue.database import CatalogueError, not_taken
 from branches.catalogue.rows import FamilyRow, crosses
 from branches.naming.labels import Label, LabelSyntaxError, Name, matches, nearest, nearest_labels, parse, parse_name
 from branches.naming.reference_points import (

@@ -15,20 +15,9 @@ from typing import Any, NamedTuple
 from branches.events import BranchEvent
 
 __all__ = [
-    "Edge",
-    "EventOrbit",
-    "FamilyRow",
-    "LabelInterval",
-    "Node",
-    "SceneRecord",
-    "StabilityInterval",
-    "compact_json",
-    "crosses",
-    "dead_end_id",
-    "difference",
-    "event_from_row",
-    "event_values",
-]
+    "Edge", "EventOrbit", "FamilyRow", "LabelInterval", "Node", "SceneRecord", "StabilityInterval", "compact_json", "crosses",
+    "dead_end_id", "difference", "event_from_row", "event_values",
+]  # fmt: skip
 
 _ON_BOUND = 1e-10
 """Largest relative distance of a family's last orbit from the energy bound that cut it: as for `Branch.orbits_at`."""
@@ -137,7 +126,7 @@ class FamilyRow(NamedTuple):
 
     @property
     def layout(self) -> Any:
-        """The columns in the array of its points (see `branches.catalogue.points`)."""
+        """The columns in the array of its points (see `branches.catalogue.packing`)."""
         return _parsed(self.details)["layout"]
 
     def arclengths(self, name: str, fits: Callable[[Any], bool], energy: float | None = None) -> list[tuple[float, float]]:

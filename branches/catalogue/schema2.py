@@ -15,11 +15,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from branches.catalogue.errors import CatalogueInUse
-from branches.catalogue.opening import checksum
+from branches.catalogue.database import CatalogueInUse, checksum
 
 if TYPE_CHECKING:
-    from branches.catalogue.points import Columns
+    from branches.catalogue.packing import Columns
     from branches.catalogue.rows import FamilyRow
     from bvp.multipoint import MultipointProblem
 
@@ -99,7 +98,7 @@ def read_blobs(connection: sqlite3.Connection, row: FamilyRow, columns: Columns,
     """
     import numpy as np
 
-    from branches.catalogue.points import PREDICTIONS, as_floats, as_integers, unfolded
+    from branches.catalogue.packing import PREDICTIONS, as_floats, as_integers, unfolded
 
     columns = dict(columns)
     select = "SELECT states, states_crc, others, others_crc, multipliers, multipliers_crc FROM main.blobs WHERE family = ?"

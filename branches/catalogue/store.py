@@ -9,9 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from branches.catalogue import schema2
-from branches.catalogue.errors import CatalogueDamaged, CatalogueError, not_taken
+from branches.catalogue.database import KEYED, CatalogueDamaged, CatalogueError, not_taken
 from branches.catalogue.file import CatalogueFile
-from branches.catalogue.opening import KEYED
 from branches.catalogue.rows import Edge, FamilyRow, Node, dead_end_id, event_from_row
 from bvp.shown import shown
 
@@ -118,8 +117,7 @@ class CatalogueStore(CatalogueFile):
         WriteFailure
             If the file cannot be written. It keeps what it held.
         """
-        from branches.catalogue.packing import PackedFamily, pack_family
-        from branches.catalogue.points import checksum_of_points, queried
+        from branches.catalogue.packing import PackedFamily, checksum_of_points, pack_family, queried
 
         self._writable()
         family = branch if isinstance(branch, PackedFamily) else pack_family(branch)
@@ -242,7 +240,7 @@ class CatalogueStore(CatalogueFile):
         return MultipointProblem(self.system, parse_ends(row.ends), parse_sequence(row.sequence))
 
     def _columns(self, row: FamilyRow, problem: MultipointProblem) -> dict[str, np.ndarray]:
-        from branches.catalogue.points import QUERIED, checksum_of_points, decode, queried
+        from branches.catalogue.packing import QUERIED, checksum_of_points, decode, queried
 
         found = self._select(f"SELECT {', '.join(QUERIED)} FROM points WHERE family = ? ORDER BY position", (row.number,))
         rows = self._complete(found, row, "points")

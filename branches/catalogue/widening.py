@@ -6,8 +6,8 @@ from dataclasses import replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from branches.catalogue.errors import CatalogueError
-from branches.catalogue.identify import KnownFamilies
+from branches.catalogue.database import CatalogueError
+from branches.catalogue.members import KnownFamilies
 from branches.catalogue.rows import dead_end_id
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def _same_event(event: BranchEvent, branch: Branch) -> BranchEvent | None:
 
 def _seen(orbit: EventOrbit | None, narrow: Branch, wider: Branch) -> EventOrbit | None:
     """An edge's orbit with the ends and impact sequence of the wider branch."""
-    from branches.catalogue.event_orbits import presented, unknowns_of
+    from branches.catalogue.members import presented, unknowns_of
 
     if orbit is None or (narrow.ends, narrow.sequence) == (wider.ends, wider.sequence):
         return orbit

@@ -16,7 +16,7 @@ from saltus.errors import DONE, FAILED, INTERRUPTED, exit_code, one_line, say
 if TYPE_CHECKING:
     from branches.branch import Branch, Ended
     from branches.catalogue import Catalogue
-    from branches.export.table_files import Table
+    from branches.export.tables import Table
     from saltus.scene import Scene
 
 __all__ = ["add_arguments", "run"]
@@ -187,7 +187,7 @@ def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:
         return json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False)
 
     def plot(path: Path) -> None:
-        from branches.diagram import draw_branch
+        from branches.figures import draw_branch
 
         draw_branch(branch, path, frequency=frequency)
 

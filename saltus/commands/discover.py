@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     files.report(_table(found, families, terminal_width(files.words)))
     files.report(wrapped(summary(found), terminal_width(files.words), 9))
 
-    from branches.catalogue.tables import orbit_rows
+    from branches.export.tables import orbit_rows
     from branches.record import discovery_to_json
 
     ids = [family or "" for family in families or repeat(None, len(found.orbits))]

@@ -15,8 +15,8 @@ from saltus.tables import counted
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue
-    from branches.diagram.atlas_data import Atlas, Bound
-    from branches.export.table_files import Table
+    from branches.export.tables import Table
+    from branches.figures.atlas_data import Atlas, Bound
     from branches.orbit import Orbit
     from saltus.scene import Scene
 
@@ -84,7 +84,7 @@ def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
             return _graph(catalogue, arguments, files)
         table = _points(catalogue, arguments, columns) if columns else _orbits(catalogue, arguments)
 
-    from branches.export.table_files import table_text
+    from branches.export.tables import table_text
 
     thing = "samples" if getattr(arguments, "samples", None) else arguments.what
     note = counted(len(next(iter(table.values()))), thing[:-1])
@@ -94,7 +94,7 @@ def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
 
 def _columns(text: str | None) -> tuple[str, ...]:
     """The columns of points that were asked for."""
-    from branches.catalogue.tables import DEFAULT_COLUMNS, POINT_NAMES
+    from branches.export.tables import DEFAULT_COLUMNS, POINT_NAMES
 
     if text is None:
         return DEFAULT_COLUMNS
@@ -110,7 +110,7 @@ def _columns(text: str | None) -> tuple[str, ...]:
 
 def _points(catalogue: Catalogue, arguments: argparse.Namespace, columns: tuple[str, ...]) -> Table:
     """The points of the families that are chosen."""
-    from branches.catalogue.tables import points_table
+    from branches.export.tables import points_table
 
     filters = options.filters_of(arguments)
     families = catalogue.families(**filters)
@@ -143,7 +143,7 @@ def _graph(catalogue: Catalogue, arguments: argparse.Namespace, files: outputs.O
 
 def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
     """The orbits that are named, or those that the families chosen have at an energy."""
-    from branches.catalogue.tables import orbit_rows, orbit_samples
+    from branches.export.tables import orbit_rows, orbit_samples
 
     found: list[tuple[str, Orbit]] = []
     filters = options.filters_of(arguments)
@@ -202,7 +202,7 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
 
 def _picture(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     """Draw a picture of many families, or write the data that it is drawn from."""
-    from branches.diagram.insets import parse_inset
+    from branches.figures.insets import parse_inset
 
     for kind, path in files.places.items():
         if kind != "plot" and Path(path).suffix.lower() != f".{kind}":
@@ -218,12 +218,12 @@ def _picture(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     atlas = _atlas(arguments)
 
     def write_data(path: Path) -> None:
-        from branches.export import write_atlas
+        from branches.export.figure_data import write_atlas
 
         write_atlas(atlas, path)
 
     def plot(path: Path) -> None:
-        from branches.diagram.atlas import draw_atlas, draw_velocities
+        from branches.figures.atlas import draw_atlas, draw_velocities
 
         names = {} if arguments.names is None else {"names": arguments.names}
         if arguments.what == "velocities":
@@ -244,10 +244,10 @@ def _require_system(scene: Scene, branch: Branch, path: str) -> None:
 
 
 def _atlas(arguments: argparse.Namespace) -> Atlas:
-    from branches.diagram.atlas_data import atlas_of, regime_bounds, rescaled
+    from branches.figures.atlas_data import atlas_of, regime_bounds, rescaled
 
     if arguments.data is not None:
-        from branches.export import read_atlas
+        from branches.export.figure_data import read_atlas
 
         filters = options.given_filters(options.filters_of(arguments))
         for option in ("impulsive", "regimes", "energy", "scene", *options.parameters_of(arguments), *filters):

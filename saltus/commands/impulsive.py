@@ -13,7 +13,7 @@ from saltus.tables import stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-    from branches.export.table_files import Table
+    from branches.export.tables import Table
     from branches.impulsive import ImpulsiveOrbits, Manifold
 
 __all__ = ["add_arguments", "run"]
@@ -79,8 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
 
     def plot(path: Path) -> None:
-        from branches.diagram.atlas import draw_atlas
-        from branches.diagram.atlas_data import atlas_of
+        from branches.figures.atlas import draw_atlas
+        from branches.figures.atlas_data import atlas_of
 
         draw_atlas(atlas_of(scene.system, (), manifold=curve, impulsive=found), path)
 

@@ -12,7 +12,7 @@ from saltus.tables import counted
 
 if TYPE_CHECKING:
     from branches.catalogue import FamilyRow
-    from branches.export.table_files import Table
+    from branches.export.tables import Table
 
 __all__ = ["add_arguments", "run"]
 

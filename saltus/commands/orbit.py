@@ -50,11 +50,11 @@ def run(arguments: argparse.Namespace) -> int:
     orbit = select(branch, name, energy, alpha)
     files.report(orbit_lines(orbit, orbit.label or branch.id))
 
-    from branches.catalogue.tables import orbit_rows
+    from branches.export.tables import orbit_rows
     from branches.record import orbit_to_csv, orbit_to_json
 
     def plot(path: Path) -> None:
-        from branches.diagram import draw_orbit
+        from branches.figures import draw_orbit
 
         draw_orbit(orbit, path)
 

@@ -41,8 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not files.places:
         raise BadInput("missing: --plot (see saltus plot --help)")
 
-    from transitions.study.study import Study
-    from transitions.study.summary import numeric_axes
+    from transitions.study.study import Study, numeric_axes
 
     study = Study(arguments.study)
     if not len(study):
@@ -61,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     files.report(best_lines(study, study.best(best), best))
 
     def plot(path: Path) -> None:
-        from transitions.diagram.study_picture import draw_study
+        from transitions.figures.study import draw_study
 
         draw_study(study, path, view, **options)
 

@@ -18,8 +18,8 @@ from saltus.motion import start as start_options
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue
-    from branches.diagram.atlas_data import Atlas
-    from branches.export.table_files import Table
+    from branches.export.tables import Table
+    from branches.figures.atlas_data import Atlas
     from saltus.motion.simulation import MotionReport
     from saltus.motion.start import Start
     from saltus.progress import ProgressBar
@@ -131,7 +131,7 @@ def _write(
     if locked is not None:
         files.report(comparison(record))
 
-    from branches.export.table_files import csv_text
+    from branches.export.tables import csv_text
 
     samples = arguments.samples or SAMPLES
     notes: list[str] = []
@@ -159,7 +159,7 @@ def _write(
         captions = [f"The motion leaves {text}." for text in of_the_start(report, record, len(impacts["time"]))]
         if report.began is not None and report.began.explained != report.began.called:
             captions.insert(0, f"The family of the start is {report.began.explained}.")
-        from transitions.diagram.transition_picture import draw_transition
+        from transitions.figures.transition import draw_transition
 
         caption = " ".join([*filter(None, [arguments.caption]), *captions])
         draw_transition(report.shown, _behind(report.shown, catalogue, start.branch), path, caption=caption)
@@ -182,7 +182,7 @@ def _behind(shown: Transition, catalogue: Catalogue | None, branch: Branch | Non
         from transitions.transition import atlas_behind
 
         return atlas_behind(catalogue, shown)
-    from branches.diagram.atlas_data import atlas_of
+    from branches.figures.atlas_data import atlas_of
 
     energy = shown.record.energy[shown.record.energy > 0.0]
     branches = [] if branch is None else [branch]

@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.report([f"note   {caption}"])
 
     def plot(path: Path) -> None:
-        from transitions.diagram.section_picture import draw_sections
+        from transitions.figures.section import draw_sections
 
         names = {} if arguments.names is None else {"names": arguments.names}
         draw_sections(views, path, colour=arguments.colour, caption=caption, **names)
@@ -267,7 +267,7 @@ def section_json(system: ImpactSystem, plane: SectionPlane, views: list[SectionV
 
 def section_csv(views: list[SectionView]) -> str:
     """Return the CSV text: a row a point."""
-    from branches.export.table_files import csv_text
+    from branches.export.tables import csv_text
     from transitions.section.view import views_table
 
     return csv_text(views_table(views), codes=True)

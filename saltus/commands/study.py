@@ -69,7 +69,7 @@ def _require_pyarrow() -> None:
 
 
 def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, workers: int) -> int:
-    from branches.catalogue.lock import WriterLock
+    from branches.catalogue.database import WriterLock
     from saltus import __version__
     from saltus.progress import ProgressBar
     from saltus.study.execution import carry_out, find_all_starts, keep_starts, kept_starts

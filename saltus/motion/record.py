@@ -14,7 +14,7 @@ import numpy as np
 from saltus.options import Units
 
 if TYPE_CHECKING:
-    from branches.export.table_files import Table
+    from branches.export.tables import Table
     from bvp.forcing import Force
     from saltus.motion.simulation import ImpactTable, MotionReport
     from saltus.motion.start import Start
@@ -82,7 +82,7 @@ def motion_json(record: dict[str, Any], impacts: ImpactTable, samples: Table | N
     """The JSON text of a record and its impacts, an impact a line; with the samples where they are given, a list for each column.
 
     Once `hurry` is true, the impacts end after `PATIENCE` seconds. A note, which the text holds too, says where; "" where all are there."""
-    from branches.export.table_files import plain_columns
+    from branches.export.tables import plain_columns
 
     listed, count, hurried = [], len(impacts["time"]), math.inf
     for first in range(0, count, AT_ONCE):

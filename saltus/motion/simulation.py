@@ -20,10 +20,9 @@ if TYPE_CHECKING:
     from saltus.options import Units
     from saltus.scene import Scene
     from transitions.empirical import Modes
-    from transitions.extents import Extents
+    from transitions.record import Extents
     from transitions.sharing import Sharing
-    from transitions.stage import Stage
-    from transitions.start_family import StartFamily
+    from transitions.stage import Stage, StartFamily
     from transitions.transition import Transition
 
 __all__ = [
@@ -64,7 +63,7 @@ class Watched:
     ----------
     names : dict of str to tuple of str
         The names of the ``displacements``, ``gaps`` and ``drifts``, in the order of `extents`.
-    extents : transitions.extents.Extents
+    extents : transitions.record.Extents
     """
 
     names: dict[str, tuple[str, ...]]
@@ -86,7 +85,7 @@ class MotionReport:
         Its record and stages, where they can be computed.
     why_no_stages : str
         Why they cannot, or not to the end.
-    began : transitions.start_family.StartFamily or None
+    began : transitions.stage.StartFamily or None
         The family that it starts on, and how long it keeps the impact sequence of that family.
     """
 
@@ -147,7 +146,7 @@ def run_scene(
 def _began(start: Start, motion: Motion) -> StartFamily | None:
     """The family that a motion starts on, None where it starts on none."""
     from saltus.options import Units
-    from transitions.start_family import start_family
+    from transitions.stage import start_family
 
     if start.on is None or start.branch is None:
         return None
@@ -224,7 +223,7 @@ def _simulate(
 
 
 def _watched(motion: Motion, nes: tuple[int, ...]) -> Watched:
-    from transitions.extents import drift_rows, extents
+    from transitions.record import drift_rows, extents
 
     system = motion.system
     gaps = {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops}

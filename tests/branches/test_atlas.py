@@ -13,12 +13,11 @@ from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 from scipy.linalg import eigh
 
-from branches.diagram import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
-from branches.diagram.atlas_data import EVENTS, thresholds_of
-from branches.diagram.names import short_name
-from branches.diagram.room import even_points, overlapping
-from branches.diagram.style import legend_below
-from branches.export import ExportError, read_atlas, write_atlas
+from branches.export.figure_data import ExportError, read_atlas, write_atlas
+from branches.figures import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
+from branches.figures.atlas_data import EVENTS, thresholds_of
+from branches.figures.room import even_points, overlapping, short_name
+from branches.figures.style import legend_below
 from branches.naming.labels import canonical_label, parse
 from tests.branches import atlas_families as real
 from tests.branches.test_diagram import assert_texts_apart, by_gid, panels_of, text_boxes

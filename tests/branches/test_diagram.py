@@ -16,12 +16,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from branches.diagram import branch_figure, draw_branch, draw_orbit, orbit_figure, picture_format
-from branches.diagram.branch_picture import crowds, write_events
-from branches.diagram.curves import curve_runs, draw_events, thinned, visible_codes
-from branches.diagram.room import Room, even_points, overlapping
-from branches.diagram.style import limits_of, new_figure, picture_settings, set_axis, settle_layout
-from branches.diagram.titles import family_text, symbol_of
+from branches.figures import branch_figure, draw_branch, draw_orbit, orbit_figure
+from branches.figures.branch import crowds, write_events
+from branches.figures.curves import curve_runs, draw_events, thinned, visible_codes
+from branches.figures.room import Room, even_points, overlapping
+from branches.figures.style import limits_of, new_figure, picture_settings, set_axis, settle_layout
+from branches.figures.titles import family_text, symbol_of
+from branches.files import picture_format
 from tests.branches.traced import traced
 
 MU = SIGMA = 0.1
@@ -370,7 +371,7 @@ def test_more_names_than_room_are_counted_in_the_picture():
 
 
 def test_a_picture_says_below_how_many_names_have_no_room(monkeypatch):
-    monkeypatch.setattr("branches.diagram.branch_picture.write_events", lambda *arguments: (2, 9))
+    monkeypatch.setattr("branches.figures.branch.write_events", lambda *arguments: (2, 9))
     (legend,) = branch_figure(make_branch(IN_PHASE, events=[("SN", 40)])).legends
     assert legend.get_title().get_text() == "6 of 27 names have no room"
 
@@ -442,9 +443,9 @@ def test_the_users_settings_neither_enter_nor_change(tmp_path):
 
 
 def test_importing_the_package_loads_neither_matplotlib_nor_numpy():
-    code = "import sys, branches.diagram; assert not {'matplotlib', 'numpy'} & set(sys.modules)"
+    code = "import sys, branches.figures; assert not {'matplotlib', 'numpy'} & set(sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-    code = "import sys, branches.diagram as d; d.draw_branch, d.draw_orbit; assert 'matplotlib' not in sys.modules"
+    code = "import sys, branches.figures as d; d.draw_branch, d.draw_orbit; assert 'matplotlib' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

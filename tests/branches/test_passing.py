@@ -4,7 +4,7 @@ import pytest
 
 import saltus
 from branches.building.work import _followed, is_half
-from branches.catalogue.event_orbits import kept_orbit, unknowns_of
+from branches.catalogue.members import kept_orbit, unknowns_of
 from branches.identity import first_of, presentations, symmetries
 from branches.passing import PARTS, has_jumped, longest
 from branches.presentation import embed

@@ -14,7 +14,7 @@ from bvp.forcing import Constant, Harmonic
 from bvp.interrupts import Pace
 from bvp.kernels import motion as kernels
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from transitions.extents import extents
+from transitions.record import extents
 from transitions.section.section import section
 
 BALL = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)])

@@ -3,7 +3,7 @@
 import pytest
 
 from branches.catalogue import Catalogue, Edge, Node
-from branches.catalogue.event_orbits import orbit_of_event, switch_edge
+from branches.catalogue.members import orbit_of_event, switch_edge
 from tests.branches.catalogue.families import linear_mode, real, scene
 
 

@@ -13,7 +13,7 @@ from numba.core.registry import CPUDispatcher
 from sympy import Integer
 
 import saltus
-from branches.catalogue.errors import CatalogueError
+from branches.catalogue.database import CatalogueError
 from branches.family import scales_of
 from branches.tracing import follow_family
 from bvp.cycle import cycle_of

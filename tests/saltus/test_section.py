@@ -102,7 +102,7 @@ def test_rotation_numbers_say_about_which_point(tmp_path):
 
 def test_a_system_that_loses_energy_is_told_as_one(tmp_path, monkeypatch):
     """Oracle: the words; the energies of the file fall, and colour the picture unless another colour is given."""
-    from transitions.diagram import section_picture
+    from transitions.figures import section_picture
 
     colours = []
     monkeypatch.setattr(section_picture, "draw_sections", lambda views, path, **options: colours.append(options["colour"]))

@@ -245,7 +245,7 @@ def interrupting(monkeypatch, place):
 
 
 @POSIX
-@pytest.mark.parametrize(("option", "place"), [("--json", "transitions.extents.extents"), ("--locked", "transitions.sharing.lock")])
+@pytest.mark.parametrize(("option", "place"), [("--json", "transitions.record.extents"), ("--locked", "transitions.sharing.lock")])
 def test_an_interrupt_after_the_motion_writes_it_without_what_is_not_yet_computed(capsys, tmp_path, monkeypatch, option, place):
     """Oracle: the impacts of an undisturbed run, which ends as before; null for what was to be computed from them."""
     words = ["run", "--impulse", "0.5", "--duration", "8", *([] if option == "--json" else [option]), "--json"]

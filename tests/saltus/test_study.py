@@ -322,8 +322,8 @@ def test_the_best_run_and_those_about_it(finished, capsys, tmp_path):
 
 def test_what_a_map_and_lines_show(finished):
     """Oracle: medians and quartiles by hand; each run is in one cell; the artists of the figure have these numbers."""
-    from transitions.diagram.study_picture import lines_figure, map_figure
-    from transitions.study.summary import along, over
+    from transitions.figures.study import lines_figure, map_figure
+    from transitions.study.study import along, over
 
     study = saltus.Study(finished[1])
     energy, rho = study.plan.axes

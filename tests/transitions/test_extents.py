@@ -8,7 +8,7 @@ import pytest
 from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic, Record
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from transitions.extents import extents
+from transitions.record import extents
 
 
 def oscillator(c, upper=100.0):

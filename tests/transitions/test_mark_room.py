@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from transitions.diagram.section_points import ROOM, with_room
+from transitions.figures.section import ROOM, with_room
 from transitions.section.view import Mark
 
 
 def axes_of_points():
     """Axes whose data coordinates are points of type."""
-    from branches.diagram.style import new_figure
+    from branches.figures.style import new_figure
 
     figure = new_figure(3.0)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -43,7 +43,7 @@ def test_orbits_are_drawn_that_have_room_beside_those_before_them():
 def test_a_picture_says_how_many_orbits_it_marks():
     """Two orbits at one place have room for one."""
     from bvp.system import vibro_impact_nes
-    from transitions.diagram.section_picture import section_figure
+    from transitions.figures.section import section_figure
     from transitions.section.section import section
     from transitions.section.view import SectionView
 

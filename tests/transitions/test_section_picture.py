@@ -7,8 +7,7 @@ import pytest
 from matplotlib.text import Text
 
 from bvp.system import vibro_impact_nes
-from transitions.diagram.section_picture import section_figure
-from transitions.diagram.section_points import has_images, robust_limits
+from transitions.figures.section import has_images, robust_limits, section_figure
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import Rotations, rotations
 from transitions.section.section import section

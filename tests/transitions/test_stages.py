@@ -18,9 +18,8 @@ from transitions.following import Around, Match, family_intervals, partner, stea
 from transitions.kernels.ridges import link
 from transitions.ridges import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
 from transitions.spectrum import Wavelet, morlet_spectrum
-from transitions.stage import Follows, Stage, changes, stages_as_data
+from transitions.stage import Follows, Stage, StartFamily, changes, stages_as_data, why_another
 from transitions.stages import spectrum_of, stages_of
-from transitions.start_family import StartFamily, why_another
 
 GAP = (1.0, -1.0)
 STEP = 0.02

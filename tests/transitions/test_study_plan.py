@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from transitions.study.plan import Axis, Plan
 from transitions.study.runs import block_columns
-from transitions.study.study import DamagedBlock, ForeignBlock, Study, block_path, read_block, write_block, write_plan
-from transitions.study.summary import bins_of
+from transitions.study.study import DamagedBlock, ForeignBlock, Study, bins_of, block_path, read_block, write_block, write_plan
 
 SYSTEM = {"model": "vibro_impact_nes", "mu": 0.1, "sigma": 0.1, "lam": 0.01, "rho": 0.7}
 

@@ -21,7 +21,7 @@ from transitions.section.section import Section
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue
-    from branches.export.table_files import Table
+    from branches.export.tables import Table
     from branches.orbit import Orbit
     from bvp.cycle import Cycle
 

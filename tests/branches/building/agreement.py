@@ -4,7 +4,7 @@ import numpy as np
 
 from branches.building.work import ends_of
 from branches.catalogue import Catalogue
-from branches.catalogue.identify import KnownFamilies
+from branches.catalogue.members import KnownFamilies
 from branches.search.discovery import discover
 
 SAME = 1e-6

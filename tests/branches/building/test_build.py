@@ -16,8 +16,7 @@ from branches.building.build import build
 from branches.building.plan import Bounds, Plan
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check_catalogue
-from branches.catalogue.errors import CatalogueDamaged, CatalogueError
-from branches.catalogue.opening import checksum
+from branches.catalogue.database import CatalogueDamaged, CatalogueError, checksum
 from tests.branches.building.agreement import Families, decided_stability
 from tests.branches.building.meetings import unanswered
 from tests.branches.building.test_frontier import Serial

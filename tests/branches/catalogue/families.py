@@ -7,7 +7,7 @@ import numpy as np
 
 import saltus
 from branches.branch import Ended
-from branches.catalogue.event_orbits import event_orbit
+from branches.catalogue.members import event_orbit
 from bvp.multipoint import MultipointProblem
 
 HIGH = 20.0

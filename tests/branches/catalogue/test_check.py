@@ -8,7 +8,7 @@ import pytest
 import saltus
 from branches.catalogue import Edge, EventOrbit
 from branches.catalogue.check import check_catalogue
-from branches.catalogue.event_orbits import distance_from_orbit, event_orbit, seen_from, switch_edge
+from branches.catalogue.members import distance_from_orbit, event_orbit, seen_from, switch_edge
 from branches.tracing import follow_family
 from tests.branches.catalogue.families import real, scene
 
@@ -137,7 +137,7 @@ def test_an_orbit_is_known_in_all_its_images():
 
 def test_an_orbit_is_seen_from_the_problems_that_it_solves():
     """Oracle: the residual of each problem; a quarter-period orbit as half a period from either end, as a period, and mirrored."""
-    from branches.catalogue.event_orbits import unknowns_of
+    from branches.catalogue.members import unknowns_of
     from bvp.multipoint import MultipointProblem
 
     branch = real()[0]

@@ -180,7 +180,7 @@ def test_a_pin_finds_a_label_that_is_counted_otherwise(catalogue):
 def test_an_orbit_is_known_by_its_family(catalogue):
     """Oracle: the family that it was taken from: as it stands, started at its far end, and mirrored; the twin of half its period is
     another; an orbit of a family that is not kept is none."""
-    from branches.catalogue.event_orbits import seen_from, unknowns_of
+    from branches.catalogue.members import seen_from, unknowns_of
     from branches.orbit import Orbit
     from bvp.multipoint import MultipointProblem
 

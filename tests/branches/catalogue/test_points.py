@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from branches.catalogue.points import QUERIED, as_floats, as_integers, decode, encode, folded, queried, queried_rows, unfolded
+from branches.catalogue.packing import QUERIED, as_floats, as_integers, decode, encode, folded, queried, queried_rows, unfolded
 from tests.branches.catalogue.families import real, same_columns
 
 ANY = arrays(np.uint64, array_shapes(min_dims=2, max_dims=2, min_side=0, max_side=12), elements=st.integers(0, 2**64 - 1))
@@ -71,7 +71,7 @@ def test_what_others_give_takes_no_room():
 
 def test_a_prediction_that_is_off_by_rounding_moves_the_numbers_by_as_much(monkeypatch):
     """Oracle: two neighbouring floats."""
-    from branches.catalogue import points
+    from branches.catalogue import packing as points
 
     branch = real()[1]
     arrays, layout = encode(branch.points, branch.problem)

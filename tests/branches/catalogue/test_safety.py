@@ -18,7 +18,7 @@ import pytest
 import saltus
 from branches.catalogue import CatalogueDamaged, CatalogueError, CatalogueInUse, Edge, Node
 from branches.catalogue.check import check_catalogue
-from branches.catalogue.errors import translated
+from branches.catalogue.database import translated
 from branches.files import WriteFailure
 from tests.branches.catalogue.families import real, renamed, same_columns, scene
 

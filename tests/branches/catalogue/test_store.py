@@ -171,7 +171,7 @@ def test_label_and_energy_hold_together(path):
 
 def edge():
     """The symmetry breaking of S13O00+ as an edge."""
-    from branches.catalogue import event_orbits
+    from branches.catalogue import members as event_orbits
 
     backbone, *_, born = real()
     event = next(event for event in backbone.events if event.id == "SB1")

@@ -10,7 +10,7 @@ import pytest
 import saltus
 from branches.catalogue import Catalogue, CatalogueError, Edge, Node
 from branches.catalogue.check import check_catalogue
-from branches.catalogue.event_orbits import orbit_of_event, switch_edge
+from branches.catalogue.members import orbit_of_event, switch_edge
 from branches.catalogue.widening import CannotWiden, Kept, holds
 from tests.branches.catalogue.families import linear_mode, real, same_columns, scene
 

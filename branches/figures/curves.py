@@ -7,24 +7,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.diagram.room import Room, even_points, one_in_cell
-from branches.diagram.style import BLACK, BLUE, EVENT_STYLES, GREY, VERMILION, event_style
+from branches.figures.room import Room, even_points, one_in_cell
+from branches.figures.style import BLACK, BLUE, EVENT_STYLES, GREY, VERMILION, event_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.lines import Line2D
 
 __all__ = [
-    "DrawnCurve",
-    "curve_runs",
-    "draw_curve",
-    "draw_events",
-    "draw_events_with_room",
-    "legend_entries",
-    "smooth",
-    "thinned",
+    "DrawnCurve", "curve_runs", "draw_curve", "draw_events", "draw_events_with_room", "legend_entries", "smooth", "thinned",
     "visible_codes",
-]
+]  # fmt: skip
 
 STABILITY = {1: "stable", 0: "unstable", -1: "undecided"}
 _LINE: dict[int, dict[str, Any]] = {

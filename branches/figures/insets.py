@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.diagram.room import Room, overlapping
-from branches.diagram.style import BLACK, GREY, SMALL, limits_of, set_axis
+from branches.figures.room import Room, overlapping
+from branches.figures.style import BLACK, GREY, SMALL, limits_of, set_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

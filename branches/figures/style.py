@@ -1,13 +1,17 @@
-"""The look that all figures share: sizes in print, fonts, Okabe and Ito's colours (safe for the colour-blind), markers, axes, legend."""
+"""The look that all figures share: sizes in print, fonts, colours that are safe for the colour-blind, markers, axes, legend, files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+import os
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
+
+from branches.files import picture_format, replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -211,3 +215,27 @@ def _logarithmic_ticks(low: float, high: float, count: int) -> tuple[Locator, Lo
     plain = low > 1e-5 and high < 1e6
     texts = StrMethodFormatter("{x:g}") if plain else LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
     return LogLocator(subs=subs, numticks=count + 1), LogLocator(subs=range(2, 10), numticks=count + 1), texts
+
+
+_UNDATED: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
+
+
+def draw(make: Callable[[], Figure], path_or_file: str | os.PathLike[str] | IO[bytes], format: str | None = None) -> None:
+    """Make a figure and write it without a date, both with the settings of figures. The format is checked first.
+
+    Raises
+    ------
+    ValueError
+        For an unknown format.
+    WriteFailure
+        If the file cannot be written. An old file is then unchanged.
+    """
+    kind = picture_format(path_or_file, format)
+    picture = io.BytesIO()
+    with picture_settings():
+        make().savefig(picture, format=kind, metadata=_UNDATED[kind])
+    if hasattr(path_or_file, "write"):
+        path_or_file.write(picture.getvalue())
+        return
+    with replacing(path_or_file) as beside:
+        beside.write_bytes(picture.getvalue())

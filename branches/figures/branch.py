@@ -10,11 +10,10 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.curves import DrawnCurve, curve_runs, draw_curve, draw_events, legend_entries, smooth, visible_codes
-from branches.diagram.files import draw
-from branches.diagram.room import Room
-from branches.diagram.style import event_style, legend_below, limits_of, new_figure, picture_settings, set_axis, settle_layout
-from branches.diagram.titles import family_text, symbol_of, system_text, velocity_symbol
+from branches.figures.curves import DrawnCurve, curve_runs, draw_curve, draw_events, legend_entries, smooth, visible_codes
+from branches.figures.room import Room
+from branches.figures.style import draw, event_style, legend_below, limits_of, new_figure, picture_settings, set_axis, settle_layout
+from branches.figures.titles import family_text, symbol_of, system_text, velocity_symbol
 from bvp.shown import shown as in_words
 
 if TYPE_CHECKING:

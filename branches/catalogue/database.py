@@ -1,22 +1,224 @@
-"""Connections to the SQLite file of a catalogue, and its tables.
+"""The SQLite file of a catalogue: connections, tables, one writer at a time, and errors in the user's words.
 
-``docs/reference/catalogue.md`` describes every column. Columns of numbers have no declared type, so SQLite keeps every float64 as it is, also the
+``docs/catalogue.md`` describes every column. Columns of numbers have no declared type, so SQLite keeps every float64 as it is, also the
 sign of a zero. NaN is stored as NULL.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import sqlite3
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from branches.catalogue.errors import CatalogueDamaged, CatalogueError, translated
-from branches.files import is_special
+from branches.files import WriteFailure, is_special, reason
+from bvp.shown import shown
 
-__all__ = ["KEYED", "SCHEMA", "checksum", "close_settled", "create_tables", "open_to_read", "open_to_write", "refuse_special", "schema_of"]
+__all__ = [
+    "KEYED", "SCHEMA", "CatalogueDamaged", "CatalogueError", "CatalogueInUse", "WriterLock", "checksum", "close_settled",
+    "create_tables", "not_taken", "open_to_read", "open_to_write", "readable", "refuse_special", "schema_of", "translated",
+]  # fmt: skip
+
+class CatalogueError(ValueError):
+    """A file that cannot be used as a catalogue, or a wrong argument."""
+
+
+class CatalogueDamaged(CatalogueError):
+    """A part of a catalogue cannot be trusted. The message names the part."""
+
+
+class CatalogueInUse(CatalogueError):
+    """Another process writes the catalogue. The message names the process."""
+
+
+_MESSAGES: tuple[tuple[str, type[Exception], str], ...] = (
+    ("SQLITE_FULL", WriteFailure, "cannot write {path}: no space is left on the device; what it held is whole"),
+    ("SQLITE_READONLY", WriteFailure, "cannot write {path}: it, or its directory, is read-only"),
+    ("SQLITE_(BUSY|LOCKED)", CatalogueInUse, "{path} is being read or written by another program; try again when it has finished"),
+    (
+        "SQLITE_IOERR_(WRITE|FSYNC|TRUNCATE|SHMSIZE)",
+        WriteFailure,
+        "cannot write {path}: the system refused to write it, or the files -wal and -shm beside it{limit}; what it held is whole",
+    ),
+    ("SQLITE_NOTADB", CatalogueDamaged, "{path} is no catalogue: it is no SQLite file"),
+    ("SQLITE_CANTOPEN", CatalogueError, "cannot open {path}, or the files -wal and -shm beside it"),
+    ("SQLITE_CORRUPT", CatalogueDamaged, "{path} is damaged or cut short: {error}"),
+    ("SQLITE_IOERR", CatalogueDamaged, "{path} is damaged: {error}"),
+    (".*closed database", CatalogueError, "the catalogue {path} is closed; expected one that is open"),
+    (".*no such", CatalogueDamaged, "{path} is damaged: it has {error}"),
+    (".*Could not decode", CatalogueDamaged, "{path} is damaged: {error}"),
+)
+"""Regular expressions for SQLite's error code and text, with the error to raise. The first match counts."""
+
+
+def not_taken(expected: str, value: object) -> CatalogueError:
+    """The error for an argument of the wrong type.
+
+    Examples
+    --------
+    >>> print(not_taken("a catalogue is the name of a file", 3))
+    a catalogue is the name of a file; received 3
+    """
+    return CatalogueError(f"{expected}; received {shown(value)}")
+
+
+@contextmanager
+def readable(path: Path, what: str) -> Iterator[None]:
+    """Report a part of a catalogue as damaged if the block cannot interpret it.
+
+    Raises
+    ------
+    CatalogueDamaged
+    """
+    try:
+        yield
+    except CatalogueError:
+        raise
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise CatalogueDamaged(f"{path} is damaged: {what} cannot be read") from error
+
+
+@contextmanager
+def translated(path: Path) -> Iterator[None]:
+    """Report SQLite's errors in the user's words.
+
+    Parameters
+    ----------
+    path : Path
+        The file that the block reads or writes.
+
+    Raises
+    ------
+    CatalogueError, CatalogueDamaged
+        If the file cannot be read.
+    WriteFailure
+        If the file cannot be written. It keeps what it held.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        text = " ".join(str(error).split())
+        code = getattr(error, "sqlite_errorname", None) or ""
+        for pattern, kind, message in _MESSAGES:
+            if re.match(pattern, f"{code} {text}"):
+                raise kind(message.format(path=path, error=f"{text[:1].lower()}{text[1:80]}", limit=_limit())) from error
+        raise
+
+
+def _limit() -> str:
+    """The limit on the size of files, if there is one: SQLite does not report whether it was the reason."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return ""
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return "" if limit == resource.RLIM_INFINITY else f"; no file may be larger than {limit} bytes here (ulimit -f)"
+
+
+_held: dict[str, int] = {}
+"""Locks by path, with the number of the process that holds them. The system's locks belong to a process and would admit it twice. A forked
+process has a copy of this, but none of the locks."""
+
+
+class WriterLock:
+    """Hold FILE.lock while FILE is written.
+
+    A record lock (`fcntl.lockf`) belongs to a process and ends with it, also if it is killed. Forked workers do not inherit it. So a file
+    that a killed process left behind locks nothing.
+
+    Parameters
+    ----------
+    path : Path
+        The file that will be written.
+
+    Raises
+    ------
+    CatalogueInUse
+        Naming the process that writes it: its number, host, and since when.
+    WriteFailure
+        If the directory cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path.with_name(path.name + ".lock")
+        self._process = os.getpid()
+        key = str(self._path)
+        if _held.get(key) == self._process:
+            raise CatalogueInUse(f"{path} is being written by this very process ({self._process})")
+        while True:
+            try:
+                # Not truncated: its note may name the writer.
+                self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
+            except OSError as error:
+                raise WriteFailure(f"cannot write {path}: {reason(error)}") from error
+            try:
+                _lock(self._file)
+            except OSError:
+                holder = _holder(self._file)
+                os.close(self._file)
+                raise CatalogueInUse(f"{path} is being written by {holder}; expected one writer at a time") from None
+            # The last holder may have removed the file between the two calls. Then another file counts.
+            if _same(self._file, self._path):
+                break
+            os.close(self._file)
+        import datetime
+        import socket
+
+        since = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
+        note = json.dumps({"process": self._process, "host": socket.gethostname(), "since": since}).encode()
+        try:
+            os.ftruncate(self._file, 0)
+            os.lseek(self._file, 0, os.SEEK_SET)
+            os.write(self._file, note)
+        except OSError:
+            # A full disk cannot take the note. The lock holds without it.
+            pass
+        _held[key] = self._process
+
+    def release(self) -> None:
+        """Release the lock. A process that was forked from the holder's does nothing."""
+        if self._file < 0 or os.getpid() != self._process:
+            return
+        self._path.unlink(missing_ok=True)
+        os.close(self._file)
+        self._file = -1
+        _held.pop(str(self._path), None)
+
+
+def _lock(file: int) -> None:
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        import msvcrt
+
+        # Far behind the note, so that it can be read.
+        os.lseek(file, 1 << 20, os.SEEK_SET)
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+    else:
+        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _same(file: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(file), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _holder(file: int) -> str:
+    """The holder of the lock, as the note names it."""
+    try:
+        os.lseek(file, 0, os.SEEK_SET)
+        note: Any = json.loads(os.read(file, 4096))
+        return f"process {note['process']} on {note['host']} since {note['since']}"
+    except (ValueError, KeyError, TypeError, OSError):
+        return "another process"
+
 
 SCHEMA = 3
 """SQLite's user_version of a catalogue."""

@@ -7,8 +7,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.files import draw
-from branches.diagram.style import (
+from branches.figures.style import (
     BLACK,
     BLUE,
     GREY,
@@ -16,13 +15,14 @@ from branches.diagram.style import (
     PALE,
     SMALL,
     VERMILION,
+    draw,
     limits_of,
     new_figure,
     picture_settings,
     set_axis,
     settle_layout,
 )
-from branches.diagram.titles import family_text, gap_symbol, symbol_of, system_text, velocity_symbol
+from branches.figures.titles import family_text, gap_symbol, symbol_of, system_text, velocity_symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""Pictures of a study: a result over two parameters, against each parameter, and about the best run."""
+"""Figures of a study: a result over two parameters, against each parameter, and about the best run."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.files import draw
-from branches.diagram.style import (
+from branches.figures.style import (
     BLACK,
     BLUE,
     GREY,
     LINES,
     PALE,
     VERMILION,
+    draw,
     legend_below,
     limits_of,
     new_figure,
     picture_settings,
     set_axis,
 )
-from branches.diagram.titles import symbol_of
+from branches.figures.titles import symbol_of
 from transitions.study.plan import Axis
-from transitions.study.summary import along, numeric_axes, over
+from transitions.study.study import along, numeric_axes, over
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,19 +10,18 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.atlas_data import EVENTS
-from branches.diagram.curves import curve_runs, draw_curve, draw_events_with_room, legend_entries, visible_codes
-from branches.diagram.files import draw
-from branches.diagram.insets import Inset, draw_inset, place_insets
-from branches.diagram.names import Named, names_of, write_names
-from branches.diagram.room import Room
-from branches.diagram.style import (
+from branches.figures.atlas_data import EVENTS
+from branches.figures.curves import curve_runs, draw_curve, draw_events_with_room, legend_entries, visible_codes
+from branches.figures.insets import Inset, draw_inset, place_insets
+from branches.figures.room import Named, Room, names_of, write_names
+from branches.figures.style import (
     BLACK,
     GREEN,
     NORMAL,
     ORANGE,
     SMALL,
     YELLOW,
+    draw,
     legend_below,
     limits_of,
     new_figure,
@@ -30,7 +29,7 @@ from branches.diagram.style import (
     set_axis,
     settle_layout,
 )
-from branches.diagram.titles import system_text, velocity_symbol
+from branches.figures.titles import system_text, velocity_symbol
 from bvp.shown import shown as in_words
 
 if TYPE_CHECKING:
@@ -38,19 +37,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
 
-    from branches.diagram.atlas_data import Atlas, Curve
+    from branches.figures.atlas_data import Atlas, Curve
 
 __all__ = [
-    "MOST_NAMES",
-    "atlas_figure",
-    "draw_atlas",
-    "draw_modes",
-    "draw_velocities",
-    "frequency_curve",
-    "mode_names",
-    "runs_of",
+    "MOST_NAMES", "atlas_figure", "draw_atlas", "draw_modes", "draw_velocities", "frequency_curve", "mode_names", "runs_of",
     "velocities_figure",
-]
+]  # fmt: skip
 
 FREQUENCIES = ("index", "fundamental")
 MOST_NAMES, MOST_VELOCITY_NAMES = 60, 30

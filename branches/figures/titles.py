@@ -1,22 +1,125 @@
-"""Which families of a picture the names are for that a scene pins, and where on them."""
+"""What a figure calls its system, its family and their coordinates, and which families have the names that a scene cites."""
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from branches.naming.label import Label
 from branches.naming.labels import matches, parse, parse_name
 from branches.naming.reference_points import PIN_TOLERANCE, Track, fits_otherwise, nearest_crossing, reaches
+from branches.sequences import PERIODIC
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.naming.reference_points import Pin
 
 __all__ = ["PinnedName", "pinned_names"]
+
+_GREEK = {"mu": r"\mu", "sigma": r"\sigma", "lam": r"\lambda", "rho": r"\rho", "alpha": r"\alpha"}
+
+
+def _letter_and_number(name: str) -> tuple[str, str] | None:
+    parts = re.fullmatch(r"([A-Za-z]|mu|sigma|lam|rho|alpha)_?(\d*)", name)
+    return (_GREEK.get(parts[1], parts[1]), f"_{{{parts[2]}}}" if parts[2] else "") if parts else None
+
+
+def symbol_of(name: str) -> str:
+    """Math symbol of a coordinate or a parameter: a letter or Greek name with a number becomes an index.
+
+    Examples
+    --------
+    >>> symbol_of("u12"), symbol_of("sigma"), symbol_of("hull_x")
+    ('u_{12}', '\\\\sigma', '\\\\mathrm{hull\\\\_x}')
+    """
+    parts = _letter_and_number(name)
+    if parts:
+        return "".join(parts)
+    return r"\mathrm{" + re.sub(r"[\\^~]|([$#%&_{} ])", lambda m: "\\" + m[1] if m[1] else "", name) + "}"
+
+
+def velocity_symbol(name: str) -> str:
+    """Math symbol of a coordinate's velocity.
+
+    Examples
+    --------
+    >>> velocity_symbol("u1"), velocity_symbol("hull")
+    ('\\\\dot{u}_{1}', "\\\\mathrm{hull}'")
+    """
+    parts = _letter_and_number(name)
+    return rf"\dot{{{parts[0]}}}{parts[1]}" if parts else symbol_of(name) + "'"
+
+
+def system_text(system: Any) -> str:
+    """The system in a title's words: the parameters of its model, or its size where it is given by matrices."""
+    described = system.describe()
+    numbers = {k: v for k, v in described.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
+    if numbers:
+        return ", ".join(rf"${symbol_of(k)} = {v:.6g}$" for k, v in numbers.items())
+    n, stops = len(system.coordinates), len(system.stops)
+    return f"{n} degree{'s' * (n != 1)} of freedom, {stops} stop{'s' * (stops != 1)}"
+
+
+_SHORTEST = 4  # digits of a hash
+
+
+def short_ids(ids: Iterable[str]) -> dict[str, str]:
+    """Short texts for the ids of families in one picture: the first digits of the hash, as many as tell it from the others.
+
+    Examples
+    --------
+    >>> short_ids(["rest-stop+::2c49f5ff", "rest-stop+::87c63b1c", "stop+-stop+:-:2c49a000"])
+    {'rest-stop+::2c49f5ff': '#2c49f', 'rest-stop+::87c63b1c': '#87c6', 'stop+-stop+:-:2c49a000': '#2c49a'}
+    """
+    hashes = {id: id.rpartition(":")[2] for id in ids}
+    counts = Counter(text[:n] for text in set(hashes.values()) for n in range(_SHORTEST, len(text) + 1))
+    out = {}
+    for id, text in hashes.items():
+        n = next((n for n in range(_SHORTEST, len(text)) if counts[text[:n]] == 1), len(text))
+        out[id] = f"#{text[:n]}"
+    return out
+
+
+def family_text(label: str, ends: tuple[str, str], sequence: str) -> str:
+    """What a title calls a family: its label as LaTeX, or its ends and impact sequence where it has no label.
+
+    Examples
+    --------
+    >>> family_text("", ("rest", "stop"), "++"), family_text("", ("periodic", "periodic"), "++")
+    ('rest to stop, sequence ++', 'orbits without a reversal, sequence ++')
+    """
+    if label:
+        from branches.naming.labels import latex, parse
+
+        return latex(parse(label))
+    shown = sequence if len(sequence) <= 24 else f"{sequence[:18]}\N{HORIZONTAL ELLIPSIS} ({len(sequence)} letters)"
+    if ends == PERIODIC:
+        return f"orbits without a reversal, sequence {shown}".replace("-", "\N{MINUS SIGN}")
+    return f"{ends[0]} to {ends[1]}" + (f", sequence {shown}" if shown else "").replace("-", "\N{MINUS SIGN}")
+
+
+def gap_symbol(gap: tuple[float, ...], coordinates: tuple[str, ...]) -> str:
+    """Math symbol of a gap coordinate c . u; one of more than three terms is called w.
+
+    Examples
+    --------
+    >>> gap_symbol((1.0, -1.0), ("u1", "u2")), gap_symbol((0.0, 2.5), ("u1", "u2"))
+    ('u_{1} - u_{2}', '2.5\\\\,u_{2}')
+    """
+    terms = [(c, symbol_of(name)) for c, name in zip(gap, coordinates, strict=True) if c]
+    if len(terms) > 3:
+        return "w"
+    text = ""
+    for c, symbol in terms:
+        size = "" if abs(c) == 1 else rf"{abs(c):.4g}\,"
+        sign = ("-" if c < 0 else "") if not text else (" - " if c < 0 else " + ")
+        text += f"{sign}{size}{symbol}"
+    return text
 
 
 class PinnedName(NamedTuple):

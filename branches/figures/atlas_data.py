@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.diagram.pinned import pinned_names
+from branches.figures.titles import pinned_names
 from branches.naming.labels import spelled
 from bvp.shown import shown
 
@@ -162,7 +162,7 @@ def atlas_of(
     branches : iterable of Branch
         Of this system.
     pinned : mapping of names to {"h", "alpha"}
-        Names that are written first where there is no room for all; see `branches.diagram.pinned.pinned_names`.
+        Names that are written first where there is no room for all; see `branches.figures.titles.pinned_names`.
     manifold, impulsive : as `branches.impulsive` makes them, optional
     bounds : sequence of Bound
         Bounds of regimes, as from `regime_bounds`.
