@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from branches.catalogue import Node as Node
     from branches.catalogue.members import switch_edge as switch_edge
     from branches.catalogue.packing import pack_family as pack_family
-    from branches.figures import atlas_of as atlas_of
-    from branches.figures import draw_atlas as draw_atlas
-    from branches.export import read_atlas as read_atlas
-    from branches.export import write_atlas as write_atlas
+    from branches.export.figure_data import read_atlas as read_atlas
+    from branches.export.figure_data import write_atlas as write_atlas
+    from branches.figures.atlas import draw_atlas as draw_atlas
+    from branches.figures.atlas_data import atlas_of as atlas_of
     from branches.grazing.at_linear_modes import families_at as families_at
     from branches.grazing.following import Neighbour as Neighbour
     from branches.grazing.following import neighbours as neighbours
@@ -52,13 +52,13 @@ if TYPE_CHECKING:
     from saltus.families import trace as trace
     from saltus.scene import Scene as Scene
     from saltus.scene import load_scene as load_scene
-    from transitions.figures.transition import draw_transition as draw_transition
     from transitions.empirical import decompose as decompose
-    from transitions.record import extents as extents
     from transitions.families import families_of as families_of
+    from transitions.figures.transition import draw_transition as draw_transition
     from transitions.ground_motion import Ground as Ground
     from transitions.ground_motion import record_text as record_text
     from transitions.ground_motion import synthetic_record as synthetic_record
+    from transitions.record import extents as extents
     from transitions.record import sampled as sampled
     from transitions.section.section import Section as Section
     from transitions.section.section import section as section
@@ -79,8 +79,9 @@ _HOME = {
     "branches.catalogue": "Catalogue Edge Node",
     "branches.catalogue.members": "switch_edge",
     "branches.catalogue.packing": "pack_family",
-    "branches.figures": "atlas_of draw_atlas",
-    "branches.export": "read_atlas write_atlas",
+    "branches.figures.atlas": "draw_atlas",
+    "branches.figures.atlas_data": "atlas_of",
+    "branches.export.figure_data": "read_atlas write_atlas",
     "branches.grazing.at_linear_modes": "families_at",
     "branches.grazing.following": "Neighbour neighbours",
     "branches.impulsive": "impulsive_manifold impulsive_orbits",
@@ -99,10 +100,9 @@ _HOME = {
     "saltus.scene": "Scene load_scene",
     "transitions.figures.transition": "draw_transition",
     "transitions.empirical": "decompose",
-    "transitions.record": "extents",
     "transitions.families": "families_of",
     "transitions.ground_motion": "Ground record_text synthetic_record",
-    "transitions.record": "sampled",
+    "transitions.record": "extents sampled",
     "transitions.section.section": "Section section",
     "transitions.sharing": "Sharing sharing_of",
     "transitions.stage": "changes",

@@ -187,7 +187,7 @@ def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:
         return json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False)
 
     def plot(path: Path) -> None:
-        from branches.figures import draw_branch
+        from branches.figures.branch import draw_branch
 
         draw_branch(branch, path, frequency=frequency)
 

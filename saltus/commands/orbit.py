@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.record import orbit_to_csv, orbit_to_json
 
     def plot(path: Path) -> None:
-        from branches.figures import draw_orbit
+        from branches.figures.orbit import draw_orbit
 
         draw_orbit(orbit, path)
 

@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
         orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
 
     def plot(path: Path) -> None:
-        from branches.figures import draw_orbit
+        from branches.figures.orbit import draw_orbit
 
         assert orbit is not None
         draw_orbit(orbit, path)

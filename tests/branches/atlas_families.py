@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from branches.figures import atlas_of, regime_bounds
+from branches.figures.atlas_data import atlas_of, regime_bounds
 from branches.impulsive import impulsive_manifold, impulsive_orbits
 from branches.tracing import follow_family
 from bvp.system import vibro_impact_nes

@@ -14,8 +14,9 @@ from matplotlib.lines import Line2D
 from scipy.linalg import eigh
 
 from branches.export.figure_data import ExportError, read_atlas, write_atlas
-from branches.figures import atlas_figure, atlas_of, draw_atlas, draw_velocities, parse_inset, regime_bounds, rescaled, velocities_figure
-from branches.figures.atlas_data import EVENTS, thresholds_of
+from branches.figures.atlas import atlas_figure, draw_atlas, draw_velocities, velocities_figure
+from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescaled, thresholds_of
+from branches.figures.insets import parse_inset
 from branches.figures.room import even_points, overlapping, short_name
 from branches.figures.style import legend_below
 from branches.naming.labels import canonical_label, parse

@@ -11,22 +11,21 @@ from matplotlib.text import Text
 
 import saltus
 from branches.catalogue import Catalogue
-from branches.figures import atlas_of
+from branches.export.figure_data import ExportError, read_atlas, write_atlas
+from branches.figures.atlas_data import atlas_of
 from branches.figures.room import short_name
-from branches.export import ExportError, read_atlas, write_atlas
 from bvp.damped import simulate
 from bvp.forcing import Harmonic
 from tests.branches.test_diagram import ticks_outside
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
-from transitions.figures.transition import gradual_energy, over_energy, shown_spectrum
-from transitions.figures.transition import draw_transition, transition_figure
 from transitions.families import families_of
+from transitions.figures.transition import draw_transition, gradual_energy, over_energy, shown_spectrum, transition_figure
 from transitions.record import Record, sampled
 from transitions.sharing import sharing_of
 from transitions.spectrum import Wavelet
-from transitions.stages import stages_of
 from transitions.stage import Leaving, StartFamily
+from transitions.stages import stages_of
 from transitions.transition import Transition, atlas_behind, read_transition, write_transition
 
 DAMPED = saltus.vibro_impact_nes(mu=0.1, sigma=0.1, lam=0.02, rho=0.9)
