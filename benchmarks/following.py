@@ -22,13 +22,11 @@ from benchmarks.measure import Spread, processor_time, spread
 from branches.family import Family
 from branches.tracing import SETTINGS
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
-from continuation.control import kinds_of
-from continuation.ends import End, EndReason
-from continuation.engine import Allowance, first_step, walk
+from continuation.control import Settings, kinds_of
+from continuation.engine import Allowance, first_step, follow_in_blocks
 from continuation.location import Location
 from continuation.points import PlainPoints
-from continuation.problem import Advance, Event, EventDetails, Point, Problem, Step, Test
-from continuation.settings import Settings
+from continuation.problem import Advance, End, EndReason, Event, EventDetails, Point, Problem, Step, TestFunction
 
 __all__ = ["BareFamily", "Layers", "RecordedFamily", "Run", "compiled_calls", "layers_of", "least_time", "timed_run", "timed_runs"]
 
@@ -49,7 +47,7 @@ class BareFamily(Family):
 
     def __init__(self, problem: MultipointProblem) -> None:
         super().__init__(problem)
-        self._tests = (Test("SN", "crossing", False, "fold in the energy", True),)
+        self._tests = (TestFunction("SN", "crossing", False, "fold in the energy", True),)
         self._kinds = np.array(kinds_of(self._tests))
         self._full = False
 
@@ -163,7 +161,7 @@ def timed_run(family: Problem, start: Step, points: int, settings: Settings = SE
     first = first_step(family, start, 1)
     if isinstance(first, str):
         raise RuntimeError(first)
-    run = walk(family, first, settings, None, (), allowance)
+    run = follow_in_blocks(family, first, settings, None, (), allowance)
     next(run)
     found: list[Sequence[Point]] = []
     count = 0

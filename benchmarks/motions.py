@@ -23,7 +23,7 @@ from scipy.integrate import solve_ivp
 import saltus
 from benchmarks.measure import timed
 from benchmarks.report import Table, machine, number, show
-from bvp.fast_path import fast_path_numbers, fast_path_runs
+from bvp.fast_path import fast_path_numbers, run_fast_path
 from bvp.system import vibro_impact_nes
 from saltus.arguments import whole_above_zero
 from saltus.errors import DONE
@@ -272,7 +272,7 @@ def tail_time(energies: np.ndarray) -> tuple[float, float]:
     def seconds(most: Any) -> tuple[float, np.ndarray]:
         """Least seconds of three, and the impacts of each run."""
         runs = partial(
-            fast_path_runs, numbers[None], which, states, energies, duration=1e4, to_rest=True, max_impacts=most, fractions=(0.5, 0.9, 0.99)
+            run_fast_path, numbers[None], which, states, energies, duration=1e4, to_rest=True, max_impacts=most, fractions=(0.5, 0.9, 0.99)
         )
         found = [timed(runs) for _ in range(3)]
         return min(seconds for _, seconds in found), found[0][0].impacts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bvp.cycle import Cycle
+from bvp.closures import Cycle
 from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import scaled_arguments, sort_multipliers
 from bvp.system import ImpactSystem

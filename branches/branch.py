@@ -16,8 +16,7 @@ from branches.events import BranchEvent, Ended
 from branches.full_family import FullFamily, Piece, full_family
 from branches.orbit import Orbit
 from branches.sequences import format_sequence
-from bvp.checks import real
-from bvp.frozen import Frozen
+from bvp.checks import Frozen, real
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.shown import shown
 
@@ -93,7 +92,7 @@ class Branch:
     @property
     def sequence(self) -> str:
         """Contacts hit inside each solved segment."""
-        return format_sequence(self.problem.word)
+        return format_sequence(self.problem.sequence)
 
     @cached_property
     def label(self) -> str:

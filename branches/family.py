@@ -19,15 +19,14 @@ from branches.kernels.advance import Block, advance_block
 from branches.markers import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, two_dof_tests
 from branches.naming.labels import ImpossibleLabelError, Label, label_of
 from branches.steps import AdvancedSteps, step_of
-from bvp.frozen import changeable
+from bvp.checks import changeable
 from bvp.kernels import segment as kernel
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
-from continuation.branch_point import refine_branch_point
-from continuation.control import Control, kinds_of
-from continuation.problem import Advance, EventDetails, Point, Step, Test
-from continuation.settings import Settings
+from continuation.control import Control, Settings, kinds_of
+from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
+from continuation.switching import refine_branch_point
 
 if TYPE_CHECKING:
     from continuation.location import Location
@@ -49,9 +48,9 @@ _SHORT = 1e-3
 _ALONG = 0.9  # cosine of the angle up to which two directions of the unknowns are one
 
 _GRAZING = (
-    (Test("GR", "guard", True, "a flight touches a stop"), "touches", describe_touch),
-    (Test("GR", "guard", True, "the speed of an impact reaches zero"), "vanishes", describe_vanishing),
-    (Test("GR", "guard", True, "a flight time reaches zero"), "merge", describe_merging),
+    (TestFunction("GR", "guard", True, "a flight touches a stop"), "touches", describe_touch),
+    (TestFunction("GR", "guard", True, "the speed of an impact reaches zero"), "vanishes", describe_vanishing),
+    (TestFunction("GR", "guard", True, "a flight time reaches zero"), "merge", describe_merging),
 )
 """The three ways of grazing: the test function, the word that tells the way's notes, and what describes it."""
 
@@ -122,15 +121,15 @@ class Family:
         self.problem = problem
         self.energy = energy
         tests = [
-            Test("SN", "crossing", False, "fold in the energy", True),
-            Test("BP", "crossing", False, "branch point", True, ("SN", "SB"), _SINGULAR),
+            TestFunction("SN", "crossing", False, "fold in the energy", True),
+            TestFunction("BP", "crossing", False, "branch point", True, ("SN", "SB"), _SINGULAR),
             *(test for test, _, _ in _GRAZING),
-            Test("EP", "guard", True, "lowest energy asked for"),
-            Test("EP", "guard", True, "highest energy asked for"),
-            Test("EP", "guard", True, "longest quarter period asked for"),
-            Test("IO", "crossing", False, "impulsive orbit at the start", False, ("LB",)),
-            Test("IO", "crossing", False, "impulsive orbit at the half period", False, ("LB",)),
-            Test("LB", "change", False, "the label changes"),
+            TestFunction("EP", "guard", True, "lowest energy asked for"),
+            TestFunction("EP", "guard", True, "highest energy asked for"),
+            TestFunction("EP", "guard", True, "longest quarter period asked for"),
+            TestFunction("IO", "crossing", False, "impulsive orbit at the start", False, ("LB",)),
+            TestFunction("IO", "crossing", False, "impulsive orbit at the half period", False, ("LB",)),
+            TestFunction("LB", "change", False, "the label changes"),
         ]
         self.fixed = len(tests)
         self._two_dof = problem.half == 2
@@ -138,29 +137,29 @@ class Family:
         if problem.quarters == 1:
             self._kind = "quarter"
             tests += [
-                Test("SB", "crossing", False, "the last reversal is broken"),
-                Test("SB", "crossing", False, "half-period symmetry breaks, the reversal about the start stays"),
-                Test("SB", "crossing", False, "half-period symmetry breaks, the reversal about the far end stays"),
-                Test("PD", "crossing", False, "period doubling"),
+                TestFunction("SB", "crossing", False, "the last reversal is broken"),
+                TestFunction("SB", "crossing", False, "half-period symmetry breaks, the reversal about the start stays"),
+                TestFunction("SB", "crossing", False, "half-period symmetry breaks, the reversal about the far end stays"),
+                TestFunction("PD", "crossing", False, "period doubling"),
             ]
         elif problem.quarters == 2:
             self._kind = "half"
             tests += [
-                Test("SB", "crossing", False, "the last reversal is broken"),
-                Test("PD", "crossing", False, "period doubling, the reversal about the start stays"),
-                Test("PD", "crossing", False, "period doubling, the reversal about the far end stays"),
+                TestFunction("SB", "crossing", False, "the last reversal is broken"),
+                TestFunction("PD", "crossing", False, "period doubling, the reversal about the start stays"),
+                TestFunction("PD", "crossing", False, "period doubling, the reversal about the far end stays"),
             ]
         else:
             self._kind = "periodic"
-            tests += [Test("PD", "crossing", False, "period doubling")]
+            tests += [TestFunction("PD", "crossing", False, "period doubling")]
         if not self._two_dof and not problem.periodic:
-            tests += [Test("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
+            tests += [TestFunction("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
         # Of a quarter the trace of the half map is followed: that of the full period passes a level twice where the former passes zero.
         quarter = problem.quarters == 1
         levels = {(p, q): half_multiplication(p, q) if quarter else (multiplication(p, q),) for p, q in RESONANCES}
         self._resonant = [(p, q, level) for (p, q), both in levels.items() for level in both]
         if self._two_dof:
-            tests += [Test("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q, _ in self._resonant]
+            tests += [TestFunction("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q, _ in self._resonant]
         self._tests = tuple(tests)
         self._low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
         self._high = math.log(energy[1]) if energy[1] < math.inf else math.inf
@@ -173,7 +172,7 @@ class Family:
         self._unknown = np.full(problem.size + 2, math.nan)
 
     @property
-    def tests(self) -> tuple[Test, ...]:
+    def tests(self) -> tuple[TestFunction, ...]:
         """The test functions, in the order of their values in each step."""
         return self._tests
 

@@ -12,8 +12,7 @@ from branches.between_events import Barrier, decide_between
 from branches.branch import Branch, BranchEvent, Ended
 from branches.stability import describe
 from branches.steps import solutions_of
-from continuation.ends import EndReason
-from continuation.problem import Event
+from continuation.problem import EndReason, Event
 
 if TYPE_CHECKING:
     from bvp.multipoint import MultipointProblem

@@ -25,12 +25,11 @@ from branches.identity import Mark, canonical_orbit, digests, is_solved_as_it_is
 from branches.passing import Runs, one_family
 from branches.sequences import canonical_sequence, join_family_id
 from branches.steps import AdvancedSteps, solutions_of
-from bvp.frozen import read_only
+from bvp.checks import read_only
 from bvp.kernels.segment import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
-from continuation.ends import EndReason
-from continuation.problem import Advance, Step, Test
-from continuation.run import Run, trace
+from continuation.problem import Advance, EndReason, Step, TestFunction
+from continuation.run import Run, follow_both_ways
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -165,7 +164,7 @@ class _Ends(Family):
     COUNT = 7
 
     @property
-    def tests(self) -> tuple[Test, ...]:
+    def tests(self) -> tuple[TestFunction, ...]:
         """See `continuation.Problem`."""
         return super().tests[: self.COUNT]
 
@@ -226,7 +225,7 @@ def full_family(branch: Followed, wider: Followed | None = None) -> FullFamily:
     if curve is None:
         curve = _followed(problem, y, window)
     marks = _marks(_Ends(problem, window), curve)
-    sequence, ends = canonical_sequence(problem.word, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
+    sequence, ends = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
     ids = tuple(join_family_id(ends, sequence, digest) for digest in digests(marks))
     return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), curve.h, curve.alpha)
 
@@ -275,7 +274,7 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     """
     family = _Ends(problem, window)
     # As branches are followed, so that both see the same ends.
-    run = one_family(problem, Runs(partial(trace, family), _at, _near_ends, _is_stuck, _length), y, SETTINGS)
+    run = one_family(problem, Runs(partial(follow_both_ways, family), _at, _near_ends, _is_stuck, _length), y, SETTINGS)
     if not run.points:
         return _Curve(np.array([problem.energy(y)]), np.array([problem.quarter_period(y)]), [], [], [y], False, 0)
     grazing: list[np.ndarray] = []

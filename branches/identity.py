@@ -18,7 +18,7 @@ import numpy as np
 
 from branches.presentation import SLACK, Presentation, closed_presentation, presentation_between, presentation_of, run_backwards, solved
 from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, full_sequence, mirror, segments_per_period
-from bvp.cycle import Cycle, cycle_of
+from bvp.closures import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
@@ -315,7 +315,7 @@ def _is_among(presentation: Presentation, images: Iterable[Presentation], tolera
 def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     """How often the solved orbit repeats itself: k for the k-fold cover of its primitive orbit, with k = 2 also if the solved half is half
     a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
-    if not _may_repeat(problem.ends, problem.word):
+    if not _may_repeat(problem.ends, problem.sequence):
         return 1
     shifts = _Shifts(cycle_of(problem, solution.y))
     length = shifts.length()

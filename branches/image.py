@@ -15,7 +15,7 @@ from branches.branch import Branch, BranchEvent
 from branches.family import Family
 from branches.presentation import Presentation, closed_presentation, presentation_of, run_backwards, solved
 from branches.stability import describe
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
 __all__ = ["Image", "image_of", "images_between"]
@@ -69,12 +69,12 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndar
         Those first that give the same orbit started elsewhere, then those that change least.
     """
     odd = problem.system.has_odd_symmetry
-    count = len(problem.word) if problem.periodic else 1
+    count = len(problem.sequence) if problem.periodic else 1
     every = [Image(m, b, k) for b in (False, True) for m in (False, True)[: 1 + odd] for k in range(count)]
     found = []
     for image in every:
         presentation = image.of(problem, middle)
-        if (presentation.ends, presentation.sequence) != (problem.ends, problem.word):
+        if (presentation.ends, presentation.sequence) != (problem.ends, problem.sequence):
             continue
         apart = float(np.max(np.abs(side - middle)))
         kept = float(np.max(np.abs(presentation.unknowns(problem) - middle))) < NEAR * float(np.max(np.abs(middle)))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.stability import Described, describe
-from bvp.cycle import Cycle, cycle_of
-from bvp.frozen import Frozen
+from bvp.checks import Frozen
+from bvp.closures import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class Orbit:
     @property
     def sequence(self) -> str:
         """Contacts hit inside the solved segment."""
-        return "".join(self.problem.word)
+        return "".join(self.problem.sequence)
 
     @cached_property
     def described(self) -> Described:

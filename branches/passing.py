@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from branches.identity import Symmetries, symmetries
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 
 if TYPE_CHECKING:
     from bvp.multipoint import MultipointProblem
-    from continuation.settings import Settings
+    from continuation.control import Settings
 
 __all__ = ["Runs", "has_jumped", "longest", "one_family", "order"]
 

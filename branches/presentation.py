@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.sequences import PERIODIC, Ends, ImpactSequence, mirror, mirror_ends
-from bvp.cycle import Cycle, cycle_of
+from bvp.closures import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def embed(problem: MultipointProblem, y: np.ndarray, window: tuple[int, int] | i
 
 def presentation_of(problem: MultipointProblem, y: np.ndarray) -> Presentation:
     """The presentation that the unknowns of a problem are."""
-    return Presentation(problem.ends, problem.word, problem.start(y), problem.nodes(y), problem.flight_times(y))
+    return Presentation(problem.ends, problem.sequence, problem.start(y), problem.nodes(y), problem.flight_times(y))
 
 
 def solved(problem: MultipointProblem, y: np.ndarray) -> Solution:

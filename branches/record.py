@@ -201,7 +201,7 @@ def save(branch: Branch, path: str | os.PathLike[str]) -> None:
 
 def half_period_impacts(orbit: Orbit) -> int | float:
     """Impacts in half a period; half of an odd number between a rest and a stop."""
-    count = impacts_per_period(orbit.problem.word, orbit.ends)
+    count = impacts_per_period(orbit.problem.sequence, orbit.ends)
     return count // 2 if count % 2 == 0 else count / 2
 
 

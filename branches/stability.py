@@ -9,7 +9,7 @@ import numpy as np
 
 from branches.family import label_text
 from branches.steps import Solutions
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.kernels import segment as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution

@@ -23,12 +23,10 @@ from branches.image import Image, image_of, images_between
 from branches.naming.labels import ImpossibleLabelError
 from branches.presentation import embed
 from branches.tracing import follow_family
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
-from continuation.branch_point import refine_branch_point
 from continuation.problem import Step
-from continuation.switching import SwitchError, branch_directions
-from continuation.tripling import tripling_direction
+from continuation.switching import SwitchError, branch_directions, refine_branch_point, tripling_direction
 
 __all__ = ["EmanatingFamily", "emanating_families", "switch"]
 

@@ -15,14 +15,14 @@ from branches.finished import branch_of, event_of
 from branches.grazing_notes import unphysical
 from branches.orbit import Orbit
 from branches.stability import describe
-from bvp.checks import energy_range
+from bvp.checks import checked_energy_range
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
 from bvp.shown import shown
+from continuation.control import Settings
 from continuation.points import PlainPoints, Points
 from continuation.problem import Event, Point, Step
-from continuation.run import trace as follow_both
-from continuation.settings import Settings
+from continuation.run import follow_both_ways
 
 __all__ = ["SETTINGS", "Courses", "TraceError", "check_energy", "extend", "follow_family"]
 
@@ -131,7 +131,7 @@ def follow_family(
             return asked(Orbit(problem, point.step.extra))
 
     with collector.keeping():
-        run = follow_both(
+        run = follow_both_ways(
             family,
             start,
             settings,
@@ -233,7 +233,7 @@ def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
 def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
     """The range of energies; `TraceError` for what is none."""
     try:
-        return energy_range(energy)
+        return checked_energy_range(energy)
     except ValueError as error:
         raise TraceError(str(error)) from None
 

@@ -15,10 +15,15 @@ from typing import Protocol
 
 import numpy as np
 
-from bvp.conservation import decay_rates
-from bvp.numerics import EPSILON, jacobi
+from bvp.checks import EPSILON
 
-__all__ = ["Blocks", "Dynamics", "Matrices", "coupled_groups", "cut", "damped_blocks", "traceless", "undamped_blocks"]
+__all__ = [
+    "Blocks", "Dynamics", "Matrices", "coupled_groups", "cut", "damped_blocks", "decay_rates", "exact_product", "jacobi", "traceless",
+    "undamped_blocks",
+]  # fmt: skip
+
+SWEEPS = 60
+"""Jacobi sweeps before it is said that they do not converge; ten are many."""
 
 LIGHT = 0.1
 """Decay, of the frequency, of a mode that counts as lightly damped."""
@@ -321,3 +326,80 @@ def traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.nda
             half = 0.5 * (matrix[i, i] - matrix[j, j])
             delta[k] = half * half + matrix[i, j] * matrix[j, i]
     return mean, delta
+
+
+def decay_rates(system: Dynamics, shapes: np.ndarray) -> np.ndarray:
+    """Real parts of the rates of oscillating modes, from the power and the energy of each. Where damping is light, those of an
+    eigenvalue solver have few digits.
+
+    Parameters
+    ----------
+    system : Dynamics
+    shapes : (2n, k) complex ndarray
+        (u, v) of each mode.
+
+    Returns
+    -------
+    (k,) ndarray
+    """
+    u, v = np.split(shapes, 2)
+    power = np.einsum("ik,ij,jk->k", v.conj(), system.damping, v).real
+    energy = np.einsum("ik,ij,jk->k", v.conj(), system.mass, v).real + np.einsum("ik,ij,jk->k", u.conj(), system.stiffness, u).real
+    return 0.0 - power / energy
+
+
+def jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (not sorted) and orthogonal eigenvectors of a symmetric matrix by cyclic Jacobi rotations.
+
+    An entry is left alone where it is below the rounding of the geometric mean of its two diagonal entries, so graded matrices
+    keep the relative accuracy of their small eigenvalues.
+
+    Raises
+    ------
+    RuntimeError
+        After `SWEEPS` sweeps without convergence.
+    """
+    a = np.array(matrix, dtype=float)
+    n = a.shape[0]
+    vectors = np.eye(n)
+    tiny = np.finfo(float).tiny
+    for _ in range(SWEEPS):
+        quiet = True
+        for i in range(n - 1):
+            for j in range(i + 1, n):
+                coupling = a[i, j]
+                if abs(coupling) <= tiny or abs(coupling) <= 0.5 * EPSILON * np.sqrt(abs(a[i, i])) * np.sqrt(abs(a[j, j])):
+                    continue
+                quiet = False
+                theta = (a[j, j] - a[i, i]) / 2.0 / coupling
+                tangent = 1.0 / (abs(theta) + np.hypot(1.0, theta))
+                tangent = -tangent if theta < 0.0 else tangent
+                cosine = 1.0 / np.hypot(1.0, tangent)
+                sine = tangent * cosine
+                low, high = a[i, i] - tangent * coupling, a[j, j] + tangent * coupling
+                for rows in (a, vectors.T):
+                    first, second = rows[i].copy(), rows[j].copy()
+                    rows[i] = cosine * first - sine * second
+                    rows[j] = sine * first + cosine * second
+                a[:, i], a[:, j] = a[i], a[j]
+                a[i, i], a[j, j], a[i, j], a[j, i] = low, high, 0.0, 0.0
+        if quiet:
+            return np.diag(a).copy(), vectors
+    raise RuntimeError(f"Jacobi's method did not diagonalise a matrix of size {n} in {SWEEPS} sweeps")
+
+
+def exact_product(*factors: np.ndarray) -> np.ndarray:
+    """The product of matrices (and rows) with 0 for every entry that is rounding of the terms it is summed from.
+
+    What cancels exactly, as a gap between two bodies does in the translation of both, so takes nothing from a translation of any size.
+
+    Examples
+    --------
+    >>> exact_product(np.array([1.0, -1.0]), np.array([[0.1 + 0.2, 1.0], [0.3, 0.0]]))
+    array([0., 1.])
+    """
+    product, sizes = factors[0], np.abs(factors[0])
+    for factor in factors[1:]:
+        product, sizes = product @ factor, sizes @ np.abs(factor)
+    terms = sum(factor.shape[0] for factor in factors[1:])
+    return np.where(np.abs(product) <= 8.0 * terms * EPSILON * sizes, 0.0, product)

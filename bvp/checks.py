@@ -1,24 +1,29 @@
-"""Checks of what a user gives for a system: each refusal is one line that says what was received and what was expected."""
+"""Values that come from a user and go out to one: checked when they come in, not to be changed when they go out.
+
+Each refusal is one line that says what was received and what was expected.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from bvp.numerics import EPSILON
 from bvp.shown import shown
 
 if TYPE_CHECKING:
     from bvp.system import Stop
 
 __all__ = [
-    "InvalidSystem", "check_positive_definite", "check_same_stops", "check_size", "energy_range", "is_finite", "number", "real", "reals",
-    "real_list", "refuse_unknown", "repeated_contacts", "require_system", "square", "symmetric",
+    "EPSILON", "Frozen", "InvalidSystem", "changeable", "check_positive_definite", "check_same_stops", "check_size", "checked_energy_range",
+    "checked_number", "is_finite", "read_only", "real", "real_list", "reals", "refuse_unknown", "repeated_contacts", "require_system",
+    "square", "symmetric",
 ]  # fmt: skip
+
+EPSILON = float(np.finfo(float).eps)
 
 SMALLEST, LARGEST = 1e-25, 1e25
 """Sizes that masses, gap rows and bounds may have, and the largest of a stiffness: the fourth powers of frequencies, and products with
@@ -106,10 +111,10 @@ def real_list(value: Any) -> list[float]:
     array = reals(value)
     if array.ndim != 1:
         raise ValueError(f"expected a list of numbers that is not nested; received {shown(value)}")
-    return [float(entry) for entry in array]
+    return array.tolist()
 
 
-def energy_range(value: Any, *, positive: bool = False) -> tuple[float, float]:
+def checked_energy_range(value: Any, *, positive: bool = False) -> tuple[float, float]:
     """A range (LO, HI) of energies with 0 <= LO < HI; where it has to be positive, LO is above 0 and HI finite.
 
     Raises
@@ -119,9 +124,9 @@ def energy_range(value: Any, *, positive: bool = False) -> tuple[float, float]:
 
     Examples
     --------
-    >>> energy_range([0, math.inf])
+    >>> checked_energy_range([0, math.inf])
     (0.0, inf)
-    >>> energy_range([0, 1], positive=True)
+    >>> checked_energy_range([0, 1], positive=True)
     Traceback (most recent call last):
     ValueError: energy range 0:1: expected 0 < LO < HI < inf
     """
@@ -152,7 +157,7 @@ def _refuse_bytes_and_booleans(value: Any) -> None:
             raise TypeError(f"expected numbers; received {shown(value)}")
 
 
-def number(value: Any, what: str) -> float:
+def checked_number(value: Any, what: str) -> float:
     """A float that is not NaN."""
     try:
         result = real(value)
@@ -312,3 +317,57 @@ def repeated_contacts(stops: Sequence[Stop]) -> set[int]:
     """
     order = [(k, side) for k, stop in enumerate(stops) for side, bound in ((-1.0, stop.lower), (1.0, stop.upper)) if math.isfinite(bound)]
     return {order.index(later) for _, later in _pairs(stops)}
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The same numbers as an array that cannot be written to, nor be made so: not a copy, its memory is lent by a read-only buffer.
+
+    Examples
+    --------
+    >>> read_only(np.zeros(2))[0] = 1.0
+    Traceback (most recent call last):
+    ValueError: assignment destination is read-only
+    >>> read_only(np.zeros(2)).setflags(write=True)
+    Traceback (most recent call last):
+    ValueError: cannot set WRITEABLE flag to True of this array
+    """
+    if isinstance(array.base, memoryview) and not array.flags.writeable:
+        return array
+    return np.asarray(memoryview(array).toreadonly())  # type: ignore[arg-type]
+
+
+def changeable(array: np.ndarray) -> np.ndarray:
+    """The array, contiguous, as kernels are compiled for: a copy where it cannot be written to.
+
+    Examples
+    --------
+    >>> changeable(read_only(np.zeros(2))).flags.writeable
+    True
+    """
+    array = np.ascontiguousarray(array)
+    return array if array.flags.writeable else array.copy()
+
+
+class Frozen(dict[str, Any]):
+    """A dict that cannot be changed; its arrays cannot either. `dict(frozen)` and `frozen | other` are ordinary dicts.
+
+    Examples
+    --------
+    >>> frozen = Frozen({"h": np.ones(3)})
+    >>> frozen["h"] = 2.0
+    Traceback (most recent call last):
+    TypeError: these data cannot be changed; expected a change of a copy, dict(data)
+    >>> frozen["h"].flags.writeable, dict(frozen | {"h": 2.0})
+    (False, {'h': 2.0})
+    """
+
+    def __init__(self, *content: Any) -> None:
+        super().__init__({key: read_only(value) if isinstance(value, np.ndarray) else value for key, value in dict(*content).items()})
+
+    def __reduce__(self) -> tuple[type[Frozen], tuple[dict[str, Any]]]:
+        return Frozen, (dict(self),)
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("these data cannot be changed; expected a change of a copy, dict(data)")
+
+    __setitem__ = __delitem__ = clear = pop = popitem = setdefault = update = __ior__ = _refuse

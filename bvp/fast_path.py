@@ -1,7 +1,7 @@
 """Motions of two oscillating modes and one stop, many in one compiled call: the system as numbers, and the call.
 
-`bvp.damped` runs every motion of every system, and keeps a record. Here are those alone that neither grow, graze, chatter to an end nor
-stick, of systems with two degrees of freedom, both of which oscillate, and one stop. The others are declined: `bvp.damped` runs them.
+`bvp.simulate` runs every motion of every system, and keeps a record. Here are those alone that neither grow, graze, chatter to an end nor
+stick, of systems with two degrees of freedom, both of which oscillate, and one stop. The others are declined: `bvp.simulate` runs them.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.blocks import decay_rates
 from bvp.checks import checked_damper
-from bvp.conservation import decay_rates, energy_form, impulse_direction, two_parts
-from bvp.energy_budget import budget_terms, split_damping
-from bvp.forcing import forcing_of
+from bvp.forcing import budget_terms, forcing_of, split_damping
 from bvp.kernels import fast_path as kernels
 from bvp.kernels import two_modes as places
+from bvp.modes import energy_form, impulse_direction, two_parts
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLEARED", "DECLINED", "FULL_COUNT", "TIMED", "FastPathRuns", "fast_path_numbers", "fast_path_runs", "with_restitution"]
+__all__ = ["CLEARED", "DECLINED", "FULL_COUNT", "TIMED", "FastPathRuns", "fast_path_numbers", "run_fast_path", "with_restitution"]
 
 CLEARED, TIMED, FULL_COUNT, DECLINED = kernels.CLEARED, kernels.TIMED, kernels.FULL_COUNT, kernels.DECLINED
 
@@ -34,7 +34,7 @@ SETTLES = 1e-9
 """Decay, of the rate of a mode, from which on it counts as coming to rest."""
 
 NEAR, WORST, SEEN = 1e-3, 1e3, 1e-6
-"""Rates nearer to each other, modes nearer to parallel, and one that moves the gap less, are left to `bvp.damped`."""
+"""Rates nearer to each other, modes nearer to parallel, and one that moves the gap less, are left to `bvp.simulate`."""
 
 MOST_TERMS = 4
 
@@ -83,7 +83,7 @@ def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = 
     ----------
     system : ImpactSystem
     dampers : mapping of str to (2, 2) array_like, optional
-        The two parts of the damping matrix that are told apart; by default those of `bvp.energy_budget.split_damping`.
+        The two parts of the damping matrix that are told apart; by default those of `bvp.forcing.split_damping`.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def with_restitution(numbers: np.ndarray, restitution: float) -> np.ndarray:
     return changed
 
 
-def fast_path_runs(
+def run_fast_path(
     numbers: np.ndarray,
     which: np.ndarray,
     states: Any,

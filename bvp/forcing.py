@@ -1,4 +1,6 @@
-"""Loads f(t) of M u'' + C u' + K u = f(t): constant, harmonic, or a sampled record that is linear between its samples.
+"""Loads f(t) of M u'' + C u' + K u = f(t), and the terms of the energy budget: the power of each load and of each damper.
+
+A load is constant, harmonic, or a sampled record that is linear between its samples.
 
 Each is a fixed load times the state y of a small linear system of its own, y' = S y, so a forced flight is a free flight of a larger system
 and needs no time step. Of a record, level and slope are set anew at each sample; between samples its flight is exact.
@@ -8,14 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import is_finite, reals
+from bvp.checks import EPSILON, is_finite, reals
 from bvp.shown import shown
 
-__all__ = ["Constant", "Force", "Forcing", "Harmonic", "Record", "forcing_of", "ground_load"]
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = [
+    "BudgetTerms", "Constant", "Force", "Forcing", "Harmonic", "Record", "budget_terms", "forcing_of", "ground_load", "split_damping",
+]  # fmt: skip
 
 
 def _finite(values: Any, name: str) -> np.ndarray:
@@ -101,7 +108,7 @@ class Record:
 Force = Constant | Harmonic | Record
 
 
-def ground_load(system: Any, direction: Any = None) -> np.ndarray:
+def ground_load(system: ImpactSystem, direction: Any = None) -> np.ndarray:
     """Load (n,) of a unit acceleration of the ground, -M r, in displacements relative to the ground.
 
     Parameters
@@ -199,3 +206,94 @@ def forcing_of(forces: Any, n: int) -> Forcing:
         levels[inside, g, 1] = slopes[first]
         sizes[g] = np.abs(force.values).max(), np.abs(slopes).max()
     return Forcing(loads, frequency, breaks, levels, sizes)
+
+
+@dataclass(frozen=True, eq=False)
+class BudgetTerms:
+    """What a run sums up over its flights: integrals of weight (a . y)(b . v) or weight (b . v)^2.
+
+    Attributes
+    ----------
+    velocity : (R, n) ndarray
+        b.
+    load : (R,) int64 ndarray
+        Index among the 2 G entries y of the loads, or -1 where the square of b . v is integrated.
+    weight : (R,) ndarray
+    part : (R,) int64 ndarray
+        The sum that it goes to: 0 .. dampers - 1, then the stops, then the work of the loads.
+    dampers : tuple of str
+    """
+
+    velocity: np.ndarray
+    load: np.ndarray
+    weight: np.ndarray
+    part: np.ndarray
+    dampers: tuple[str, ...]
+
+
+def budget_terms(dampers: dict[str, np.ndarray], forcing: Forcing, stops: int) -> BudgetTerms:
+    """The terms of named parts of the damping matrix and of the work of the loads; v'Cv goes by the eigenvectors of C's symmetric part."""
+    velocity, load, weight, part = [], [], [], []
+    for k, matrix in enumerate(dampers.values()):
+        values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+        for value, vector in zip(values, vectors.T, strict=True):
+            if abs(value) > 8.0 * len(values) * EPSILON * np.abs(values).max():
+                velocity.append(vector)
+                load.append(-1)
+                weight.append(value)
+                part.append(k)
+    for g in range(len(forcing.loads)):
+        for k in range(2):
+            column = forcing.loads[g, :, k]
+            if np.any(column):
+                velocity.append(column)
+                load.append(2 * g + k)
+                weight.append(1.0)
+                part.append(len(dampers) + stops)
+    n = next(iter(dampers.values())).shape[0]
+    return BudgetTerms(
+        np.array(velocity, dtype=float).reshape(-1, n),
+        np.array(load, dtype=np.int64),
+        np.array(weight, dtype=float),
+        np.array(part, dtype=np.int64),
+        tuple(dampers),
+    )
+
+
+def split_damping(system: ImpactSystem) -> dict[str, np.ndarray]:
+    """C as {"gaps": sum of the dampers across the gaps, "rest": what is left}.
+
+    A gap between two coordinates, c = (.. a .. b ..), has the damper d c c' that explains the entry C_ij = d a b; one of a single
+    coordinate, c = (.. a ..), the damper from there to the ground, a^2 d = sum_j C_ij. What would be negative, or is asymmetric, or belongs
+    to a gap of more coordinates, stays with the rest.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> split_damping(vibro_impact_nes(lam=0.01))["rest"]
+    array([[0.  , 0.  ],
+           [0.  , 0.01]])
+    """
+    damping = np.array(system.damping)
+    gaps = np.zeros_like(damping)
+    for row in _distinct([np.array(stop.gap) for stop in system.stops]):
+        at = np.flatnonzero(row)
+        left = damping - gaps
+        if len(at) == 2 and left[at[0], at[1]] == left[at[1], at[0]]:
+            coefficient = left[at[0], at[1]] / (row[at[0]] * row[at[1]])
+        elif len(at) == 1:
+            coefficient = left[at[0]].sum() / row[at[0]] ** 2
+        else:
+            continue
+        if coefficient > 0.0:
+            gaps += coefficient * np.outer(row, row)
+    return {"gaps": gaps, "rest": damping - gaps}
+
+
+def _distinct(rows: list[np.ndarray]) -> list[np.ndarray]:
+    """Rows that are not multiples of earlier ones."""
+    kept: list[np.ndarray] = []
+    for row in rows:
+        if all(abs(abs(row @ other) - np.linalg.norm(row) * np.linalg.norm(other)) > 1e-12 * (row @ row) for other in kept):
+            kept.append(row)
+    return kept

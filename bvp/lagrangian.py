@@ -15,7 +15,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from bvp.checks import real
-from bvp.expression_size import TooLarge, limited, require_small, size_of_text
+from bvp.expressions import TooLarge, limited, require_small, size_of_text
 from bvp.shown import shown
 
 __all__ = ["LagrangianError", "parts_from_lagrangian"]

@@ -7,20 +7,29 @@ Modes that damping couples are block-diagonalised together (`bvp.blocks`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.blocks import Blocks, damped_blocks, undamped_blocks
-from bvp.numerics import exact_product, undamped_modes
+from bvp.blocks import Blocks, Dynamics, damped_blocks, exact_product, jacobi, undamped_blocks
+from bvp.checks import EPSILON
 
 if TYPE_CHECKING:
     from bvp.kernels.flight import Contacts, Flight
     from bvp.system import ImpactSystem
 
-__all__ = ["Modes", "balanced", "modes_of", "undamped_modes"]
+__all__ = [
+    "Modes", "balanced", "energy_form", "impulse_direction", "modal_impulse", "system_modes", "two_parts", "undamped_modes",
+]  # fmt: skip
+
+_SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
+"""A square below this has no digits left in products with it; a motion in a period of 1e145 is uniform."""
+
+REFINEMENTS = 3
+"""Steps of iterative refinement with exact residuals, each of which adds nearly sixteen digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +98,7 @@ class Modes:
         )
 
 
-def modes_of(system: ImpactSystem) -> Modes:
+def system_modes(system: ImpactSystem) -> Modes:
     """The modes of a system.
 
     Parameters
@@ -195,3 +204,194 @@ def _opposite(stops: list[int]) -> list[int]:
 def _array(values: Any) -> np.ndarray:
     """A contiguous copy without negative zeros."""
     return np.array(values, order="C") + 0
+
+
+def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Squared frequencies and shapes of K phi = w^2 M phi.
+
+    Jacobi's method on the pencil scaled by the mass keeps small frequencies accurate beside large ones (Demmel & Veselic,
+    SIAM J. Matrix Anal. Appl. 13 (1992) 1204); two steps of Ogita & Aishima's refinement (Japan J. Indust. Appl. Math. 35
+    (2018) 1007) on the given matrices remove what the scaling left. A square below the rounding of its own Rayleigh quotient
+    is 0, and so is one below 1e-292.
+
+    Parameters
+    ----------
+    mass, stiffness : (n, n) ndarray
+        Symmetric, mass positive definite.
+
+    Returns
+    -------
+    squares : (n,) ndarray
+        Ascending.
+    shapes : (n, n) ndarray
+        Columns with Phi^T M Phi = I; the component with the most kinetic energy is positive.
+
+    Raises
+    ------
+    RuntimeError
+        Where Jacobi's method does not converge.
+    """
+    n = mass.shape[0]
+    scale = 1.0 / np.sqrt(np.diag(mass))
+    lower = np.linalg.cholesky(scale[:, None] * mass * scale)
+    half = np.linalg.solve(lower, scale[:, None] * stiffness * scale)
+    reduced = np.linalg.solve(lower, half.T)
+    shapes = scale[:, None] * np.linalg.solve(lower.T, jacobi(0.5 * (reduced + reduced.T))[1])
+    for _ in range(2):
+        shapes = _refine(mass, stiffness, shapes)
+    norms = np.einsum("ik,ij,jk->k", shapes, mass, shapes)
+    shapes = shapes / np.sqrt(norms)
+    squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
+    rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), np.abs(stiffness), np.abs(shapes))
+    squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
+    shapes = np.where(squares == 0.0, _without_leaks(mass, shapes), shapes)
+    order = np.argsort(squares, kind="stable")
+    squares, shapes = squares[order], shapes[:, order]
+    weight = np.abs(shapes) * np.sqrt(np.diag(mass))[:, None]
+    for k in range(n):
+        leading = int(np.argmax(weight[:, k] >= (1.0 - 1e-6) * weight[:, k].max()))
+        if shapes[leading, k] < 0.0:
+            shapes[:, k] = -shapes[:, k]
+    return squares, shapes
+
+
+def _without_leaks(mass: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """Shapes whose entries are 0 where they are rounding of the others, both in kinetic energy and in displacement: as free translations,
+    which go any distance, they would carry bodies along that have no part in them."""
+    size = np.abs(shapes)
+    weight = size * np.sqrt(np.diag(mass))[:, None]
+    leak = (weight <= 8.0 * len(mass) * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))
+    return np.where(leak, 0.0, shapes)
+
+
+def _refine(mass: np.ndarray, stiffness: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """One step of Ogita & Aishima; where a coupling is rounding noise only orthogonality is restored."""
+    n = mass.shape[0]
+    gram = shapes.T @ mass @ shapes
+    defect = np.eye(n) - gram
+    energy = shapes.T @ stiffness @ shapes
+    squares = np.diag(energy) / np.diag(gram)
+    coupling = energy + squares * defect
+    size = np.abs(shapes)
+    noise = size.T @ np.abs(stiffness) @ size + np.abs(squares) * (size.T @ np.abs(mass) @ size)
+    gap = squares[None, :] - squares[:, None]
+    real = (np.abs(coupling) > 4.0 * n * EPSILON * noise) & (np.abs(coupling) < 1e-3 * np.abs(gap))
+    correction = np.where(real, coupling / np.where(real, gap, 1.0), 0.5 * defect)
+    return shapes + shapes @ correction
+
+
+def energy_form(system: Dynamics, rates: np.ndarray, shapes: np.ndarray) -> list[list[Fraction]]:
+    """G of the energy a.G a/2 of oscillating modes, a = (p_1, q_1, p_2, ..), (u, v) = Re(sum of (p - i q) shape).
+
+    The entries that turn in flight are those that the power of the dampers requires, and vanish without damping: the energy changes in
+    flight by what the dampers take, to the last digit of that. Lyapunov's equation gives them. Beside the entries that last they would be
+    rounded away.
+
+    Parameters
+    ----------
+    system : Dynamics
+    rates : (k,) complex ndarray
+        As the flight is computed with.
+    shapes : (2n, k) complex ndarray
+
+    Returns
+    -------
+    (2k, 2k) list of list of Fraction
+    """
+    u, v = np.split(shapes, 2)
+    damping = 0.5 * (system.damping + system.damping.T)
+    energy = (v.conj().T @ system.mass @ v + u.conj().T @ system.stiffness @ u).real
+    apart = rates.conj()[:, None] + rates
+    np.fill_diagonal(apart, 1.0)
+    steady = -2.0 * (v.conj().T @ damping @ v) / apart
+    np.fill_diagonal(steady, energy.diagonal())
+    turning = -2.0 * (v.T @ damping @ v) / (rates[:, None] + rates)
+    amplitudes = np.kron(np.eye(len(rates)), [1.0, -1.0j])
+    lasting = (amplitudes.conj().T @ (0.25 * (steady + steady.conj().T)) @ amplitudes).real
+    other = (amplitudes.T @ (0.25 * (turning + turning.T)) @ amplitudes).real
+    return [[Fraction(float(x)) + Fraction(float(y)) for x, y in zip(*rows, strict=True)] for rows in zip(lasting, other, strict=True)]
+
+
+def impulse_direction(form: list[list[Fraction]], rate: Sequence[Fraction]) -> list[Fraction]:
+    """G^-1 r/(r.G^-1 r) to more than thirty digits.
+
+    Parameters
+    ----------
+    form : (N, N) list of list of Fraction
+        G.
+    rate : sequence of N Fraction
+
+    Examples
+    --------
+    >>> found = impulse_direction([[Fraction(3), Fraction(0)], [Fraction(0), Fraction(7)]], [Fraction(1), Fraction(1)])
+    >>> [float(abs(value - exact)) < 1e-30 for value, exact in zip(found, (Fraction(7, 10), Fraction(3, 10)))]
+    [True, True]
+    """
+    rounded = np.array([[float(entry) for entry in row] for row in form])
+    found = [Fraction(0)] * len(rate)
+    for _ in range(REFINEMENTS):
+        residual = [float(value - _dot(row, found)) for row, value in zip(form, rate, strict=True)]
+        found = [value + Fraction(float(change)) for value, change in zip(found, np.linalg.solve(rounded, residual), strict=True)]
+    compliance = _dot(rate, found)
+    return [value / compliance for value in found]
+
+
+def modal_impulse(system: Dynamics, modes: Modes, rate: np.ndarray) -> list[Fraction] | None:
+    """The direction of an impulse in the states z of `bvp.modes`, along which the energy changes as it must.
+
+    Parameters
+    ----------
+    system : Dynamics
+    modes : Modes
+        Of the system.
+    rate : (2n,) ndarray
+        The speed across the gap is rate . z.
+
+    Returns
+    -------
+    list of Fraction or None
+        None where damping couples modes that do not all oscillate.
+    """
+    row = [Fraction(float(value)) for value in rate]
+    if modes.layout != "coupled":
+        # The kinetic energy is p.p/2, and the flight keeps positions and velocities apart.
+        square = _dot(row, row)
+        return [value / square for value in row]
+    if np.any(modes.pairs[:, 1] < 0) or np.any(modes.delta >= 0.0):
+        return None
+    first, second = modes.pairs.T
+    # A flight is computed with these three numbers of each pair: z_1 = b p, z_2 = w q - d p.
+    half = 0.5 * (modes.matrix[first, first] - modes.matrix[second, second])
+    side = modes.matrix[first, second]
+    frequency = np.sqrt(-modes.delta)
+    shapes = modes.to_state[:, first] * side + modes.to_state[:, second] * (1j * frequency - half)
+    form = energy_form(system, modes.mean + 1j * frequency, shapes)
+    found: list[Fraction] = [Fraction(0)] * len(row)
+    b, d, w = ([Fraction(float(value)) for value in numbers] for numbers in (side, half, frequency))
+    amplitudes = [
+        value
+        for k, (i, j) in enumerate(modes.pairs)
+        for value in (row[i] * b[k] - row[j] * d[k], row[j] * w[k])
+    ]  # fmt: skip
+    direction = impulse_direction(form, amplitudes)
+    for k, (i, j) in enumerate(modes.pairs):
+        p, q = direction[2 * k], direction[2 * k + 1]
+        found[i], found[j] = b[k] * p, w[k] * q - d[k] * p
+    return found
+
+
+def two_parts(values: Sequence[Fraction]) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers as the nearest doubles and what these leave.
+
+    Examples
+    --------
+    >>> near, rest = two_parts([Fraction(1, 3)])
+    >>> bool(near[0] == 1 / 3), float(rest[0]) == float(Fraction(1, 3) - Fraction(1 / 3))
+    (True, True)
+    """
+    near = [float(value) for value in values]
+    return np.array(near), np.array([float(value - Fraction(double)) for value, double in zip(values, near, strict=True)])
+
+
+def _dot(first: Sequence[Fraction], second: Sequence[Fraction]) -> Fraction:
+    return sum((a * b for a, b in zip(first, second, strict=True)), Fraction(0))

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import reals
-from bvp.frozen import read_only
+from bvp.checks import read_only, reals
 from bvp.interrupts import Pace
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from bvp.forcing import Forcing
     from bvp.system import ImpactSystem
 
-__all__ = ["STATUS", "Batch", "EventKind", "Mark", "Motion", "MotionStatus", "StopEvents", "Stretch"]
+__all__ = ["STATUS", "Batch", "EventKind", "EnergyMark", "Motion", "MotionStatus", "StopEvents", "ContactInterval"]
 
 
 class MotionStatus(Enum):
@@ -73,7 +72,7 @@ class EventKind(Enum):
 
 
 @dataclass(frozen=True)
-class Mark:
+class EnergyMark:
     """The moment at which a fraction of the initial energy is gone: time (None where it is not reached) and what each damper and stop has
     dissipated until then."""
 
@@ -83,12 +82,12 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ContactInterval:
     """A part of the motion with the same contacts held: begin, end, and their letters (none in free flight)."""
 
     begin: float
     end: float
-    held: tuple[str, ...]
+    sticking: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,13 +120,13 @@ class Motion:
         Time of the last impact.
     clear_from : float or None
         Time from which it is proven that no impact is possible any more; None where it is not.
-    held_time : float
+    sticking_time : float
         Time with a contact held.
     switch_error : float
         Largest error, in time, of the ends of chattering.
     initial_energy, energy : float
         At time 0 and at `duration`.
-    marks : tuple of Mark
+    marks : tuple of EnergyMark
     start, final : (2n,) ndarray
         (u, v).
     """
@@ -149,11 +148,11 @@ class Motion:
     touches: int
     last_impact: float | None
     clear_from: float | None
-    held_time: float
+    sticking_time: float
     switch_error: float
     initial_energy: float
     energy: float
-    marks: tuple[Mark, ...]
+    marks: tuple[EnergyMark, ...]
     start: np.ndarray
     final: np.ndarray
     numbers: np.ndarray
@@ -235,8 +234,8 @@ class Motion:
         return self.times[part], self.numbers[part], self.states[part], end
 
     @cached_property
-    def stretches(self) -> tuple[Stretch, ...]:
-        """The motion as stretches of free flights and of contacts held."""
+    def contact_intervals(self) -> tuple[ContactInterval, ...]:
+        """The motion as intervals of free flights and of contacts held."""
         letters = self.system.modes.contact_letters
         held = np.asarray(self.contact_modes.held)[self.numbers[:, 2]]
         for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
@@ -244,7 +243,7 @@ class Motion:
         first = np.flatnonzero(np.concatenate([[True], held[1:] != held[:-1]]))
         ends = [*self.times[first[1:]].tolist(), self.duration]
         return tuple(
-            Stretch(float(self.times[k]), end, tuple(letter for c, letter in enumerate(letters) if int(held[k]) >> c & 1))
+            ContactInterval(float(self.times[k]), end, tuple(letter for c, letter in enumerate(letters) if int(held[k]) >> c & 1))
             for k, end in zip(first, ends, strict=True)
         )
 
@@ -310,7 +309,7 @@ class Batch:
     ----------
     status : tuple of MotionStatus
         Of each motion.
-    duration, last_impact, clear_from, held_time, initial_energy, energy : (b,) ndarray
+    duration, last_impact, clear_from, sticking_time, initial_energy, energy : (b,) ndarray
         As in `Motion`; NaN where there is none.
     impacts, touches : (b,) int64 ndarray
     totals : (b, D + S + 1) ndarray
@@ -329,7 +328,7 @@ class Batch:
     touches: np.ndarray
     last_impact: np.ndarray
     clear_from: np.ndarray
-    held_time: np.ndarray
+    sticking_time: np.ndarray
     initial_energy: np.ndarray
     energy: np.ndarray
     totals: np.ndarray

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bvp.cycle import Cycle
+from bvp.closures import Cycle
 from bvp.kernels.pencil import landings, pencil, trivial_directions
 from bvp.kernels.sweep import sweep
 

@@ -1,6 +1,6 @@
 """The multipoint boundary-value problem of an impacting orbit between two ends, or closed on itself.
 
-`MultipointProblem` binds a system, two ends and a word of inner impacts to the compiled kernels: residual and Jacobian, Newton's
+`MultipointProblem` binds a system, two ends and an impact sequence to the compiled kernels: residual and Jacobian, Newton's
 solution at a given energy or quarter period, and the step along the family with everything that is known of the point where it lands.
 """
 
@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.ends import EndsError, contact_of, end_condition, free_translation, parse_end, start_states, translation_text
-from bvp.frozen import changeable, read_only
+from bvp.checks import changeable, read_only
+from bvp.closures import EndsError, contact_of, end_condition, free_translation, parse_end, start_states, translation_text
 from bvp.kernels.compiled import address_of
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import evaluate, fill, make_factor, nodes_by_flight
@@ -68,7 +68,7 @@ class Solution:
 
 
 class MultipointProblem:
-    """Orbits of a conservative system between two ends, or closed on themselves, with a given word of inner impacts.
+    """Orbits of a conservative system between two ends, or closed on themselves, with a given impact sequence.
 
     Parameters
     ----------
@@ -76,9 +76,9 @@ class MultipointProblem:
         Undamped and elastic.
     ends : (str, str)
         Each "origin", "rest", "stop+", "stop-" ("stopa+" with several stops); or ("periodic", "periodic").
-    word : sequence of str
-        Contact letters of the inner impacts in order of time, e.g. ("+", "-"). For periodic orbits the word is that of the whole
-        period and its first impact is the start.
+    sequence : sequence of str
+        Contact letters of the inner impacts in order of time, e.g. ("+", "-"). For periodic orbits it is that of the full period, and its
+        first impact is the start.
 
     Raises
     ------
@@ -90,13 +90,13 @@ class MultipointProblem:
     The unknowns are y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]) (see `bvp.kernels.multipoint`); N = 2 n modal coordinates a state.
     """
 
-    def __init__(self, system: ImpactSystem, ends: tuple[str, str], word: Sequence[str]):
+    def __init__(self, system: ImpactSystem, ends: tuple[str, str], sequence: Sequence[str]):
         reason = system.why_not_conservative()
         if reason is not None:
             raise EndsError(f"families of periodic orbits need a conservative system: {reason}")
         self.system = system
         self.ends = (str(ends[0]), str(ends[1]))
-        self.word = tuple(word)
+        self.sequence = tuple(sequence)
         self.modes = modes = system.modes
         self.size = size = 2 * system.degrees_of_freedom
         self.half = size // 2
@@ -104,10 +104,10 @@ class MultipointProblem:
         periodic = kinds[0][0] == PERIODIC
         if periodic != (kinds[1][0] == PERIODIC):
             raise EndsError(f"the ends {self.ends[0]}, {self.ends[1]} do not go together: a periodic orbit has two periodic ends")
-        contacts = [contact_of(system, letter) for letter in self.word]
+        contacts = [contact_of(system, letter) for letter in self.sequence]
         if periodic:
             if not contacts:
-                raise EndsError("a periodic orbit needs at least one impact, where it starts; received an empty word")
+                raise EndsError("a periodic orbit needs at least one impact, where it starts; received an empty sequence")
             inner, closing, opening = contacts[1:], contacts[0], contacts[0]
         else:
             inner, closing, opening = contacts, kinds[1][1], kinds[0][1]

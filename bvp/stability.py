@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from bvp.cycle import cycle_of
-from bvp.frozen import changeable
+from bvp.checks import changeable
+from bvp.closures import cycle_of
 from bvp.kernels.halfmap import half_map, half_map_scratch
 from bvp.kernels.segment import ORIGIN
 from bvp.multipliers import nearest_grazing, saddle_point_multipliers

@@ -19,14 +19,14 @@ from bvp.checks import (
     check_positive_definite,
     check_same_stops,
     check_size,
-    number,
+    checked_number,
+    read_only,
     real_list,
     reals,
     refuse_unknown,
     square,
     symmetric,
 )
-from bvp.frozen import read_only
 from bvp.shown import shown
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Stop:
         check_size(max(map(abs, gap)), f"the gap row of {label}")
         object.__setattr__(self, "gap", gap)
         for key in ("lower", "upper", "restitution"):
-            object.__setattr__(self, key, number(getattr(self, key), f"{key} of {label}"))
+            object.__setattr__(self, key, checked_number(getattr(self, key), f"{key} of {label}"))
         for key in ("lower", "upper"):
             check_size(getattr(self, key), f"{key} of {label}")
         if not self.lower < self.upper:
@@ -234,9 +234,9 @@ class ImpactSystem:
     @cached_property
     def modes(self) -> Modes:
         """The blocks of free flight, as arrays for the kernels (computed once)."""
-        from bvp.modes import modes_of
+        from bvp.modes import system_modes
 
-        return modes_of(self)
+        return system_modes(self)
 
     def describe(self) -> dict[str, Any]:
         """The system as plain lists, numbers and strings, for JSON and TOML; `from_description` is the inverse."""
@@ -366,7 +366,7 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
     >>> vibro_impact_nes(mu=0.1, sigma=0.1).modes.frequencies.round(6)
     array([0.854309, 1.170537])
     """
-    mu, sigma, lam, rho = (number(x, key) for x, key in ((mu, "mu"), (sigma, "sigma"), (lam, "lam"), (rho, "rho")))
+    mu, sigma, lam, rho = (checked_number(x, key) for x, key in ((mu, "mu"), (sigma, "sigma"), (lam, "lam"), (rho, "rho")))
     if not (0.0 < mu < math.inf):
         raise InvalidSystem(f"mu, the mass ratio, must be above 0 and finite; received {mu:g}")
     if not (0.0 <= sigma < math.inf):

@@ -9,60 +9,38 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from continuation.ends import End, EndReason, Tally
-    from continuation.engine import follow
-    from continuation.generic import GenericProblem
-    from continuation.location import Location, bracketed_root
-    from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
-    from continuation.run import Run, trace
-    from continuation.settings import Settings, SettingsError
-    from continuation.switching import SwitchError, branch_directions, switch
+    from continuation.control import Settings as Settings
+    from continuation.control import SettingsError as SettingsError
+    from continuation.engine import follow as follow
+    from continuation.generic import GenericProblem as GenericProblem
+    from continuation.location import Location as Location
+    from continuation.location import bracketed_root as bracketed_root
+    from continuation.problem import End as End
+    from continuation.problem import EndReason as EndReason
+    from continuation.problem import Event as Event
+    from continuation.problem import EventDetails as EventDetails
+    from continuation.problem import Point as Point
+    from continuation.problem import Problem as Problem
+    from continuation.problem import Step as Step
+    from continuation.problem import Tally as Tally
+    from continuation.problem import TestFunction as TestFunction
+    from continuation.run import Run as Run
+    from continuation.run import follow_both_ways as follow_both_ways
+    from continuation.switching import SwitchError as SwitchError
+    from continuation.switching import branch_directions as branch_directions
+    from continuation.switching import other_branch_starts as other_branch_starts
 
-__all__ = [
-    "End",
-    "EndReason",
-    "Event",
-    "EventDetails",
-    "GenericProblem",
-    "Location",
-    "Point",
-    "Problem",
-    "Run",
-    "Settings",
-    "SettingsError",
-    "Step",
-    "SwitchError",
-    "Tally",
-    "Test",
-    "bracketed_root",
-    "branch_directions",
-    "follow",
-    "switch",
-    "trace",
-]
-
-_HOME = {
-    "End": "ends",
-    "EndReason": "ends",
-    "Event": "problem",
-    "EventDetails": "problem",
-    "GenericProblem": "generic",
-    "Location": "location",
-    "Point": "problem",
-    "Problem": "problem",
-    "Run": "run",
-    "Settings": "settings",
-    "SettingsError": "settings",
-    "Step": "problem",
-    "SwitchError": "switching",
-    "Tally": "ends",
-    "Test": "problem",
-    "bracketed_root": "location",
-    "branch_directions": "switching",
-    "follow": "engine",
-    "switch": "switching",
-    "trace": "run",
+_NAMES = {
+    "control": ("Settings", "SettingsError"),
+    "engine": ("follow",),
+    "generic": ("GenericProblem",),
+    "location": ("Location", "bracketed_root"),
+    "problem": ("End", "EndReason", "Event", "EventDetails", "Point", "Problem", "Step", "Tally", "TestFunction"),
+    "run": ("Run", "follow_both_ways"),
+    "switching": ("SwitchError", "branch_directions", "other_branch_starts"),
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
@@ -72,4 +50,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(set(globals()) | set(__all__))
+    return sorted({*globals(), *__all__})

@@ -1,18 +1,18 @@
-"""Step control and the watch on the test functions, once: the engine calls these functions as they stand, and a problem that advances
-in compiled code compiles the very same ones.
+"""Settings of a run, and step control: which steps are accepted, how long the next one is, which ones are searched for events.
 
-Each is a pure function of numbers and sequences (lists, tuples or arrays alike). It uses nothing but `math` and its arguments.
+The engine calls the functions of this file as they are. A problem that advances in compiled code compiles the same ones: each is a pure
+function of numbers and sequences (lists, tuples or arrays alike) and uses only `math` and its arguments.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from continuation.problem import Test
-    from continuation.settings import Settings
+    from continuation.problem import TestFunction
 
 __all__ = [
     "ACCEPTED",
@@ -20,7 +20,7 @@ __all__ = [
     "Control",
     "JUMPED",
     "NEAR_GOAL",
-    "PART",
+    "NEAR_BRANCH_POINT",
     "SLOW",
     "TURNED",
     "arclength_of",
@@ -37,7 +37,7 @@ __all__ = [
 ACCEPTED, TURNED, SLOW, JUMPED = 0, 1, 2, 3
 """What `refusal` says of a step."""
 
-PART = 0.1
+NEAR_BRANCH_POINT = 0.1
 """Part of its size nearby to which a test function for branch points falls beside one."""
 
 BLOCK = 64
@@ -77,7 +77,7 @@ def control_of(settings: Settings) -> Control:
     )
 
 
-def kinds_of(tests: Sequence[Test]) -> list[int]:
+def kinds_of(tests: Sequence[TestFunction]) -> list[int]:
     """What `watch` looks for in each test function.
 
     Raises
@@ -160,8 +160,8 @@ def may_hide(a: Any, b: Any, length: Any, bend: Any, beside: Any) -> bool:
 def watch(kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: Any, new: Any, first: Any, before: Any, last: Any) -> bool:
     """Whether a step has to be searched for events, from the test functions at the last four points.
 
-    singular: `Test.singular` of each. hides: `may_hide`. first, before, last: the arclengths between the points. Where there are fewer
-    points, `oldest` or `older` is nan. Then the step is searched, because the bends of its test functions are not known.
+    singular: `TestFunction.singular` of each. hides: `may_hide`. first, before, last: the arclengths between the points. Where there
+    are fewer points, `oldest` or `older` is nan. Then the step is searched, because the bends of its test functions are not known.
     """
     for i in range(len(kinds)):
         a = old[i]
@@ -182,7 +182,7 @@ def watch(kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: A
             continue
         if oldest[i] != oldest[i] or older[i] != older[i]:
             return True
-        if singular[i] > 0.0 and abs(b) < PART * abs(a):
+        if singular[i] > 0.0 and abs(b) < NEAR_BRANCH_POINT * abs(a):
             return True
         rise = (a - older[i]) / before
         bend = ((b - a) / last - rise) / (before + last)
@@ -190,3 +190,84 @@ def watch(kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: A
         if hides(a, b, last, bend, beside):
             return True
     return False
+
+
+class SettingsError(ValueError):
+    """A setting has a value that cannot be used; the message names the field."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a family is followed.
+
+    Lengths are arclengths in the problem's own metric; the defaults suit families that are of order 1 to 10 long there.
+
+    ====================== ========= =====================================================================
+    field                  default   meaning
+    ====================== ========= =====================================================================
+    initial_step           0.02      length of the first step
+    minimum_step           1e-7      a step refused at this length ends the family
+    maximum_step           0.2       no step is longer
+    target_turn            0.1       angle in radians between successive tangents that the steps aim at
+    maximum_turn           0.4       a step whose tangent turns by more radians is refused
+    target_contraction     0.05      contraction of the corrector that the steps aim at
+    maximum_contraction    0.5       a step whose corrector contracts no better is refused
+    maximum_growth         2.0       a step is at most this many times as long as the one before
+    maximum_points         1000      points in total, event points and the start counted; reaching it is an end
+    location_tolerance     1e-10     width in arclength of the interval in which an event is bracketed
+    coincidence_tolerance  1e-6      events nearer than this may be one event; also how near to its start a family closes
+    ====================== ========= =====================================================================
+
+    Raises
+    ------
+    SettingsError
+        A value is no finite number, is out of range, or contradicts another; the message names the fields.
+
+    Examples
+    --------
+    >>> Settings(maximum_step=0.5).initial_step
+    0.02
+    >>> Settings(minimum_step=0.1)
+    Traceback (most recent call last):
+    ...
+    continuation.control.SettingsError: minimum_step = 0.1 is larger than initial_step = 0.02; make it smaller
+    """
+
+    initial_step: float = 0.02
+    minimum_step: float = 1e-7
+    maximum_step: float = 0.2
+    target_turn: float = 0.1
+    maximum_turn: float = 0.4
+    target_contraction: float = 0.05
+    maximum_contraction: float = 0.5
+    maximum_growth: float = 2.0
+    maximum_points: int = 1000
+    location_tolerance: float = 1e-10
+    coincidence_tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise SettingsError(f"{field.name} = {value!r}: expected a finite number")
+            if not value > 0:
+                raise SettingsError(f"{field.name} = {value!r}: expected a number above 0")
+        if int(self.maximum_points) != self.maximum_points:
+            raise SettingsError(f"maximum_points = {self.maximum_points!r}: expected a whole number")
+        if not self.maximum_turn < math.pi / 2:
+            raise SettingsError(f"maximum_turn = {self.maximum_turn!r}: expected an angle below pi/2 radians")
+        if not self.maximum_contraction < 1:
+            raise SettingsError(f"maximum_contraction = {self.maximum_contraction!r}: expected a number below 1")
+        if not self.maximum_growth > 1:
+            raise SettingsError(f"maximum_growth = {self.maximum_growth!r}: expected a number above 1")
+        for small, large in (
+            ("minimum_step", "initial_step"),
+            ("initial_step", "maximum_step"),
+            ("target_turn", "maximum_turn"),
+            ("target_contraction", "maximum_contraction"),
+            ("location_tolerance", "coincidence_tolerance"),
+        ):
+            if getattr(self, small) > getattr(self, large):
+                raise SettingsError(
+                    f"{small} = {getattr(self, small)!r} is larger than {large} = {getattr(self, large)!r}; make it smaller"
+                )

@@ -12,14 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from continuation.closure import Closure
-from continuation.control import BLOCK, JUMPED, NEAR_GOAL, SLOW, TURNED, arclength_of, control_of, distance, next_step, refusal
-from continuation.ends import End, EndReason, Tally
-from continuation.events import EventFinder, Found, arclength_between, make_event
+from continuation.control import BLOCK, JUMPED, NEAR_GOAL, SLOW, TURNED, Settings, arclength_of, control_of, distance, next_step, refusal
+from continuation.events import EventFinder, FoundEvent, arclength_between, make_event
 from continuation.location import StepRefused
-from continuation.points import PlainPoints
-from continuation.problem import Event, Point, Problem, Step
-from continuation.settings import Settings
+from continuation.points import PlainPoints, ReturnWatch
+from continuation.problem import End, EndReason, Event, Point, Problem, Step, Tally
 
 REPEATED = 1e-9
 """Relative difference of the parameter at one branch point that is passed again."""
@@ -115,7 +112,7 @@ def follow(
     contraction come to their targets, for both go with the square of the step.
 
     An event within `Settings.location_tolerance` of the start is that of the start, and not reported here
-    (`continuation.trace`, which sees both sides, reports it); a guard is reported there too.
+    (`continuation.follow_both_ways`, which sees both sides, reports it); a guard is reported there too.
 
     Examples
     --------
@@ -131,7 +128,7 @@ def follow(
     if isinstance(first, str):
         yield End(EndReason.NO_START, first)
         return
-    for item in walk(problem, first, settings, stop_when, stop_at, Allowance(settings.maximum_points)):
+    for item in follow_in_blocks(problem, first, settings, stop_when, stop_at, Allowance(settings.maximum_points)):
         if isinstance(item, PlainPoints):
             yield from item
         else:
@@ -149,7 +146,7 @@ class Allowance:
         self.started = False
 
 
-def walk(
+def follow_in_blocks(
     problem: Problem,
     first: Step,
     settings: Settings,
@@ -187,7 +184,7 @@ def walk(
     older = oldest = finder.undefined
     length_old = length_older = 0.0
     ds = settings.initial_step
-    closure = None if goal is None else Closure(problem, settings, *goal)
+    closure = None if goal is None else ReturnWatch(problem, settings, *goal)
     met: list[float] = []  # the parameter at the branch points so far
     fallback = 0.0  # length of the next try if a leap fails; inf when it has failed
     trial: Step | None = None  # the step of length ds where it was tried already
@@ -207,7 +204,7 @@ def walk(
             if count:
                 fallback = 0.0
                 if closure is None:
-                    closure = Closure(problem, settings, first, np.asarray(steps[0].position) - np.asarray(first.position))
+                    closure = ReturnWatch(problem, settings, first, np.asarray(steps[0].position) - np.asarray(first.position))
                 arclengths = np.cumsum([arclength, *taken.lengths])[1:]
                 plain = PlainPoints(index + 1, arclengths, taken.strides, steps)
                 if stop_when is None:
@@ -234,7 +231,7 @@ def walk(
                 position = step.position
                 continue
         cause = ""
-        found: list[Found] = []
+        found: list[FoundEvent] = []
         closed = False
         tests: Any
         new = take(step.y, step.tangent, ds) if trial is None else trial
@@ -349,7 +346,7 @@ def walk(
             yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(accepted, not_converged, slow, turned, jumped))
             return
         if closure is None:
-            closure = Closure(problem, settings, first, np.asarray(new.position) - np.asarray(first.position))
+            closure = ReturnWatch(problem, settings, first, np.asarray(new.position) - np.asarray(first.position))
         step = new
         position = new.position
         oldest, older, values = older, values, tests
@@ -357,7 +354,7 @@ def walk(
         ds = next_step(ds, new.turn, new.contraction, control)
 
 
-def _places(found: list[Found], ds: float, new: Step) -> Iterator[tuple[float, Step, Found | None]]:
+def _places(found: list[FoundEvent], ds: float, new: Step) -> Iterator[tuple[float, Step, FoundEvent | None]]:
     """What a step of length ds leads to, in order: events, the points between them, the new point. Length, step and event of each."""
     for event in found:
         if event.between is not None:

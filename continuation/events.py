@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from continuation.control import PART, arclength_of, distance, kinds_of, may_hide, watch
+from continuation.control import NEAR_BRANCH_POINT, Settings, arclength_of, distance, kinds_of, may_hide, watch
 from continuation.location import JUMP_RATIO, Location, Locator, StepRefused
-from continuation.problem import Event, EventDetails, Point, Problem, Step, Test
+from continuation.problem import Event, EventDetails, Point, Problem, Step, TestFunction
 from continuation.resolution import History, Resolution
-from continuation.settings import Settings
 
 _ROUNDING = 1e-12  # part of its largest value in a step up to which a test function is rounding
 _LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
@@ -31,7 +30,7 @@ def arclength_between(start: Any, step: Step) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class FoundEvent:
     """An event of a step: which test, where, what the problem says it is, the codes that it absorbed, and a point between it and the event
     before it in the same step (the length of a step, and the step)."""
 
@@ -53,7 +52,7 @@ class EventFinder:
     def __init__(self, problem: Problem, settings: Settings) -> None:
         self._problem = problem
         self._settings = settings
-        self._tests: tuple[Test, ...] = tuple(problem.tests)
+        self._tests: tuple[TestFunction, ...] = tuple(problem.tests)
         self._kinds = kinds_of(self._tests)
         self._singular = [test.singular for test in self._tests]
         self.undefined = [math.nan] * len(self._tests)
@@ -72,7 +71,7 @@ class EventFinder:
         """
         return watch(self._kinds, self._singular, may_hide, oldest, older, old, new, first, before, last)
 
-    def find(self, history: History, before: Point, after: Point, ds: float) -> list[Found]:
+    def find(self, history: History, before: Point, after: Point, ds: float) -> list[FoundEvent]:
         """The events of a step from `before` to `after` of length ds, in order, after the problem's word on each.
 
         Parameters
@@ -114,7 +113,7 @@ class EventFinder:
                     classified[i] = replace(event, absorbed=(*event.absorbed, *zone.found))
         return self._parted(classified, locator)
 
-    def _parted(self, found: list[Found], locator: Locator) -> list[Found]:
+    def _parted(self, found: list[FoundEvent], locator: Locator) -> list[FoundEvent]:
         """The events with a point between each two: what is known at points only, like stability, is known there too."""
         parted = found[:1]
         for before, after in pairwise(found):
@@ -132,7 +131,7 @@ class EventFinder:
 
     def is_near_branch_point(self, old: Sequence[float], new: Sequence[float]) -> bool:
         """Whether a point is far nearer to a branch point than the one before it: rounding is larger there, and can hide signs."""
-        return any(level and abs(b) < PART * abs(a) for a, b, level in zip(old, new, self._singular, strict=True))
+        return any(level and abs(b) < NEAR_BRANCH_POINT * abs(a) for a, b, level in zip(old, new, self._singular, strict=True))
 
     def distance_to_branch_point(self, older: Sequence[float], old: Sequence[float], before: float) -> float:
         """Arclength from the last point to where a branch point may be; inf if none is ahead: the line through the last two values of a
@@ -143,7 +142,7 @@ class EventFinder:
                 ahead = min(ahead, before * b / (a - b))
         return ahead
 
-    def passed(self, before: Point) -> tuple[Found, Step] | None:
+    def passed(self, before: Point) -> tuple[FoundEvent, Step] | None:
         """The branch point just ahead, and the point behind it, where the problem can tell them and nothing else happens between."""
         beyond = getattr(self._problem, "beyond", None)
         pair = None if beyond is None else beyond(before.step)
@@ -301,7 +300,7 @@ class EventFinder:
         sizes = sorted((abs(float(before.tests[index])), abs(float(after.tests[index]))))
         return kind == "change", kind != "guard", -sizes[0] / sizes[1] if sizes[1] > 0.0 else 0.0
 
-    def at_start(self, before: Point, start: Point, after: Point, known: Collection[Event]) -> list[Found]:
+    def at_start(self, before: Point, start: Point, after: Point, known: Collection[Event]) -> list[FoundEvent]:
         """The events on the very start of a run, which neither of its halves reports.
 
         Parameters
@@ -326,18 +325,18 @@ class EventFinder:
             elif test.kind == "crossing" and ((a > 0) is not (b > 0)) is not (count % 2 == 1):
                 residual = abs(float(step.tests[index]))
                 residual = 0.0 if math.isnan(residual) else residual  # rounding
-                if residual <= PART * max(abs(a), abs(b)):
+                if residual <= NEAR_BRANCH_POINT * max(abs(a), abs(b)):
                     located.append((index, Location("zero", "located", 0.0, step, residual, step, step)))
         return self._classified(located, before, after)
 
-    def _classified(self, located: list[tuple[int, Location]], before: Point, after: Point) -> list[Found]:
+    def _classified(self, located: list[tuple[int, Location]], before: Point, after: Point) -> list[FoundEvent]:
         found = []
         for index, location in located:
             details = self._problem.classify(index, before, location.step, after, location)
             if details is not None:
                 if self._tests[index].terminal and not details.terminal:
                     details = details._replace(terminal=True)
-                found.append(Found(index, location, details))
+                found.append(FoundEvent(index, location, details))
         return self._absorb(found) if self._absorbing else found
 
     def _refined(self, index: int, location: Location, before: Point, ds: float) -> Location:
@@ -373,7 +372,7 @@ class EventFinder:
                     raise StepRefused(f"the key of {test.code} changes more than {_CHANGES} times")
         return changes
 
-    def _absorb(self, found: list[Found]) -> list[Found]:
+    def _absorb(self, found: list[FoundEvent]) -> list[FoundEvent]:
         dropped: set[int] = set()
         absorbed: dict[int, tuple[str, ...]] = {}
         for i, strong in enumerate(found):
@@ -385,7 +384,7 @@ class EventFinder:
         return [replace(event, absorbed=absorbed.get(i, ())) for i, event in enumerate(found) if i not in dropped]
 
 
-def make_event(found: Found, position: Any, arclength: float, index: int) -> Event:
+def make_event(found: FoundEvent, position: Any, arclength: float, index: int) -> Event:
     """The event that a run reports, from what was found in a step from a point with this position and arclength.
 
     `index` is the place of the event's point in the run.

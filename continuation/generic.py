@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from continuation.location import Location
-from continuation.problem import EventDetails, Point, Step, Test
+from continuation.problem import EventDetails, Point, Step, TestFunction
 
 Array = np.ndarray
 _EPS = float(np.finfo(float).eps)
@@ -28,7 +28,7 @@ class GenericProblem:
     weights : array_like (n + 1,), optional
         Diagonal of the metric: arclength is measured in sqrt(weights) y. All 1 if not given. For unknowns that sample a
         function, weights of about 1/n keep the arclength independent of n.
-    tests : sequence of (Test, callable), optional
+    tests : sequence of (TestFunction, callable), optional
         Test functions of the user's own, each called with y and the unit tangent.
     second_derivative : callable, optional
         (y, a, b) to F''(y)[a, b] (n,), used for switching; central differences of the Jacobian if not given.
@@ -42,8 +42,8 @@ class GenericProblem:
 
     Notes
     -----
-    Test 0, ``SN``: the slope, derivative of the parameter along the arclength. Test 1, ``BP``: the determinant of the Jacobian
-    bordered by the tangent, scaled by the product of all its singular values but the smallest: the smallest one with the sign
+    Test function 0, ``SN``: the slope, derivative of the parameter along the arclength. Test function 1, ``BP``: the determinant of the
+    Jacobian bordered by the tangent, scaled by the product of all its singular values but the smallest: the smallest one with the sign
     of the determinant. It is as smooth as the determinant near a simple zero and does not overflow. It costs singular values
     at each point, of order n^3, as does the rest.
 
@@ -65,7 +65,7 @@ class GenericProblem:
         *,
         parameter: int = -1,
         weights: Sequence[float] | Array | None = None,
-        tests: Sequence[tuple[Test, Callable[[Array, Array], float]]] = (),
+        tests: Sequence[tuple[TestFunction, Callable[[Array, Array], float]]] = (),
         second_derivative: Callable[[Array, Array, Array], Array] | None = None,
         maximum_iterations: int = 12,
     ) -> None:
@@ -79,9 +79,9 @@ class GenericProblem:
             raise ValueError("weights: expected finite positive numbers")
         self._user_tests = tuple(function for _, function in tests)
         self._iterations = maximum_iterations
-        self.tests: tuple[Test, ...] = (
-            Test("SN", "crossing", label="fold in the parameter", oriented=True),
-            Test("BP", "crossing", label="branch point", oriented=True, absorbs=("SN",), singular=1e-5),
+        self.tests: tuple[TestFunction, ...] = (
+            TestFunction("SN", "crossing", label="fold in the parameter", oriented=True),
+            TestFunction("BP", "crossing", label="branch point", oriented=True, absorbs=("SN",), singular=1e-5),
             *(test for test, _ in tests),
         )
         if second_derivative is not None:

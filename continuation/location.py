@@ -13,8 +13,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from continuation.control import Settings
 from continuation.problem import Point, Problem, Status, Step
-from continuation.settings import Settings
 
 FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
 

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from continuation.control import PART, may_hide
+from continuation.control import NEAR_BRANCH_POINT, Settings, may_hide
 from continuation.location import Locator, StepRefused
-from continuation.problem import Step, Test
-from continuation.settings import Settings
+from continuation.problem import Step, TestFunction
 
 __all__ = ["History", "Resolution", "Zone"]
 
@@ -46,10 +45,10 @@ class Zone(NamedTuple):
 
     low: float
     high: float
-    test: Test
+    test: TestFunction
     found: list[str]
 
-    def hides(self, test: Test) -> bool:
+    def hides(self, test: TestFunction) -> bool:
         """Whether a test function has no certain sign here."""
         return test is self.test or test.code in self.test.absorbs
 
@@ -63,7 +62,7 @@ class Resolution:
 
     Parameters
     ----------
-    tests : sequence of Test
+    tests : sequence of TestFunction
     locator : Locator
         The steps inside; new samples are taken through it.
     history : sequence of (float, sequence of float)
@@ -72,7 +71,7 @@ class Resolution:
         `location_tolerance` is used.
     """
 
-    def __init__(self, tests: Sequence[Test], locator: Locator, history: History, settings: Settings) -> None:
+    def __init__(self, tests: Sequence[TestFunction], locator: Locator, history: History, settings: Settings) -> None:
         self._tests = tests
         self._locator = locator
         self._history = history
@@ -109,27 +108,27 @@ class Resolution:
                 changes.append((low, high))
         return changes
 
-    def absorbed(self, test: Test, low: float, high: float) -> bool:
+    def absorbed(self, test: TestFunction, low: float, high: float) -> bool:
         """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code."""
         return self._note(test, [zone for zone in self.zones if low <= zone.low and zone.high <= high and zone.hides(test)])
 
     def is_branch_point(self, index: int, step: Step, factor: float) -> bool:
         """Whether an undecided value of a test function is rounding at a branch point of this step, which then notes its code.
 
-        factor: so many times its level `Test.singular` a test function for branch points may have there."""
+        factor: so many times its level `TestFunction.singular` a test function for branch points may have there."""
         test = self._tests[index]
         zones = [zone for zone in self.zones if zone.hides(test)]
         near = [zone for zone in zones if abs(step.tests[self._tests.index(zone.test)]) < factor * zone.test.singular]
         return math.isnan(step.tests[index]) and self._note(test, near)
 
-    def _note(self, test: Test, zones: list[Zone]) -> bool:
+    def _note(self, test: TestFunction, zones: list[Zone]) -> bool:
         """Note the code of a test function in the first of some zones, and whether there is one."""
         for zone in zones[:1]:
             if test is not zone.test and test.code not in zone.found:
                 zone.found.append(test.code)
         return bool(zones)
 
-    def exclude(self, index: int, test: Test, low: float, high: float) -> None:
+    def exclude(self, index: int, test: TestFunction, low: float, high: float) -> None:
         """Make a zone around a branch point between the steps of length low and high, which its test function marked.
 
         Raises
@@ -138,7 +137,7 @@ class Resolution:
             The steps on its two sides are of two families.
         """
         samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken()]
-        level = min(test.singular, PART * max(value for _, value in samples))
+        level = min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
         before = [pair for pair in reversed(samples) if pair[0] <= low]
         after = [pair for pair in samples if pair[0] >= high]
         first, last = self._zone_end(index, before, level, high), self._zone_end(index, after, level, low)
@@ -146,10 +145,10 @@ class Resolution:
             raise StepRefused("a step goes over to another family")
         self.zones.append(Zone(-math.inf if first is None else first, math.inf if last is None else last, test, []))
 
-    def exclude_start(self, index: int, test: Test) -> None:
+    def exclude_start(self, index: int, test: TestFunction) -> None:
         """Make a zone at the start of the step if a branch point is so near to it."""
         samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken()]
-        level = min(test.singular, PART * max(value for _, value in samples))
+        level = min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
         if samples[0][1] < level and not any(zone.low < 0.0 < zone.high for zone in self.zones):
             end = self._zone_end(index, samples, level, 0.0)
             self.zones.append(Zone(-math.inf, math.inf if end is None else end, test, []))

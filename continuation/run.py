@@ -8,12 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from continuation.ends import End, EndReason, Tally
-from continuation.engine import Allowance, StopWhen, first_step, walk
+from continuation.control import Settings
+from continuation.engine import Allowance, StopWhen, first_step, follow_in_blocks
 from continuation.events import EventFinder, make_event
 from continuation.points import Piece, PlainPoints, Points
-from continuation.problem import Event, Point, Problem, Step
-from continuation.settings import Settings
+from continuation.problem import End, EndReason, Event, Point, Problem, Step, Tally
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,7 @@ class Run:
         return last if self.closed else Tally(*(a + b for a, b in zip(first, last, strict=True)))
 
 
-def trace(
+def follow_both_ways(
     problem: Problem,
     start: np.ndarray | Step,
     settings: Settings | None = None,
@@ -142,7 +141,7 @@ class _Half:
         self.events: list[Event] = []
         self.end = End(EndReason.POINTS)
         self._allowance = allowance
-        self._items = walk(problem, first, settings, stop_when, stop_at, allowance, goal)
+        self._items = follow_in_blocks(problem, first, settings, stop_when, stop_at, allowance, goal)
         self._first = not allowance.started
         allowance.started = True
         self._near = settings.coincidence_tolerance

@@ -1,17 +1,24 @@
-"""Leaving a branch point along the other branch: the algebraic branching equation and corrected first points."""
+"""Leaving a branch point along another branch: directions, corrected first points, and the branch point to full accuracy."""
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 
+from continuation.control import Settings
 from continuation.problem import Event, Problem, Step
-from continuation.settings import Settings
 
 _DISTANCE = 1e-4  # a singular point must lie within this distance, to first order, in the metric
 _DIFFERENCE = 1e-4  # step of the central differences: rounding eps/step and truncation step^2 are both below 1e-8
 _PARALLEL = 1e-3  # sine of the angle below which two directions are one
+_NEWTON_DIFFERENCE = 1e-5  # step of the differences in Newton's method; their error only slows it down
+_ROUNDS = 12  # of Newton's method
+_SHRUNK = 0.1  # second derivatives are kept after a step that is at most this part of the one before
+_STAGNATED = 1e-10  # Newton's last step, in units of the unknowns' sizes: far above rounding, and its successor is below
+_ZERO, _FULL = 1e-8, 1e-4  # singular values, as parts of the largest: zero below the first, not zero above the second
+_REAL = 1e-4  # imaginary part, over its modulus, below which a root is real: larger than the differences' error
 
 
 class SwitchError(RuntimeError):
@@ -109,7 +116,9 @@ def branch_directions(
     return other, -other, same, -same
 
 
-def switch(problem: Problem, event: Event, settings: Settings | None = None, distance: float | None = None) -> tuple[Step, ...]:
+def other_branch_starts(
+    problem: Problem, event: Event, settings: Settings | None = None, distance: float | None = None
+) -> tuple[Step, ...]:
     """Corrected first points on the other branch at a branch point, one on each side.
 
     Parameters
@@ -157,3 +166,178 @@ def switch(problem: Problem, event: Event, settings: Settings | None = None, dis
     if not steps:
         raise SwitchError(f"no point of the other branch could be corrected within {distance:.3g} of the branch point")
     return tuple(steps)
+
+
+class Equations(Protocol):
+    """F(y) and F'(y) of n equations in n + 1 unknowns."""
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """F(y), (n,)."""
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        """F'(y), (n, n + 1)."""
+
+
+def refine_branch_point(
+    equations: Equations, y: np.ndarray, scale: np.ndarray | None = None, farthest: float = 1e-2
+) -> np.ndarray | None:
+    """The branch point next to a place that is near one.
+
+    On a branch near a branch point the equations are nearly singular: a located one is as accurate as the square root of rounding,
+    and its smallest singular value as large. With the left null vector psi as unknown the system
+
+        F(y) + m psi = 0,    F'(y)^T psi = 0,    psi . psi = 1
+
+    has a simple branch point as a regular solution, with m = 0. Newton's method on it takes psi . F'' from differences of the Jacobian,
+    and keeps it while the steps shrink.
+
+    Parameters
+    ----------
+    equations : Equations
+    y : ndarray (n + 1,)
+        Near the branch point.
+    scale : ndarray (n + 1,), optional
+        Sizes of the unknowns; else 1.
+    farthest : float
+        How far it may be, in units of the sizes.
+
+    Returns
+    -------
+    ndarray or None
+        None where the iteration does not settle, or on no solution of F = 0, or leaves.
+
+    References
+    ----------
+    G. Moore, The numerical treatment of non-trivial bifurcation points, Numer. Funct. Anal. Optim. 2 (1980) 441.
+
+    Examples
+    --------
+    >>> from continuation import GenericProblem
+    >>> pitchfork = GenericProblem(lambda y: np.array([y[0]*(y[1] - y[0]**2)]), lambda y: np.array([[y[1] - 3*y[0]**2, y[0]]]))
+    >>> [abs(round(float(x), 12)) for x in refine_branch_point(pitchfork, np.array([2e-3, 1e-3]))]
+    [0.0, 0.0]
+    """
+    place = np.asarray(y, dtype=float)
+    scale = np.ones(place.size) if scale is None else scale
+    psi = np.linalg.svd(np.asarray(equations.jacobian(place), dtype=float) * scale)[0][:, -1]
+    n = psi.size
+    excess, last, length = 0.0, math.inf, 0.0
+    matrix = np.zeros((2 * n + 2, 2 * n + 2))
+    for _ in range(_ROUNDS):
+        jacobian = np.asarray(equations.jacobian(place), dtype=float) * scale
+        matrix[:n, : n + 1] = jacobian
+        matrix[:n, n + 1 : -1] = excess * np.eye(n)
+        matrix[:n, -1] = psi
+        if not 0.0 < length <= _SHRUNK * last:
+            matrix[n : 2 * n + 1, : n + 1] = _bend(equations, place, psi, scale, jacobian)
+        matrix[n : 2 * n + 1, n + 1 : -1] = jacobian.T
+        matrix[-1, n + 1 : -1] = psi
+        miss = np.concatenate(
+            [np.asarray(equations.residual(place)) + excess * psi, jacobian.T @ psi, [0.5 * (float(psi @ psi) - 1.0)]]
+        )
+        try:
+            step = np.linalg.solve(matrix, -miss)
+        except np.linalg.LinAlgError:
+            return None
+        place = place + scale * step[: n + 1]
+        psi = psi + step[n + 1 : -1]
+        excess += float(step[-1])
+        if not np.linalg.norm((place - y) / scale) < farthest:
+            return None
+        last, length = length or math.inf, float(np.linalg.norm(step[: n + 1]))
+        if length < _STAGNATED:
+            return place if abs(excess) < _STAGNATED else None
+    return None
+
+
+def _bend(equations: Equations, place: np.ndarray, psi: np.ndarray, scale: np.ndarray, here: np.ndarray) -> np.ndarray:
+    """psi . F''(place), (n + 1, n + 1), for unknowns in units of their sizes; `here`: F'(place) for these."""
+    columns = []
+    own = psi @ here
+    for j in range(place.size):
+        apart = np.zeros(place.size)
+        apart[j] = _NEWTON_DIFFERENCE * scale[j]
+        columns.append((scale * (psi @ np.asarray(equations.jacobian(place + apart))) - own) / _NEWTON_DIFFERENCE)
+    return np.stack(columns, axis=1)
+
+
+def tripling_direction(equations: Equations, y: np.ndarray, known: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Direction in which the branch of tripled solutions crosses the one that is known.
+
+    Where a pair of multipliers passes exp(+-2 pi i/3), the equations of three turns have two left null vectors psi, and the null space of
+    the Jacobian is spanned by the known tangent a and two more vectors. Directions v solve psi . F''[v, v] = 0 for both: two conics, which
+    meet in a and in three points more, images of each other under a turn. With v = x a + z that is x A z + Q(z) = 0 for z in the plane of
+    the two, so that z is a root of the cubic det(A z, Q(z)).
+
+    Parameters
+    ----------
+    equations : continuation.switching.Equations
+    y : ndarray (n + 1,)
+        The branch point.
+    known : ndarray (n + 1,)
+        Tangent of the known branch.
+    scale : ndarray (n + 1,)
+        Sizes of the unknowns.
+
+    Returns
+    -------
+    ndarray (n + 1,)
+        One of the three, in the unknowns; the branch goes on both ways.
+
+    Raises
+    ------
+    SwitchError
+        The null space has not three dimensions, or the cubic vanishes.
+
+    References
+    ----------
+    V. I. Arnold, Geometrical Methods in the Theory of Ordinary Differential Equations, Springer (1983), section 34.
+    """
+    left, values, right = np.linalg.svd(np.asarray(equations.jacobian(y), dtype=float) * scale)
+    if not (values[-2] < _ZERO * values[0] and values[-3] > _FULL * values[0]):
+        raise SwitchError(
+            "the null space of the Jacobian has not three dimensions there "
+            f"(singular values {values[-3]:.3g}, {values[-2]:.3g}, {values[-1]:.3g})"
+        )
+    psi = left[:, -2:].T
+    null = right[-3:]
+    along = null @ (known / scale)
+    frame = np.linalg.svd(along[None, :])[2] @ null  # the known tangent first, then two at right angles to it
+
+    def second(a: np.ndarray) -> np.ndarray:
+        apart = _DIFFERENCE * scale * a
+        change = np.asarray(equations.jacobian(y + apart)) - np.asarray(equations.jacobian(y - apart))
+        table: np.ndarray = psi @ (change * scale) @ frame.T / (2.0 * _DIFFERENCE)
+        return table
+
+    by_known, by_first, by_second = (second(vector) for vector in frame)
+    linear = 2.0 * by_known[:, 1:]
+    q11, q12, q22 = by_first[:, 1], by_first[:, 2], by_second[:, 2]
+
+    def cross(a: np.ndarray, b: np.ndarray) -> float:
+        return float(a[0] * b[1] - a[1] * b[0])
+
+    a1, a2 = linear.T
+    cubic = np.array(
+        [
+            cross(a1, q11),
+            cross(a2, q11) + 2.0 * cross(a1, q12),
+            2.0 * cross(a2, q12) + cross(a1, q22),
+            cross(a2, q22),
+        ]
+    )
+    if not np.max(np.abs(cubic)) > _ZERO * np.max(np.abs(linear)) ** 2:
+        raise SwitchError("the directions of tripled solutions are not decided at second order there")
+    # z = (r, 1); a root at infinity, where the cubic's leading entry vanishes, is one of three.
+    roots = np.roots(cubic)
+    real = roots[np.abs(roots.imag) <= _REAL * np.abs(roots)].real
+    if real.size == 0:
+        raise SwitchError("the directions of tripled solutions are not real there")
+    z = np.array([real[0], 1.0]) / np.hypot(real[0], 1.0)
+    forced = linear @ z
+    bent = q11 * z[0] ** 2 + 2.0 * q12 * z[0] * z[1] + q22 * z[1] ** 2
+    size = float(forced @ forced)
+    if size == 0.0:
+        raise SwitchError("the multipliers do not pass through their place there")
+    direction: np.ndarray = scale * (np.array([-float(forced @ bent) / size, *z]) @ frame)
+    return direction

@@ -37,13 +37,13 @@ if TYPE_CHECKING:
     from branches.search.discovery import Discovery as Discovery
     from branches.switching import switch as switch
     from branches.tracing import extend as extend
-    from bvp.damped import Simulator as Simulator
-    from bvp.damped import simulate as simulate
     from bvp.forcing import Constant as Constant
     from bvp.forcing import Harmonic as Harmonic
     from bvp.forcing import Record as Record
     from bvp.forcing import ground_load as ground_load
     from bvp.motion import Motion as Motion
+    from bvp.simulate import Simulator as Simulator
+    from bvp.simulate import simulate as simulate
     from bvp.system import ImpactSystem as ImpactSystem
     from bvp.system import Stop as Stop
     from bvp.system import vibro_impact_nes as vibro_impact_nes
@@ -91,7 +91,7 @@ _HOME = {
     "branches.search.discovery": "Discovery",
     "branches.switching": "switch",
     "branches.tracing": "extend",
-    "bvp.damped": "Simulator simulate",
+    "bvp.simulate": "Simulator simulate",
     "bvp.forcing": "Constant Harmonic Record ground_load",
     "bvp.motion": "Motion",
     "bvp.system": "ImpactSystem Stop vibro_impact_nes",

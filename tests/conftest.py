@@ -24,7 +24,7 @@ def pytest_sessionstart(session):
 
         warm()
     elif worker == "gw1":
-        from bvp.damped import simulate
+        from bvp.simulate import simulate
         from bvp.system import vibro_impact_nes
         from transitions.section.section import section
 

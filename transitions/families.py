@@ -298,7 +298,7 @@ def _of_branches(branches: Iterable[Branch]) -> tuple[list[Family], ImpactSystem
             raise ValueError(f"the family {branch.label or branch.id} belongs to another system than those before it")
         system = branch.system
         points = branch.points
-        impacts = round(impacts_per_period(branch.problem.word, branch.ends))
+        impacts = round(impacts_per_period(branch.problem.sequence, branch.ends))
         out.append(Family(branch.id, points["h"], points["alpha"], points["label"].astype(str), impacts, partial(_itself, branch)))
     if system is None:
         raise ValueError("there is no family to follow; expected one branch or more")

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import reals
-from bvp.frozen import read_only
+from bvp.checks import read_only, reals
 from bvp.interrupts import Pace
 from bvp.kernels.extrema import PEAK_ROWS, peak_flight
 from bvp.kernels.flight import Flight
@@ -178,7 +177,7 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
 
     Examples
     --------
-    >>> from bvp.damped import simulate
+    >>> from bvp.simulate import simulate
     >>> from bvp.system import vibro_impact_nes
     >>> from transitions.sharing import sharing_of
     >>> system = vibro_impact_nes(lam=0.01, rho=0.7)
@@ -237,7 +236,7 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
 
     Examples
     --------
-    >>> from bvp.damped import simulate
+    >>> from bvp.simulate import simulate
     >>> from bvp.system import vibro_impact_nes
     >>> found = extents(simulate(vibro_impact_nes(sigma=0.0), [0.0, 0.0], [0.0, 0.5], 3.0), [[0.0, 1.0]])
     >>> found.peaks.round(12), found.times.round(7)

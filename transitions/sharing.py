@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.energy_budget import split_damping
-from bvp.forcing import Constant, Harmonic, Record
+from bvp.forcing import Constant, Harmonic, Record, split_damping
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -37,7 +36,7 @@ class Sharing:
     why_not : str
         The reason for None, else "".
     dampers : dict of str to (n, n) ndarray
-        The damping matrix in the parts that `bvp.damped.simulate` records separately.
+        The damping matrix in the parts that `bvp.simulate.simulate` records separately.
     nes_parts : frozenset of str
         The parts of a motion in which the NES dissipates.
     sink : bool

@@ -129,7 +129,7 @@ def start_text(problem: MultipointProblem, y: np.ndarray, keep: bool) -> str:
         raise ValueError(f"the equations for AUTO begin at an origin; received the ends {problem.ends[0]} {problem.ends[1]}")
     states = np.vstack([problem.start(y)[None], problem.nodes(y)]) @ system.modes.to_state.T
     last = 1.0 if problem.ends[1] == "stop+" else -1.0
-    sides = [1.0 if letter == "+" else -1.0 for letter in problem.word] + [last]
+    sides = [1.0 if letter == "+" else -1.0 for letter in problem.sequence] + [last]
     first = [problem.energy(y), float(parameters["mu"]), float(parameters["sigma"]), _ENDS[problem.ends[1]], int(keep)]
     return "".join(" ".join(repr(float(x)) for x in row) + "\n" for row in (first, problem.flight_times(y), sides, states.ravel()))
 

@@ -20,8 +20,9 @@ import numpy as np
 
 from benchmarks.speed_error.methods import Answer, Method, OrbitAnswer, Task, Work
 from benchmarks.speed_error.tasks import OrbitTask
-from bvp.checks import number
-from bvp.impact import checked_state, restitute
+from bvp.checks import checked_number
+from bvp.kernels.restitution import restitute
+from bvp.simulate import checked_state
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -244,7 +245,7 @@ def solve_nonsmooth_time(
 
 
 def _positive(value: float, name: str) -> float:
-    value = number(value, name)
+    value = checked_number(value, name)
     if not 0.0 < value < math.inf:
         raise ValueError(f"{name} is a finite number above 0; received {value:g}")
     return value
@@ -293,9 +294,10 @@ def _shoot(system: ImpactSystem, alpha: float, slope: np.ndarray, integrator: st
         if at - tau < _BETWEEN:
             raise NotMatched(f"the integrator missed a flight at tau = {at:.6g} in one step: expected a smaller tolerance")
         tau, state = at, found.y_events[contact][0]
-        letter = modes.contact_letters[contact]
-        impacts.append(TauImpact(tau, letter, float(rows[contact] @ state[n:]) / alpha))
-        state = np.concatenate([state[:n], restitute(system, letter, state[n:])])
+        impacts.append(TauImpact(tau, modes.contact_letters[contact], float(rows[contact] @ state[n:]) / alpha))
+        z = modes.from_state[:, n:] @ state[n:]
+        restitute(modes.contacts, contact, z, z)
+        state = np.concatenate([state[:n], modes.to_state[n:] @ z])
     raise NotMatched(f"more than {_FLIGHTS} impacts in half a period")
 
 

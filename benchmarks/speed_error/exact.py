@@ -14,11 +14,11 @@ from benchmarks.speed_error.tasks import LocateTask, OrbitTask, RunTask
 from branches.family import Family
 from branches.stability import describe
 from branches.tracing import SETTINGS, follow_family
-from bvp.cycle import cycle_of
-from bvp.damped import Simulator
+from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import Solution
-from continuation.settings import Settings
+from bvp.simulate import Simulator
+from continuation.control import Settings
 
 __all__ = ["EXACT", "Saltus"]
 

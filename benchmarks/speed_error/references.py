@@ -10,7 +10,7 @@ import mpmath as mp
 import numpy as np
 
 from bvp import many_digits
-from bvp.digit_modes import DIGITS
+from bvp.many_digits import DIGITS
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem
 

@@ -195,7 +195,7 @@ def _growth_of_a_point(against: str, value: int, problem: MultipointProblem, y: 
     Steps are taken one at a time: with more than two degrees of freedom there are no blocks of steps.
     """
     from branches.family import Family
-    from bvp.cycle import cycle_of
+    from bvp.closures import cycle_of
     from bvp.multipliers import saddle_point_multipliers
 
     here = problem.step(y, np.zeros(2 * problem.unknowns), 0.0)

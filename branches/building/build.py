@@ -212,7 +212,7 @@ class _Build:
     def _saved(self, branch: Branch) -> Seed:
         """The seed of a family that was saved: from its orbit inside the plan's limits that is nearest to the one it was started from."""
         plan, h, alpha = self.plan, branch.points["h"], branch.points["alpha"]
-        impacts = impacts_per_period(branch.problem.word, branch.ends)
+        impacts = impacts_per_period(branch.problem.sequence, branch.ends)
         for bounds, wide, further in ((plan.bounds, False, None), (plan.named, True, 0)):
             low, high = bounds.energy
             inside = [i for i in range(len(h)) if low <= h[i] <= high and bounds.holds(alpha=float(alpha[i]), impacts=impacts)]

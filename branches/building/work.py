@@ -34,13 +34,13 @@ from branches.search.discovery import WITHOUT_ORIGIN, discover
 from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
 from branches.switching import TYPES, EmanatingFamily, emanating_families
 from branches.tracing import SETTINGS, follow_family
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.presentation import Presentation
     from bvp.system import ImpactSystem
-    from continuation.settings import Settings
+    from continuation.control import Settings
 
 __all__ = ["ends_of", "is_half", "work"]
 
@@ -184,7 +184,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
             continue
         if event.type in TYPES:
             times = {"PD": 2, "RT": event.p_q[1] if event.p_q else 1}.get(event.type, 1)
-            if not bounds.holds(alpha=times * event.alpha, impacts=times * impacts_per_period(branch.problem.word, branch.ends)):
+            if not bounds.holds(alpha=times * event.alpha, impacts=times * impacts_per_period(branch.problem.sequence, branch.ends)):
                 beyond += 1
                 continue
             some, over, dead = _across_bifurcation(branch, event, seed)

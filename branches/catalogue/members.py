@@ -16,7 +16,7 @@ from branches.catalogue.rows import Edge, EventOrbit
 from branches.identity import all_presentations, closed_presentations, presentations, segment_images
 from branches.presentation import Presentation, embed, presentation_of, solved
 from branches.sequences import PERIODIC, Ends, ImpactSequence, impacts_per_period, parse_ends, parse_sequence
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.kernels.flight import flow_state
 from bvp.kernels.segment import STOP
 from bvp.kernels.step import locate, metric_direction
@@ -151,7 +151,7 @@ class KnownFamilies:
 
     def add(self, id: str, branch: Branch) -> None:
         """Remember a family by its id."""
-        key = (branch.ends, tuple(branch.problem.word))
+        key = (branch.ends, tuple(branch.problem.sequence))
         self._curves.setdefault(key, []).append((id, _Curve(branch)))
         self._count += 1
 
@@ -269,9 +269,9 @@ def seen_from(problem: MultipointProblem, y: np.ndarray, ends: Ends, sequence: I
 
 def _windows(problem: MultipointProblem, ends: Ends, sequence: ImpactSequence) -> list[tuple[int, int] | int]:
     """The windows of `branches.presentation.embed` with ends of these kinds and as many impacts as a sequence."""
-    inner, kinds = len(problem.word), [_kind(end) for end in problem.ends]
+    inner, kinds = len(problem.sequence), [_kind(end) for end in problem.ends]
     if ends == PERIODIC:
-        impacts = impacts_per_period(problem.word, problem.ends)
+        impacts = impacts_per_period(problem.sequence, problem.ends)
         return [k for k in range(1, _COVERS + 1) if k * impacts == len(sequence)]
     if problem.periodic:
         return []
@@ -313,7 +313,7 @@ def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, sequence: I
 def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event: str = "") -> Edge:
     """The edge from a BP, SB or PD of one family to the family that emanates there."""
     y = source.unknowns(event.point)
-    seen = seen_from(source.problem, y, target.ends, tuple(target.problem.word))
+    seen = seen_from(source.problem, y, target.ends, tuple(target.problem.sequence))
     return Edge(
         source.id, event.id, event.type, "switch", target.id, event.h, event.alpha, target_event, event.stop, event.note,
         orbit_of_event(source, event), seen,

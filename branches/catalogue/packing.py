@@ -320,7 +320,8 @@ def pack_family(branch: Branch) -> PackedFamily:
     stability = stability_intervals(columns, branch.events)
     ended = tuple((str(end.reason), end.text) for end in branch.ended)
     row = FamilyRow(
-        0, branch.id, branch.label, format_ends(branch.ends), branch.sequence, 0.5 * impacts_per_period(branch.problem.word, branch.ends),
+        0, branch.id, branch.label, format_ends(branch.ends), branch.sequence,
+        0.5 * impacts_per_period(branch.problem.sequence, branch.ends),
         *_range(columns["h"]), *_range(columns["alpha"]), len(branch), len(branch.events), int(branch.start), _stable_fraction(stability),
         " ".join(dict.fromkeys(part.label for part in labels if part.label)),
         compact_json({"labels": labels, "stability": stability, "ended": ended, "layout": layout}),

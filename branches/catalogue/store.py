@@ -72,7 +72,7 @@ class CatalogueStore(CatalogueFile):
         CatalogueDamaged
             If they do not fit their checksum.
         """
-        from bvp.frozen import Frozen
+        from bvp.checks import Frozen
 
         row = self.family(id)
         return Frozen(self._columns(row, self._problem(row)))

@@ -142,7 +142,7 @@ def _seen(orbit: EventOrbit | None, narrow: Branch, wider: Branch) -> EventOrbit
 
     if orbit is None or (narrow.ends, narrow.sequence) == (wider.ends, wider.sequence):
         return orbit
-    found = presented(narrow.problem, unknowns_of(narrow.problem, orbit), wider.ends, tuple(wider.problem.word))
+    found = presented(narrow.problem, unknowns_of(narrow.problem, orbit), wider.ends, tuple(wider.problem.sequence))
     if found is None:
         raise CannotWiden("an orbit where another family meets it is not found between the ends of the new branch")
     return found

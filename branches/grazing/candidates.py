@@ -128,7 +128,7 @@ def merged(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem
     flight = int(np.argmin(times))
     if times[flight] > _SHORT * float(np.sum(times)):
         return None
-    sequence, states, start = list(problem.word), problem.nodes(y), problem.start(y)
+    sequence, states, start = list(problem.sequence), problem.nodes(y), problem.start(y)
     if problem.periodic:
         # Impacts are numbered from the start, and turned so that the start is another one than the two.
         turned = [(i + flight - 1) % len(sequence) for i in range(len(sequence))]

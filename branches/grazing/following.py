@@ -205,7 +205,7 @@ def meetings_at(
         return [Neighbour("dead end", (), "", "", problem.energy(y), problem.quarter_period(y), (), 0, 1, str(error))]
     if swapped is not None:
         other, start, stops = swapped
-        return [_meet(other, start, stops, impacts_per_period(other.word, other.ends), 1, rising, energy)]
+        return [_meet(other, start, stops, impacts_per_period(other.sequence, other.ends), 1, rising, energy)]
     orbit = touching(problem, y)
     if not orbit.hard:
         return [_linear(orbit)]
@@ -252,7 +252,7 @@ def _meet(
     """Solve a problem at the grazing orbit y, and look for its admissible sides."""
 
     def neighbour(kind: str, **more: Any) -> Neighbour:
-        sequence = format_sequence(problem.word)
+        sequence = format_sequence(problem.sequence)
         return Neighbour(kind, problem.ends, sequence, "", problem.energy(y), problem.quarter_period(y), stops, impacts, cover, **more)
 
     y, residual, directions = _solve(problem, y)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.identity import pattern_of
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.kernels.extrema import crossings
 from bvp.kernels.flight import flow_state
 from bvp.multipoint import MultipointProblem

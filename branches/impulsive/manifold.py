@@ -11,9 +11,9 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from branches.impulsive.start import check_system, impulsive_state, oscillator_period
-from bvp.checks import energy_range
-from bvp.damped import simulate
+from bvp.checks import checked_energy_range
 from bvp.motion import MotionStatus
+from bvp.simulate import simulate
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -96,7 +96,7 @@ def impulsive_manifold(
         A jump is a change by more than a power law of exponent one allows, and by more than one line of the spectrum.
     """
     check_system(system)
-    low, high = energy_range(energy, positive=True)
+    low, high = checked_energy_range(energy, positive=True)
     levels = np.geomspace(low, high, max(2, math.ceil(density * math.log10(high / low)) + 1))
     frequency, rate = np.full(len(levels), np.nan), np.full(len(levels), np.nan)
     failed = []

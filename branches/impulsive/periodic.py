@@ -19,7 +19,7 @@ from branches.identity import cover_of
 from branches.impulsive.scan import FLOOR, Bracket, ImpulsiveMotions, Scan, scan_energies
 from branches.orbit import Orbit
 from branches.search.orbits import Found, accept
-from bvp.checks import energy_range
+from bvp.checks import checked_energy_range
 from bvp.kernels.scan import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
@@ -139,7 +139,7 @@ def impulsive_orbits(
     >>> [(orbit.label, round(orbit.h, 9)) for orbit in found.orbits], found.settled
     ([('U4122-', 2.987367315)], True)
     """
-    low, high = energy_range(energy, positive=True)
+    low, high = checked_energy_range(energy, positive=True)
     if not 0.0 < quarter_period < math.inf:
         raise ValueError(f"quarter_period = {quarter_period:g}: expected a number above 0")
     if impacts is not None and impacts < 0:

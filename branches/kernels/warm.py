@@ -36,9 +36,8 @@ def warm() -> None:
     from bvp.kernels.stability import orbit_stability
     from bvp.multipoint import MultipointProblem
     from bvp.system import vibro_impact_nes
-    from continuation.control import control_of
+    from continuation.control import Settings, control_of
     from continuation.problem import Step
-    from continuation.settings import Settings
 
     problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
     y, ends, result = np.array([0.8, 0.6, 1.7]), np.ones((1, 4)), np.zeros(len(RESULT))

@@ -19,7 +19,7 @@ from branches.search.discovery import discover
 from branches.search.orbits import Found, accept, from_other_end
 from branches.search.scope import require_conservative
 from branches.tracing import Courses, TraceError, check_energy
-from bvp.ends import EndsError, parse_end
+from bvp.closures import EndsError, parse_end
 from bvp.shown import shown
 
 if TYPE_CHECKING:
@@ -167,7 +167,8 @@ def trace_named(
         problem = found.problem
         said = note(parse_name(name).label, found.label)
         on_start(
-            f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, sequence {''.join(problem.word) or '(no inner impact)'}, "
+            f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, "
+            f"sequence {''.join(problem.sequence) or '(no inner impact)'}, "
             f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}{said and '; ' + said}"
         )
     rising = bool(branch.points["h"][0] <= branch.points["h"][-1])

@@ -125,7 +125,7 @@ class Search:
 
     def fits(self, orbit: Found) -> bool:
         if self.sequence is not None and self.ends is not None:
-            same = canonical_sequence(orbit.problem.word, orbit.problem.ends, odd_symmetry=self.system.has_odd_symmetry)
+            same = canonical_sequence(orbit.problem.sequence, orbit.problem.ends, odd_symmetry=self.system.has_odd_symmetry)
             return same == canonical_sequence(self.sequence, self.ends, odd_symmetry=self.system.has_odd_symmetry)
         label, pattern = orbit.label, self.name.label
         if label is None or pattern is None or not matches(pattern, label):
@@ -214,7 +214,7 @@ def passes(branch: Branch, orbit: Found) -> bool:
     """Whether a branch passes through an orbit, in whatever presentation."""
     odd = branch.system.has_odd_symmetry
     mine, other = branch.problem, orbit.problem
-    if canonical_sequence(mine.word, mine.ends, odd_symmetry=odd) != canonical_sequence(other.word, other.ends, odd_symmetry=odd):
+    if canonical_sequence(mine.sequence, mine.ends, odd_symmetry=odd) != canonical_sequence(other.sequence, other.ends, odd_symmetry=odd):
         return False
     return any(
         abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7 and same_orbit((mine, candidate.solution.y), (other, orbit.solution.y))
@@ -268,7 +268,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
             h = low * (high / low) ** (k / parts) if name.h is None else name.h
             for orbit in discover(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
                 found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
-                same = canonical_sequence(orbit.problem.word, orbit.problem.ends, odd_symmetry=system.has_odd_symmetry) == wanted
+                same = canonical_sequence(orbit.problem.sequence, orbit.problem.ends, odd_symmetry=system.has_odd_symmetry) == wanted
                 if not same or any(passes(branch, found) for branch in followed):
                     continue
                 branch = courses.follow(orbit.problem, orbit.solution.y, energy=span)

@@ -196,7 +196,7 @@ def discover(
                 collector.add(curve, crossings[i], paths[i])
     counts.update(collector.counts)
     within = collector.within(quarter_period, impacts)
-    orbits = sorted((min(images, key=preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.word))
+    orbits = sorted((min(images, key=preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.sequence))
     total = sum(len(group) for group in collector.found.values())
     counts["over_budget"] = counts["budget"]
     counts["one_sided"] = sum(is_one_sided(images) for images in within)

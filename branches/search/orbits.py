@@ -269,7 +269,7 @@ class Collector:
             for group in self.found.values()
             for images in group
             if images[0].alpha <= quarter_period * (1.0 + 1e-12)
-            and (impacts is None or impacts_per_period(images[0].problem.word, images[0].problem.ends) <= 2 * impacts)
+            and (impacts is None or impacts_per_period(images[0].problem.sequence, images[0].problem.ends) <= 2 * impacts)
         ]
 
 
@@ -290,7 +290,7 @@ def preference(orbit: Found) -> tuple[Any, ...]:
     label = orbit.label
     crossed = label is not None and label.p is not None and label.q is not None and label.p > label.q
     start = orbit.problem.start(orbit.solution.y)
-    return crossed, orbit.problem.ends, orbit.problem.word, tuple(np.round(-start, 9))
+    return crossed, orbit.problem.ends, orbit.problem.sequence, tuple(np.round(-start, 9))
 
 
 def is_same(orbit: Found, other: Found) -> bool:

@@ -35,7 +35,7 @@ EVENT_TYPES = {
 }
 
 FAILURES = ("MINIMUM_STEP", "NO_START")
-"""The reasons of an end, as `continuation.ends.EndReason` names them, that are numerical failures."""
+"""The reasons of an end, as `continuation.problem.EndReason` names them, that are numerical failures."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

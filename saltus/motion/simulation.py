@@ -129,7 +129,7 @@ def default_duration(scene: Scene) -> float | None:
 def run_scene(
     scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
 ) -> MotionReport:
-    """Run a scene from a start; `on_progress` as of `bvp.damped.simulate`.
+    """Run a scene from a start; `on_progress` as of `bvp.simulate.simulate`.
 
     Raises
     ------
@@ -202,8 +202,8 @@ def _simulate(
     nes: tuple[int, ...],
     on_progress: Callable[[float], object] | None,
 ) -> MotionReport:
-    from bvp.damped import simulate
     from bvp.motion import MotionStatus
+    from bvp.simulate import simulate
 
     watched = None
     try:

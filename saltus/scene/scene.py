@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.frozen import Frozen
+from bvp.checks import Frozen
 from bvp.shown import shown
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene.loads import read_loads

@@ -178,7 +178,7 @@ def test_all_ends_and_inner_impacts():
             for point in run.points:
                 y = point.unknowns(problem)
                 exact = problem.solve(y, energy=point.h).y
-                assert np.max(np.abs(y - exact)) < 1e-9 * np.max(np.abs(exact)), (problem.ends, problem.word, point.h)
+                assert np.max(np.abs(y - exact)) < 1e-9 * np.max(np.abs(exact)), (problem.ends, problem.sequence, point.h)
     assert {"origin", "rest", "stop+", "stop-"} == {end for end, _ in seen} and len(seen) >= 5
 
 

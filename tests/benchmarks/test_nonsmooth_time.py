@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import backbone
 from benchmarks.peers.nonsmooth_time import TOLERANCE, NotMatched, Stagnates, solve_nonsmooth_time
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import chain, collection
 

@@ -11,7 +11,7 @@ from branches.tracing import SETTINGS
 from bvp.multipoint import MultipointProblem
 from continuation import Settings
 from continuation.control import NEAR_GOAL, control_of, distance, height
-from continuation.run import trace
+from continuation.run import follow_both_ways
 from tests.branches.traced import traced
 
 
@@ -44,9 +44,9 @@ KINDS = {
 
 def compare(problem, y, settings=SETTINGS, **options):
     energy = (0.05, 1e4)
-    alone = trace(OneByOne(problem, energy), y, settings, **options)
+    alone = follow_both_ways(OneByOne(problem, energy), y, settings, **options)
     family = Family(problem, energy)
-    together = trace(family, y, settings, **options)
+    together = follow_both_ways(family, y, settings, **options)
     assert [event.code for event in alone.events] == [event.code for event in together.events]
     assert [end.reason for end in alone.ends] == [end.reason for end in together.ends]
     assert [end.tally for end in alone.ends] == [end.tally for end in together.ends]
@@ -94,7 +94,7 @@ def test_a_block_comes_back_where_it_passes_its_goal(side):
     passed the other way is none."""
     problem, y = problem_and_start("S11O00-")
     family = Family(problem)
-    points = trace(OneByOne(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 30}), both=False).points
+    points = follow_both_ways(OneByOne(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 30}), both=False).points
     oldest, older, start, goal = points[1], points[2], points[3], points[20]
     first, before = older.arclength - oldest.arclength, start.arclength - older.arclength
     aim, direction = np.array(goal.position), side * (np.array(goal.position) - np.array(points[19].position))
@@ -113,7 +113,7 @@ def test_a_block_comes_back_where_it_passes_its_goal(side):
 def test_a_short_piece_keeps_no_whole_block():
     """Oracle: the bytes of the array that a point's unknowns are a view of."""
     problem, y = problem_and_start("S11O00-")
-    run = trace(Family(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 200}))
+    run = follow_both_ways(Family(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 200}))
     kept = {}
     for point in run.points:
         owner = point.y

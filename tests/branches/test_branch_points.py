@@ -11,9 +11,8 @@ from branches.family import Family
 from branches.identity import symmetries
 from branches.switching import _crossing, emanating_families, switch
 from branches.tracing import follow_family
-from bvp.cycle import cycle_of
-from continuation.branch_point import refine_branch_point
-from continuation.switching import SwitchError, branch_directions
+from bvp.closures import cycle_of
+from continuation.switching import SwitchError, branch_directions, refine_branch_point
 
 SYSTEM = saltus.vibro_impact_nes()
 

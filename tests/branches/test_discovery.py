@@ -43,7 +43,7 @@ def test_the_backbones_are_found(energy):
 def same(orbit, other):
     return (
         orbit.problem.ends == other.problem.ends
-        and orbit.problem.word == other.problem.word
+        and orbit.problem.sequence == other.problem.sequence
         and np.allclose(orbit.solution.y, other.solution.y, rtol=1e-7, atol=1e-9)
     )
 
@@ -77,7 +77,7 @@ def test_what_numpy_finds_is_found():
         if cover_of(other.problem, other.solution) > 1:
             continue
         kind = other.problem.ends[1].rstrip("+-")
-        inner = len(other.problem.word)
+        inner = len(other.problem.sequence)
         key = kind, inner
         if key not in mine:
             mine[key] = list(Scanner(SYSTEM, kind, 16.0).orbits(0.5, 3000, [inner]))

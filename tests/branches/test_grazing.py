@@ -16,7 +16,7 @@ from branches.orbit import Orbit
 from branches.search.uniform import Scanner
 from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.scans import refined
@@ -86,14 +86,14 @@ def test_the_grazing_orbit_solves_both_problems(name, h):
 def test_the_relation_is_symmetric(name, h):
     """Oracle: the neighbour ends at the same orbit, and the branch is found among the neighbours of each neighbour there."""
     branch, event, found = met(name, h)
-    me = family(branch.ends, branch.problem.word)
+    me = family(branch.ends, branch.problem.sequence)
     for item in found:
         if item.branch is None:
             continue
         assert item.event is not None and abs(item.event.h / event.h - 1.0) < 1e-9
         assert abs(item.event.alpha * item.cover / event.alpha - 1.0) < 1e-9
         back = item.branch.neighbours(item.event, points=10)
-        again = [other for other in back if other.branch is not None and family(other.ends, other.branch.problem.word) == me]
+        again = [other for other in back if other.branch is not None and family(other.ends, other.branch.problem.sequence) == me]
         assert len(again) == 1 and again[0].kind == item.kind
         assert abs(again[0].event.h / event.h - 1.0) < 1e-9
 
@@ -169,7 +169,7 @@ def beside(branch, event, side, most):
                 orbit = Orbit(found.problem, found.solution)
                 mine = np.hstack(orbit.sample(np.linspace(0.0, orbit.period, 60, endpoint=False)))
                 if max(np.min(np.max(np.abs(state - path) / size, axis=1)) for state in mine) < 0.01:
-                    out.add(family(found.problem.ends, found.problem.word))
+                    out.add(family(found.problem.ends, found.problem.sequence))
     return out
 
 
@@ -179,10 +179,10 @@ def test_orbits_beside_the_grazing_are_those_of_the_neighbours(name, h, most):
     branch, event, found = met(name, h)
     inside = event.point + 1 if event.point == 0 else event.point - 1
     side = 1 if branch.points["h"][inside] > event.h else -1
-    expected = {side: {family(branch.ends, branch.problem.word)}, -side: set()}
+    expected = {side: {family(branch.ends, branch.problem.sequence)}, -side: set()}
     for item in found:
         if item.branch is not None and item.ends[0] == "origin":
-            expected[side if item.kind == "fold" else -side].add(family(item.ends, item.branch.problem.word))
+            expected[side if item.kind == "fold" else -side].add(family(item.ends, item.branch.problem.sequence))
     assert {way: beside(branch, event, way, most) for way in (1, -1)} == expected
 
 
@@ -203,13 +203,14 @@ def test_a_fold_next_to_the_grazing_does_not_change_the_kind():
     system = vibro_impact_nes(mu=0.37, sigma=0.81)
     found = Scanner(system, "origin", 5.5).orbits(0.5305, 4000, [4])
     me = family(("origin", "origin"), "+-++")
-    start = next(orbit for orbit in found if family(orbit.problem.ends, orbit.problem.word) == me and abs(orbit.alpha - 5.2118) < 1e-3)
+    start = next(orbit for orbit in found if family(orbit.problem.ends, orbit.problem.sequence) == me and abs(orbit.alpha - 5.2118) < 1e-3)
     branch = follow_family(start.problem, start.solution.y, energy=(0.5, 0.6))
     event = next(e for e in branch.events if e.type == "GR" and abs(e.h - 0.5304283397) < 1e-9)
     item = next(item for item in branch.neighbours(event, energy=(0.5, 0.6)) if item.ends == ("periodic", "periodic"))
     assert any(e.type == "SN" and 0.0 < abs(e.h - event.h) < 1e-4 for e in item.branch.events)
     back = item.branch.neighbours(item.event, energy=(0.5, 0.6))
-    assert [other.kind for other in back if other.branch and family(other.ends, other.branch.problem.word) == me] == [item.kind] == ["fold"]
+    kinds = [other.kind for other in back if other.branch and family(other.ends, other.branch.problem.sequence) == me]
+    assert kinds == [item.kind] == ["fold"]
 
 
 def test_symmetries_of_a_grazing_orbit():
@@ -256,7 +257,7 @@ def test_impacts_at_independent_stops_change_their_order():
     """Oracle: M is diagonal, so the impulses do not interact: b+ first gives the same motion."""
     problem, solution, before = at_one_instant(two_stops(False))
     other, y, stops = merged(problem, solution.y)
-    assert other.word == ("b+", "a+") and stops == ("a+", "b+")
+    assert other.sequence == ("b+", "a+") and stops == ("a+", "b+")
     modes = problem.modes
     b = modes.contact_letters.index("b+")
     assert np.allclose(other.nodes(y)[0], before - 2.0 * modes.contact_push[b] * (modes.contact_rate[b] @ before), atol=1e-14)

@@ -16,7 +16,7 @@ from branches.identity import BORDER, Mark, canonical_orbit, cover_of, digests, 
 from branches.presentation import embed, solved
 from branches.sequences import PERIODIC, canonical_sequence, exchange, mirror, mirror_ends
 from branches.tracing import follow_family
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop
 from tests.branches.traced import traced
@@ -29,13 +29,13 @@ def exchanged(problem, y):
     """The orbit solved from its far end, by hand: states before the impacts, turned round, in the other order."""
     flip = np.repeat([1.0, -1.0], problem.half)
     arrivals = problem.end_states(y) * flip
-    other = MultipointProblem(problem.system, exchange(problem.ends), problem.word[::-1])
+    other = MultipointProblem(problem.system, exchange(problem.ends), problem.sequence[::-1])
     return other, other.pack(arrivals[-1], arrivals[-2::-1], problem.flight_times(y)[::-1])
 
 
 def mirrored(problem, y):
     """The orbit -u."""
-    other = MultipointProblem(problem.system, mirror_ends(problem.ends), mirror(problem.word))
+    other = MultipointProblem(problem.system, mirror_ends(problem.ends), mirror(problem.sequence))
     return other, other.pack(-problem.start(y), -problem.nodes(y), problem.flight_times(y))
 
 
@@ -74,11 +74,11 @@ def test_all_presentations_of_an_orbit_are_one(name):
     branch = traced(name)
     problem, y = branch.problem, branch.orbit(2 * len(branch) // 5).solution.y
     mine, there = canonical_orbit(problem, y)
-    assert (mine.word, mine.ends) == canonical_sequence(problem.word, problem.ends)
+    assert (mine.sequence, mine.ends) == canonical_sequence(problem.sequence, problem.ends)
     for words, (other, z) in images(problem, y):
         assert np.max(np.abs(other.residual(z))) < 1e-8 * np.max(np.abs(z)), words
         found, x = canonical_orbit(other, z)
-        assert (found.ends, found.word) == (mine.ends, mine.word), words
+        assert (found.ends, found.sequence) == (mine.ends, mine.sequence), words
         np.testing.assert_allclose(x, there, rtol=0.0, atol=1e-9 * np.max(np.abs(there)), err_msg=words)
         assert same_orbit((problem, y), (other, z)), words
 

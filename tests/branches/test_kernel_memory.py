@@ -10,7 +10,7 @@ from branches.family import Family
 from bvp.kernels.flight import Flight, flow_matrix, flow_state
 from bvp.multipliers import saddle_point_multipliers
 from bvp.system import vibro_impact_nes
-from continuation import Settings, trace
+from continuation import Settings, follow_both_ways
 from tests.branches.traced import traced
 
 
@@ -33,7 +33,7 @@ def test_following_families_frees_all_arrays():
     y = branch.unknowns(len(branch) // 2)
 
     def work():
-        run = trace(Family(branch.problem), y, Settings(maximum_points=60))
+        run = follow_both_ways(Family(branch.problem), y, Settings(maximum_points=60))
         saddle_point_multipliers(branch.orbit(len(branch) // 2).cycle)
         return len(run.points)
 
@@ -63,6 +63,6 @@ def test_views_of_a_system_outlive_the_kernels():
     """Arrays that only a problem holds are as they were after many calls."""
     branch = traced("S13O00+")
     system = vibro_impact_nes()
-    trace(Family(branch.problem), branch.unknowns(20), Settings(maximum_points=200))
+    follow_both_ways(Family(branch.problem), branch.unknowns(20), Settings(maximum_points=200))
     np.testing.assert_array_equal(branch.problem.segment.flight.matrix, system.modes.matrix)
     np.testing.assert_array_equal(branch.problem.segment.weights[2:], np.ones(2))

@@ -16,7 +16,7 @@ from branches.grazing.at_linear_modes import begins, families_at, response
 from branches.linear_modes import linear_modes, mode_of
 from branches.search.uniform import Scanner
 from branches.sequences import canonical_sequence, full_sequence
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.scans import refined
 from tests.branches.traced import traced
@@ -113,7 +113,7 @@ def test_what_begins_is_what_the_rule_allows(label, turns):
             expected[text] = side
     found = {}
     for item in at(label, turns):
-        word = full_sequence(item.branch.problem.word, item.ends)
+        word = full_sequence(item.branch.problem.sequence, item.ends)
         assert len(word) == item.impacts
         problem, y = item.there.problem, item.there.y
         cycle = cycle_of(problem, y)
@@ -190,7 +190,7 @@ def test_orbits_beside_the_grazing_are_those_that_begin(side):
     for item in (family for turns in (1, 2, 3) for family in at("L11+", turns)):
         if item.ends[0] == "origin" and any(abs(orbit.alpha / item.alpha - 1.0) < 0.01 for orbit in item.branch.orbits_at(energy=h)):
             assert (item.kind == "passage") == (side == 1)
-            expected.add(canonical_sequence(tuple(item.branch.problem.word), item.ends))
+            expected.add(canonical_sequence(tuple(item.branch.problem.sequence), item.ends))
     found = set()
     for end in ("stop", "rest", "origin"):
         scanner = Scanner(SYSTEM, end, 4.0 * mode.alpha)
@@ -200,14 +200,14 @@ def test_orbits_beside_the_grazing_are_those_that_begin(side):
                 continue
             turns = orbit.alpha / mode.alpha
             if round(turns) <= 3 and abs(turns / round(turns) - 1.0) < 0.01:
-                found.add(canonical_sequence(orbit.problem.word, orbit.problem.ends))
+                found.add(canonical_sequence(orbit.problem.sequence, orbit.problem.ends))
     assert found == expected
 
 
 def test_mirrored_and_reversed_choices_are_one():
     """Oracle: no two families of one list have the same canonical ends and word."""
     for turns in (3, 4, 5):
-        keys = [canonical_sequence(tuple(item.branch.problem.word), item.ends) for item in at("L11+", turns)]
+        keys = [canonical_sequence(tuple(item.branch.problem.sequence), item.ends) for item in at("L11+", turns)]
         assert len(keys) == len(set(keys))
 
 

@@ -24,7 +24,7 @@ def test_short_names_are_the_backbones():
     """Oracle: the published short names S11- = S11O00- and S13+ = S13O00+."""
     for short, long in (("S11-", "S11O00-"), ("S13+", "S13O00+")):
         orbit, _ = found(short)
-        assert str(orbit.label) == long and orbit.problem.word == ()
+        assert str(orbit.label) == long and orbit.problem.sequence == ()
 
 
 @pytest.mark.parametrize("h", [0.12, 0.3, 5.0, 14.5])
@@ -158,7 +158,7 @@ def test_orbits_without_impacts_are_no_answer():
         except AmbiguousName as error:
             assert "E00" not in str(error)
         else:
-            assert orbit.problem.word or orbit.problem.ends[1].startswith("stop")
+            assert orbit.problem.sequence or orbit.problem.ends[1].startswith("stop")
 
 
 def test_systems_on_which_names_cannot_be_searched():

@@ -11,7 +11,7 @@ from branches.presentation import embed
 from branches.sequences import parse_sequence
 from branches.switching import emanating_families
 from branches.tracing import follow_family
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
 
 

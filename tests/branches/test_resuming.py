@@ -110,7 +110,7 @@ def words_to_origin(found):
     """{word: times} of every crossing of the origin that the orbits found make, whatever the number of turns, and of their images."""
     out = {}
     for orbit in found.orbits:
-        ends, word = orbit.ends, orbit.problem.word
+        ends, word = orbit.ends, orbit.problem.sequence
         quarter = ends[1] != "origin"
         for first in (word,) if quarter else (word, word[::-1]):
             for turns in range(2, 9, 2) if quarter else range(1, 5):

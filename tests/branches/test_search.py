@@ -90,7 +90,7 @@ def test_each_orbit_is_one(energy, ends):
     seen = set()
     for orbit in found.orbits:
         assert abs(orbit.h / energy - 1.0) < 1e-12 and orbit.residual < 1e-12
-        assert orbit.alpha <= 4.0 and impacts_per_period(orbit.problem.word, orbit.ends) <= 12
+        assert orbit.alpha <= 4.0 and impacts_per_period(orbit.problem.sequence, orbit.ends) <= 12
         u, _ = orbit.sample(np.linspace(0.0, orbit.period, 3001))
         assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12
         seen.add((orbit.ends, orbit.sequence, round(orbit.alpha, 9), *np.round(np.abs(orbit.problem.start(orbit.solution.y)), 7)))
@@ -110,7 +110,7 @@ def test_a_uniform_scan_adds_nothing(energy, mu, sigma):
                 continue
             total += 1
             near = [orbit for orbit in found.orbits if orbit.ends[1].startswith(end) and abs(orbit.alpha / other.alpha - 1.0) < 1e-9]
-            assert near, (end, other.alpha, other.problem.word)
+            assert near, (end, other.alpha, other.problem.sequence)
     assert total >= 5
 
 
@@ -159,7 +159,7 @@ def test_symmetric_orbits_are_found_from_each_of_their_ends():
     for orbit in quarter.orbits:
         times = []
         for crossing in crossings:
-            if crossing.kind == "rest" and crossing.impacts == 2 * len(orbit.problem.word):
+            if crossing.kind == "rest" and crossing.impacts == 2 * len(orbit.problem.sequence):
                 path = follow_start(curve, crossing.parameter, crossing.impacts, 10.2)
                 times.append(path.instants[-1] + crossing.flight)
         assert np.min(np.abs(np.array(times) - 2.0 * orbit.alpha)) < 1e-8
@@ -259,7 +259,7 @@ def test_smaller_bounds_give_a_part():
     """Oracle: the larger search, cut."""
     large = discover(SYSTEM, 12.0, quarter_period=3.6, impacts=6)
     small = discover(SYSTEM, 12.0, quarter_period=1.9, impacts=4)
-    cut = [o.alpha for o in large.orbits if o.alpha <= 1.9 and impacts_per_period(o.problem.word, o.ends) <= 8]
+    cut = [o.alpha for o in large.orbits if o.alpha <= 1.9 and impacts_per_period(o.problem.sequence, o.ends) <= 8]
     assert large.settled and small.settled and len(cut) > 5
     assert np.allclose(alphas(small), cut, rtol=1e-11)
 
@@ -296,7 +296,7 @@ def test_the_record():
             "label", "family", "ends", "sequence", "impacts", "alpha", "h", "velocities", "impact_speeds", "tau", "stable", "residual",
         ]  # fmt: skip
         assert entry["alpha"] == orbit.alpha and entry["family"] is None and entry["sequence"] == orbit.sequence
-        assert entry["impacts"] == impacts_per_period(orbit.problem.word, orbit.ends) / 2
+        assert entry["impacts"] == impacts_per_period(orbit.problem.sequence, orbit.ends) / 2
         assert (entry["velocities"] is None) == (orbit.ends[0] != "origin") and entry["label"] == (orbit.label or None)
 
 

@@ -15,7 +15,7 @@ from branches.identity import same_orbit, symmetries
 from branches.naming.labels import parse
 from branches.presentation import embed
 from branches.tracing import follow_family
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from tests.branches.traced import EPS, monodromy, traced
 
 REST = "S11E11+@h=3.0"
@@ -162,7 +162,7 @@ def test_the_other_side_of_a_doubling_is_the_same_orbit_started_later(name, even
     for family in born:
         problem, y = family.problem, family.orbit(0).solution.y
         late = embed(problem, y, (1, 2))
-        assert (late.ends, late.sequence) == (problem.ends, problem.word)
+        assert (late.ends, late.sequence) == (problem.ends, problem.sequence)
         there = late.unknowns(problem)
         assert same_orbit((problem, y), (problem, there)) and np.max(np.abs(there - y)) > 1e-3
         old = 0.5 * (there + y)

@@ -13,7 +13,7 @@ import saltus
 from benchmarks.saltation import monodromy as saltation_monodromy
 from branches.naming.labels import label_of
 from branches.tracing import HIGHEST, TraceError, follow_family
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
 from tests.branches.traced import EPS, count_label, monodromy, spread, traced
@@ -319,7 +319,7 @@ def test_a_family_is_the_same_from_either_end():
     # u -> -u(T/2 - t): the velocities at the far end are the new start's, impacts come in reverse order on the other side
     times = orbit.solution.y[problem.parameters :: problem.size + 1][: problem.inner + 1]
     half = 0.5 * orbit.period
-    word = tuple(other[letter] for letter in reversed(problem.word))
+    word = tuple(other[letter] for letter in reversed(problem.sequence))
     turned = MultipointProblem(problem.system, problem.ends, word)
     u, v = orbit.sample(np.array([half]))
     start = problem.modes.from_state @ np.concatenate([u[0], v[0]])

@@ -21,7 +21,7 @@ class Found:
 
     @property
     def name(self):
-        return "..".join(self.problem.ends) + ":" + "".join(self.problem.word)
+        return "..".join(self.problem.ends) + ":" + "".join(self.problem.sequence)
 
 
 def chain(rng, n, grounded=False):

@@ -1,13 +1,14 @@
-"""The next impact of a system from a state, as the kernel finds it, in words."""
+"""The next impact of a system from a state, and the velocities after an impact, as the kernels find them."""
 
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
-from bvp.impact import checked_state, contact_index
 from bvp.kernels import impact as kernels
 from bvp.kernels.flight import flow_state
+from bvp.kernels.restitution import restitute as restitute_state
+from bvp.simulate import checked_state, contact_index
 
 
 class ImpactStatus(Enum):
@@ -55,3 +56,11 @@ def next_impact(system, u, v, horizon, leaving=None):
     speed = float(modes.contact_side[contact] * (modes.contact_rate[contact] @ end)) if contact >= 0 else 0.0
     letter = modes.contact_letters[contact] if contact >= 0 else ""
     return NextImpact(tuple(ImpactStatus)[status], float(time), letter, state[:n], state[n:], speed)
+
+
+def restitute(system, contact, v):
+    """Velocities after an impact at the contact with this letter."""
+    n = system.degrees_of_freedom
+    z = system.modes.from_state @ checked_state(system, np.zeros(n), v)
+    restitute_state(system.modes.contacts, contact_index(system, contact), z, z)
+    return (system.modes.to_state @ z)[n:]

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import backbone
 from benchmarks.saltation import monodromy
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
@@ -72,7 +72,7 @@ def test_words_have_the_symmetry_of_their_ends():
     for orbit in collection():
         problem = orbit.problem
         cycle = cycle_of(problem, orbit.solution.y)
-        word = list(problem.word)
+        word = list(problem.sequence)
         if problem.ends[1].startswith("stop"):
             there = word + [problem.ends[1][-1]] + word[::-1]
         elif problem.ends[1] == "rest":

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind, MotionStatus
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_run import closed_form
 
@@ -35,7 +35,7 @@ def test_chatter_accumulates_at_its_closed_form_time(restitution, gravity):
     assert motion.kinds[-1] == EventKind.STICK.value
     assert abs(motion.times[-1] - rest) <= 1e-10 * max(1.0, 0.01 / (1 - restitution))
     assert motion.switch_error <= 1e-10
-    assert motion.held_time == pytest.approx(3000.0 - rest, rel=1e-12)
+    assert motion.sticking_time == pytest.approx(3000.0 - rest, rel=1e-12)
     assert motion.work == pytest.approx(0.5 * gravity, rel=1e-12)
     assert motion.dissipated["stop a"] == pytest.approx(0.5 * gravity, rel=1e-12)
     assert motion.balance_error < 1e-12
@@ -90,7 +90,7 @@ def test_a_mass_held_against_a_stop_by_a_spring_is_released(c):
     motion = simulate(system, [0.0, -1.0], [0.0, 0.0], 30.0)
     assert motion.kinds[1] == EventKind.STICK.value and motion.times[1] == 0.0
     if c >= 2.0:
-        assert len(motion.kinds) == 2 and motion.held_time == 30.0
+        assert len(motion.kinds) == 2 and motion.sticking_time == 30.0
         return
     w = math.sqrt(1.0 - c * c / 4.0)
     closed = (math.pi - math.atan2(w, c / 2.0)) / w if c else math.pi / 2
@@ -105,11 +105,11 @@ def test_a_mass_held_against_a_stop_by_a_spring_is_released(c):
 
 def test_zero_restitution_sticks_or_leaves_and_one_never_sticks():
     stuck = simulate(ball(0.0), [0.5], [0.0], 5.0, forces=Constant([-1.0]))
-    assert [EventKind(k).name for k in stuck.kinds] == ["START", "IMPACT", "STICK"] and stuck.held_time == 4.0
+    assert [EventKind(k).name for k in stuck.kinds] == ["START", "IMPACT", "STICK"] and stuck.sticking_time == 4.0
     leaves = simulate(ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=0.5, restitution=0.0),)), [0.0], [1.0], 9.0)
-    assert leaves.held_time == 0.0 and leaves.impacts == 1 and leaves.touches == 1
+    assert leaves.sticking_time == 0.0 and leaves.impacts == 1 and leaves.touches == 1
     bounces = simulate(ball(1.0), [0.5], [0.0], 5000.0, forces=Constant([-1.0]))
-    assert bounces.held_time == 0.0 and bounces.impacts == 2500
+    assert bounces.sticking_time == 0.0 and bounces.impacts == 2500
     np.testing.assert_allclose(bounces.times[1:], 1.0 + 2.0 * np.arange(2500), rtol=1e-12)
 
 

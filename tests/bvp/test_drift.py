@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from bvp.damped import simulate
 from bvp.fast_path import DECLINED
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_fast_path import impulsive, many
 

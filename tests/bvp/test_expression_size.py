@@ -7,7 +7,7 @@ import pytest
 import sympy
 
 from bvp import expression_size
-from bvp.expression_size import MOST_TERMS, Size, TooLarge, limited, size_of_text
+from bvp.expressions import MOST_TERMS, Size, TooLarge, limited, size_of_text
 from bvp.lagrangian import LagrangianError
 from bvp.system import ImpactSystem
 

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Simulator
-from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, TIMED, fast_path_numbers, fast_path_runs
+from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, TIMED, fast_path_numbers, run_fast_path
+from bvp.simulate import Simulator
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 
 FRACTIONS = (0.3, 0.5, 0.9, 0.99)
 
 
 def many(system, states, duration, *, to_rest=False, max_impacts=10**7, fractions=FRACTIONS):
-    """`fast_path_runs` of one system."""
+    """`run_fast_path` of one system."""
     states = np.atleast_2d(states)
     energies = np.atleast_1d(system.energy(states[:, :2], states[:, 2:]))
-    return fast_path_runs(
+    return run_fast_path(
         fast_path_numbers(system)[None], np.zeros(len(states), dtype=np.int64), states, energies, duration=duration, to_rest=to_rest,
         max_impacts=max_impacts, fractions=fractions,
     )  # fmt: skip
@@ -34,12 +34,12 @@ def impulsive(energies):
 def compare(system, states, duration):
     """With the general run; how many were not declined."""
     found = many(system, states, duration)
-    mover, kept = Simulator(system), 0
+    simulator, kept = Simulator(system), 0
     for b, state in enumerate(np.atleast_2d(states)):
         if found.reason[b] == DECLINED:
             continue
         kept += 1
-        motion = mover.run(state[:2], state[2:], duration, marks=FRACTIONS)
+        motion = simulator.run(state[:2], state[2:], duration, marks=FRACTIONS)
         energy = motion.initial_energy
         assert found.impacts[b] == motion.impacts and found.duration[b] == duration
         assert (motion.last_impact is None) == np.isnan(found.last_impact[b])
@@ -148,8 +148,8 @@ def test_what_is_not_ordinary_is_declined():
     sticking = vibro_impact_nes(lam=0.1, rho=0.2)
     states = impulsive(np.geomspace(0.5, 10.0, 40))
     found = many(sticking, states, 60.0)
-    mover = Simulator(sticking)
-    held = np.array([mover.run(state[:2], state[2:], 60.0).held_time > 0.0 for state in states])
+    simulator = Simulator(sticking)
+    held = np.array([simulator.run(state[:2], state[2:], 60.0).sticking_time > 0.0 for state in states])
     assert held.any() and np.all(found.reason[held] == DECLINED)
     assert many(vibro_impact_nes(rho=0.7), [[1.0, 0.0, 0.0, 0.3]], 1.0).reason[0] == DECLINED
     assert fast_path_numbers(vibro_impact_nes(rho=0.0)) is None and fast_path_numbers(vibro_impact_nes(lam=5.0)) is None

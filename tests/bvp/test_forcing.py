@@ -9,9 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Simulator, simulate
 from bvp.forcing import Constant, Harmonic, Record, forcing_of, ground_load
 from bvp.motion import EventKind
+from bvp.simulate import Simulator, simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import first_order
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from branches.tracing import follow_family
-from bvp.ends import EndsError, free_translation
+from bvp.closures import EndsError, free_translation
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks import backbone
 from benchmarks.saltation import reduced_monodromy, saltation_multipliers
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.kernels.halfmap import half_map, half_map_scratch, section_basis
 from bvp.kernels.segment import ORIGIN
 from bvp.multipoint import MultipointProblem

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Simulator, simulate
-from bvp.energy_budget import split_damping
-from bvp.forcing import Constant, Harmonic, Record
+from bvp.forcing import Constant, Harmonic, Record, split_damping
 from bvp.motion import EventKind, MotionStatus
+from bvp.simulate import Simulator, simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain
 
@@ -41,7 +40,7 @@ def test_a_held_motion_is_that_of_the_constrained_equations(n, seed, forced):
     press = 50.0 * row / (row @ np.linalg.solve(system.mass, row))
     forces = [Constant(press)] + ([Harmonic(1.3, cosine=rng.normal(size=n))] if forced else [])
     motion = simulate(system, u, v, 2.0, forces=forces)
-    assert [stretch.held for stretch in motion.stretches if stretch.end > 0.0] == [("+",)]
+    assert [stretch.sticking for stretch in motion.contact_intervals if stretch.end > 0.0] == [("+",)]
     times = np.linspace(0.1, 1.9, 7)
     h = 1e-4
     for t in times:
@@ -53,7 +52,7 @@ def test_a_held_motion_is_that_of_the_constrained_equations(n, seed, forced):
         multiplier = (force @ row) / (row @ row)
         assert multiplier < 0.0
         np.testing.assert_allclose(force, multiplier * row, atol=2e-5 * np.abs(force).max())
-    assert motion.balance_error < 1e-12 and motion.held_time == 2.0
+    assert motion.balance_error < 1e-12 and motion.sticking_time == 2.0
 
 
 def test_a_contact_stays_held_while_bounces_at_another_are_summed():
@@ -62,7 +61,7 @@ def test_a_contact_stays_held_while_bounces_at_another_are_summed():
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops)
     motion = simulate(system, [1.0, 0.5], [0.0, 0.0], 20.0, forces=[Constant([1.0, 1.0])])
     assert EventKind.CHATTER.value in motion.kinds
-    assert motion.held_time == pytest.approx(20.0, rel=1e-14)
+    assert motion.sticking_time == pytest.approx(20.0, rel=1e-14)
 
 
 def test_a_release_is_where_the_force_vanishes_and_not_later():
@@ -99,7 +98,7 @@ def test_two_stops_are_held_and_released_one_by_one():
     two = simulate(alone(3.0, 0.1, 0.2), [0.3], [-1.0], 60.0, forces=second)
     assert motion.status is MotionStatus.DURATION_REACHED
     np.testing.assert_allclose(motion.final, [one.final[0], two.final[0], one.final[1], two.final[1]], atol=1e-9)
-    assert {stretch.held for stretch in motion.stretches} >= {(), ("b-",), ("a-", "b-")}
+    assert {stretch.sticking for stretch in motion.contact_intervals} >= {(), ("b-",), ("a-", "b-")}
     assert motion.dissipated["stop a"] == pytest.approx(one.dissipated["stop a"], rel=1e-9)
     assert motion.dissipated["stop b"] == pytest.approx(two.dissipated["stop a"], rel=1e-9)
     assert motion.balance_error < 1e-12
@@ -116,14 +115,14 @@ def row_of_three(second, duration=0.9):
 def test_a_blow_away_from_its_stop_frees_a_held_mass():
     away = row_of_three(Stop((-1.0, 1.0, 0.0), lower=-1.0, restitution=0.6))
     assert away.status is MotionStatus.DURATION_REACHED
-    assert [s.held for s in away.stretches][-2:] == [("a-",), ()]
+    assert [s.sticking for s in away.contact_intervals][-2:] == [("a-",), ()]
     assert away.after[np.flatnonzero(away.kinds == EventKind.IMPACT.value)[-1], 3:5] == pytest.approx([2.0 * 0.2, 2.0 * 0.8], rel=1e-14)
 
 
 def test_a_blow_onto_its_stop_meets_a_held_mass_as_a_wall():
     """The held mass stays: the other one leaves with 0.6 of its speed and loses (1 - 0.36) 2^2/2, as from a wall."""
     into = row_of_three(Stop((-1.0, 1.0, 0.0), upper=1.0, restitution=0.6))
-    assert into.status is MotionStatus.DURATION_REACHED and into.stretches[-1].held == ("a-",)
+    assert into.status is MotionStatus.DURATION_REACHED and into.contact_intervals[-1].sticking == ("a-",)
     assert into.last_impact == pytest.approx(0.5, rel=1e-14)
     assert into.dissipated["stop b"] == pytest.approx(1.28, rel=1e-14) and into.dissipated["stop a"] == 0.0
     np.testing.assert_allclose(into.final, [-1.0 + 1.2 * 0.4, 0.0, 0.0, 1.2, 0.0, 0.0], atol=1e-14)
@@ -170,7 +169,7 @@ def test_a_blow_on_held_contacts_presses_some_and_frees_others():
         assert motion.status is MotionStatus.DURATION_REACHED
         hit = int(np.flatnonzero((motion.kinds == EventKind.IMPACT.value) & (motion.contacts == 3))[0])
         before = motion.before[hit, 4:]
-        held = next(stretch.held for stretch in motion.stretches if stretch.begin < motion.times[hit] - 1e-9 <= stretch.end)
+        held = next(stretch.sticking for stretch in motion.contact_intervals if stretch.begin < motion.times[hit] - 1e-9 <= stretch.end)
         assert held == ("a-", "b-", "c-")
         after, stay = shared_blow(mass, np.eye(4), [0, 1, 2], 3, 0.4, before)
         np.testing.assert_allclose(motion.after[hit, 4:], after, atol=1e-12)
@@ -190,17 +189,17 @@ def test_simultaneous_impacts_of_stops_that_interact_end_the_motion():
 
 def test_a_search_that_makes_no_way_ends_the_motion():
     """A phase whose states are scaled so that bounds of its gap are 1e14 times too large: steps too small to arrive, and it is said."""
-    mover = Simulator(vibro_impact_nes(0.1, 0.0, 0.0, 0.7))
-    phase = mover.table.modes[0]
+    simulator = Simulator(vibro_impact_nes(0.1, 0.0, 0.0, 0.7))
+    phase = simulator.table.modes[0]
     scale = np.ones(len(phase.matrix))
     scale[np.abs(phase.gap).argmax() % len(scale)] = 1e14
     rows = {name: getattr(phase, name) * scale for name in ("leave", "gap", "rate", "acceleration", "first", "second")}
     columns = {"enter": phase.enter / scale[:, None], "push": phase.push / scale, "matrix": phase.matrix * scale / scale[:, None]}
     whole = np.array([[0, -len(scale)]], dtype=np.int64)
     blocks = {"pairs": whole, "mean": np.zeros(1), "delta": np.zeros(1)}
-    mover.table.modes[0] = replace(phase, **rows, **columns, **blocks)
-    mover.table.__dict__.pop("stacked", None)
-    motion = mover.run([0.0, 0.0], [0.1, 1.0], 5.0)
+    simulator.table.modes[0] = replace(phase, **rows, **columns, **blocks)
+    simulator.table.__dict__.pop("stacked", None)
+    motion = simulator.run([0.0, 0.0], [0.1, 1.0], 5.0)
     assert motion.status is MotionStatus.EXHAUSTED and motion.duration < 5.0
 
 
@@ -233,28 +232,28 @@ def test_dampers_across_gaps_are_told_from_the_rest():
 
 
 def test_many_motions_are_those_run_one_by_one():
-    mover = Simulator(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]))
+    simulator = Simulator(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]))
     states = np.random.default_rng(4).normal(size=(20, 4)) * [0.2, 0.2, 2.0, 2.0]
-    batch = mover.run_many(states, 60.0, marks=(0.5, 0.9))
+    batch = simulator.run_many(states, 60.0, marks=(0.5, 0.9))
     for k, state in enumerate(states):
-        motion = Simulator(mover.system, forces=Harmonic(1.2, cosine=[0.0, 0.4])).run(state[:2], state[2:], 60.0, marks=(0.5, 0.9))
+        motion = Simulator(simulator.system, forces=Harmonic(1.2, cosine=[0.0, 0.4])).run(state[:2], state[2:], 60.0, marks=(0.5, 0.9))
         assert batch.impacts[k] == motion.impacts and batch.status[k] is motion.status
         np.testing.assert_allclose(batch.final[k], motion.final, atol=1e-11)
         np.testing.assert_allclose(batch.totals[k], motion.totals, rtol=1e-11)
-        assert batch.held_time[k] == pytest.approx(motion.held_time, rel=1e-11, abs=1e-15)
+        assert batch.sticking_time[k] == pytest.approx(motion.sticking_time, rel=1e-11, abs=1e-15)
         for q, mark in enumerate(motion.marks):
             assert np.isnan(batch.marks[k, q, 0]) if mark.time is None else batch.marks[k, q, 0] == pytest.approx(mark.time, rel=1e-10)
-    assert (batch.held_time > 0.0).any()
+    assert (batch.sticking_time > 0.0).any()
 
 
 def test_a_motion_is_sampled_alike_after_its_mover_has_met_more_phases():
     """Oracle: the samples, peaks and sums before."""
-    mover = Simulator(vibro_impact_nes(0.1, 0.1, 0.01, 0.0))
-    free = mover.run([0.0, 0.0], [0.0, 0.2], 2.0)
+    simulator = Simulator(vibro_impact_nes(0.1, 0.1, 0.01, 0.0))
+    free = simulator.run([0.0, 0.0], [0.0, 0.2], 2.0)
     times = np.linspace(0.0, 2.0, 9)
     before = [*free.sample(times), free.spent(times), free.peaks, free.after]
-    stuck = mover.run([0.0, 0.0], [0.0, 3.0], 5.0)
-    assert stuck.held_time > 0.0 and len(stuck.contact_modes.held) > len(free.contact_modes.held)
+    stuck = simulator.run([0.0, 0.0], [0.0, 3.0], 5.0)
+    assert stuck.sticking_time > 0.0 and len(stuck.contact_modes.held) > len(free.contact_modes.held)
     for name in ("peaks", "after"):
         del free.__dict__[name]
     for one, other in zip(before, [*free.sample(times), free.spent(times), free.peaks, free.after], strict=True):
@@ -267,20 +266,20 @@ def test_a_peak_after_a_hundred_thousand_turns_is_found():
     k = 8e-6
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), [[1.0 + k, -k], [-k, 1.0 + k]], (Stop((1.0, 0.0), upper=9.0),))
     beat = math.pi / (math.sqrt(1.0 + 2.0 * k) - 1.0)
-    mover = Simulator(system)
+    simulator = Simulator(system)
     state = np.array([[1.0, 0.0, 0.0, 0.0]])
-    np.testing.assert_allclose(mover.run(state[0, :2], state[0, 2:], beat).peaks, 1.0, rtol=1e-9)
-    np.testing.assert_allclose(mover.run_many(state, beat, with_peaks=True).peaks[0], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(simulator.run(state[0, :2], state[0, 2:], beat).peaks, 1.0, rtol=1e-9)
+    np.testing.assert_allclose(simulator.run_many(state, beat, with_peaks=True).peaks[0], 1.0, rtol=1e-9)
 
 
 @pytest.mark.parametrize("forced", [False, True])
 def test_peaks_are_the_largest_displacements(forced):
     """Against dense samples: none is larger, and one comes near to second order of their distance."""
-    mover = Simulator(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]) if forced else None)
+    simulator = Simulator(vibro_impact_nes(0.3, 0.05, 0.02, 0.3), forces=Harmonic(1.2, cosine=[0.0, 0.4]) if forced else None)
     states = np.random.default_rng(5).normal(size=(8, 4)) * [0.2, 0.2, 2.0, 2.0]
-    batch = mover.run_many(states, 40.0, with_peaks=True)
+    batch = simulator.run_many(states, 40.0, with_peaks=True)
     for state, peaks in zip(states, batch.peaks, strict=True):
-        motion = mover.run(state[:2], state[2:], 40.0)
+        motion = simulator.run(state[:2], state[2:], 40.0)
         u, _ = motion.sample(np.linspace(0.0, 40.0, 40_001))
         largest = np.abs(u).max(axis=0)
         assert np.all(motion.peaks >= largest * (1 - 1e-14))
@@ -304,18 +303,18 @@ def test_samples_of_summed_bounces_stay_at_the_stop():
     spent = motion.spent(times)
     assert np.all(np.diff(spent.sum(axis=1)) >= -1e-16)
     assert spent[-1].sum() == pytest.approx(motion.sums[begin + 1].sum(), rel=1e-15)
-    assert motion.stretches[0].end == motion.times[begin + 1]
+    assert motion.contact_intervals[0].end == motion.times[begin + 1]
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda mover: mover.run([0.0], [0.0, 0.0], 1.0), "u is a list of 2 finite numbers"),
-        (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], -1.0), "duration is a finite time of 0 or more; received -1.0"),
-        (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], 1.0, marks=(0.5, 1.0)), "marks are fractions of the initial energy"),
-        (lambda mover: mover.run([0.0, 0.0], [0.0, 0.0], 1.0, max_impacts=-1), "max_impacts is a whole number"),
-        (lambda mover: mover.run_many([[0.0, 0.0]], 1.0), r"states is an array of finite numbers of shape \(b, 4\)"),
-        (lambda mover: mover.run([0.0, 0.0], [0.0, 1.0], 1.0).sample([2.0]), "the motion covers times 0 to 1; received 2"),
+        (lambda simulator: simulator.run([0.0], [0.0, 0.0], 1.0), "u is a list of 2 finite numbers"),
+        (lambda simulator: simulator.run([0.0, 0.0], [0.0, 0.0], -1.0), "duration is a finite time of 0 or more; received -1.0"),
+        (lambda simulator: simulator.run([0.0, 0.0], [0.0, 0.0], 1.0, marks=(0.5, 1.0)), "marks are fractions of the initial energy"),
+        (lambda simulator: simulator.run([0.0, 0.0], [0.0, 0.0], 1.0, max_impacts=-1), "max_impacts is a whole number"),
+        (lambda simulator: simulator.run_many([[0.0, 0.0]], 1.0), r"states is an array of finite numbers of shape \(b, 4\)"),
+        (lambda simulator: simulator.run([0.0, 0.0], [0.0, 1.0], 1.0).sample([2.0]), "the motion covers times 0 to 1; received 2"),
     ],
 )
 def test_bad_input_is_refused(call, words):
@@ -325,8 +324,8 @@ def test_bad_input_is_refused(call, words):
 
 def test_a_start_beyond_a_stop_is_said():
     """Oracle: the gap and its bounds; of many starts each has a status of its own."""
-    mover = Simulator(vibro_impact_nes())
+    simulator = Simulator(vibro_impact_nes())
     with pytest.raises(ValueError, match=r"the start lies beyond stop a: its gap is 1\.5, expected -1 to 1"):
-        mover.run([1.5, 0.0], [0.0, 0.0], 1.0)
-    batch = mover.run_many([[1.5, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]], 1.0)
+        simulator.run([1.5, 0.0], [0.0, 0.0], 1.0)
+    batch = simulator.run_many([[1.5, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]], 1.0)
     assert batch.status == (MotionStatus.OUTSIDE, MotionStatus.DURATION_REACHED) and batch.duration[0] == 0.0

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from bvp.checks import InvalidSystem, repeated_contacts
-from bvp.damped import Simulator, simulate
 from bvp.forcing import Constant, Harmonic
 from bvp.kernels import contact_mode as places
 from bvp.motion import MotionStatus
+from bvp.simulate import Simulator, simulate
 from bvp.system import ImpactSystem, Stop
 from tests.bvp.twins import chain
 
@@ -44,7 +44,7 @@ def test_what_a_chain_does_inside_does_not_depend_on_how_far_it_has_gone(push, r
     )  # fmt: skip
     alone = simulate(relative(restitution=restitution), [0.0], [-1.5], 20.0, forces=Harmonic(1.1, cosine=[wave]))
     assert both.status is alone.status is MotionStatus.DURATION_REACHED
-    assert alone.impacts > 5 and [s.held for s in both.stretches] == [s.held for s in alone.stretches]
+    assert alone.impacts > 5 and [s.sticking for s in both.contact_intervals] == [s.sticking for s in alone.contact_intervals]
     hits, others = (m.stop_events.times[m.stop_events.speeds > 1e-3] for m in (both, alone))
     np.testing.assert_allclose(hits, others, rtol=1e-9)  # slower ones can be summed earlier or later
     centre = np.array(masses) @ both.final[:2]
@@ -57,10 +57,10 @@ def test_the_gaps_of_a_free_chain_have_nothing_of_its_translation():
     stiffness = np.array([[2.9, -2.9, 0.0], [-2.9, 4.8, -1.9], [0.0, -1.9, 1.9]])
     stops = (Stop((-1.0, 0.0, 1.0), lower=-0.05, restitution=0.38), Stop((-1.0, 1.0, 0.0), upper=0.1, restitution=0.0))
     system = ImpactSystem(np.diag([0.24, 0.89, 0.045]), np.zeros((3, 3)), stiffness, stops)
-    mover = Simulator(system, Constant([1.38, 2.13, 0.22]))
+    simulator = Simulator(system, Constant([1.38, 2.13, 0.22]))
     for held in (1, 2, 3):
-        mover.table.add(held)
-    for phase in mover.table.modes:
+        simulator.table.add(held)
+    for phase in simulator.table.modes:
         moved = phase.from_modes[:, :3] @ (system.modes.shapes.T @ system.mass @ np.ones(3))
         rigid = np.abs(moved) > 1e-6
         assert rigid.sum() == 1 and np.all(phase.gap[:, rigid] == 0.0) and np.all(phase.rate @ phase.matrix[:, rigid] == 0.0)
@@ -74,9 +74,9 @@ def test_a_translation_is_not_damped_by_a_damper_that_turns_with_it():
     damping = np.zeros((4, 4))
     damping[:2, :2] = 0.51 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     system = ImpactSystem(system.mass, damping, system.stiffness, system.stops)
-    mover = Simulator(system)
-    mover.table.add(3)
-    phase = mover.table.modes[-1]
+    simulator = Simulator(system)
+    simulator.table.add(3)
+    phase = simulator.table.modes[-1]
     assert np.abs(phase.gap).max() < 100.0 and np.all(phase.mean == 0.0)
 
 
@@ -115,11 +115,11 @@ def test_a_light_ball_between_a_wall_and_a_heavy_body_that_comes_is_stopped_with
 
 def test_an_end_that_makes_no_way_is_counted():
     """By construction: events to which time passes, but less than a radian of the fastest motion in thousands of them, end the run."""
-    mover = Simulator(free_pair(), Constant([1.0, -1.0]))
+    simulator = Simulator(free_pair(), Constant([1.0, -1.0]))
     counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
     from bvp.kernels.motion import PATIENCE, impatient
 
-    phases = mover.table.stacked
+    phases = simulator.table.stacked
     events = 0
     while not impatient(phases, 0, False, 1e-9, counts, clock):
         clock[places.TIME] += 1e-9
@@ -166,9 +166,9 @@ def test_resting_contacts_that_depend_on_each_other_take_a_blow():
 def test_many_long_drifts_have_the_energy_of_each_alone():
     """Bodies 1e6 away, whose stiff springs turn the rounding of so long a way into energy where it is taken from (u, v)."""
     system = chain([0.24, 0.89, 0.45], [2.9e4, 1.9e4], stops=(Stop((-1.0, 0.0, 1.0), lower=-0.2, restitution=0.4),))
-    mover = Simulator(system, Constant([1.38e3, 2.13e3, 0.22e3]))
-    batch = mover.run_many([[0.0, 0.0, 0.0, 0.5, -1.0, 0.3]], 30.0)
-    alone = mover.run([0.0, 0.0, 0.0], [0.5, -1.0, 0.3], 30.0)
+    simulator = Simulator(system, Constant([1.38e3, 2.13e3, 0.22e3]))
+    batch = simulator.run_many([[0.0, 0.0, 0.0, 0.5, -1.0, 0.3]], 30.0)
+    alone = simulator.run([0.0, 0.0, 0.0], [0.5, -1.0, 0.3], 30.0)
     assert batch.final[0, 0] > 1e6 and abs(batch.energy[0] - alone.energy) <= 1e-15 * alone.energy
     assert abs(batch.balance[0]) <= 1e-13 * turnover(alone)
 
@@ -178,8 +178,8 @@ def test_a_flight_that_overflows_is_told(damper, duration=30.0):
     """Rates as far apart as c^2/k in one block with a load: what is told is finite, and says that it is not the whole."""
     stiffness = np.array([[0.06, -0.02], [-0.02, 0.02]])
     system = ImpactSystem(np.eye(2), damper * np.eye(2), stiffness, (Stop((1.0, 0.0), upper=50.0),))
-    mover = Simulator(system, Constant([0.2, -0.3]))
-    motion, batch = mover.run([0.0, 0.0], [0.5, -0.3], duration), mover.run_many([[0.0, 0.0, 0.5, -0.3]], duration)
+    simulator = Simulator(system, Constant([0.2, -0.3]))
+    motion, batch = simulator.run([0.0, 0.0], [0.5, -0.3], duration), simulator.run_many([[0.0, 0.0, 0.5, -0.3]], duration)
     assert motion.status is batch.status[0] is MotionStatus.EXHAUSTED and motion.duration < duration
     assert np.all(np.isfinite(motion.final)) and np.all(np.isfinite(batch.final)) and abs(motion.balance) <= 1e-12 * turnover(motion)
-    assert mover.run([0.0, 0.0], [0.5, -0.3], 100.0 / damper).status is MotionStatus.DURATION_REACHED
+    assert simulator.run([0.0, 0.0], [0.5, -0.3], 100.0 / damper).status is MotionStatus.DURATION_REACHED

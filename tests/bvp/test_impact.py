@@ -10,13 +10,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from bvp.impact import restitute
 from bvp.kernels.bounds import amplitudes
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import twins
-from tests.bvp.searches import ImpactStatus, next_impact
+from tests.bvp.searches import ImpactStatus, next_impact, restitute
 from tests.bvp.test_modes import exceptional_point
 from tests.bvp.twins import amplitude_samples, chain, distances, first_order, flow
 

@@ -7,9 +7,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind, MotionStatus
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop
 from tests.bvp.twins import chain
 
@@ -103,8 +103,8 @@ def test_two_contacts_come_to_rest_as_event_by_event_in_fifty_digits(seed, share
     motion = run_coupled(*case, 20.0)
     u, v, impacts, last, held = bounce_by_bounce(*case, 20.0)
     assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts <= impacts
-    assert motion.stretches[-1].held == tuple("ab"[c] + "-" for c in sorted(held))
-    assert len(held) < 2 or motion.stretches[-1].begin == pytest.approx(last, abs=motion.switch_error + 1e-12)
+    assert motion.contact_intervals[-1].sticking == tuple("ab"[c] + "-" for c in sorted(held))
+    assert len(held) < 2 or motion.contact_intervals[-1].begin == pytest.approx(last, abs=motion.switch_error + 1e-12)
     np.testing.assert_allclose(motion.final, [*u, *v], atol=1e-11)
     assert abs(motion.balance) < 1e-13 * (motion.initial_energy + abs(motion.work) + motion.totals[:-1].sum())
 
@@ -120,7 +120,7 @@ def test_contacts_that_do_not_act_on_each_other_rest_as_each_alone():
         speed = math.sqrt(2.0 * g * h)
         rests.append(speed / g * (1.0 + 2.0 * r / (1.0 - r)))
     sticks = np.flatnonzero(motion.kinds == EventKind.STICK.value)
-    assert [motion.stretches[-1].held, motion.stretches[-2].held] == [("a-", "b-"), ("b-",)]
+    assert [motion.contact_intervals[-1].sticking, motion.contact_intervals[-2].sticking] == [("a-", "b-"), ("b-",)]
     np.testing.assert_allclose(motion.times[sticks], sorted(rests), atol=1e-10)
 
 

@@ -10,8 +10,7 @@ import pytest
 
 from benchmarks.backbone import Backbone
 from branches.orbit import Orbit
-from bvp.digit_modes import DIGITS, digit_modes
-from bvp.many_digits import orbit_in_digits
+from bvp.many_digits import DIGITS, digit_modes, orbit_in_digits
 from bvp.multipoint import MultipointProblem
 from bvp.stability import balance, half_map_of, roundings, stability, velocity_scale
 from bvp.system import vibro_impact_nes
@@ -119,5 +118,5 @@ def test_the_orbit_is_the_nearest_one():
     rng = np.random.default_rng(2)
     exact = orbit_in_digits(problem, y * (1.0 + 1e-6 * rng.uniform(-1.0, 1.0, len(y))))
     assert 1e-8 < exact.moved < 1e-5
-    solved = MultipointProblem(problem.system, problem.ends, problem.word).solve(y, energy=float(exact.energy))
+    solved = MultipointProblem(problem.system, problem.ends, problem.sequence).solve(y, energy=float(exact.energy))
     assert abs(Orbit(problem, solved).tau - float(exact.trace)) < 1e-9 * (1.0 + abs(float(exact.trace)))

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.blocks import cut
-from bvp.damped import simulate
+from bvp.blocks import cut, jacobi
 from bvp.modes import undamped_modes
 from bvp.motion import MotionStatus
-from bvp.numerics import jacobi
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain, first_order
 

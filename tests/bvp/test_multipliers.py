@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from benchmarks import backbone
 from benchmarks.saltation import monodromy, saltation_matrix, saltation_multipliers
-from bvp.cycle import Cycle, cycle_of
+from bvp.closures import Cycle, cycle_of
 from bvp.multipliers import nearest_grazing, saddle_point_multipliers, sort_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from benchmarks import backbone
 from branches.family import scales_of
-from bvp.cycle import cycle_of
-from bvp.ends import EndsError
+from bvp.closures import EndsError, cycle_of
 from bvp.kernels.multipoint import evaluate, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, NotConverged
@@ -53,7 +52,7 @@ def residual_twin(problem, y, restitution=1.0, pull=1.0):
 
     s = problem.parameters
     start = problem.segment.start_map @ y[:s] + problem.segment.start_offset
-    word = problem.word[1:] if problem.periodic else problem.word
+    word = problem.sequence[1:] if problem.periodic else problem.sequence
     out = []
     at = s
     z = start
@@ -67,8 +66,8 @@ def residual_twin(problem, y, restitution=1.0, pull=1.0):
     z = flow(z, y[at])
     if problem.periodic:
         gradient = np.concatenate([squares * start[:n], start[n:]])
-        c, bound, _ = letters[problem.word[0]]
-        out += [*(impact(z, problem.word[0]) + y[-1] * gradient - start), c @ start[:n] - bound]
+        c, bound, _ = letters[problem.sequence[0]]
+        out += [*(impact(z, problem.sequence[0]) + y[-1] * gradient - start), c @ start[:n] - bound]
     else:
         out += list(problem.segment.end_map @ z - problem.segment.end_offset)
     return np.array(out)
@@ -234,8 +233,8 @@ def test_one_impact_on_a_one_sided_stop():
 def test_many_words_at_many_systems():
     """At least 20 words with different ends at random systems; every residual at rounding level, energies as asked for."""
     found = collection()
-    assert len({(orbit.problem.ends, orbit.problem.word) for orbit in found}) >= 20
-    assert {len(orbit.problem.word) for orbit in found} >= {0, 1, 2, 3, 4, 5}
+    assert len({(orbit.problem.ends, orbit.problem.sequence) for orbit in found}) >= 20
+    assert {len(orbit.problem.sequence) for orbit in found} >= {0, 1, 2, 3, 4, 5}
     for orbit in found:
         assert orbit.solution["residual"] < 2e-15 * (1 + orbit.problem.inner), orbit.name
         assert abs(orbit.solution["energy"] / orbit.energy - 1.0) < 1e-13, orbit.name
@@ -371,7 +370,7 @@ def test_what_is_compiled_for_four_entries_is_what_is_compiled_for_any_number():
         if kind in seen:
             continue
         seen.add(kind)
-        general = MultipointProblem(orbit.problem.system, orbit.problem.ends, orbit.problem.word)
+        general = MultipointProblem(orbit.problem.system, orbit.problem.ends, orbit.problem.sequence)
         general._two_dof = False
         for ds in (0.0, 0.01):
             planar, plain = (p.step(orbit.solution.y, orbit.solution.tangent, ds) for p in (orbit.problem, general))

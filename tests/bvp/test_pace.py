@@ -9,10 +9,10 @@ import branches.search.scan
 import bvp.interrupts
 import bvp.kernels.contact_mode
 from branches.search.discovery import discover
-from bvp.damped import Simulator, simulate
 from bvp.forcing import Constant, Harmonic
 from bvp.interrupts import Pace
 from bvp.kernels import motion as kernels
+from bvp.simulate import Simulator, simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.record import extents
 from transitions.section.section import section
@@ -24,8 +24,8 @@ SYSTEMS = {
     "sticking": (BALL, [0.5], [0.0], [Constant([-1.0]), Harmonic(0.7, [1.4])]),
     "plastic": (vibro_impact_nes(rho=0.0, lam=0.01), [0.0, 0.0], [0.0, 3.0], None),
 }
-MOTION = ("kinds", "times", "contacts", "speeds", "losses", "before", "sums", "totals", "final", "states", "peaks", "held_time")
-BATCH = ("duration", "impacts", "touches", "held_time", "energy", "totals", "marks", "peaks", "final")
+MOTION = ("kinds", "times", "contacts", "speeds", "losses", "before", "sums", "totals", "final", "states", "peaks", "sticking_time")
+BATCH = ("duration", "impacts", "touches", "sticking_time", "energy", "totals", "marks", "peaks", "final")
 SECTION = ("times", "points", "energies", "growths", "tangents", "counts", "impacts", "sticking_times")
 
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.damped import Simulator, simulate
 from bvp.motion import MotionStatus
+from bvp.simulate import Simulator, simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import twins
 from tests.bvp.twins import chain
@@ -173,10 +173,10 @@ def test_a_flipped_sign_in_restitution_makes_the_comparison_fail(sign, factor):
 @pytest.mark.parametrize("mutated", ["rate", "push"])
 def test_a_flipped_sign_in_the_kernel_arrays_makes_the_comparison_fail(mutated):
     """Mutation of what the compiled kernel is given: the impact no longer reverses the rate."""
-    mover = Simulator(vibro_impact_nes(0.1, 0.1))
-    reference = mover.run([0.0, 0.0], [2.0, 1.5], 5.0).stop_events.after[0]
-    getattr(mover.table.stacked, mutated)[:] *= -1.0
-    broken = mover.run([0.0, 0.0], [2.0, 1.5], 5.0, max_impacts=1).stop_events
+    simulator = Simulator(vibro_impact_nes(0.1, 0.1))
+    reference = simulator.run([0.0, 0.0], [2.0, 1.5], 5.0).stop_events.after[0]
+    getattr(simulator.table.stacked, mutated)[:] *= -1.0
+    broken = simulator.run([0.0, 0.0], [2.0, 1.5], 5.0, max_impacts=1).stop_events
     assert len(broken) == 0 or np.abs(broken.after[0] - reference).max() > 0.1
 
 
@@ -190,7 +190,7 @@ def test_chattering_comes_to_its_end_and_sticks(restitution):
     late = speeds > 1e-4  # a slower bounce is known to the rounding of its place over its speed
     np.testing.assert_allclose(result.stop_events.speeds[late], speeds[late], rtol=1e-8)
     end = math.acos(5.0 / 6.0) + math.fsum(2.0 * math.atan(2.0 * math.sqrt(0.11) * restitution**k) for k in range(1, 20_000))
-    free, held = result.stretches
+    free, held = result.contact_intervals
     assert held.held == ("+",) and held.begin == pytest.approx(end, abs=1e-11) and held.end == 1e4
     assert result.final.tolist() == pytest.approx([-0.5, 0.0], abs=1e-13)
     assert result.dissipated["stop a"] == pytest.approx(0.5 * 0.11, rel=1e-12)
@@ -200,15 +200,15 @@ def test_a_perfectly_plastic_impact_sticks_or_leaves():
     """r = 0: pressed, it sticks; pulled away, it leaves at zero speed and comes back after a full period."""
     stuck = simulate(oscillator(upper=-0.5, restitution=0.0), [-0.6], [0.0], 100.0)
     assert stuck.status is MotionStatus.DURATION_REACHED and len(stuck.stop_events) == 1
-    assert stuck.held_time == pytest.approx(100.0 - math.acos(5.0 / 6.0), rel=1e-14)
+    assert stuck.sticking_time == pytest.approx(100.0 - math.acos(5.0 / 6.0), rel=1e-14)
     assert stuck.final.tolist() == pytest.approx([-0.5, 0.0], abs=1e-15)
     left = simulate(oscillator(upper=0.5, restitution=0.0), [0.0], [1.0], 3.0 * math.pi)
-    assert left.status is MotionStatus.DURATION_REACHED and left.held_time == 0.0
+    assert left.status is MotionStatus.DURATION_REACHED and left.sticking_time == 0.0
     met = left.stop_events
     assert met.contacts == ("+", "+") and met.touches.tolist() == [False, True]
     assert met.times[1] - met.times[0] == pytest.approx(2 * math.pi, abs=1e-6)
     pressed = simulate(oscillator(upper=-0.5), [-0.5], [0.0], 1.0)
-    assert pressed.status is MotionStatus.DURATION_REACHED and pressed.held_time == 1.0
+    assert pressed.status is MotionStatus.DURATION_REACHED and pressed.sticking_time == 1.0
 
 
 @settings(max_examples=40)

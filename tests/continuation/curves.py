@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from continuation import EventDetails, GenericProblem, Location, Point, Step
-from continuation import Test as Marker
+from continuation import EventDetails, GenericProblem, Location, Point, Step, TestFunction
 
 PARAMETER = 1  # y = (x, a) in the plane curves
 
@@ -106,7 +105,7 @@ class Line:
 
     def __init__(
         self,
-        *tests: tuple[Marker, Callable[[float], float]],
+        *tests: tuple[TestFunction, Callable[[float], float]],
         broken: Callable[[float], bool] = lambda s: False,
         classify: Callable | None = None,
         turn: Callable[[float, float], float] = lambda s, end: 1.0,

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from continuation import Settings, follow, trace
-from continuation import Test as Marker
+from continuation import Settings, TestFunction, follow, follow_both_ways
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, kinds_of, may_hide, next_step, refusal, watch
 from continuation.problem import Advance
 from tests.continuation.curves import Eight, Line, Ring, circle, cubic, ellipse, hyperbola, parts, pitchfork
@@ -54,11 +53,11 @@ def passes(old, new, goal, direction):
 
 
 EVENTS = (
-    (Marker("A", "crossing"), lambda s: math.sin(3 * s)),
-    (Marker("D", "crossing"), lambda s: math.cos(s) - 0.9999),
-    (Marker("K", "change"), lambda s: float(math.floor(1.7 * s))),
+    (TestFunction("A", "crossing"), lambda s: math.sin(3 * s)),
+    (TestFunction("D", "crossing"), lambda s: math.cos(s) - 0.9999),
+    (TestFunction("K", "change"), lambda s: float(math.floor(1.7 * s))),
 )
-GUARD = (Marker("G", "guard", terminal=True), lambda s: 5.03 - abs(s))
+GUARD = (TestFunction("G", "guard", terminal=True), lambda s: 5.03 - abs(s))
 SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=150)
 CASES = {
     "closes": (circle, [0.6, 0.8], {}),
@@ -90,8 +89,8 @@ def test_a_march_is_the_run_step_by_step(case, points):
     settings = Settings(**{**options, **({} if points is None else {"maximum_points": points})})
     marching = Marching(make())
     begin = np.array(start)
-    alone = trace(make(), begin, settings)
-    together = trace(marching, begin, settings)
+    alone = follow_both_ways(make(), begin, settings)
+    together = follow_both_ways(marching, begin, settings)
     same(alone.points, together.points)
     same(alone.events, together.events)
     assert alone.ends == together.ends and alone.start == together.start

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import ellipe
 
-from continuation import End, EndReason, Event, Point, Settings, follow
-from continuation import Test as Marker
+from continuation import End, EndReason, Event, Point, Settings, TestFunction, follow
 from tests.continuation.curves import Eight, Line, circle, cubic, ellipse, hyperbola, is_close, parallel_lines, parts, root_end
 
 SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=60)
@@ -187,7 +186,7 @@ def test_no_start():
 @pytest.mark.parametrize("number", [1, 2, 7])
 def test_points_limit_counts_all_points(number):
     settings = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=number)
-    problem = Line((Marker("A", "crossing"), lambda s: math.sin(20 * s + 1)))
+    problem = Line((TestFunction("A", "crossing"), lambda s: math.sin(20 * s + 1)))
     points, _, (end,) = parts(follow(problem, np.array([0.0]), settings=settings))
     assert len(points) == number and end.reason is EndReason.POINTS
 
@@ -199,7 +198,7 @@ def test_stop_when_is_asked_at_every_point_after_the_start():
         seen.append(point)
         return "far enough" if point.parameter > 1.0 else False
 
-    problem = Line((Marker("A", "crossing"), lambda s: s - 0.55))
+    problem = Line((TestFunction("A", "crossing"), lambda s: s - 0.55))
     points, _, (end,) = parts(follow(problem, np.array([0.0]), settings=SHORT, stop_when=stop))
     assert end.reason is EndReason.STOP_WHEN and end.detail == "far enough"
     assert seen == points[1:] and points[-1].parameter > 1.0 >= points[-2].parameter
@@ -209,7 +208,7 @@ def test_stop_when_is_asked_at_every_point_after_the_start():
 
 
 def test_stop_at_ends_at_the_first_event_of_a_code():
-    problem = Line((Marker("A", "crossing"), lambda s: s - 0.55), (Marker("B", "crossing"), lambda s: s - 1.55))
+    problem = Line((TestFunction("A", "crossing"), lambda s: s - 0.55), (TestFunction("B", "crossing"), lambda s: s - 1.55))
     points, events, (end,) = parts(follow(problem, np.array([0.0]), settings=SHORT, stop_at={"B"}))
     assert end.reason is EndReason.STOP_AT and [event.code for event in events] == ["A", "B"]
     assert points[-1].event is events[-1] and "B" in end.text
@@ -253,7 +252,7 @@ class Wave(Line):
 
 def test_a_family_that_repeats_itself_ends_at_the_third_passage_of_a_branch_point():
     """Oracle: branch points at the multiples of pi, where the parameter is -1, 1, -1, 1, -1."""
-    wave = Wave((Marker("BP", "crossing", singular=1e-6), math.sin))
+    wave = Wave((TestFunction("BP", "crossing", singular=1e-6), math.sin))
     points, events, (end,) = parts(follow(wave, np.array([0.3]), settings=Settings(maximum_points=5000)))
     assert end.reason is EndReason.REPEATED
     assert [event.point.y[0] for event in events] == pytest.approx([k * math.pi for k in range(1, 6)], abs=1e-9)

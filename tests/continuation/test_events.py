@@ -8,8 +8,7 @@ from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from continuation import EndReason, EventDetails, Settings, follow, trace
-from continuation import Test as Marker
+from continuation import EndReason, EventDetails, Settings, TestFunction, follow, follow_both_ways
 from continuation.control import may_hide
 from tests.continuation.curves import Line, parts
 
@@ -25,7 +24,7 @@ def run(problem, settings=SHORT, **options):
 @pytest.mark.parametrize("direction", [1, -1])
 def test_crossing_is_located_inside_its_bracket_and_is_a_point(direction):
     root = 1.2345678901 * direction
-    points, events, _ = run(Line((Marker("A", "crossing"), lambda s: math.sin(s - root))), direction=direction)
+    points, events, _ = run(Line((TestFunction("A", "crossing"), lambda s: math.sin(s - root))), direction=direction)
     (event,) = [event for event in events if event.arclength < 3]
     low, high = event.bracket
     assert low <= abs(root) <= high and high - low <= 1e-10
@@ -44,7 +43,7 @@ def test_a_crossing_is_far_nearer_than_its_bracket_is_wide(noise):
         def told(s, function=function):
             return function(s) if abs(function(s)) > noise else math.nan
 
-        _, events, _ = run(Line((Marker("A", "crossing"), told if noise else function)))
+        _, events, _ = run(Line((TestFunction("A", "crossing"), told if noise else function)))
         event = min(events, key=lambda event: abs(event.arclength - root))
         assert abs(event.arclength - root) < 3e-15 and event.residual < 1e-14
         assert event.bracket[0] <= root <= event.bracket[1] and event.status == "located"
@@ -52,7 +51,7 @@ def test_a_crossing_is_far_nearer_than_its_bracket_is_wide(noise):
 
 def test_location_is_superlinear():
     """One event costs at most 9 further steps for 1e-10; bisection from 0.1 would need 30."""
-    plain, marked = Line(), Line((Marker("A", "crossing"), lambda s: math.exp(s) - 5))
+    plain, marked = Line(), Line((TestFunction("A", "crossing"), lambda s: math.exp(s) - 5))
     run(plain)
     _, events, _ = run(marked, Settings(initial_step=0.1, maximum_step=0.1, maximum_points=61))
     assert len(events) == 1
@@ -61,9 +60,9 @@ def test_location_is_superlinear():
 
 def test_several_tests_in_one_step_come_in_order_of_arclength():
     problem = Line(
-        (Marker("LATE", "crossing"), lambda s: s - 1.07),
-        (Marker("KEY", "change"), lambda s: float(s > 1.05)),
-        (Marker("EARLY", "crossing"), lambda s: 1.02 - s),
+        (TestFunction("LATE", "crossing"), lambda s: s - 1.07),
+        (TestFunction("KEY", "change"), lambda s: float(s > 1.05)),
+        (TestFunction("EARLY", "crossing"), lambda s: 1.02 - s),
     )
     points, events, _ = run(problem)
     assert [event.code for event in events] == ["EARLY", "KEY", "LATE"]
@@ -74,7 +73,7 @@ def test_several_tests_in_one_step_come_in_order_of_arclength():
 
 def test_all_changes_of_a_key_in_one_step_are_found():
     changes = [1.01, 1.031, 1.0312, 1.07]
-    _, events, _ = run(Line((Marker("K", "change"), lambda s: float(sum(s > c for c in changes)))))
+    _, events, _ = run(Line((TestFunction("K", "change"), lambda s: float(sum(s > c for c in changes)))))
     assert [event.arclength for event in events] == pytest.approx(changes, abs=1e-10)
     assert all(event.status == "located" and event.residual == 0 for event in events)
     for event, change in zip(events, changes, strict=True):
@@ -83,7 +82,7 @@ def test_all_changes_of_a_key_in_one_step_are_found():
 
 
 def test_terminal_change_ends_on_the_old_side():
-    points, events, end = run(Line((Marker("K", "change", terminal=True), lambda s: float(s > 1.03))))
+    points, events, end = run(Line((TestFunction("K", "change", terminal=True), lambda s: float(s > 1.03))))
     assert end.reason is EndReason.EVENT and points[-1].event is events[-1]
     assert 1.03 - 1e-10 <= points[-1].parameter <= 1.03
 
@@ -95,10 +94,10 @@ def test_undefined_values_make_no_event():
     def key(s):
         return math.nan if 0.45 < s < 1.55 else float(s > 1)
 
-    tests = (Marker("A", "crossing"), crossing), (Marker("G", "guard"), crossing), (Marker("K", "change"), key)
+    tests = (TestFunction("A", "crossing"), crossing), (TestFunction("G", "guard"), crossing), (TestFunction("K", "change"), key)
     points, events, _ = run(Line(*tests))
     assert events == [] and len(points) == 60
-    points, events, end = run(Line((Marker("G", "guard", terminal=True), crossing)))
+    points, events, end = run(Line((TestFunction("G", "guard", terminal=True), crossing)))
     assert end.reason is EndReason.EVENT and events[0].details["kind"] == "outside"  # violated where it is defined again
     assert 1.55 < points[-1].parameter < 1.75
 
@@ -118,7 +117,7 @@ def test_jumps_and_poles_are_not_called_zeros(function, kind):
         seen.append((location.kind, location.status, before.parameter, after.parameter))
         return EventDetails("J", data={"mine": 1})
 
-    _, events, _ = run(Line((Marker("A", "crossing"), function), classify=classify))
+    _, events, _ = run(Line((TestFunction("A", "crossing"), function), classify=classify))
     assert [event.status for event in events] == ["bracketed"]
     assert events[0].details == {"mine": 1, "kind": kind}
     assert events[0].bracket[0] <= 1.0432 <= events[0].bracket[1] and events[0].residual > 0.5
@@ -127,7 +126,7 @@ def test_jumps_and_poles_are_not_called_zeros(function, kind):
 
 
 def test_steep_zeros_are_zeros():
-    _, events, _ = run(Line((Marker("A", "crossing"), lambda s: math.tanh((s - 1.0432) / 1e-6))))
+    _, events, _ = run(Line((TestFunction("A", "crossing"), lambda s: math.tanh((s - 1.0432) / 1e-6))))
     assert [(event.status, event.arclength) for event in events] == [("located", pytest.approx(1.0432, abs=1e-10))]
 
 
@@ -137,7 +136,7 @@ def test_classify_may_drop_rename_and_end():
             return None
         return EventDetails("NEW", terminal=at.parameter > 4, data={"where": at.parameter})
 
-    points, events, end = run(Line((Marker("A", "crossing"), lambda s: math.sin(math.pi * (s + 0.5))), classify=classify))
+    points, events, end = run(Line((TestFunction("A", "crossing"), lambda s: math.sin(math.pi * (s + 0.5))), classify=classify))
     assert [event.code for event in events] == ["NEW"] * 3
     assert [event.details["where"] for event in events] == pytest.approx([2.5, 3.5, 4.5], abs=1e-9)
     assert end.reason is EndReason.EVENT and "NEW" in end.detail
@@ -146,9 +145,9 @@ def test_classify_may_drop_rename_and_end():
 
 def test_terminal_event_is_the_last_point_and_later_events_are_none():
     problem = Line(
-        (Marker("END", "guard", terminal=True), lambda s: 1.03 - s),
-        (Marker("B", "crossing"), lambda s: s - 1.01),
-        (Marker("C", "crossing"), lambda s: s - 1.05),
+        (TestFunction("END", "guard", terminal=True), lambda s: 1.03 - s),
+        (TestFunction("B", "crossing"), lambda s: s - 1.01),
+        (TestFunction("C", "crossing"), lambda s: s - 1.05),
     )
     points, events, end = run(problem)
     assert [event.code for event in events] == ["B", "END"]
@@ -162,7 +161,7 @@ def test_a_pole_at_the_end_of_a_family_is_no_event(before):
     """Multipliers have a pole where an impact's speed goes through zero; rounding puts it on either side. Also where a step ends so near to
     it that they are huge there, which makes a pole look like a zero."""
     end = 1.1 - 2e-11
-    guard, pole = Marker("END", "guard", terminal=True), Marker("A", "crossing")
+    guard, pole = TestFunction("END", "guard", terminal=True), TestFunction("A", "crossing")
     _, events, _ = run(Line((pole, lambda s: 1.0 / (end - before - s) if s != end - before else math.inf), (guard, lambda s: end - s)))
     assert [event.code for event in events] == ["END"]
 
@@ -172,7 +171,7 @@ def test_a_pole_at_the_end_of_a_family_is_no_event(before):
 def test_a_jump_to_small_values_at_the_end_of_a_family_is_no_event(low, end, before):
     """Oracle: the family ends at `end`, to the width of a bracket. In the last steps multipliers are rounding: of either sign, and small
     beside what they grow to."""
-    guard, noise = Marker("END", "guard", terminal=True), Marker("A", "crossing")
+    guard, noise = TestFunction("END", "guard", terminal=True), TestFunction("A", "crossing")
     _, events, _ = run(Line((noise, lambda s: low if s >= end - before else -8500.0 * math.copysign(1.0, low)), (guard, lambda s: end - s)))
     assert [event.code for event in events] == ["END"]
 
@@ -182,7 +181,10 @@ def test_a_key_that_changes_at_the_end_of_a_family_is_no_event(before):
     """At a grazing it is rounding which side a turning point is counted on."""
     end = 1.1 - 2e-11
     _, events, _ = run(
-        Line((Marker("K", "change"), lambda s: float(s > end - before)), (Marker("END", "guard", terminal=True), lambda s: end - s))
+        Line(
+            (TestFunction("K", "change"), lambda s: float(s > end - before)),
+            (TestFunction("END", "guard", terminal=True), lambda s: end - s),
+        )
     )
     assert [event.code for event in events] == ["END"]
 
@@ -190,37 +192,37 @@ def test_a_key_that_changes_at_the_end_of_a_family_is_no_event(before):
 @given(end=st.floats(1.05, 1.095), before=st.floats(-9e-11, 9e-11))
 def test_a_key_that_changes_within_a_bracket_of_the_end_is_no_event(end, before):
     """Oracle: the family ends at `end`, to the width of a bracket; on which side of it the key changes is rounding."""
-    key, guard = Marker("K", "change"), Marker("END", "guard", terminal=True)
+    key, guard = TestFunction("K", "change"), TestFunction("END", "guard", terminal=True)
     _, events, _ = run(Line((key, lambda s: float(s > end - before)), (guard, lambda s: end - s)))
     assert [event.code for event in events] == ["END"]
 
 
 def test_guard_may_rise_but_not_fall():
-    _, events, _ = run(Line((Marker("G", "guard"), lambda s: math.sin(s - 1.0))))
+    _, events, _ = run(Line((TestFunction("G", "guard"), lambda s: math.sin(s - 1.0))))
     assert [event.arclength for event in events] == pytest.approx([1 + math.pi], abs=1e-10)
 
 
 @pytest.mark.parametrize("value", [0.0, 1e-17, -1e-17])
 def test_family_that_starts_on_its_guard_goes_inward_only(value):
     """A start at grazing to rounding: inward is a family, outward ends at once."""
-    _, _, inward = run(Line((Marker("G", "guard", terminal=True), lambda s: s + value)))
+    _, _, inward = run(Line((TestFunction("G", "guard", terminal=True), lambda s: s + value)))
     assert inward.reason is EndReason.POINTS
-    points, events, outward = run(Line((Marker("G", "guard", terminal=True), lambda s: value - s)))
+    points, events, outward = run(Line((TestFunction("G", "guard", terminal=True), lambda s: value - s)))
     assert outward.reason is EndReason.EVENT
     assert abs(points[-1].arclength) <= 1e-10 and events[0].residual <= 1e-10
 
 
 def test_event_on_the_start_is_not_reported_by_one_direction():
     for value in (1e-17, -1e-17, 0.0):
-        _, events, _ = run(Line((Marker("A", "crossing", terminal=True), lambda s, value=value: s + value)))
+        _, events, _ = run(Line((TestFunction("A", "crossing", terminal=True), lambda s, value=value: s + value)))
         assert events == []
 
 
 def test_coincident_events_are_one_where_a_test_absorbs_another():
-    strong = Marker("BP", "crossing", absorbs=("SN",))
+    strong = TestFunction("BP", "crossing", absorbs=("SN",))
     for first, second in (
-        ((strong, 1.03), (Marker("SN", "crossing"), 1.03)),
-        ((Marker("SN", "crossing"), 1.03), (strong, 1.03)),
+        ((strong, 1.03), (TestFunction("SN", "crossing"), 1.03)),
+        ((TestFunction("SN", "crossing"), 1.03), (strong, 1.03)),
     ):
         problem = Line(*((test, lambda s, place=place: place - s) for test, place in (first, second)))
         _, events, _ = run(problem)
@@ -229,7 +231,7 @@ def test_coincident_events_are_one_where_a_test_absorbs_another():
 
 def test_events_further_apart_than_the_tolerance_are_two():
     problem = Line(
-        (Marker("BP", "crossing", absorbs=("SN",)), lambda s: s - 1.03), (Marker("SN", "crossing"), lambda s: s - 1.03001)
+        (TestFunction("BP", "crossing", absorbs=("SN",)), lambda s: s - 1.03), (TestFunction("SN", "crossing"), lambda s: s - 1.03001)
     )
     _, events, _ = run(problem)
     assert [event.code for event in events] == ["BP", "SN"]
@@ -240,8 +242,8 @@ def test_events_further_apart_than_the_tolerance_are_two():
 def test_coincident_events_about_an_accepted_point_are_one(offset_strong, offset_weak):
     """Steps of 0.1 land on 0.5; the zeros lie on either side of it by a few 1e-9."""
     problem = Line(
-        (Marker("BP", "crossing", absorbs=("SN",)), lambda s: s - 0.5 - offset_strong),
-        (Marker("SN", "crossing"), lambda s: s - 0.5 - offset_weak),
+        (TestFunction("BP", "crossing", absorbs=("SN",)), lambda s: s - 0.5 - offset_strong),
+        (TestFunction("SN", "crossing"), lambda s: s - 0.5 - offset_weak),
     )
     points, events, _ = run(problem)
     assert [event.code for event in events] == ["BP"]
@@ -253,25 +255,25 @@ def test_coincident_events_about_an_accepted_point_are_one(offset_strong, offset
 @hypothesis_settings(max_examples=60, deadline=None)
 def test_two_zeros_in_one_step_are_found_where_the_test_is_a_parabola(middle, distance, size):
     """Oracle: the zeros of size (s - m)^2 - size d^2; steps are 0.1 long, so most pairs leave no change of sign."""
-    problem = Line((Marker("A", "crossing"), lambda s: size * ((s - middle) ** 2 - distance**2)))
+    problem = Line((TestFunction("A", "crossing"), lambda s: size * ((s - middle) ** 2 - distance**2)))
     _, events, _ = run(problem)
     assert [event.arclength for event in events] == pytest.approx([middle - distance, middle + distance], abs=2e-10)
 
 
 def test_two_zeros_in_one_step_of_a_function_that_is_no_parabola():
-    problem = Line((Marker("A", "crossing"), lambda s: math.cosh(3 * (s - 2.05)) - 1.003 + 0.2 * (s - 2.05) ** 3))
+    problem = Line((TestFunction("A", "crossing"), lambda s: math.cosh(3 * (s - 2.05)) - 1.003 + 0.2 * (s - 2.05) ** 3))
     _, events, _ = run(problem)
     assert len(events) == 2 and all(abs(event.arclength - 2.05) < 0.03 for event in events)
 
 
 def test_guard_that_dips_below_zero_inside_a_step_ends_the_family():
-    problem = Line((Marker("G", "guard", terminal=True), lambda s: (s - 2.05) ** 2 - 0.02**2))
+    problem = Line((TestFunction("G", "guard", terminal=True), lambda s: (s - 2.05) ** 2 - 0.02**2))
     points, _, end = run(problem)
     assert end.reason is EndReason.EVENT and points[-1].arclength == pytest.approx(2.03, abs=1e-10)
 
 
 def test_a_guard_that_ends_nothing_reports_its_fall_and_not_its_rise():
-    _, events, _ = run(Line((Marker("G", "guard"), lambda s: (s - 2.05) ** 2 - 0.02**2)))
+    _, events, _ = run(Line((TestFunction("G", "guard"), lambda s: (s - 2.05) ** 2 - 0.02**2)))
     assert [event.arclength for event in events] == pytest.approx([2.03], abs=1e-10)
 
 
@@ -299,9 +301,10 @@ def test_a_parabola_hides_two_zeros_where_it_dips_below_zero(middle, depth, size
 def test_events_do_not_depend_on_where_a_run_starts_or_how_long_its_steps_are(steps, start, offset, direction, growth):
     """Oracle: the zeros of cos(7 s) - offset between two guards, in pairs down to 0.013 apart, with steps of up to 0.16."""
     problem = Line(
-        (Marker("A", "crossing"), lambda s: math.cos(7.0 * s) - offset), (Marker("END", "guard", terminal=True), lambda s: 3.3 - abs(s))
+        (TestFunction("A", "crossing"), lambda s: math.cos(7.0 * s) - offset),
+        (TestFunction("END", "guard", terminal=True), lambda s: 3.3 - abs(s))
     )
-    run = trace(
+    run = follow_both_ways(
         problem, np.array([start]), Settings(initial_step=0.2 * steps, maximum_step=steps, maximum_growth=growth, maximum_points=5000),
         direction=direction,
     )  # fmt: skip
@@ -313,7 +316,7 @@ def test_events_do_not_depend_on_where_a_run_starts_or_how_long_its_steps_are(st
 
 def test_a_function_that_touches_zero_makes_no_event():
     for place in (2.05, 2.0, 1.987654):
-        _, events, _ = run(Line((Marker("A", "crossing"), lambda s, place=place: (s - place) ** 2)))
+        _, events, _ = run(Line((TestFunction("A", "crossing"), lambda s, place=place: (s - place) ** 2)))
         assert events == []
 
 
@@ -326,7 +329,7 @@ def rounded(s):
 @pytest.mark.parametrize("place", [1.05, 1.0871, 2.0234, 3.0])
 def test_a_zero_in_rounding_is_one_event_whose_bracket_tells_the_rounding(noise, place):
     """Oracle: the zero of a function that is steep, with noise added: over 2 noise / steepness it has many zeros."""
-    _, events, _ = run(Line((Marker("A", "crossing"), lambda s: 1e6 * math.sin(s - place) + noise * rounded(s))))
+    _, events, _ = run(Line((TestFunction("A", "crossing"), lambda s: 1e6 * math.sin(s - place) + noise * rounded(s))))
     (event,) = [event for event in events if abs(event.arclength - place) < 1e-3]
     low, high = event.bracket
     assert low - 1e-6 * noise <= place <= high + 1e-6 * noise and high - low <= 4e-6 * noise + 1e-9
@@ -334,7 +337,7 @@ def test_a_zero_in_rounding_is_one_event_whose_bracket_tells_the_rounding(noise,
 
 @pytest.mark.parametrize("place", [1.05, 1.0871, 2.0234])
 def test_a_function_that_touches_zero_in_rounding_makes_no_event(place):
-    _, events, _ = run(Line((Marker("A", "crossing"), lambda s: 1e10 * (s - place) ** 2 + 1e-9 * rounded(s))))
+    _, events, _ = run(Line((TestFunction("A", "crossing"), lambda s: 1e10 * (s - place) ** 2 + 1e-9 * rounded(s))))
     assert events == []
 
 
@@ -360,8 +363,8 @@ class Hopping(Line):
 def test_a_guard_that_jumps_where_another_one_is_zero_is_not_the_end(order):
     """Oracle: the guard with the zero. The other one is large before it and negative behind, as a clearance is where an impact vanishes."""
     tests = (
-        (Marker("ZERO", "guard", terminal=True), lambda s: 1.03 - s),
-        (Marker("JUMP", "guard", terminal=True), lambda s: 1e3 if s < 1.03 else -1e-3 * (s - 1.02)),
+        (TestFunction("ZERO", "guard", terminal=True), lambda s: 1.03 - s),
+        (TestFunction("JUMP", "guard", terminal=True), lambda s: 1e3 if s < 1.03 else -1e-3 * (s - 1.02)),
     )
     _, events, _ = run(Line(*tests[::order]))
     assert [event.code for event in events] == ["ZERO"] and events[0].status == "located"
@@ -383,12 +386,12 @@ class Bridged(Line):
 @pytest.mark.parametrize("other", [0.5, 0.9, 1.1])
 def test_a_run_that_no_step_leads_past_a_branch_point_goes_on_behind_it(direction, other):
     """Oracle: the zeros. Where another event lies in the gap (here at 1 +- 1e-4), the run ends: it could be met on either side."""
-    tests = (Marker("BP", "crossing", singular=1e-9), lambda s: s - 1.0), (Marker("A", "crossing"), lambda s: s - other)
+    tests = (TestFunction("BP", "crossing", singular=1e-9), lambda s: s - 1.0), (TestFunction("A", "crossing"), lambda s: s - other)
     gap = lambda s: 0.0 < abs(s - 1.0) < 1e-3  # noqa: E731
     _, events, ends = parts(follow(Bridged(*tests, broken=gap), np.array([1.0 - direction]), direction, SHORT))
     assert sorted(event.point.parameter for event in events) == pytest.approx(sorted((1.0, other)), abs=1e-9)
     assert ends[0].reason is EndReason.POINTS
-    hidden = (Marker("B", "crossing"), lambda s: abs(s - 1.0) - 1e-4)
+    hidden = (TestFunction("B", "crossing"), lambda s: abs(s - 1.0) - 1e-4)
     _, events, ends = parts(follow(Bridged(*tests, hidden, broken=gap), np.array([1.0 - direction]), direction, SHORT))
     assert ends[0].reason is EndReason.MINIMUM_STEP and all(event.code == "A" for event in events)
 
@@ -397,14 +400,14 @@ def test_a_run_that_no_step_leads_past_a_branch_point_goes_on_behind_it(directio
 @pytest.mark.parametrize("start", [0.0, 0.013, 0.031])
 def test_steps_inside_that_go_over_to_another_family_are_not_used(width, start):
     """Oracle: one zero at s = 1. On the other family the function has the other sign, so the hops make two zeros more."""
-    problem = Hopping((Marker("A", "crossing", singular=1e-8), lambda s: s - 1.0), hops=lambda s: 1e-9 < 1.0 - s < width)
+    problem = Hopping((TestFunction("A", "crossing", singular=1e-8), lambda s: s - 1.0), hops=lambda s: 1e-9 < 1.0 - s < width)
     points, events, ends = parts(follow(problem, np.array([start, 0.0]), settings=SHORT))
     assert [event.arclength for event in events] == pytest.approx([1.0 - start], abs=1e-9)
     assert all(point.y[1] == 0.0 for point in points) and ends[0].reason is EndReason.POINTS
 
 
 def test_a_dip_that_stays_above_zero_is_no_event_and_costs_few_steps():
-    plain, dipping = Line(), Line((Marker("A", "crossing"), lambda s: (s - 2.05) ** 2 + 1e-6))
+    plain, dipping = Line(), Line((TestFunction("A", "crossing"), lambda s: (s - 2.05) ** 2 + 1e-6))
     run(plain)
     _, events, _ = run(dipping)
     assert events == [] and dipping.steps - plain.steps <= 4
@@ -416,7 +419,7 @@ def test_all_zeros_of_a_polynomial_are_found_in_order(roots):
     """Oracle: the roots the polynomial is made of, kept 0.11 apart so that no step holds two."""
     roots = sorted(roots)
     roots = [roots[0]] + [b for a, b in zip(roots, roots[1:], strict=False) if b - a > 0.11]
-    problem = Line((Marker("A", "crossing"), lambda s: math.prod(s - root for root in roots)))
+    problem = Line((TestFunction("A", "crossing"), lambda s: math.prod(s - root for root in roots)))
     _, events, _ = run(problem, Settings(initial_step=0.1, maximum_step=0.1, maximum_points=65))
     assert [event.arclength for event in events] == pytest.approx(roots, abs=1e-10)
     assert all(e.bracket[0] - 1e-12 <= root <= e.bracket[1] + 1e-12 for e, root in zip(events, roots, strict=True))
@@ -424,19 +427,19 @@ def test_all_zeros_of_a_polynomial_are_found_in_order(roots):
 
 def test_unknown_kind_of_test_is_refused():
     with pytest.raises(ValueError, match="kind 'zero', expected crossing, guard or change"):
-        run(Line((Marker("A", "zero"), lambda s: s)))
+        run(Line((TestFunction("A", "zero"), lambda s: s)))
 
 
 def test_step_whose_inside_cannot_be_followed_is_refused_until_the_event_is_outside_the_gap():
     """A sign change across a gap where the corrector fails: the steps shrink, and the family ends at the gap with no event."""
-    problem = Line((Marker("A", "crossing"), lambda s: s - 1.05), broken=lambda s: 1.04 < s < 1.06)
+    problem = Line((TestFunction("A", "crossing"), lambda s: s - 1.05), broken=lambda s: 1.04 < s < 1.06)
     points, events, end = run(problem)
     assert events == [] and end.reason is EndReason.MINIMUM_STEP and end.tally.jumped > 0
     assert points[-1].arclength < 1.04
 
 
 def test_event_in_a_gap_smaller_than_the_coincidence_tolerance_is_bracketed():
-    problem = Line((Marker("A", "crossing"), lambda s: s - 1.05), broken=lambda s: abs(s - 1.05) < 1e-8)
+    problem = Line((TestFunction("A", "crossing"), lambda s: s - 1.05), broken=lambda s: abs(s - 1.05) < 1e-8)
     _, events, _ = run(problem)
     (event,) = events
     assert event.status == "bracketed" and event.details["kind"] == "interrupted" and "converge" in event.details["reason"]
@@ -445,7 +448,7 @@ def test_event_in_a_gap_smaller_than_the_coincidence_tolerance_is_bracketed():
 
 @pytest.mark.parametrize("value", [0.0, 1.0, -1.0])
 def test_constant_test_functions_make_no_event(value):
-    plain, constant = Line(), Line((Marker("A", "crossing"), lambda s: value), (Marker("K", "change"), lambda s: value))
+    plain, constant = Line(), Line((TestFunction("A", "crossing"), lambda s: value), (TestFunction("K", "change"), lambda s: value))
     run(plain)
     _, events, _ = run(constant)
     # the first two steps are sampled, for nothing is known before them of how the function bends
@@ -454,12 +457,12 @@ def test_constant_test_functions_make_no_event(value):
 
 def test_touching_zero_exactly_at_accepted_points_makes_at_most_one_event_each():
     """|s - 0.5| has its zero at a point that the steps of 0.1 meet to rounding; it never changes sign for good."""
-    _, events, _ = run(Line((Marker("A", "crossing"), lambda s: abs(s - 0.5))))
+    _, events, _ = run(Line((TestFunction("A", "crossing"), lambda s: abs(s - 0.5))))
     assert len(events) <= 2 and all(abs(event.arclength - 0.5) < 1e-9 for event in events)
 
 
 def test_a_key_that_changes_very_often_asks_for_shorter_steps():
-    problem = Line((Marker("K", "change"), lambda s: float(math.floor(400 * s))))
+    problem = Line((TestFunction("K", "change"), lambda s: float(math.floor(400 * s))))
     points, events, end = run(problem, Settings(initial_step=0.1, maximum_step=0.1, maximum_points=100))
     assert end.tally.jumped > 0
     assert [event.arclength for event in events] == pytest.approx([(k + 1) / 400 for k in range(len(events))], abs=1e-10)

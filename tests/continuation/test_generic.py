@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from continuation import GenericProblem, Problem, Settings, follow, trace
-from continuation import Test as Marker
+from continuation import GenericProblem, Problem, Settings, TestFunction, follow, follow_both_ways
 from tests.continuation.curves import (
     Line,
     bratu,
@@ -38,7 +37,7 @@ def bratu_fold() -> float:
 
 
 def test_folds_of_the_cubic():
-    run = trace(cubic(), np.array([-1.5, -1.875]), MANY)
+    run = follow_both_ways(cubic(), np.array([-1.5, -1.875]), MANY)
     assert [event.code for event in run.events] == ["SN", "SN"]
     fold = 2 / (3 * math.sqrt(3))
     assert [event.point.parameter for event in run.events] == pytest.approx([fold, -fold], abs=1e-10)
@@ -46,7 +45,7 @@ def test_folds_of_the_cubic():
 
 
 def test_trivial_branch_of_the_pitchfork_has_a_branch_point_and_no_fold():
-    run = trace(pitchfork(), np.array([0.0, -1.0]), MANY)
+    run = follow_both_ways(pitchfork(), np.array([0.0, -1.0]), MANY)
     (event,) = run.events
     assert event.code == "BP" and event.status == "located"
     np.testing.assert_allclose(event.point.y, [0.0, 0.0], atol=1e-10)
@@ -55,7 +54,7 @@ def test_trivial_branch_of_the_pitchfork_has_a_branch_point_and_no_fold():
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_side_branch_of_the_pitchfork_has_one_branch_point_that_stands_for_the_fold(side):
     """The corrector tells the two branches apart to sqrt(eps) only; the bracket says so and holds the branch point."""
-    run = trace(pitchfork(), np.array([side, 1.0]), MANY)
+    run = follow_both_ways(pitchfork(), np.array([side, 1.0]), MANY)
     (event,) = run.events
     assert event.code == "BP" and event.details["absorbed"] == ("SN",)
     np.testing.assert_allclose(event.point.y, [0.0, 0.0], atol=1e-7)
@@ -68,7 +67,7 @@ def test_side_branch_of_the_pitchfork_has_one_branch_point_that_stands_for_the_f
 
 def test_both_branches_of_the_transcritical_point():
     for start in ([0.0, -1.0], [-1.0, -1.0]):
-        run = trace(transcritical(), np.array(start), MANY)
+        run = follow_both_ways(transcritical(), np.array(start), MANY)
         assert [event.code for event in run.events] == ["BP"]
         np.testing.assert_allclose(run.events[0].point.y, [0.0, 0.0], atol=1e-9)
 
@@ -78,14 +77,14 @@ def test_both_branches_of_the_transcritical_point():
 def test_imperfect_pitchfork_has_a_fold_and_no_branch_point(imperfection, sign):
     e = sign * imperfection
     x = -sign * 1.5
-    run = trace(imperfect_pitchfork(e), np.array([x, x * x - e / x]), MANY)
+    run = follow_both_ways(imperfect_pitchfork(e), np.array([x, x * x - e / x]), MANY)
     assert [event.code for event in run.events] == ["SN"]
     assert run.events[0].point.parameter == pytest.approx(3 * (imperfection / 2) ** (2 / 3), abs=1e-10)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_imperfect_pitchfork_main_branch_has_no_event(side):
-    run = trace(imperfect_pitchfork(side * 0.01), np.array([side * 1.5, 2.25 - 0.01 / 1.5]), MANY)
+    run = follow_both_ways(imperfect_pitchfork(side * 0.01), np.array([side * 1.5, 2.25 - 0.01 / 1.5]), MANY)
     assert run.events == ()
 
 
@@ -94,7 +93,7 @@ def test_reported_fold_of_bratus_problem():
 
 
 def test_bratus_fold_by_chebyshev_collocation():
-    run = trace(bratu(chebyshev(20)), np.zeros(20), Settings(maximum_points=60, maximum_step=0.4), both=False, stop_at={"SN"})
+    run = follow_both_ways(bratu(chebyshev(20)), np.zeros(20), Settings(maximum_points=60, maximum_step=0.4), both=False, stop_at={"SN"})
     assert run.events[-1].code == "SN" and run.events[-1].point.parameter == pytest.approx(bratu_fold(), abs=1e-9)
 
 
@@ -102,7 +101,7 @@ def test_bratus_fold_by_differences_converges_with_the_second_order():
     errors = []
     for intervals in (8, 16, 32):
         settings = Settings(maximum_points=60, maximum_step=0.4)
-        run = trace(bratu(central_differences(intervals)), np.zeros(intervals), settings, both=False, stop_at={"SN"})
+        run = follow_both_ways(bratu(central_differences(intervals)), np.zeros(intervals), settings, both=False, stop_at={"SN"})
         errors.append(abs(run.events[-1].point.parameter - bratu_fold()))
     orders = [math.log2(a / b) for a, b in zip(errors, errors[1:], strict=False)]
     assert orders == pytest.approx([2.0, 2.0], abs=0.05)
@@ -148,7 +147,7 @@ def test_weights_are_the_metric():
 
 
 def test_own_test_functions_follow_the_built_in_ones():
-    problem = circle(tests=[(Marker("X", "crossing", label="x = 0.25"), lambda y, tangent: y[0] - 0.25)])
+    problem = circle(tests=[(TestFunction("X", "crossing", label="x = 0.25"), lambda y, tangent: y[0] - 0.25)])
     _, events, _ = parts(follow(problem, np.array([1.0, 0.0])))
     places = [event.point.y for event in events if event.code == "X"]
     assert [place[0] for place in places] == pytest.approx([0.25, 0.25], abs=1e-10)

@@ -8,16 +8,15 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from continuation import EndReason, GenericProblem, Settings, trace
-from continuation import Test as Marker
+from continuation import EndReason, GenericProblem, Settings, TestFunction, follow_both_ways
 from tests.continuation.curves import Line, Ring, circle, cubic, pitchfork
 
 TESTS = (
-    (Marker("A", "crossing"), lambda s: s + 1.234),
-    (Marker("O", "crossing", oriented=True), lambda s: s - 0.77),
-    (Marker("K", "change"), lambda s: float(math.floor(s + 0.5))),
-    (Marker("LOW", "guard", terminal=True), lambda s: s + 2.1),
-    (Marker("HIGH", "guard", terminal=True), lambda s: 3.3 - s),
+    (TestFunction("A", "crossing"), lambda s: s + 1.234),
+    (TestFunction("O", "crossing", oriented=True), lambda s: s - 0.77),
+    (TestFunction("K", "change"), lambda s: float(math.floor(s + 0.5))),
+    (TestFunction("LOW", "guard", terminal=True), lambda s: s + 2.1),
+    (TestFunction("HIGH", "guard", terminal=True), lambda s: 3.3 - s),
 )
 SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=200)
 
@@ -39,7 +38,7 @@ def consistent(run):
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("start", [0.0, -1.9, 3.0])
 def test_two_directions_are_one_run(start, direction):
-    run = trace(Line(*TESTS), np.array([start]), SHORT, direction=direction)
+    run = follow_both_ways(Line(*TESTS), np.array([start]), SHORT, direction=direction)
     consistent(run)
     places = {"LOW": [-2.1], "A": [-1.234], "K": [-1.5, -0.5, 0.5, 1.5, 2.5], "O": [0.77], "HIGH": [3.3]}
     for code, exact in places.items():
@@ -59,8 +58,8 @@ def test_two_directions_are_one_run(start, direction):
 @given(st.sampled_from([1e-17, -1e-17, 0.0, 1e-9, -1e-9, 3e-11]), st.sampled_from([1, -1]), st.booleans())
 @hypothesis_settings(max_examples=20, deadline=None)
 def test_event_on_the_start_is_reported_once(offset, direction, oriented):
-    problem = Line((Marker("A", "crossing", oriented=oriented), lambda s: math.sin(s + offset)))
-    run = trace(problem, np.array([0.0]), Settings(maximum_points=30, initial_step=0.1, maximum_step=0.1), direction=direction)
+    problem = Line((TestFunction("A", "crossing", oriented=oriented), lambda s: math.sin(s + offset)))
+    run = follow_both_ways(problem, np.array([0.0]), Settings(maximum_points=30, initial_step=0.1, maximum_step=0.1), direction=direction)
     consistent(run)
     (event,) = run.events
     assert (event.index == run.start) is (abs(offset) <= 1e-10)  # an event further away than brackets are wide is no longer at the start
@@ -71,17 +70,17 @@ def test_event_on_the_start_is_reported_once(offset, direction, oriented):
 def test_start_on_a_branch_point_and_fold_is_one_branch_point():
     """On the side branch of the pitchfork, followed with its exact tangent: the start is the origin."""
     problem = Line(
-        (Marker("SN", "crossing", oriented=True), lambda s: s),
-        (Marker("BP", "crossing", oriented=True, absorbs=("SN",)), lambda s: -s),
+        (TestFunction("SN", "crossing", oriented=True), lambda s: s),
+        (TestFunction("BP", "crossing", oriented=True, absorbs=("SN",)), lambda s: -s),
     )
-    run = trace(problem, np.array([0.0]), Settings(maximum_points=20))
+    run = follow_both_ways(problem, np.array([0.0]), Settings(maximum_points=20))
     assert [(event.code, event.details) for event in run.events] == [("BP", {"absorbed": ("SN",)})]
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, math.pi / 2, -math.pi / 2, 2.0])
 def test_closed_family_has_its_two_folds_from_any_start(angle):
     """At +-pi/2 the start is a fold itself."""
-    run = trace(circle(), np.array([math.cos(angle), math.sin(angle)]))
+    run = follow_both_ways(circle(), np.array([math.cos(angle), math.sin(angle)]))
     assert run.closed and run.ends[0].reason is EndReason.CLOSED
     assert sorted(event.point.parameter for event in run.events) == pytest.approx([-1.0, 1.0], abs=1e-10)
     assert run.points[-1].arclength == pytest.approx(2 * math.pi, abs=1e-9)
@@ -91,7 +90,7 @@ def test_closed_family_has_its_two_folds_from_any_start(angle):
 @pytest.mark.parametrize("number", [40, 66, 100, 133])
 def test_family_that_closes_late_is_covered_at_most_once(number):
     """With half of the points for each direction the circle may close in either, or not at all."""
-    run = trace(circle(), np.array([math.cos(0.3), math.sin(0.3)]), Settings(maximum_points=number))
+    run = follow_both_ways(circle(), np.array([math.cos(0.3), math.sin(0.3)]), Settings(maximum_points=number))
     consistent(run)
     assert len(run.points) <= number
     assert len(run.events) == (2 if number >= 66 else 1)
@@ -103,24 +102,24 @@ def test_family_that_closes_late_is_covered_at_most_once(number):
 
 @pytest.mark.parametrize("number", [1, 2, 3, 10, 11])
 def test_points_limit_is_for_both_directions_together(number):
-    run = trace(Line(), np.array([0.0]), Settings(maximum_points=number))
+    run = follow_both_ways(Line(), np.array([0.0]), Settings(maximum_points=number))
     assert len(run.points) == number
     assert [end.reason for end in run.ends] == [EndReason.POINTS, EndReason.POINTS]
     consistent(run)
 
 
 def test_a_direction_takes_the_points_that_the_other_leaves():
-    run = trace(Line((Marker("LOW", "guard", terminal=True), lambda s: s + 0.2)), np.array([0.0]), SHORT)
+    run = follow_both_ways(Line((TestFunction("LOW", "guard", terminal=True), lambda s: s + 0.2)), np.array([0.0]), SHORT)
     assert len(run.points) == SHORT.maximum_points
     assert [end.reason for end in run.ends] == [EndReason.EVENT, EndReason.POINTS]
     consistent(run)
-    run = trace(Line((Marker("HIGH", "guard", terminal=True), lambda s: 0.2 - s)), np.array([0.0]), SHORT)
+    run = follow_both_ways(Line((TestFunction("HIGH", "guard", terminal=True), lambda s: 0.2 - s)), np.array([0.0]), SHORT)
     assert len(run.points) == SHORT.maximum_points
     assert [end.reason for end in run.ends] == [EndReason.POINTS, EndReason.EVENT]
 
 
 def test_one_direction_alone():
-    run = trace(Line(*TESTS), np.array([0.0]), SHORT, both=False, direction=-1)
+    run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, both=False, direction=-1)
     assert run.points[-1].parameter == pytest.approx(-2.1, abs=1e-9) and run.points[0].parameter == 0
     assert run.ends[0].reason is EndReason.NOT_ASKED and "not asked for" in run.ends[0].text
     consistent(run)
@@ -130,7 +129,7 @@ def test_same_family_from_two_starts():
     """The cubic from either side gives the same folds at the same distance."""
     lengths = []
     for x in (-1.5, 1.5):
-        run = trace(cubic(), np.array([x, x**3 - x]), Settings(maximum_points=150), direction=1)
+        run = follow_both_ways(cubic(), np.array([x, x**3 - x]), Settings(maximum_points=150), direction=1)
         consistent(run)
         assert len(run.events) == 2
         lengths.append(run.events[1].arclength - run.events[0].arclength)
@@ -140,26 +139,26 @@ def test_same_family_from_two_starts():
 
 def test_callbacks_hear_everything_as_it_is_found():
     points, events = [], []
-    run = trace(Line(*TESTS), np.array([0.0]), SHORT, on_points=points.extend, on_event=events.append)
+    run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, on_points=points.extend, on_event=events.append)
     assert len(points) == len(run.points) and len(events) == len(run.events)
     assert {event.code for event in events} == {event.code for event in run.events}
 
 
 def test_stop_conditions_hold_in_both_directions():
-    run = trace(Line(*TESTS), np.array([0.0]), SHORT, stop_at={"O"}, stop_when=lambda point: point.parameter < -1)
+    run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, stop_at={"O"}, stop_when=lambda point: point.parameter < -1)
     assert [end.reason for end in run.ends] == [EndReason.STOP_WHEN, EndReason.STOP_AT]
     assert run.tally.accepted == run.ends[0].tally.accepted + run.ends[1].tally.accepted
 
 
 def test_no_start_is_an_empty_run_with_words():
     nowhere = GenericProblem(lambda y: np.array([y @ y + 1]), lambda y: 2 * y[None, :])
-    run = trace(nowhere, np.array([0.3, 0.2]))
+    run = follow_both_ways(nowhere, np.array([0.3, 0.2]))
     assert len(run.points) == 0 and run.events == ()
     assert all(end.reason is EndReason.NO_START for end in run.ends)
 
 
 def test_run_is_the_same_each_time():
-    runs = [trace(pitchfork(), np.array([1.0, 1.0]), Settings(maximum_points=60)) for _ in range(2)]
+    runs = [follow_both_ways(pitchfork(), np.array([1.0, 1.0]), Settings(maximum_points=60)) for _ in range(2)]
     for a, b in zip(*(run.points for run in runs), strict=True):
         assert a.arclength == b.arclength and np.array_equal(a.y, b.y)
 
@@ -169,7 +168,7 @@ def test_run_is_the_same_each_time():
 def test_circle_is_covered_once_wherever_the_directions_meet(angle, number, direction):
     """With 90 to 140 points one direction alone may or may not go round; both together always do."""
     start = np.array([math.cos(angle), math.sin(angle)])
-    run = trace(circle(), start, Settings(maximum_points=number), direction=direction)
+    run = follow_both_ways(circle(), start, Settings(maximum_points=number), direction=direction)
     consistent(run)
     assert run.closed and run.points[-1].arclength == pytest.approx(2 * math.pi, abs=1e-8)
     assert sorted(event.point.parameter for event in run.events) == pytest.approx([-1.0, 1.0], abs=1e-9)
@@ -180,8 +179,8 @@ def test_circle_is_covered_once_wherever_the_directions_meet(angle, number, dire
 @pytest.mark.parametrize("offset", [0.0, 1e-17, -1e-17, 1e-12, -1e-12, 3e-10, -3e-10, 1e-8, -1e-8])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_event_on_the_start_of_a_closed_family_is_reported_once(offset, direction):
-    problem = Ring((Marker("A", "crossing"), lambda angle: math.sin(angle + offset)))
-    run = trace(problem, np.array([0.0]), direction=direction)
+    problem = Ring((TestFunction("A", "crossing"), lambda angle: math.sin(angle + offset)))
+    run = follow_both_ways(problem, np.array([0.0]), direction=direction)
     consistent(run)
     assert run.closed
     places = sorted(math.remainder(event.arclength + direction * offset, 2.0 * math.pi) % math.pi for event in run.events)
@@ -193,7 +192,7 @@ def test_event_on_the_start_of_a_closed_family_is_reported_once(offset, directio
 def test_a_condition_that_holds_at_the_start_ends_it_there(words):
     """Oracle: the definition: one point, and both ends say why."""
     seen = []
-    run = trace(Line(*TESTS), np.array([0.0]), SHORT, stop_when=lambda point: point.parameter < 1 and words, on_points=seen.extend)
+    run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, stop_when=lambda p: p.parameter < 1 and words, on_points=seen.extend)
     assert [point.parameter for point in run.points] == [0.0] and run.events == () and len(seen) == 1
     assert all(end.reason is EndReason.STOP_WHEN and "at the start" in end.detail for end in run.ends)
     assert words is True or all("far enough" in end.detail for end in run.ends)
@@ -204,14 +203,15 @@ def test_a_condition_that_holds_at_the_start_ends_it_there(words):
 @pytest.mark.parametrize("end", [-2.0, 3.0])
 def test_a_start_at_its_end_is_one_point(end, off, direction):
     """Oracle: exact places: the guard is zero at the start, to rounding; arclength rises from point to point."""
-    tests = ((Marker("LOW", "guard", terminal=True), lambda s: s + 2.0), (Marker("HIGH", "guard", terminal=True), lambda s: 3.0 - s))
-    run = trace(Line(*tests), np.array([end + off]), SHORT, direction=direction)
+    tests = ((TestFunction("LOW", "guard", terminal=True), lambda s: s + 2.0),
+             (TestFunction("HIGH", "guard", terminal=True), lambda s: 3.0 - s))
+    run = follow_both_ways(Line(*tests), np.array([end + off]), SHORT, direction=direction)
     consistent(run)
     assert np.all(np.diff([point.arclength for point in run.points]) > 0.0)
     assert [event.code for event in run.events] == ["LOW", "HIGH"][::direction]
     assert [end.reason for end in run.ends] == [EndReason.EVENT, EndReason.EVENT]
     assert run.start in (0, len(run.points) - 1) and run.points[-1].arclength == pytest.approx(5.0, abs=1e-12)
-    alone = trace(Line(*tests), np.array([end + off]), SHORT, direction=1 if end > 0 else -1, both=False)
+    alone = follow_both_ways(Line(*tests), np.array([end + off]), SHORT, direction=1 if end > 0 else -1, both=False)
     assert [point.event.code for point in alone.points] == ["HIGH" if end > 0 else "LOW"]
 
 
@@ -220,8 +220,8 @@ def test_a_start_at_its_end_is_one_point(end, off, direction):
 def test_a_guard_is_not_negative_at_its_event(place, power, direction):
     """Oracle: the definition of a guard: the family is valid where it is not negative; exact place of its zero."""
     bound = direction * place
-    guard = Marker("BOUND", "guard", terminal=True), lambda s: math.copysign(abs(bound - s) ** power, direction * (bound - s))
-    run = trace(Line(guard), np.array([0.0]), SHORT, direction=direction, both=False)
+    guard = TestFunction("BOUND", "guard", terminal=True), lambda s: math.copysign(abs(bound - s) ** power, direction * (bound - s))
+    run = follow_both_ways(Line(guard), np.array([0.0]), SHORT, direction=direction, both=False)
     assert run.points[-1].event is not None and run.points[-1].tests[0] >= 0.0
     assert direction * (bound - run.points[-1].parameter) >= 0.0 and run.points[-1].parameter == pytest.approx(bound, abs=1e-10)
 
@@ -230,10 +230,10 @@ def test_a_guard_is_not_negative_at_its_event(place, power, direction):
 def test_an_event_at_the_start_is_found_where_all_other_points_are_events(place):
     """Oracle: the zeros themselves; the two ends are met in the first step on either side."""
     tests = (
-        (Marker("A", "crossing"), lambda s: s - place),
-        (Marker("B", "crossing"), lambda s: s - place - 0.01),
-        (Marker("END", "guard", terminal=True), lambda s: 0.03 - abs(s - place)),
+        (TestFunction("A", "crossing"), lambda s: s - place),
+        (TestFunction("B", "crossing"), lambda s: s - place - 0.01),
+        (TestFunction("END", "guard", terminal=True), lambda s: 0.03 - abs(s - place)),
     )
-    run = trace(Line(*tests), np.array([place]), Settings(initial_step=0.1, maximum_step=0.1))
+    run = follow_both_ways(Line(*tests), np.array([place]), Settings(initial_step=0.1, maximum_step=0.1))
     assert [event.code for event in run.events] == ["END", "A", "B", "END"]
     assert [event.point.parameter for event in run.events] == pytest.approx([place - 0.03, place, place + 0.01, place + 0.03], abs=1e-10)

@@ -8,15 +8,15 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from continuation import GenericProblem, Settings, SwitchError, branch_directions, follow, switch, trace
-from continuation.branch_point import refine_branch_point
+from continuation import GenericProblem, Settings, SwitchError, branch_directions, follow, follow_both_ways, other_branch_starts
+from continuation.switching import refine_branch_point
 from tests.continuation.curves import circle, parts, pitchfork, transcritical
 
 
 def test_pitchfork_from_the_trivial_branch_lands_on_the_side_branch():
     problem = pitchfork()
-    (event,) = trace(problem, np.array([0.0, -1.0]), Settings(maximum_points=100)).events
-    steps = switch(problem, event)
+    (event,) = follow_both_ways(problem, np.array([0.0, -1.0]), Settings(maximum_points=100)).events
+    steps = other_branch_starts(problem, event)
     assert len(steps) == 2
     assert sorted(np.sign(step.y[0]) for step in steps) == [-1, 1]
     for step in steps:
@@ -31,8 +31,8 @@ def test_pitchfork_from_the_trivial_branch_lands_on_the_side_branch():
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_pitchfork_from_the_side_branch_lands_on_the_trivial_branch(side):
     problem = pitchfork()
-    (event,) = trace(problem, np.array([side, 1.0]), Settings(maximum_points=100)).events
-    steps = switch(problem, event, distance=0.1)
+    (event,) = follow_both_ways(problem, np.array([side, 1.0]), Settings(maximum_points=100)).events
+    steps = other_branch_starts(problem, event, distance=0.1)
     assert [step.y[0] for step in steps] == pytest.approx([0.0, 0.0], abs=1e-15)
     assert sorted(step.y[1] for step in steps) == pytest.approx([-0.1, 0.1], abs=1e-7)
 
@@ -112,9 +112,9 @@ def test_directions_are_of_unit_length_in_the_metric():
 
 
 def test_refuses_a_fold_in_words():
-    fold = next(event for event in trace(circle(), np.array([1.0, 0.0])).events)
+    fold = next(event for event in follow_both_ways(circle(), np.array([1.0, 0.0])).events)
     with pytest.raises(SwitchError, match="null space of the Jacobian is one-dimensional"):
-        switch(circle(), fold)
+        other_branch_starts(circle(), fold)
 
 
 def test_refuses_an_isolated_point_and_branches_that_touch():
@@ -137,9 +137,9 @@ def test_refuses_a_larger_null_space():
 
 
 def test_refuses_a_distance_that_is_not_positive():
-    (event,) = trace(pitchfork(), np.array([0.0, -1.0]), Settings(maximum_points=100)).events
+    (event,) = follow_both_ways(pitchfork(), np.array([0.0, -1.0]), Settings(maximum_points=100)).events
     with pytest.raises(ValueError, match="distance = 0"):
-        switch(pitchfork(), event, distance=0.0)
+        other_branch_starts(pitchfork(), event, distance=0.0)
 
 
 @pytest.mark.parametrize("offset", [1e-3, 1e-5, 1e-7])

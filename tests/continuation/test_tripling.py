@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from continuation import SwitchError
-from continuation.tripling import tripling_direction
+from continuation.switching import tripling_direction
 
 
 class NormalForm:

@@ -12,8 +12,8 @@ import saltus
 from branches.building.build import build
 from branches.building.plan import Bounds, Plan
 from branches.catalogue import Catalogue
-from bvp.damped import simulate
 from bvp.motion import Motion
+from bvp.simulate import simulate
 from saltus.commands.gallery import load_gallery
 from saltus.executors import open_executor
 from tests.branches.paper_names import NAMES, SYSTEM, family

@@ -11,10 +11,10 @@ from scipy.optimize import root as solve_equations
 import saltus
 from branches.stability import describe
 from branches.tracing import TraceError, follow_family
-from bvp.damped import Simulator, simulate
 from bvp.forcing import Harmonic
 from bvp.motion import EventKind, MotionStatus
 from bvp.multipoint import MultipointProblem
+from bvp.simulate import Simulator, simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.test_grazing import met
 from tests.bvp.high_precision import Exact, dot, flow

@@ -6,9 +6,9 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from bvp.damped import simulate
 from bvp.forcing import Constant
 from bvp.motion import EventKind
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop
 from tests.bvp.searches import ImpactStatus, next_impact
 from tests.hard import sweeping

@@ -9,7 +9,7 @@ from benchmarks.backbone import Backbone
 from benchmarks.saltation import monodromy, saltation_multipliers
 from branches.orbit import Orbit
 from branches.stability import describe
-from bvp.cycle import Cycle, cycle_of
+from bvp.closures import Cycle, cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.system import vibro_impact_nes
 from saltus.commands.orbit import orbit_lines

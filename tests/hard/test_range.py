@@ -8,7 +8,7 @@ import pytest
 
 import saltus
 from benchmarks.backbone import Backbone
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import backbone
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 import benchmarks.saltation as module
 from benchmarks.saltation import monodromy, saltation, saltation_matrix
-from bvp.cycle import cycle_of
+from bvp.closures import cycle_of
 from bvp.kernels import pencil as pencils
 from bvp.kernels import restitution
 from bvp.kernels.flight import flow_matrix

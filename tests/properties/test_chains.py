@@ -10,7 +10,7 @@ import pytest
 
 import saltus
 from branches.tracing import follow_family
-from bvp.ends import EndsError
+from bvp.closures import EndsError
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.stability import stability
 from bvp.system import ImpactSystem, Stop

@@ -34,7 +34,7 @@ def collected():
         system = saltus.vibro_impact_nes(float(mu), float(sigma))
         for kind, impacts in (("stop", range(5)), ("origin", range(1, 7)), ("rest", range(1, 4))):
             for orbit in Scanner(system, kind, 9.0).orbits(energy, 500, list(impacts)):
-                ends, word = orbit.problem.ends, orbit.problem.word
+                ends, word = orbit.problem.ends, orbit.problem.sequence
                 found.setdefault(canonical_sequence(word, ends, odd_symmetry=True), orbit)
     return found
 
@@ -141,7 +141,7 @@ def test_mirrored_orbits_are_orbits(kind):
         if not problem.ends[1].startswith(kind):
             continue
         ends = tuple("stop" + other[end[-1]] if end.startswith("stop") else end for end in problem.ends)
-        image = MultipointProblem(problem.system, ends, tuple(other[letter] for letter in problem.word))
+        image = MultipointProblem(problem.system, ends, tuple(other[letter] for letter in problem.sequence))
         y = found.solution.y
         start, nodes = -problem.start(y), -problem.nodes(y)
         solution = image.solve(image.pack(start, nodes, problem.flight_times(y)))

@@ -16,8 +16,8 @@ import saltus
 from branches.catalogue.database import CatalogueError
 from branches.family import scales_of
 from branches.tracing import follow_family
-from bvp.cycle import cycle_of
-from bvp.damped import Simulator
+from bvp.closures import cycle_of
+from bvp.simulate import Simulator
 from bvp.stability import stability
 
 HUGE = 10**400

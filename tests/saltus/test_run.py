@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from bvp.damped import simulate as run_damped
 from bvp.motion import EventKind, MotionStatus
+from bvp.simulate import simulate as run_damped
 from bvp.system import vibro_impact_nes
 from tests.saltus.running import refused, run
 from tests.saltus.test_scene_loads import SCENE
@@ -524,12 +524,12 @@ def test_an_outcome_that_is_not_defined_is_a_failure_with_what_was_computed(caps
 
 def test_a_motion_that_ends_beyond_a_stop_is_not_told_as_its_start(capsys, monkeypatch):
     """Oracle: by hand: of a motion that rounding carries beyond a stop later on, the record so far is told, and why it ended."""
-    import bvp.damped
+    import bvp.simulate
 
     def carried_beyond(*arguments, **options):
         return replace(run_damped(*arguments, **options), status=MotionStatus.PIERCED)
 
-    monkeypatch.setattr(bvp.damped, "simulate", carried_beyond)
+    monkeypatch.setattr(bvp.simulate, "simulate", carried_beyond)
     code, out, err = run(capsys, "run", "--impulse", "1", *DAMPED, "--duration", "5", "--json", "-")
     record = json.loads(out)
     assert code == 1 and not err.startswith("saltus:")

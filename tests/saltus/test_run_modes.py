@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from bvp.damped import simulate as run_damped
+from bvp.simulate import simulate as run_damped
 from bvp.system import vibro_impact_nes
 from tests.saltus.running import refused, run
 

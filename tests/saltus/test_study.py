@@ -75,7 +75,7 @@ def columns(folder):
 
 def test_arrays_by_name(finished):
     """Oracle: the runs themselves, each by `saltus.vibro_impact_nes` and the general run."""
-    from bvp.damped import simulate as damped
+    from bvp.simulate import simulate as damped
 
     study = saltus.Study(finished[1])
     assert study.complete and len(study) == 60 and sum(study.endings().values()) == 60
@@ -214,7 +214,7 @@ values = [0.05, 0.8]
 
 def test_starting_families(tmp_path, capsys):
     """Oracle: the orbit of the family at the energy, and the general run from it; below the family's fold there is no orbit (h = 0.069)."""
-    from bvp.damped import simulate as damped
+    from bvp.simulate import simulate as damped
     from transitions.study.runs import Ending
 
     code, text, err = run(capsys, "study", written(tmp_path, FAMILIES), "--workers", 1)

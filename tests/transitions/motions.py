@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bvp.damped import simulate
+from bvp.simulate import simulate
 from transitions.record import Record, sampled
 from transitions.sharing import sharing_of
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic, Record
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.record import extents
 

@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
-from bvp.damped import simulate
 from bvp.forcing import Harmonic
 from bvp.motion import EventKind
+from bvp.simulate import simulate
 from bvp.system import vibro_impact_nes
 from tests.branches.paper_names import NAMES, SYSTEM, orbit_of
 

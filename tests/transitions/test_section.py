@@ -295,7 +295,7 @@ def test_orbits_that_stick_to_a_stop_go_on(sigma, rho):
     u, v = found.plane.states(found.points[:, 0])
     for m in range(12):
         motion = saltus.simulate(system, u[m], v[m], found.times[m, -1] + 1e-9)
-        assert found.sticking_times[m] == pytest.approx(motion.held_time, abs=2e-9)
+        assert found.sticking_times[m] == pytest.approx(motion.sticking_time, abs=2e-9)
         us, vs = motion.sample(found.times[m])
         np.testing.assert_allclose(us[:, 1], 0.0, atol=1e-10)
         np.testing.assert_allclose(found.plane.coordinates(us, vs), found.points[m], atol=1e-10)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bvp.cycle import Cycle
+from bvp.closures import Cycle
 from bvp.kernels.flight import flow_state
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bvp.damped import simulate
 from bvp.forcing import Constant, Harmonic, Record
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.sharing import lock, sharing_of
 

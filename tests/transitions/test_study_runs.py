@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bvp.damped import simulate
 from bvp.forcing import Harmonic
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.study import runs as module
 from transitions.study.plan import CLEAR, Axis, Plan
@@ -61,7 +61,7 @@ def test_sticking_and_the_free_sink(rho, sigma):
     found = results(plan)
     for b in range(plan.count):
         motion = simulate(system, [0.0, 0.0], [0.0, np.sqrt(2.0 * found["h"][b])], 40.0)
-        assert (found["impacts"][b], found["sticking_time"][b]) == (motion.impacts, motion.held_time)
+        assert (found["impacts"][b], found["sticking_time"][b]) == (motion.impacts, motion.sticking_time)
     assert found["balance_error"].max() < 1e-12 and (rho > 0.5 or found["sticking_time"].max() > 0.0)
 
 

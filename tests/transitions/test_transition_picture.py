@@ -14,8 +14,8 @@ from branches.catalogue import Catalogue
 from branches.export.figure_data import ExportError, read_atlas, write_atlas
 from branches.figures.atlas_data import atlas_of
 from branches.figures.room import short_name
-from bvp.damped import simulate
 from bvp.forcing import Harmonic
+from bvp.simulate import simulate
 from tests.branches.test_diagram import ticks_outside
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import is_finite
-from bvp.damped import Simulator
 from bvp.interrupts import Pace
 from bvp.kernels import motion as motion_kernels
 from bvp.kernels.compiled import address_of
 from bvp.kernels.contact_mode import CLOCK, COUNTS, PASSES
 from bvp.shown import shown
+from bvp.simulate import Simulator
 from transitions.kernels import section as kernels
 from transitions.section.plane import SectionPlane, checked_points
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.damped import Simulator
 from bvp.kernels.extrema import rises
 from bvp.kernels.flight import flow_state
+from bvp.simulate import Simulator
 from transitions.kernels.section import ROOM
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import Rotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from branches.export.tables import Table
     from branches.orbit import Orbit
-    from bvp.cycle import Cycle
+    from bvp.closures import Cycle
 
 __all__ = [
     "COLOURS", "IMAGES", "SCHEMA", "Mark", "SectionView", "branch_marks", "catalogue_marks", "crossings_of", "mode_marks",

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bvp.damped import BeyondStop, Simulator
-from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, fast_path_numbers, fast_path_runs, with_restitution
+from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, fast_path_numbers, run_fast_path, with_restitution
 from bvp.motion import MotionStatus
+from bvp.simulate import BeyondStop, Simulator
 from bvp.system import ImpactSystem
 from transitions.sharing import Sharing, sharing_of
 from transitions.study.plan import CLEAR, FRACTIONS, IMPULSIVE, Plan
@@ -207,7 +207,7 @@ def _run_compiled(runs: _Runs) -> None:
     else:
         pairs, system = np.unique(np.stack([which[some], rho[some]], axis=1), axis=0, return_inverse=True)
         table = [with_restitution(numbers, float(r)) for k, r in pairs if (numbers := systems[int(k)].numbers) is not None]
-    found = fast_path_runs(
+    found = run_fast_path(
         np.array(table), system.ravel(), runs.states[some], runs.energies[some], duration=plan.duration, to_rest=plan.until == CLEAR,
         max_impacts=plan.impacts, fractions=FRACTIONS,
     )  # fmt: skip
@@ -271,7 +271,7 @@ class _Result(NamedTuple):
     impacts: int
     last_impact: float | None
     clear_from: float | None
-    held_time: float
+    sticking_time: float
     initial_energy: float
     energy: float
     totals: np.ndarray
@@ -299,7 +299,7 @@ def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, 
     balance = abs(math.fsum([run.initial_energy, run.totals[-1], *(-value for value in spent.values()), -energy]))
     error = balance / incoming if incoming > 0.0 else balance
     times = np.array(run.times, dtype=float)
-    runs.write(b, *shares, *times, run.impacts, last_impact, *run.peaks, run.held_time, duration, error, ended.code)
+    runs.write(b, *shares, *times, run.impacts, last_impact, *run.peaks, run.sticking_time, duration, error, ended.code)
 
 
 def _ending(plan: Plan, run: _Result) -> Ending:

@@ -30,7 +30,7 @@ class Families:
     def differences(self, found, quarter_period, impacts):
         """Orbits on no family, orbits whose family does not cross there, crossings that are not listed: all empty where they agree."""
         places = [(orbit, self.known.find(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
-        unknown = [(orbit.label, orbit.problem.ends, orbit.problem.word, orbit.alpha) for orbit, place in places if place is None]
+        unknown = [(orbit.label, orbit.problem.ends, orbit.problem.sequence, orbit.alpha) for orbit, place in places if place is None]
         listed = [(place.id, orbit.alpha) for orbit, place in places if place is not None]
         crossing = [
             (id, orbit.alpha)

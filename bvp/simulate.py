@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bvp.checks import checked_damper, is_finite, reals, require_system
 from bvp.contact_modes import ContactModeTable
-from bvp.energy_budget import budget_terms, split_damping
-from bvp.forcing import forcing_of
-from bvp.impact import checked_state, contact_index
+from bvp.forcing import budget_terms, forcing_of, split_damping
 from bvp.interrupts import Held, Pace, held
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
@@ -20,7 +19,7 @@ from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import many
-from bvp.motion import STATUS, Batch, Mark, Motion, MotionStatus
+from bvp.motion import STATUS, Batch, EnergyMark, Motion, MotionStatus
 from bvp.shown import shown
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ class Simulator:
     system : ImpactSystem
     forces : Constant, Harmonic, Record or a list of them, optional
     dampers : mapping of str to (n, n) array_like, optional
-        Parts of the damping matrix, which they sum to; by default "gaps" and "rest" (`bvp.energy_budget.split_damping`).
+        Parts of the damping matrix, which they sum to; by default "gaps" and "rest" (`bvp.forcing.split_damping`).
 
     Raises
     ------
@@ -98,13 +97,13 @@ class Simulator:
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
         on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
-        """The motion from (u, v); see `bvp.damped.simulate`.
+        """The motion from (u, v); see `bvp.simulate.simulate`.
 
         Raises
         ------
         BeyondStop
         ValueError, KeyboardInterrupt
-            As `bvp.damped.simulate`.
+            As `bvp.simulate.simulate`.
         """
         with held() as interrupt:
             motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
@@ -193,12 +192,12 @@ class Simulator:
             touches=int(counts[places.TOUCHES]),
             last_impact=float(clock[places.LAST_IMPACT]) if counts[places.IMPACTS] else None,
             clear_from=float(clock[places.CLEAR_TIME]) if counts[places.CLEAR] else None,
-            held_time=float(clock[places.HELD_TIME]),
+            sticking_time=float(clock[places.HELD_TIME]),
             switch_error=float(clock[places.SWITCH_ERROR]),
             initial_energy=initial,
             energy=float(self._energies(final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
             marks=tuple(
-                Mark(float(fraction), *_mark(marked[k], self.parts) if k < counts[places.MARK] else (None, {}))
+                EnergyMark(float(fraction), *_mark(marked[k], self.parts) if k < counts[places.MARK] else (None, {}))
                 for k, fraction in enumerate(fractions)
             ),
             start=start,
@@ -285,7 +284,7 @@ class Simulator:
             touches=summary[:, 3].astype(np.int64),
             last_impact=summary[:, 4],
             clear_from=summary[:, 5],
-            held_time=summary[:, 6],
+            sticking_time=summary[:, 6],
             initial_energy=summary[:, 7],
             energy=self._energies(starts, modal),
             totals=summary[:, 9 : 10 + parts],
@@ -369,7 +368,33 @@ def simulate(
     >>> from bvp.forcing import Constant
     >>> ball = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)])
     >>> motion = simulate(ball, [0.5], [0.0], 5.0, forces=Constant([-1.0]))
-    >>> round(motion.stretches[1].begin, 12), motion.stretches[1].held, motion.balance_error < 1e-15
+    >>> round(motion.contact_intervals[1].begin, 12), motion.contact_intervals[1].sticking, motion.balance_error < 1e-15
     (3.0, ('-',), True)
     """
     return Simulator(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks, on_progress)
+
+
+def checked_state(system: ImpactSystem, u: Any, v: Any) -> np.ndarray:
+    """(u, v) as one finite array of length 2n; ValueError else."""
+    n = system.degrees_of_freedom
+    parts = []
+    for name, value in (("u", u), ("v", v)):
+        try:
+            part = reals(value)
+        except (TypeError, ValueError):
+            raise ValueError(f"{name} is a list of {n} numbers; received {shown(value)}") from None
+        if part.shape != (n,) or not np.all(np.isfinite(part)):
+            raise ValueError(f"{name} is a list of {n} finite numbers; received {part.tolist()}")
+        parts.append(part)
+    return np.concatenate(parts)
+
+
+def contact_index(system: ImpactSystem, letter: str | None) -> int:
+    """Index of a contact by its letter, -1 for None; ValueError with the nearest letter for an unknown one."""
+    if letter is None:
+        return -1
+    letters = system.modes.contact_letters
+    if letter not in letters:
+        near = get_close_matches(str(letter), letters, 1, 0.0)
+        raise ValueError(f"no contact {shown(letter)}; nearest: {near[0]!r}, all: {', '.join(letters)}")
+    return letters.index(letter)
