@@ -191,7 +191,7 @@ def test_chattering_comes_to_its_end_and_sticks(restitution):
     np.testing.assert_allclose(result.stop_events.speeds[late], speeds[late], rtol=1e-8)
     end = math.acos(5.0 / 6.0) + math.fsum(2.0 * math.atan(2.0 * math.sqrt(0.11) * restitution**k) for k in range(1, 20_000))
     free, held = result.contact_intervals
-    assert held.held == ("+",) and held.begin == pytest.approx(end, abs=1e-11) and held.end == 1e4
+    assert held.sticking == ("+",) and held.begin == pytest.approx(end, abs=1e-11) and held.end == 1e4
     assert result.final.tolist() == pytest.approx([-0.5, 0.0], abs=1e-13)
     assert result.dissipated["stop a"] == pytest.approx(0.5 * 0.11, rel=1e-12)
 
