@@ -12,9 +12,11 @@ solvers of saltus.
 
 import mpmath as mp
 import numpy as np
+from scipy.optimize import brentq
 
 DIGITS = 40
 """Decimal digits of `Backbone`."""
+
 
 def modes_of(system):
     """Return the frequencies (n,), ascending, and the mass-normalised shapes (n, n), by numpy alone."""
@@ -38,27 +40,31 @@ def participation(system, stop=0):
 
 
 def half_period_sum(system, alpha):
-    """G(alpha) = sum b_k^2 tan(w_k alpha)/w_k."""
+    """G(alpha) = sum b_k^2 tan(w_k alpha)/w_k, for one alpha or an array (...,) of them."""
     w, _, b = participation(system)
-    return float(np.sum(b * b * _tan_over(w, alpha)))
+    return np.sum(b * b * _tan_over(w, np.asarray(alpha)[..., None]), axis=-1)
 
 
 def energy(system, alpha):
-    """h = sum b_k^2 sec^2(w_k alpha) / (2 G^2), for a gap in [-1, 1]."""
+    """h (...,) = sum b_k^2 sec^2(w_k alpha) / (2 G^2), for a gap in [-1, 1]."""
     w, _, b = participation(system)
-    return float(np.sum((b / np.cos(w * alpha)) ** 2) / (2.0 * half_period_sum(system, alpha) ** 2))
+    squares = (b / np.cos(w * np.asarray(alpha)[..., None])) ** 2
+    return np.sum(squares, axis=-1) / (2.0 * half_period_sum(system, alpha) ** 2)
 
 
 def origin_velocity(system, alpha):
-    """Velocities u' (n,) at u = 0, a quarter period before the impact on the upper side."""
+    """Velocities u' (..., n) at u = 0, a quarter period before the impact on the upper side."""
     w, shapes, b = participation(system)
-    return shapes @ (b / (half_period_sum(system, alpha) * np.cos(w * alpha)))
+    alpha = np.asarray(alpha)[..., None]
+    return b / (half_period_sum(system, alpha[..., 0])[..., None] * np.cos(w * alpha)) @ shapes.T
 
 
 def motion(system, alpha, t):
-    """Displacements (m, n) and velocities (m, n) at times t (m,) with u = 0 at t = 0, for |t| < alpha."""
+    """Displacements (m, n) and velocities (m, n) at times t (m,) with u = 0 at t = 0. The impacts are at odd multiples of alpha."""
     w, shapes, b = participation(system)
     t = np.asarray(t)[:, None]
+    turns = np.round(t / (2.0 * alpha))
+    t, b = t - 2.0 * alpha * turns, b * (-1.0) ** turns
     amplitude = b / (half_period_sum(system, alpha) * np.cos(w * alpha))
     sine = np.where(w > 0.0, np.sin(w * t) / np.where(w > 0.0, w, 1.0), t)
     return (amplitude * sine) @ shapes.T, (amplitude * np.cos(w * t)) @ shapes.T
@@ -70,6 +76,17 @@ def is_physical(system, alpha, samples=4000):
         return False
     u, _ = motion(system, alpha, np.linspace(-alpha, alpha, samples)[1:-1])
     return bool(np.max(np.abs(u @ np.array(system.stops[0].gap))) <= 1.0)
+
+
+def orbits_at(system, h, longest):
+    """Quarter periods up to `longest` of all orbits of energy h."""
+    grid = np.linspace(1e-3, longest, 6001)
+    above = energy(system, grid) > h
+    roots = [
+        brentq(lambda alpha: energy(system, alpha) - h, grid[i], grid[i + 1], xtol=1e-15)
+        for i in np.flatnonzero(above[:-1] != above[1:])
+    ]
+    return [alpha for alpha in roots if is_physical(system, alpha)]
 
 
 def one_sided(system, period):

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
-from scipy.linalg import eigh
 
+from benchmarks import backbone
 from branches.export.figure_data import ExportError, read_atlas, write_atlas
 from branches.figures.atlas import atlas_figure, draw_atlas, draw_velocities, velocities_figure
 from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescaled, thresholds_of
@@ -46,8 +46,7 @@ def drawn(request):
 @pytest.mark.parametrize("renderer", ["png", "svg"])
 def test_no_two_texts_overlap_and_all_lie_in_the_figure(drawn, renderer):
     """Oracle: the text extents of the renderers of bitmaps and of vector pictures."""
-    texts, _ = assert_texts_apart(drawn[1], renderer)
-    assert min(text.get_fontsize() for text in texts) >= 7.0
+    assert_texts_apart(drawn[1], renderer)
 
 
 def test_names_keep_off_stars_and_bullets(drawn):
@@ -110,14 +109,11 @@ def test_every_point_is_drawn_on_the_line_of_its_stability_and_lines_break_where
 
 
 def test_linear_modes_end_in_bullets_where_they_graze():
-    """Oracle: w_k^2/(2 b_k^2) of the generalised eigenvalue problem, solved by scipy."""
-    from scipy.linalg import eigh
-
-    squares, shapes = eigh(real.SYSTEM.stiffness, real.SYSTEM.mass)
-    participation = np.array([1.0, -1.0]) @ shapes
+    """Oracle: w_k^2/(2 b_k^2), by numpy alone."""
+    frequencies, _, participation = backbone.participation(real.SYSTEM)
     axes = panels_of(atlas_figure(real.atlas()))["frequency"]
     for k, label in enumerate(("L11+", "L11-")):
-        energy, frequency = squares[k] / (2.0 * participation[k] ** 2), np.sqrt(squares[k])
+        energy, frequency = frequencies[k] ** 2 / (2.0 * participation[k] ** 2), frequencies[k]
         (line,), (bullet,) = by_gid(axes, f"frequency-{label}"), by_gid(axes, f"frequency-{label}-grazing")
         np.testing.assert_allclose(line.get_xydata(), [[axes.get_xlim()[0], frequency], [energy, frequency]], rtol=1e-12)
         np.testing.assert_allclose(bullet.get_xydata(), [[energy, frequency]], rtol=1e-12)
@@ -580,7 +576,7 @@ def test_families_without_a_point_in_a_narrow_range_are_shown(number, steepest):
     curves = atlas_of(real.SYSTEM, [branch], energy=(low, high)).curves
     curve = min(curves, key=lambda curve: abs(curve.alpha[0] - branch.points["alpha"][k]))  # above its fold a backbone has two
     np.testing.assert_allclose(curve.h, met, rtol=1e-13)
-    np.testing.assert_allclose(energy_of_one_impact(curve.alpha), met, rtol=1e-11)
+    np.testing.assert_allclose(backbone.energy(real.SYSTEM, curve.alpha), met, rtol=1e-11)
     figure = atlas_figure(atlas_of(real.SYSTEM, [branch], energy=(low, high)))
     left, right = figure.axes[0].get_xlim()
     assert left > 0.9 * low and right < 1.1 * high, "linear modes that graze at other energies widen the picture"
@@ -594,15 +590,6 @@ def test_an_orbit_of_another_family_does_not_end_one_at_a_bound(monkeypatch):
     monkeypatch.setattr(type(branch), "orbit_between", lambda *arguments, **asked: astray)
     (curve,) = atlas_of(real.SYSTEM, [branch], energy=(0.0, 2.0)).curves
     assert curve.h.tolist() == branch.points["h"][branch.points["h"] <= 2.0].tolist()
-
-
-def energy_of_one_impact(alpha):
-    """h of the orbits with one impact in half a period: (1/(2 G^2)) sum_k b_k^2 sec^2(w_k alpha), G = sum_k b_k^2 tan(w_k alpha)/w_k."""
-    mass, stiffness = np.diag([0.1, 1.0]), np.array([[0.1, -0.1], [-0.1, 1.1]])
-    squares, modes = eigh(stiffness, mass)
-    frequencies, gaps = np.sqrt(squares), np.array([1.0, -1.0]) @ modes
-    angles = np.outer(alpha, frequencies)
-    return (gaps**2 / np.cos(angles) ** 2).sum(axis=1) / (2 * ((gaps**2 * np.tan(angles) / frequencies).sum(axis=1)) ** 2)
 
 
 # ------------------------------------------------------------------------------------------------ data

@@ -4,7 +4,6 @@ Oracles: the closed form; the branch itself after a round trip through its file;
 """
 
 import csv
-import json
 import math
 
 import numpy as np
@@ -126,35 +125,3 @@ def test_samples_of_an_orbit():
         _, at = orbit.sample(np.array([impact.time]))
         approach = (at[0, 0] - at[0, 1]) * (1.0 if impact.stop == "+" else -1.0)
         assert math.isclose(-approach, impact.speed, rel_tol=1e-12)
-
-
-def test_the_readme_tells_what_a_system_is():
-    """Oracle: the record: a branch of another system reads back as one."""
-    branch = traced("S11O00-", 0.37, 0.81, 0.4, 1.0)
-    system = json.loads(json.dumps(branch.system.describe()))
-    assert type(branch.system).from_description(system).describe() == branch.system.describe()
-
-
-@pytest.mark.parametrize(
-    ("ask", "words"),
-    [
-        (lambda b: b.trace(9999), r"point 9999 does not exist: the branch has \d+ points"),
-        (lambda b: b.orbit(-9999), "point -9999 does not exist"),
-        (lambda b: b.trace("a"), "a point is a whole number; received 'a'"),
-        (lambda b: b.orbit(2.5), "a point is a whole number; received 2.5"),
-        (lambda b: b.orbits_at(energy="a"), "the energy h is a number; received 'a'"),
-        (lambda b: b.orbits_at(alpha=math.nan), "the quarter period alpha is a finite number above 0; received nan"),
-        (lambda b: b.orbit_at(energy=-1.0), "the energy h is a finite number above 0; received -1"),
-        (lambda b: b.switch(5), "an event is one of branch.events or its id; received 5"),
-        (lambda b: b.switch("PD77"), "no event 'PD77' on this branch; it has"),
-        (lambda b: b.save(5), "a path is text; received 5"),
-        (lambda b: b.orbit(3).sample([0.0, math.nan, math.inf]), "times are finite; number 2 of 3 is nan"),
-        (lambda b: b.orbit(3).sample("now"), "times are numbers; received 'now'"),
-        (lambda b: b.orbit(3).sample([[0.0]]), r"an array of shape \(1, 1\)"),
-    ],
-)
-def test_what_cannot_be_asked_is_told_in_one_line(ask, words):
-    """Oracle: the argument; one line of text."""
-    with pytest.raises((ValueError, TypeError, IndexError), match=words) as caught:
-        ask(traced("S13O00+"))
-    assert "\n" not in str(caught.value)

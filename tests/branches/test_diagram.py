@@ -1,14 +1,11 @@
-"""Pictures of branches and orbits, measured by matplotlib's own renderer.
-
-The drawn orbits are exact: the family with one impact a half period (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238
-(2009) 1868, Section 2) has the closed form G = sum b_k^2 tan(w_k alpha)/w_k, h = sum b_k^2 sec^2(w_k alpha)/(2 G^2).
-"""
+"""Pictures of branches and orbits, measured by matplotlib's own renderer. The drawn orbits are those of the closed form."""
 
 from __future__ import annotations
 
 import io
 import subprocess
 import sys
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,41 +13,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks import backbone
 from branches.figures.branch import branch_figure, crowds, draw_branch, write_events
-from branches.figures.curves import curve_runs, draw_events, thinned, visible_codes
+from branches.figures.curves import curve_runs, draw_events, visible_codes
 from branches.figures.orbit import draw_orbit, orbit_figure
 from branches.figures.room import Room, even_points, overlapping
 from branches.figures.style import limits_of, new_figure, picture_settings, set_axis, settle_layout
 from branches.figures.titles import family_text, symbol_of
 from branches.files import picture_format
+from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced
 
-MU = SIGMA = 0.1
-ROOT_MASS = np.sqrt(np.array([MU, 1.0]))
-SQUARES, VECTORS = np.linalg.eigh(np.array([[SIGMA, -SIGMA], [-SIGMA, 1 + SIGMA]]) / np.outer(ROOT_MASS, ROOT_MASS))
-W, SHAPES = np.sqrt(SQUARES), VECTORS / ROOT_MASS[:, None]
-B = SHAPES[0] - SHAPES[1]
-
-
-def energy(alpha):
-    phase = np.multiply.outer(alpha, W)
-    stiffness = np.sum(B**2 * np.tan(phase) / W, axis=-1)
-    return np.sum(B**2 / np.cos(phase) ** 2, axis=-1) / (2 * stiffness**2)
-
-
-def motion(alpha, times):
-    """Displacements and velocities (k, 2) of the closed form, counted from the middle of a flight (zero displacement)."""
-    t = (np.asarray(times, dtype=float) + alpha) % (4 * alpha)
-    sign = np.where(t < 2 * alpha, 1.0, -1.0)
-    phase = np.multiply.outer(np.where(t < 2 * alpha, t, t - 2 * alpha) - alpha, W)
-    impulse = 2 / np.sum(B**2 * np.tan(W * alpha) / W)
-    q = B * impulse * np.sin(phase) / (2 * W * np.cos(W * alpha))
-    p = B * impulse * np.cos(phase) / (2 * np.cos(W * alpha))
-    return sign[:, None] * (q @ SHAPES.T), sign[:, None] * (p @ SHAPES.T)
+REFERENCE = vibro_impact_nes(0.1, 0.1)
+energy = partial(backbone.energy, REFERENCE)
+motion = partial(backbone.motion, REFERENCE)
 
 
 def make_system(**changed):
-    described = {"model": "vibro_impact_nes", "mu": MU, "sigma": SIGMA, "lam": 0.0, "rho": 1.0}
+    described = {"model": "vibro_impact_nes", "mu": 0.1, "sigma": 0.1, "lam": 0.0, "rho": 1.0}
     plain = {
         "coordinates": ("u1", "u2"),
         "absorber": 0,
@@ -72,7 +52,7 @@ def make_branch(alpha, stable=1, events=(), turns=1, system=None, label="S13O00+
         "frequency_index": turns * np.pi / 2 / alpha,
         "half_waves": turns,
         "stable": np.broadcast_to(np.asarray(stable, dtype=np.int8), count),
-        "velocities": np.array([motion(a, [0.0])[1][0] for a in alpha]),
+        "velocities": backbone.origin_velocity(REFERENCE, alpha),
         "start_u": np.zeros((count, 2)),
     }
     given_points.update(points)
@@ -109,7 +89,7 @@ def make_orbit(alpha=1.7, **changed):
 IN_PHASE = np.linspace(1.835, 1.6265, 300)  # from near the grazing of the in-phase mode to high energy
 
 
-def backbone():
+def in_phase():
     stable = np.where(np.arange(300) < 200, 1, 0)
     stable[200] = -1
     events = [("GR", 0), ("RT", 90), ("RT", 92), ("RT", 94), ("SB", 200), ("PD", 240), ("GR", 299), ("EP", 299)]
@@ -154,7 +134,7 @@ def one_coordinate():
     return make_branch(IN_PHASE, 0, [("GR", 0)], system=system, label="", velocities=np.sqrt(2 * energy(IN_PHASE))[:, None])
 
 
-CASES = [backbone, grazing_cluster, twelve_decades, narrow, single, no_origin_start, one_coordinate]
+CASES = [in_phase, grazing_cluster, twelve_decades, narrow, single, no_origin_start, one_coordinate]
 FIGURES: dict[str, tuple] = {}
 
 
@@ -207,7 +187,9 @@ def text_boxes(figure, kind):
 
 
 def assert_texts_apart(figure, kind):
+    """No text is smaller than 7 points, none overlaps another one, all lie in the figure."""
     texts, boxes = text_boxes(figure, kind)
+    assert min(text.get_fontsize() for text in texts) >= 7.0
     hit = overlapping(boxes, boxes) & ~np.eye(len(boxes), dtype=bool)
     pairs = {tuple(sorted((texts[i].get_text(), texts[j].get_text()))) for i, j in np.argwhere(hit)}
     assert not pairs
@@ -238,11 +220,6 @@ def test_names_of_special_points_keep_off_markers_and_frames(drawn):
         assert not overlapping(np.array(mine), np.array(markers)).any()
         frame = np.array(axes.get_window_extent().extents) * 72 / 200
         assert (np.array(mine)[:, :2] > frame[:2]).all() and (np.array(mine)[:, 2:] < frame[2:]).all()
-
-
-def test_nothing_in_print_is_smaller_than_seven_points(drawn):
-    texts, _ = text_boxes(drawn[1], "png")
-    assert min(t.get_fontsize() for t in texts) >= 7.0
 
 
 def test_each_special_point_has_a_marker_on_the_curve_and_a_name_in_each_panel(drawn):
@@ -334,7 +311,7 @@ def test_frequencies_over_decades_get_a_logarithmic_axis():
 
 def test_start_velocities_are_those_of_absorber_and_primary():
     """Oracle: closed form; the coordinates' order in the system does not matter."""
-    branch = backbone()
+    branch = in_phase()
     panels = panels_of(branch_figure(branch))
     for name, k, text in (("start0", 0, r"\dot{u}_{1}"), ("start1", 1, r"\dot{u}_{2}")):
         line = by_gid(panels[name], f"{name}-stable")[0]
@@ -377,7 +354,7 @@ def test_a_picture_says_below_how_many_names_have_no_room(monkeypatch):
 
 
 def test_title_names_the_family_and_the_system():
-    title = branch_figure(backbone()).get_suptitle()
+    title = branch_figure(in_phase()).get_suptitle()
     assert r"\mathrm{S13O00}^{+}" in title and r"\mu = 0.1" in title and r"\sigma = 0.1" in title
     assert family_text("", ("rest", "stop+"), "+-") == "rest to stop+, sequence +\N{MINUS SIGN}"
     assert len(family_text("", ("rest", "stop+"), "+-" * 200)) < 80
@@ -609,29 +586,6 @@ def test_a_name_without_any_room_is_left_out(capsys):
     assert not axes.texts and not axes.lines and capsys.readouterr() == ("", "")
 
 
-def test_even_points_and_thinning():
-    """Oracle: a square's side, measured."""
-    path = np.array([[0.0, 0.0], [10.0, 0.0], [np.nan, np.nan], [100.0, 0.0], [100.0, 10.0]])
-    np.testing.assert_allclose(even_points(path, 4.0), [[2, 0], [6, 0], [100, 0], [100, 4], [100, 8]], atol=1e-12)
-    assert thinned(np.array([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0], [3.5, 2.0]]), 2.5).tolist() == [True, False, True, False]
-
-
-def test_the_room_of_a_panel():
-    """Oracle: a line along the middle of a panel of 200 by 100 points, drawn twice, and a box that is taken."""
-    figure = new_figure(2.0)
-    inch = 72 * figure.get_size_inches()
-    axes = figure.add_axes((0.0, 0.0, 200.0 / inch[0], 100.0 / inch[1]), xlim=(0.0, 200.0), ylim=(0.0, 100.0))
-    line = np.array([[-50.0, 50.0], [100.0, 50.0], [np.nan, np.nan], [150.0, 50.0], [900.0, 50.0]])
-    room = Room(axes, [line, line])
-    boxes = np.array([[10.0, 45.0, 30.0, 55.0], [110.0, 10.0, 140.0, 90.0], [0.0, 0.0, 200.0, 49.0]])
-    np.testing.assert_allclose(room.ink_in(boxes), [20, 0, 0], atol=1)
-    np.testing.assert_allclose(room.ink_around(np.array([[20.0, 50.0]]), 10.0), 20, atol=1)
-    np.testing.assert_allclose(room.ink_around(np.array([[20.0, 50.0]]), 10.0, each=True), 40, atol=2)
-    assert not room.taken(boxes).any()
-    room.take([[120.0, 20.0, 125.0, 22.0]])
-    assert room.taken(boxes).tolist() == [False, True, True]
-
-
 def test_runs_are_stable_only_where_both_ends_are():
     """Oracle: by hand. A single undecided point (an event) takes each neighbour's side; two of them are an interval."""
     x = np.arange(9.0)
@@ -645,15 +599,12 @@ def test_runs_are_stable_only_where_both_ends_are():
     assert lone[0].tolist() == [[1.0, 1.0]]
 
 
-def test_a_crowd_of_one_type_shares_one_text():
+def test_names_of_a_crowd_share_one_text():
+    """Oracle: by hand: points of one type in a row, apart, and two types in one place with a third one beside it."""
     anchors = np.array([[k * 1.0, 0.0] for k in range(6)] + [[50.0, 0.0]])
     names = [f"RT{k + 1}" for k in range(7)]
     assert crowds(names, ["RT"] * 7, anchors) == [(3, "RT1\N{EN DASH}6"), (6, "RT7")]
     assert crowds(names[:3], ["RT"] * 3, 3.0 * anchors[:3]) == [(0, "RT1"), (1, "RT2"), (2, "RT3")]
-
-
-def test_points_in_one_place_share_a_text():
-    """Oracle: by hand: two types in one place, a third one beside it."""
     at = np.array([[0.0, 0.0], [0.5, 0.0], [9.0, 0.0]])
     assert crowds(["SN1", "GR1", "PD1"], ["SN", "GR", "PD"], at) == [(0, "SN1, GR1"), (2, "PD1")]
 

@@ -50,21 +50,6 @@ def test_a_pin_with_one_number_chooses_or_leaves_the_name_ambiguous(pin):
         assert reached
 
 
-@pytest.mark.parametrize(
-    "options, words",
-    [
-        ({"stop_at": "QQ"}, "expected one of SN"),
-        ({"bounds": {"impcts": 3}}, "unknown bound 'impcts'; expected impacts"),
-        ({"energy": 5}, "expected two numbers"),
-        ({"energy": (1.0,)}, "expected two numbers"),
-    ],
-)
-def test_options_that_cannot_be_are_refused_in_one_line(options, words):
-    with pytest.raises(ValueError, match=words) as caught:
-        trace_named("S13O00+", SYSTEM, **options)
-    assert "\n" not in str(caught.value)
-
-
 def test_a_label_on_a_system_without_named_coordinates_is_refused_at_once():
     """Labels count half-waves of an absorber and a primary: a system that names neither has no labels."""
     from dataclasses import replace

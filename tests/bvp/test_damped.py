@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import brentq
 
+from benchmarks import backbone
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind, MotionStatus
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp.test_run import closed_form
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -97,64 +96,41 @@ def test_a_mass_held_against_a_stop_by_a_spring_is_released(c):
     released = motion.times[2]
     assert motion.kinds[2] == EventKind.RELEASE.value
     assert abs(released - closed) <= 1e-14 * 8
-    assert motion.kinds[3] == EventKind.IMPACT.value if len(motion.kinds) > 3 else True
     after = motion.sample([released + 1e-3])[0][0]
     assert after[0] > 0.0
     assert motion.balance_error < 1e-13
 
 
-def test_zero_restitution_sticks_or_leaves_and_one_never_sticks():
-    stuck = simulate(ball(0.0), [0.5], [0.0], 5.0, forces=Constant([-1.0]))
-    assert [EventKind(k).name for k in stuck.kinds] == ["START", "IMPACT", "STICK"] and stuck.sticking_time == 4.0
-    leaves = simulate(ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=0.5, restitution=0.0),)), [0.0], [1.0], 9.0)
-    assert leaves.sticking_time == 0.0 and leaves.impacts == 1 and leaves.touches == 1
+def test_an_elastic_ball_never_sticks():
+    """Oracle: a fall of 1, then a bounce of 2, for ever."""
     bounces = simulate(ball(1.0), [0.5], [0.0], 5000.0, forces=Constant([-1.0]))
     assert bounces.sticking_time == 0.0 and bounces.impacts == 2500
     np.testing.assert_allclose(bounces.times[1:], 1.0 + 2.0 * np.arange(2500), rtol=1e-12)
 
 
 @pytest.mark.rounding
-def test_elastic_undamped_motion_keeps_its_energy_over_a_hundred_thousand_impacts():
-    system = vibro_impact_nes(0.1, 0.1)
-    motion = simulate(system, [0.0, 0.0], [0.0, 1.5], 1e9, max_impacts=100_000)
-    assert motion.status is MotionStatus.IMPACTS_FULL and motion.impacts == 100_000
-    assert abs(motion.energy - motion.initial_energy) <= 1e-10 * motion.initial_energy
-    assert motion.totals.sum() == 0.0
+@pytest.mark.parametrize(
+    ("lam", "rho", "velocity", "load", "passes", "bound"),
+    [
+        (1e-5, 0.999, 30.0, None, 0.0, 1e-12),
+        (1e-4, 0.999, 5.0, (1.0, 0.01), 0.0, 1e-12),
+        (1e-3, 0.999, 5.0, (0.9, 0.1), 0.0, 1e-12),
+        (0.01, 0.999, 5.0, (1.0, 1.0), 100.0, 5e-14),
+        (0.05, 0.7, 0.5, (1.0, 1.0), 100.0, 5e-14),
+        (0.05, 0.7, 5.0, (1.0, 1.0), 1000.0, 16.0 * EPSILON),
+    ],
+)
+def test_the_balance_closes_over_ten_thousand_impacts(lam, rho, velocity, load, passes, bound):
+    """Oracle: the balance of energies: to 1e-12 of the initial energy, or to some eps of what passes through where a load pumps up the motion.
 
-
-@pytest.mark.rounding
-def test_the_balance_closes_over_ten_thousand_impacts():
-    """rho = 0.999, light damping: the balance to 1e-12 of the initial energy. Harmonically forced with rho = 0.7: to 16 eps of the energy
-    that passes through, over a thousand times the initial one. Its parts are sums over all flights, of numbers that a rounded row makes:
-    four roundings each, to the same side in all of them."""
-    light = simulate(vibro_impact_nes(0.1, 0.1, 1e-5, 0.999), [0.0, 0.0], [0.0, 30.0], 1e6, max_impacts=10_000)
-    assert light.impacts == 10_000 and light.balance_error < 1e-12
-    forced = simulate(
-        vibro_impact_nes(0.1, 0.1, 0.05, 0.7), [0.0, 0.0], [0.0, 5.0], 1e9,
-        forces=Harmonic(1.0, cosine=[0.0, 1.0]), max_impacts=10_000,
-    )  # fmt: skip
-    assert forced.impacts == 10_000 and forced.turnover > 1000.0 * forced.initial_energy
-    assert abs(forced.balance) < 16.0 * EPSILON * forced.turnover
-
-
-@pytest.mark.rounding
-@pytest.mark.parametrize(("lam", "frequency", "amplitude"), [(1e-4, 1.0, 0.01), (1e-3, 0.9, 0.1)])
-def test_the_balance_closes_over_ten_thousand_forced_impacts_that_are_nearly_elastic(lam, frequency, amplitude):
-    """rho = 0.999, work of the load, to and fro, from hundredths of the initial energy to twice that: the balance to 1e-12 of it."""
-    forces = Harmonic(frequency, cosine=[0.0, amplitude])
-    motion = simulate(vibro_impact_nes(0.1, 0.1, lam, 0.999), [0.0, 0.0], [0.0, 5.0], 1e9, forces=forces, max_impacts=10_000)
-    assert motion.impacts == 10_000 and 0.01 < np.abs(motion.sums[:, -1]).max() / motion.initial_energy < 3.0
-    assert motion.balance_error < 1e-12
-
-
-@pytest.mark.rounding
-@pytest.mark.parametrize(("lam", "rho", "velocity"), [(0.01, 0.999, 5.0), (0.05, 0.7, 0.5)])
-def test_the_balance_of_motions_that_a_load_pumps_up_closes_to_the_energy_that_passes_through(lam, rho, velocity):
-    """Work of hundreds and of a hundred thousand times the initial energy in 10,000 impacts: rounding goes with what is there."""
-    system = vibro_impact_nes(0.1, 0.1, lam, rho)
-    motion = simulate(system, [0.0, 0.0], [0.0, velocity], 1e9, forces=Harmonic(1.0, cosine=[0.0, 1.0]), max_impacts=10_000)
-    assert motion.impacts == 10_000 and motion.turnover > 100.0 * motion.initial_energy
-    assert abs(motion.balance) < 5e-14 * motion.turnover
+    Its parts are sums over all flights, of numbers that a rounded row makes: four roundings each, to the same side in all of them.
+    """
+    forces = load and Harmonic(load[0], cosine=[0.0, load[1]])
+    motion = simulate(vibro_impact_nes(0.1, 0.1, lam, rho), [0.0, 0.0], [0.0, velocity], 1e9, forces=forces, max_impacts=10_000)
+    assert motion.impacts == 10_000 and motion.turnover > passes * motion.initial_energy
+    assert abs(motion.balance) < bound * (motion.turnover if passes else motion.initial_energy)
+    if load and not passes:
+        assert 0.01 < np.abs(motion.sums[:, -1]).max() / motion.initial_energy < 3.0
 
 
 @settings(max_examples=40, deadline=None)
@@ -167,6 +143,9 @@ def test_no_restitution_hangs_and_the_balance_closes(rho, seed, lam, forced):
     assert motion.status in (MotionStatus.DURATION_REACHED, MotionStatus.IMPACTS_FULL)
     turned_over = motion.initial_energy + abs(motion.work) + motion.totals[:-1].sum()
     assert abs(motion.balance) <= 1e-12 * turned_over
+    met = motion.stop_events
+    energies = system.energy(met.after[:, :2], met.after[:, 2:])
+    assert forced or np.all(np.diff(energies) <= 1e-12 * energies.max(initial=1.0))
     u, _ = motion.sample(np.linspace(0.0, motion.duration, 500))
     assert np.all(np.abs(u[:, 0] - u[:, 1]) <= 1.0 + 1e-12)
     assert np.all(motion.totals[:-1] >= 0.0)
@@ -174,21 +153,19 @@ def test_no_restitution_hangs_and_the_balance_closes(rho, seed, lam, forced):
 
 
 def test_damped_motion_from_two_published_orbits():
-    """Lee et al. 2009, section 3, lam = 0.01, rho = 0.7. From S13O00+ at h = 10: when 85 % is gone, about 40 by the LO and 45 by the NES.
-    From
-    S11O00- at h = 0.8: impacts only for t < 10, and almost 90 % gone by then. Read off figures by eye; 38, 47 and 92 % is found here."""
+    """Oracle: Lee et al. 2009, section 3, lam = 0.01, rho = 0.7, read off figures by eye; 38, 47 and 92 % is found here.
+
+    From S13O00+ at h = 10: when 85 % is gone, about 40 by the LO and 45 by the NES. From S11O00- at h = 0.8: impacts only for t < 10, and
+    almost 90 % gone by then.
+    """
     plain, damped = vibro_impact_nes(0.1, 0.1), vibro_impact_nes(0.1, 0.1, 0.01, 0.7)
-
-    def start(energy, low, high):
-        return closed_form(plain, brentq(lambda alpha: closed_form(plain, alpha)[1] - energy, low, high, xtol=1e-15))[0]
-
-    v = start(10.0, 1.64, 1.65)
+    v = backbone.origin_velocity(plain, backbone.orbits_at(plain, 10.0, 2.0)[1])
     assert v[0] > 0.0 and v[1] > 0.0
     motion = simulate(damped, [0.0, 0.0], v, 400.0)
     mark = next(mark for mark in motion.marks if mark.fraction == 0.85)
     assert mark.dissipated["rest"] / 10.0 == pytest.approx(0.40, abs=0.03)
     assert mark.dissipated["stop a"] / 10.0 == pytest.approx(0.45, abs=0.03)
-    v = start(0.8, 0.24, 0.25)
+    v = backbone.origin_velocity(plain, backbone.orbits_at(plain, 0.8, 1.0)[0])
     assert v[0] * v[1] < 0.0
     motion = simulate(damped, [0.0, 0.0], v, 60.0)
     assert motion.clear_from is not None and motion.last_impact < 10.0

@@ -134,24 +134,6 @@ def first_crossing(system, u, v, horizon, step, skip_start):
     return None
 
 
-def run(system, u, v, impacts, step=0.01, horizon=100.0, sign=1.0, factor=1.0):
-    """(times, states after) of the first impacts by `next_impact` and `restitute` of this file."""
-    owner = [k for k, stop in enumerate(system.stops) for bound in (stop.lower, stop.upper) if np.isfinite(bound)]
-    n = system.degrees_of_freedom
-    times, states, t = [], [], 0.0
-    u, v = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
-    for _ in range(impacts):
-        found = next_impact(system, u, v, horizon, step, 1e-7 if times else 0.0)
-        if found is None:
-            break
-        state = flow(system, u, v, found[1])
-        u, v = state[:n], restitute(system, owner[found[0]], state[n:], sign, factor)
-        t += found[1]
-        times.append(t)
-        states.append(np.concatenate([u, v]))
-    return np.array(times), np.array(states)
-
-
 def chain(masses, springs, ground=0.0, damping=0.0, stops=None):
     """Masses in a row joined by springs, free at both ends where ground is 0; damping is proportional to the springs'
     stiffness."""

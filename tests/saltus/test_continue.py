@@ -16,8 +16,6 @@ import pytest
 from benchmarks.backbone import Backbone
 from saltus.__main__ import main
 
-SMOOTH = "RT", "PD", "SB", "BP", "SN"
-
 
 @cache
 def told(*words):
@@ -70,20 +68,13 @@ def types(data, *wanted):
 # ---------------------------------------------------------------------------------------------------- the in-phase backbone
 
 
-def test_in_phase_backbone_is_the_closed_form():
-    """Oracle: closed form in forty digits, with the relative error 1e-12 of the issue at every point."""
-    code, data, err = told("continue", "S13O00+")
-    assert code == 0 and len(data["points"]) > 100
+@pytest.mark.parametrize("name", ["S13O00+", "S11O00-"])
+def test_backbones_are_the_closed_form(name):
+    """Oracle: closed form in forty digits, with the relative error 1e-12 at every point; S11O00- is followed up to h = 1e4."""
+    code, data, _ = told("continue", name)
+    assert code == 0 and len(data["points"]) > 100 and set(column(data, "label")) == {name}
     assert largest_miss(data, Backbone()) < 1e-12
-    assert set(column(data, "label")) == {"S13O00+"}
-
-
-def test_in_phase_backbone_at_the_published_point():
-    """Oracle: published, alpha = 1.7 and h = 0.58875 (Fig. 7(a)); closed form h = 0.588748128566443."""
-    assert abs(Backbone().energy(1.7) / mp.mpf("0.588748128566443") - 1) < 3e-15
-    _, data, _ = told("orbit", "S13O00+", "--alpha", "1.7")
-    assert math.isclose(data["orbit"]["h"], 0.588748128566443, rel_tol=1e-14)
-    assert abs(data["orbit"]["h"] - 0.58875) < 5e-6
+    assert name == "S13O00+" or math.isclose(column(data, "h").max(), 1e4, rel_tol=2e-10)
 
 
 def test_in_phase_backbone_begins_at_the_grazing_of_the_linear_mode():
@@ -157,15 +148,6 @@ def test_a_process_of_its_own_computes_the_same():
 FOLD = 1.13584395619551, 0.0691164499682690
 
 
-def test_out_of_phase_backbone_is_the_closed_form():
-    """Oracle: closed form in forty digits at every point, over h up to 1e4."""
-    code, data, _ = told("continue", "S11O00-")
-    assert code == 0
-    h = column(data, "h")
-    assert math.isclose(h.max(), 1e4, rel_tol=2e-10) and set(column(data, "label")) == {"S11O00-"}
-    assert largest_miss(data, Backbone()) < 1e-12
-
-
 def test_out_of_phase_backbone_has_one_fold():
     """Oracle: closed form, dh/dalpha = 0 at alpha = 1.13584395619551 and h = 0.0691164499682690.
 
@@ -226,39 +208,27 @@ def at_energy(data, energy):
 
 
 @pytest.mark.parametrize(("name", "energy", "alpha", "digits"), [("S73O33-", 7.3348, 1.64595, 1e-5), ("U8353-", 1.9458, 4.9065, 1e-4)])
-def test_published_points_are_passed(name, energy, alpha, digits):
-    """Oracle: Figs 7(b) and 7(c) of the paper, as many digits as they give."""
+def test_published_families(name, energy, alpha, digits):
+    """Oracle: Figs 7(b) and 7(c) of the paper, as many digits as they give; the states of the branch.
+
+    At an IO the absorber has no velocity at an end where u = 0. At each end of the family an impact has no speed, or a stop is touched.
+    """
     code, data, _ = told("continue", name)
     assert code == 0 and data["branch"]["label"] == name
     assert min(abs(a - alpha) for a in at_energy(data, energy)) < digits
     code, orbit, _ = told("orbit", name, "--energy", str(energy))
     assert code == 0 and orbit["orbit"]["label"] == name and abs(orbit["orbit"]["alpha"] - alpha) < digits
-
-
-@pytest.mark.parametrize("name", ["S73O33-", "U8353-"])
-def test_published_families_have_an_impulsive_orbit(name):
-    """Oracle: at an IO the absorber has no velocity at an end where u = 0: the point's own state."""
-    _, data, _ = told("continue", name)
-    impulsive = types(data, "IO")
-    assert impulsive
-    for event in impulsive:
+    assert types(data, "IO")
+    for event in types(data, "IO"):
         point = data["points"][event["point"]]
-        speed = math.hypot(*point["velocities"])
-        assert abs(point["velocities"][0]) < 1e-8 * speed and event["status"] == "located"
+        assert abs(point["velocities"][0]) < 1e-8 * math.hypot(*point["velocities"]) and event["status"] == "located"
         assert max(map(abs, point["start"]["u"])) == 0.0
-
-
-@pytest.mark.parametrize("name", ["S73O33-", "U8353-"])
-def test_published_families_end_at_grazing_at_both_ends(name):
-    """Oracle: the end points: an impact has no speed there, or the record names the stop that is touched (shown in the orbits)."""
-    _, data, _ = told("continue", name)
     for place, ended in zip((0, -1), data["ended"], strict=True):
         event = data["events"][place]
         assert ended["reason"] == "EVENT" and event["type"] == "GR" and event["stop"] in ("+", "-")
         assert ended["text"].startswith("GR at h = ")
         slowest = min(data["points"][event["point"]]["impact_speeds"]) / math.sqrt(2.0 * event["h"])
-        assert ("touches" in event["note"]) or slowest < 1e-8
-        assert slowest > -1e-8
+        assert slowest > -1e-8 and ("touches" in event["note"] or slowest < 1e-8)
 
 
 def test_without_the_pin_two_families_are_listed(tmp_path):
@@ -355,16 +325,10 @@ def test_each_line_has_what_was_asked_for():
 @pytest.mark.parametrize("name", ["S13O00+@h=0.5", "S11O00-@h=0.08,alpha=1.29", "S11O00-@h=0.08,alpha=0.91", "S11O00-"])
 @pytest.mark.parametrize(("direction", "sign"), [("up", 1), ("down", -1)])
 def test_the_first_step_goes_the_way_that_was_asked_for(name, direction, sign):
-    """Oracle: the energies of the start and of the first step, on both sides of a fold."""
+    """Oracle: the energies of the start and of the first step, on both sides of a fold; the other side says that it was not asked for."""
     code, data, _ = told("continue", name, "--direction", direction, "--points", "3")
     h = column(data, "h")
     assert code == 0 and sign * (h[1] - h[0]) > 0.0
-
-
-def test_a_direction_that_was_not_asked_for_is_not_called_out_of_points():
-    """Oracle: the words: no number of points was reached."""
-    _, data, err = told("continue", "S13O00+", "--direction", "up", "--energy", "0.15:1")
-    assert "number of points was reached" not in err
     assert any("not asked for" in end["text"] for end in data["ended"])
 
 
@@ -376,7 +340,7 @@ def test_points_are_counted_in_total(points):
     assert any(end["reason"] == "POINTS" for end in data["ended"])
 
 
-@pytest.mark.parametrize("bounds", ["0.2:0.7", "0.5:0.5000000001", "1e11:1e12"])
+@pytest.mark.parametrize("bounds", ["0.2:0.7", "0.5:0.5000000001", "14.5:14.55", "1e11:1e12"])
 def test_the_family_ends_on_the_bounds_of_the_energy(bounds):
     """Oracle: the bounds, to the 1e-10 in arclength to which events are located."""
     name = "S11O00-" if "e" in bounds else "S13O00+"
@@ -412,13 +376,6 @@ def test_unfinished_labels_match_all_that_fit(name):
     stem = re.match(r"[SU]\d+", name)[0]
     assert labels and code in (0, 2) and all(label.startswith(stem) for label in labels), err
     assert code == 0 or len(err.splitlines()) == 1
-
-
-def test_several_turns_are_named_with_their_root():
-    """Oracle: S39O11+ is three turns of S13O00+, for 3 times (1, 3) half-waves and 3 times 1 impact."""
-    code, data, err = told("continue", "S39O11+", "--energy", "0.2:2")
-    assert code == 2 and data is None and len(err.splitlines()) == 1
-    assert "3-fold cover of S13O00+" in err
 
 
 def test_multipliers_that_are_not_reliable_are_told(monkeypatch):
@@ -457,11 +414,3 @@ def test_pieces_of_a_cut_family_are_told():
     (other,) = data["branch"]["others"]
     assert code == 0 and sorted(other[side]["h"] for side in ("from", "to")) == pytest.approx([0.072, 0.08], rel=1e-12)
     assert f"cut    the range of energies cuts {data['branch']['id']} into 2 pieces" in said
-
-
-def test_an_id_is_a_name_that_outlives_the_cut():
-    """Oracle: the id of the family cut in two ways, and the name's own answer."""
-    ids = {told("continue", "S13O00+", "--energy", limits)[1]["branch"]["id"] for limits in ("0.2:0.3", "1:2")}
-    (one,) = ids
-    code, data, _ = told("continue", one, "--energy", "0.5:0.6", "--points", "7")
-    assert code == 0 and data["branch"]["id"] == one and data["branch"]["label"] == "S13O00+"

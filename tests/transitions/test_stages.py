@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import saltus
+from benchmarks import backbone
 from branches.catalogue import Catalogue
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
@@ -201,23 +202,15 @@ def scenes(small_scene, tmp_path_factory):
         yield {"light": (light, families_of(light)), "heavy": (other, families_of(other))}
 
 
-def modes(mu=0.1, sigma=0.1):
-    """Frequencies and participations of the modes in u1 - u2, by numpy alone."""
-    root = np.sqrt(np.array([mu, 1.0]))
-    squares, vectors = np.linalg.eigh(np.array([[sigma, -sigma], [-sigma, 1.0 + sigma]]) / np.outer(root, root))
-    shapes = vectors / root[:, None]
-    return np.sqrt(squares), shapes[0] - shapes[1]
-
-
 @pytest.mark.parametrize("alpha", [1.66, 1.7, 1.8, 0.3, 0.9])
 def test_harmonics_of_a_backbone_are_those_of_its_impulses(alpha):
     """Oracle: each mode's steady response to impulses P of alternating side each half period, 4 P/T sum b_k^2/(w_k^2 - (2 pi j/T)^2) at the
     odd harmonics j, with P = 2/G, G = sum b_k^2 tan(w_k alpha)/w_k; the amplitude is 1, where it hits the stops."""
     system = saltus.vibro_impact_nes(mu=0.1, sigma=0.1)
+    w, _, b = backbone.participation(system)
     branch = saltus.trace("S13O00+" if alpha > 1.4 else "S11O00-", system, energy=(0.06, 20.0))
     orbit = branch.orbit_at(alpha=alpha)
-    w, b = modes()
-    impulse = 2.0 / np.sum(b**2 * np.tan(w * alpha) / w)
+    impulse = 2.0 / backbone.half_period_sum(system, alpha)
     odd = np.arange(1, 32, 2)
     turning = 2.0 * np.pi * odd / (4.0 * alpha)
     expected = np.abs(4.0 * impulse / (4.0 * alpha) * np.sum(b[:, None] ** 2 / (w[:, None] ** 2 - turning**2), axis=0))
@@ -296,7 +289,7 @@ def _impacts(orbit, duration):
 def test_free_motion_is_on_a_linear_mode(scenes):
     """Oracle: the modes in closed form; with both, the one that moves u1 - u2 more, and the other beside it."""
     catalogue, families = scenes["light"]
-    w, b = modes()
+    w, _, b = backbone.participation(catalogue.system)
     shapes = catalogue.system.modes.shapes
     for first, second in ((0.5, 0.0), (0.0, 0.5), (0.3, 0.15), (0.1, 0.3)):
         u = 0.6 * (first * shapes[:, 0] / abs(b[0]) + second * shapes[:, 1] / abs(b[1]))
