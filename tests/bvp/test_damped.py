@@ -121,7 +121,7 @@ def test_an_elastic_ball_never_sticks():
     ],
 )
 def test_the_balance_closes_over_ten_thousand_impacts(lam, rho, velocity, load, passes, bound):
-    """Oracle: the balance of energies: to 1e-12 of the initial energy, or to some eps of what passes through where a load pumps up the motion.
+    """Oracle: the balance of energies, to 1e-12 of the initial energy. Where a load pumps it up: to some eps of what passes through.
 
     Its parts are sums over all flights, of numbers that a rounded row makes: four roundings each, to the same side in all of them.
     """
