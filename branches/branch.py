@@ -19,13 +19,18 @@ from branches.sequences import format_sequence
 from bvp.checks import Frozen, real
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.shown import shown
+from bvp.summary import brief, listed, span
 
 if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
     from bvp.system import ImpactSystem
 
 __all__ = ["Branch", "BranchEvent", "Ended"]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Branch:
     """A family of periodic orbits, in order of arclength.
@@ -67,14 +72,22 @@ class Branch:
     cover: int = 0
     digit_work: DigitWork = DigitWork()
 
-    # Operations of modules that know this one; `branches.methods` adds them.
+    # Operations of modules that know this one; `saltus.methods` adds them.
     save: ClassVar[Callable[..., None]]
     trace: ClassVar[Callable[..., Branch]]
     switch: ClassVar[Callable[..., list[Branch]]]
     neighbours: ClassVar[Callable[..., list[Any]]]
+    plot: ClassVar[Callable[..., Axes]]
+    to_dataframe: ClassVar[Callable[..., pandas.DataFrame]]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", Frozen(self.points))
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        h, alpha = (span(name, self.points[name]) for name in ("h", "alpha"))
+        events = listed([event.id for event in self.events])
+        title = f"Branch {self.label or '(no label)'}: {'-'.join(self.ends)}, sequence {self.sequence or '(none)'}, {len(self)} points"
+        return title, [("range", f"{h}; {alpha}"), ("events", events)]
 
     def __len__(self) -> int:
         return len(self.points["h"])

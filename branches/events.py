@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from bvp.summary import brief
+
 __all__ = ["BranchEvent", "Ended"]
 
 
+@brief
 class BranchEvent(NamedTuple):
     """A special point of a branch, with its error bar.
 
@@ -32,6 +35,10 @@ class BranchEvent(NamedTuple):
     note: str | None
     stable: bool | None
     multiplier: float | None
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        low, high = self.bracket
+        return f"{self.id}: h = {self.h:.10g}, alpha = {self.alpha:.10g}, arclength {low:.10g} to {high:.10g}, {self.status}", []
 
 
 class Ended(NamedTuple):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.grazing.touching import Touching
+from bvp.summary import brief
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -20,6 +21,7 @@ _MARGIN = 1e-9
 _ALONE = 1e-6
 
 
+@brief
 @dataclass(frozen=True)
 class LinearMode:
     """A mode of free motion, which exists up to the energy at which it touches a stop.
@@ -105,6 +107,10 @@ class LinearMode:
 
 def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     """The modes that move, come to rest and reach a stop: all but rigid-body modes and those that leave every gap unchanged.
+
+    Parameters
+    ----------
+    system : ImpactSystem
 
     Raises
     ------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,13 @@ from branches.stability import Described, describe
 from bvp.checks import Frozen
 from bvp.closures import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.summary import brief
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.axes import Axes
+
     from bvp.system import ImpactSystem
 
 __all__ = ["Impact", "Orbit"]
@@ -27,6 +32,7 @@ class Impact(NamedTuple):
     speed: float
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Orbit:
     """A periodic orbit, an exact solution of its multipoint problem.
@@ -54,6 +60,9 @@ class Orbit:
     solution: Solution
     on_family: bool | None = field(default=None, kw_only=True)
 
+    plot: ClassVar[Callable[..., Axes]]
+    """`saltus.methods` adds it."""
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "solution", self.solution.frozen())
 
@@ -76,6 +85,13 @@ class Orbit:
     def described(self) -> Described:
         """Label, stability and multipliers."""
         return Described(Frozen(describe(self.problem, [self.solution]).columns))
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        stable = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
+        title = f"Orbit {self.label or '(no label)'}: {'-'.join(self.ends)}, sequence {self.sequence or '(none)'}"
+        place = f"h = {self.h:.10g}, alpha = {self.alpha:.10g}, residual {self.residual:.1e}"
+        largest = max(map(abs, self.multipliers), default=0.0)
+        return title, [("place", place), ("stability", f"{stable}, largest multiplier {largest:.6g}")]
 
     def _get(self, name: str) -> Any:
         return self.described.columns[name][0]

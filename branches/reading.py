@@ -14,13 +14,14 @@ import numpy as np
 
 from branches.branch import Branch, BranchEvent, Ended
 from branches.files import one_line, read_input, reason
+from branches.orbit import Orbit
 from branches.record import SCALARS, SCHEMA
-from branches.sequences import parse_sequence
-from bvp.multipoint import MultipointProblem
+from branches.sequences import parse_sequence, segments_per_period
+from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.shown import shown
 from bvp.system import ImpactSystem
 
-__all__ = ["RecordError", "branch_of_record", "check_branch", "check_points", "points_of", "read_branch"]
+__all__ = ["RecordError", "branch_of_record", "check_branch", "check_points", "points_of", "read_branch", "read_orbit"]
 
 
 class RecordError(ValueError):
@@ -266,6 +267,48 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
         A `ValueError` with one line: the file cannot be read, is no JSON, is truncated, has another schema, lacks a key, or
         holds something of another type.
     """
+    record = in_present_terms(_record(path, "a branch"))
+    try:
+        check_branch(record, SCHEMA)
+        return branch_of_record(record)
+    except ValueError as error:
+        raise RecordError(f"{path} is no file of a branch that can be read: {one_line(error)}") from error
+
+
+def read_orbit(path: str | os.PathLike[str]) -> Orbit:
+    """Read an orbit from a JSON file, as ``saltus orbit --json`` writes it. `saltus.trace` follows its family.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    Orbit
+
+    Raises
+    ------
+    RecordError
+        A `ValueError` with one line: the file cannot be read, or its orbit does not solve its equations.
+    """
+    record = _record(path, "an orbit")
+    try:
+        orbit = record["orbit"]
+        first, last = orbit["ends"]
+        system = ImpactSystem.from_description(record["system"])
+        problem = MultipointProblem(system, (first, last), parse_sequence(orbit["sequence"]))
+        segment = orbit["period"] / segments_per_period((first, last))
+        inner = [impact["time"] for impact in orbit["impacts"] if 1e-9 * segment < impact["time"] < (1.0 - 1e-9) * segment]
+        if len(inner) != problem.inner:
+            raise ValueError(f"{len(inner)} impacts lie inside the solved segment; its sequence has {problem.inner}")
+        start = system.modes.from_state @ np.concatenate([orbit["start"]["u"], orbit["start"]["v"]])
+        return Orbit(problem, problem.solve(problem.shoot(start, np.diff([0.0, *inner, segment])), energy=orbit["h"]))
+    except (LookupError, TypeError, ValueError, NotConverged) as error:
+        raise RecordError(f"{path} is no file of an orbit that can be read: {one_line(error)}") from error
+
+
+def _record(path: str | os.PathLike[str], what: str) -> Any:
+    """The data of a JSON file."""
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"a path is text; received {shown(path)}, expected the name of a JSON file")
     try:
@@ -273,9 +316,9 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
     except OSError as error:
         raise RecordError(f"cannot read {path}: {reason(error)}") from error
     except ValueError as error:
-        raise RecordError(f"{path} is no file of a branch: it is not UTF-8 text") from error
+        raise RecordError(f"{path} is no file of {what}: it is not UTF-8 text") from error
     try:
-        record = json.loads(text, parse_constant=_refuse_constant)
+        return json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
         # An error behind the last character says that something was still to come.
         if error.pos >= len(text.rstrip()) or error.msg.startswith("Unterminated"):
@@ -283,13 +326,7 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
             raise RecordError(f"{path} is truncated: it ends in line {end} before its JSON is complete") from error
         raise RecordError(f"{path} is no JSON: {error.msg} in line {error.lineno}, column {error.colno}") from error
     except (RecursionError, ValueError) as error:  # a number of thousands of digits is a ValueError
-        raise RecordError(f"{path} is no file of a branch: {one_line(error)}") from error
-    try:
-        record = in_present_terms(record)
-        check_branch(record, SCHEMA)
-        return branch_of_record(record)
-    except ValueError as error:
-        raise RecordError(f"{path} is no file of a branch that can be read: {one_line(error)}") from error
+        raise RecordError(f"{path} is no file of {what}: {one_line(error)}") from error
 
 
 def in_present_terms(record: Any) -> Any:

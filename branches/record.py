@@ -18,10 +18,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.export.tables import csv_cell
 from branches.files import is_special, write_text
 from branches.sequences import impacts_per_period
 
 if TYPE_CHECKING:
+    import pandas
+
     from branches.branch import Branch
     from branches.orbit import Orbit
     from branches.search.discovery import Discovery
@@ -36,6 +39,7 @@ __all__ = [
     "orbit_to_record",
     "save",
     "to_csv",
+    "to_dataframe",
     "to_json",
     "to_record",
 ]
@@ -185,12 +189,18 @@ def orbit_to_record(orbit: Orbit) -> dict[str, Any]:
 
 
 def save(branch: Branch, path: str | os.PathLike[str]) -> None:
-    """Write a branch as the ending of the name says, .json or .csv; an older file is replaced only by a complete one.
+    """Write a branch. The suffix of the name gives the format, .json or .csv. An older file is replaced only by a complete one.
+
+    Parameters
+    ----------
+    branch : Branch
+    path : path-like
+        A name that ends in .json or .csv.
 
     Raises
     ------
     ValueError
-        For another ending.
+        For another suffix.
     """
     writers = {".json": to_json, ".csv": to_csv}
     suffix = ".json" if is_special(path) else os.path.splitext(path)[1].lower()
@@ -275,11 +285,31 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
 
 def to_csv(branch: Branch) -> str:
     """Return the CSV text of a branch: a line of names, a line for each point; ``event`` holds the ids of the events there."""
+    return _csv(_rows(branch))
+
+
+def to_dataframe(branch: Branch) -> pandas.DataFrame:
+    """The points of a branch as a pandas table with the columns of the CSV file; ``stable`` is True, False or NA.
+
+    Raises
+    ------
+    ImportError
+        If pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError("to_dataframe needs pandas, which is not installed; expected pip install pandas") from None
+    return pandas.DataFrame(_rows(branch)).astype({"stable": "boolean"})
+
+
+def _rows(branch: Branch) -> list[dict[str, Any]]:
+    """The points as flat rows, each with the ids of the events there."""
     record = to_record(branch)
     at: dict[int, list[str]] = {}
     for event in record["events"]:
         at.setdefault(event["point"], []).append(event["id"])
-    return _csv([{**_row(point), "event": " ".join(at.get(i, []))} for i, point in enumerate(record["points"])])
+    return [{**_row(point), "event": " ".join(at.get(i, []))} for i, point in enumerate(record["points"])]
 
 
 def orbit_to_csv(orbit: Orbit) -> str:
@@ -350,13 +380,5 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        writer.writerow({name: _cell(value) for name, value in row.items()})
+        writer.writerow({name: csv_cell(value) for name, value in row.items()})
     return text.getvalue()
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)

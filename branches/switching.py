@@ -25,6 +25,7 @@ from branches.presentation import embed
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.options import takes_options_of
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions, refine_branch_point, tripling_direction
 
@@ -68,6 +69,7 @@ class EmanatingFamily(NamedTuple):
     cover: int = 0
 
 
+@takes_options_of(follow_family)
 def switch(branch: Branch, event: BranchEvent | str, **options: Any) -> list[Branch]:
     """The families born or crossed at an event, each followed away from it.
 

@@ -18,6 +18,7 @@ from branches.stability import describe
 from bvp.checks import checked_energy_range
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
+from bvp.options import takes_options_of
 from bvp.shown import shown
 from continuation.control import Settings
 from continuation.points import PlainPoints, Points
@@ -205,6 +206,7 @@ class Courses:
         return branch
 
 
+@takes_options_of(follow_family)
 def extend(branch: Branch, i: int, **options: Any) -> Branch:
     """Trace a branch on from its point i.
 
@@ -212,6 +214,7 @@ def extend(branch: Branch, i: int, **options: Any) -> Branch:
     ----------
     branch : Branch
     i : int
+        Index of a point; -1 is the last.
     **options
         As for `follow_family`.
 

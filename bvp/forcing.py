@@ -16,6 +16,7 @@ import numpy as np
 
 from bvp.checks import EPSILON, is_finite, reals
 from bvp.shown import shown
+from bvp.summary import brief
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -36,6 +37,7 @@ def _finite(values: Any, name: str) -> np.ndarray:
     return array
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Constant:
     """f = load.
@@ -52,6 +54,7 @@ class Constant:
         object.__setattr__(self, "load", _finite(self.load, "load"))
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Harmonic:
     """f = cosine cos(frequency t) + sine sin(frequency t).
@@ -79,6 +82,7 @@ class Harmonic:
         object.__setattr__(self, "sine", zero if not np.size(self.sine) else parts[-1])
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Record:
     """f = load s(t), with s linear between samples and 0 before the first and after the last of them.

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -20,8 +20,11 @@ from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
 from bvp.kernels.motions import raise_peaks, sample, spent, states_after
 from bvp.shown import shown
+from bvp.summary import brief, listed
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from bvp.forcing import Forcing
     from bvp.system import ImpactSystem
 
@@ -90,6 +93,7 @@ class ContactInterval:
     sticking: tuple[str, ...]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Motion:
     """What a motion recorded: k events, each the begin of a flight (row 0 is the start). Its arrays cannot be written to.
@@ -161,12 +165,20 @@ class Motion:
     """(k, N) state of its contact mode in which each flight begins."""
     contact_modes: ContactModes
     """The contact modes that `numbers` counts."""
+    plot: ClassVar[Callable[..., Axes]]
+    """`saltus.methods` adds it."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray):
                 object.__setattr__(self, field.name, read_only(value))
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        parts = listed([f"{name} {energy:.4g}" for name, energy in self.dissipated.items()])
+        title = f"Motion to time {self.duration:.10g}: {self.impacts} impacts; {self.status.value}"
+        energies = f"{self.initial_energy:.6g} at the start, {self.energy:.6g} at the end, balance error {self.balance_error:.1e}"
+        return title, [("energy", energies), ("dissipated", parts)]
 
     @property
     def work(self) -> float:
@@ -301,6 +313,7 @@ class Motion:
         return wanted
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Batch:
     """What is left of many motions, b of them: arrays of length b.
@@ -344,6 +357,7 @@ class Batch:
         return self.initial_energy + self.totals[:, -1] - self.totals[:, :-1].sum(axis=1) - self.energy
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class StopEvents:
     """Impacts and touches of a motion, k of them in order of time.

@@ -24,6 +24,7 @@ from bvp.kernels.observe import orbit_observe, two_dof_orbit_observe
 from bvp.kernels.segment import ORIGIN, PERIODIC, RESULT, Segment, pack
 from bvp.kernels.stability import make_period, orbit_stability
 from bvp.kernels.step import end_states, orbit_step, two_dof_orbit_step
+from bvp.summary import brief
 from bvp.system import ImpactSystem
 
 __all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "observed_of"]
@@ -35,6 +36,7 @@ class NotConverged(RuntimeError):
     """Newton's corrections did not reach a solution; the message says how far they came."""
 
 
+@brief
 @dataclass(eq=False, slots=True)
 class Solution:
     """A point where the kernels arrived; not changed afterwards.

@@ -28,6 +28,7 @@ from bvp.checks import (
     symmetric,
 )
 from bvp.shown import shown
+from bvp.summary import brief, listed
 
 if TYPE_CHECKING:
     from bvp.modes import Modes
@@ -100,6 +101,7 @@ class Stop:
         return self.lower == -self.upper
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class ImpactSystem:
     """M u'' + C u' + K u = 0 with n degrees of freedom between stops.
@@ -164,6 +166,13 @@ class ImpactSystem:
                 raise InvalidSystem(f"{key} is the index of a coordinate, 0 to {n - 1}; received {shown(index)}")
         if self.absorber is not None and self.absorber == self.primary:
             raise InvalidSystem(f"absorber and primary are two coordinates; both are {coordinates[self.absorber]}")
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        stops = [f"{stop.name}: {stop.lower:g} to {stop.upper:g}, restitution {stop.restitution:g}" for stop in self.stops]
+        parameters = ", ".join(f"{key} = {value:g}" for key, value in (self.parameters or {}).items())
+        model = [("model", f"{self.model}: {parameters}")] if self._is_its_model() else []
+        title = f"ImpactSystem with {self.degrees_of_freedom} degrees of freedom"
+        return title, [*model, ("coordinates", listed(self.coordinates)), ("stops", listed(stops, 3))]
 
     @property
     def degrees_of_freedom(self) -> int:

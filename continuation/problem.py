@@ -217,6 +217,9 @@ class Point:
     step_size: float = 0.0
     event: Event | None = None
 
+    def __repr__(self) -> str:
+        return f"Point {self.index} at arclength {self.arclength:.10g}, parameter {self.parameter:.10g}"
+
     @property
     def y(self) -> np.ndarray:
         """The unknowns, shape (n + 1,)."""

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from branches.linear_modes import linear_modes as linear_modes
     from branches.orbit import Orbit as Orbit
     from branches.reading import read_branch as read_branch
+    from branches.reading import read_orbit as read_orbit
     from branches.search.discovery import Discovery as Discovery
     from branches.switching import switch as switch
     from branches.tracing import extend as extend
@@ -87,7 +88,7 @@ _HOME = {
     "branches.impulsive": "impulsive_manifold impulsive_orbits",
     "branches.linear_modes": "LinearMode linear_modes",
     "branches.orbit": "Orbit",
-    "branches.reading": "read_branch",
+    "branches.reading": "read_branch read_orbit",
     "branches.search.discovery": "Discovery",
     "branches.switching": "switch",
     "branches.tracing": "extend",
@@ -113,6 +114,9 @@ _HOME = {
 }
 """The modules of the public names."""
 
+_WITHOUT_METHODS = ("bvp.system", "bvp.forcing", "saltus.scene", "saltus.__main__")
+"""Modules whose names lead to no object with methods of `saltus.methods`."""
+
 _MODULES = {name: module for module, names in _HOME.items() for name in names.split()}
 
 __all__ = sorted(_MODULES)
@@ -123,8 +127,8 @@ def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'saltus' has no attribute {name!r}")
     value = getattr(importlib.import_module(_MODULES[name]), name)
-    if _MODULES[name].startswith(("branches", "saltus.families")):
-        importlib.import_module("branches.methods")
+    if not _MODULES[name].startswith(_WITHOUT_METHODS):
+        importlib.import_module("saltus.methods")
     globals()[name] = value
     return value
 

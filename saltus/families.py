@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +17,13 @@ from saltus.scene import Scene, load_scene
 if TYPE_CHECKING:
     import numpy as np
 
-    from branches.branch import Branch
+    from branches.branch import Branch, BranchEvent, Ended
     from branches.catalogue import Catalogue
     from branches.naming.labels import Name
     from branches.orbit import Orbit
     from branches.search.discovery import Discovery
     from bvp.system import ImpactSystem
+    from continuation.control import Settings
 
 __all__ = ["agreed", "discover", "family_of", "has_label", "list_orbits", "orbits_of", "select", "start_of", "trace"]
 
@@ -31,35 +32,61 @@ TOLERANCE = 0.01
 
 
 def trace(
-    name: str,
+    name: str | Orbit,
     system: ImpactSystem | None = None,
     *,
     scene: Scene | str | os.PathLike[str] | None = None,
     energy: tuple[float, float] | None = None,
     catalogue: Catalogue | None = None,
-    **options: Any,
+    points: int | None = None,
+    direction: str = "both",
+    stop_at: str | None = None,
+    stop_when: Callable[[Orbit], bool | str] | None = None,
+    on_start: Callable[..., object] | None = None,
+    on_event: Callable[[BranchEvent], object] | None = None,
+    on_end: Callable[[Ended], object] | None = None,
+    on_point: Callable[[int], object] | None = None,
+    settings: Settings | None = None,
+    pins: Mapping[str, Mapping[str, float]] | None = None,
+    bounds: Mapping[str, Any] | None = None,
 ) -> Branch:
-    """Follow the family of periodic orbits that has a name.
+    """Follow a family of periodic orbits, given by its name or by one of its orbits.
 
     Parameters
     ----------
-    name : str
-        A label of Lee et al., Physica D 238 (2009) 1868, such as ``S13O00+`` or ``U8353-@h=1.9,alpha=4.9``, or a family's id.
-    system : bvp.system.ImpactSystem, optional
+    name : str or Orbit
+        A label of Lee et al., Physica D 238 (2009) 1868, such as ``S13O00+`` or ``U8353-@h=1.9,alpha=4.9``, a family's id, or an orbit of
+        any origin. An orbit has its own system.
+    system : ImpactSystem, optional
         By default the system of the scene.
     scene : Scene or path-like, optional
-        Where the bounds of the search and the energy range come from; by default the reference scene. Its pinned names hold
-        only for its own system.
-    energy : tuple of float, optional
-        Lowest and highest energy h; by default those of the scene.
-    catalogue : saltus.Catalogue, optional
-        Where the name is looked up, in place of a search; the family is followed anew from the orbit that is found there.
-    **options
-        ``points``, ``direction``, ``stop_at``, ``stop_when`` and the callbacks of `branches.tracing.follow_family`.
+        Gives the bounds of the search and the energy range; by default the reference scene. Its reference points hold only for its own
+        system.
+    energy : (float, float), optional
+        Lowest and highest energy h, per clearance squared; by default those of the scene.
+    catalogue : Catalogue, optional
+        Where the name is looked up. Without it the family is searched.
+    points : int, optional
+        Largest number of points; by default not limited.
+    direction : {"both", "up", "down"}
+        "up": energy rises at the first step; "down": it falls; "both" (default): the family is followed both ways.
+    stop_at : str, optional
+        Type of event at which the family ends, such as "SB".
+    stop_when : callable, optional
+        Called with each orbit. The family ends where it returns True or a text, the reason.
+    on_start, on_event, on_end, on_point : callable, optional
+        Called with a line about the start, each event, each end, and the number of points so far.
+    settings : continuation.Settings, optional
+        Step sizes and tolerances.
+    pins : mapping of names to {"h", "alpha"}, optional
+        More reference points, which choose among several families with a name.
+    bounds : mapping, optional
+        ``energy`` (two values of h), ``quarter_period`` (time) and ``impacts`` (in half a period) in place of the scene's: where a name is
+        searched.
 
     Returns
     -------
-    branches.branch.Branch
+    Branch
 
     Raises
     ------
@@ -73,33 +100,48 @@ def trace(
     >>> branch = trace("S13O00+", energy=(0.1, 1.0))
     >>> branch.events[0].type, round(branch.events[0].h, 10)
     ('GR', 0.1185078106)
+    >>> again = trace(branch.orbit(10), energy=(0.1, 1.0))
+    >>> again.label, again.id == branch.id
+    ('S13O00+', True)
     """
-    from branches.naming.families import trace_named
+    from branches.orbit import Orbit
 
     if not isinstance(scene, Scene):
         scene = load_scene(scene)
+    options: dict[str, Any] = {
+        "points": points, "direction": direction, "stop_at": stop_at, "stop_when": stop_when, "on_event": on_event, "on_end": on_end,
+        "on_point": on_point, **({} if settings is None else {"settings": settings}),
+    }  # fmt: skip
+    energy = scene.energy if energy is None else energy
+    if isinstance(name, Orbit):
+        from branches.tracing import follow_family
+
+        if on_start is not None:
+            on_start(f"{name.label or '-'.join(name.ends)}: from h = {name.h:.10g}, alpha = {name.alpha:.10g}")
+        return follow_family(name.problem, name.solution.y, energy=energy, **options)
+    from branches.naming.families import trace_named
+
     if system is None:
         scene.require_used("saltus.trace")
         system = scene.system
     require_system(system)
-    for option in ("pins", "bounds"):
-        if not isinstance(options.get(option, {}), Mapping):
-            raise BadInput(f"{option} = {shown(options[option])}: expected a mapping")
-    energy = scene.energy if energy is None else energy
-    pins = {**scene.pins_for(system), **options.pop("pins", {})}
-    bounds = {**scene.bounds, **options.pop("bounds", {})}
+    for option, value in (("pins", pins), ("bounds", bounds)):
+        if value is not None and not isinstance(value, Mapping):
+            raise BadInput(f"{option} = {shown(value)}: expected a mapping")
+    pins = {**scene.pins_for(system), **(pins or {})}
+    bounds = {**scene.bounds, **(bounds or {})}
     if catalogue is not None:
         catalogue.require_system(system.describe())
-        return _follow_kept(name, catalogue, energy, pins, **options)
-    return trace_named(name, system, energy=energy, pins=pins, bounds=bounds, **options)
+        return _follow_kept(name, catalogue, energy, pins, on_start, **options)
+    return trace_named(name, system, energy=energy, pins=pins, bounds=bounds, on_start=on_start, **options)
 
 
 def _follow_kept(
     name: str,
     catalogue: Catalogue,
     energy: tuple[float, float],
-    pins: dict[str, dict[str, float]],
-    on_start: Callable[[str], object] | None = None,
+    pins: Mapping[str, Mapping[str, float]],
+    on_start: Callable[..., object] | None = None,
     **options: Any,
 ) -> Branch:
     """Follow a family of a catalogue from the point that lies nearest to what the name selects, inside the range of energies."""
@@ -123,19 +165,35 @@ def _follow_kept(
     return extend(branch, i, energy=energy, rising=bool(h[0] <= h[-1]), **options)
 
 
-def discover(system: ImpactSystem, energy: float, *, catalogue: Catalogue | None = None, **options: Any) -> Discovery:
+def discover(
+    system: ImpactSystem,
+    energy: float,
+    *,
+    quarter_period: float = 10.0,
+    impacts: int | None = None,
+    ends: Sequence[str] | None = None,
+    budget: int | None = None,
+    catalogue: Catalogue | None = None,
+) -> Discovery:
     """Find every primitive symmetric orbit at an energy, within bounds.
 
     Parameters
     ----------
-    system : bvp.system.ImpactSystem
+    system : ImpactSystem
         Conservative, two degrees of freedom, one stop.
     energy : float
-        h > 0.
-    catalogue : saltus.Catalogue, optional
-        Of the same system: the families of the orbits are looked up in it, and stand in ``families`` of what is returned.
-    **options
-        ``quarter_period``, ``impacts``, ``ends`` and ``budget`` of `branches.search.discovery.discover`.
+        h > 0, per clearance squared.
+    quarter_period : float
+        Longest quarter period, in units of time; by default 10.
+    impacts : int, optional
+        Largest number of impacts in half a period; by default not limited.
+    ends : sequence of str, optional
+        Pairs of ends such as ``rest-stop``. The default is ``origin-origin``, which contains the published families; in a system without
+        odd symmetry, it is all pairs without an origin.
+    budget : int, optional
+        Largest number of starts that are followed; by default a million, or less where flights are long.
+    catalogue : Catalogue, optional
+        Of the same system. The result then has, for each orbit, the id of its family in the catalogue, or None.
 
     Returns
     -------
@@ -155,12 +213,13 @@ def discover(system: ImpactSystem, energy: float, *, catalogue: Catalogue | None
     """
     from branches.search.discovery import discover as search
 
-    if options.get("impacts") == 0:
+    if impacts == 0:
         raise BadInput("at most 0 impacts in half a period: no orbit with impacts has so few, expected 1 or more")
+    if catalogue is not None:
+        catalogue.require_system(system.describe())
+    found = search(system, energy, quarter_period=quarter_period, impacts=impacts, ends=ends, budget=budget)
     if catalogue is None:
-        return search(system, energy, **options)
-    catalogue.require_system(system.describe())
-    found = search(system, energy, **options)
+        return found
     return replace(found, families=tuple(map(catalogue.identify, found.orbits)))
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bvp.shown import shown
+from bvp.summary import brief
 
 __all__ = ["Modes", "NotInstalled", "decompose", "orthogonality_index", "sifting"]
 
@@ -19,6 +20,7 @@ class NotInstalled(ImportError):
     """An optional package is missing; the message is one line and says what to install."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Modes:
     """A signal as a sum of intrinsic mode functions and a residue.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from bvp.summary import brief
 from transitions.ridges import SHARE
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
     return tones / half if half > 0.0 else np.zeros(_HARMONICS)
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Family:
     """A family, or a linear mode.
@@ -214,6 +216,7 @@ class Family:
         return [found[k] for k in sorted(found)]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Families:
     """Families of one system, and the gap coordinate whose harmonics are compared.

@@ -125,6 +125,15 @@ def synthetic_record(
 def record_text(times: np.ndarray, accelerations: np.ndarray, remark: str = "") -> str:
     """A record as CSV: columns time and acceleration, to a millionth of the unit.
 
+    Parameters
+    ----------
+    times : (k,) array_like
+        In seconds.
+    accelerations : (k,) array_like
+        In the unit that the remark names.
+    remark : str
+        The first line, after #; by default there is none.
+
     Examples
     --------
     >>> print(record_text(np.array([0.0, 0.02]), np.array([0.0, -1.5]), "by hand"), end="")

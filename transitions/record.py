@@ -16,6 +16,7 @@ from bvp.kernels.flight import Flight
 from bvp.kernels.impact import work_array
 from bvp.kernels.integral import integral_work
 from bvp.shown import shown
+from bvp.summary import brief
 from transitions.kernels.extents import extents_of_motion
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ _UNIFORM = 1e-6  # largest difference from a uniform time, in steps; the roundin
 _REST = 1e-13  # of the largest displacement and velocity; smaller values at the start are rounding
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Record:
     """A motion sampled at m uniform times, in natural units (time 1/sqrt(k/M), lengths in clearances).
@@ -201,6 +203,7 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
     return Record(times, u, v, energy, nes, lo, by_nes, by_lo, impacts[impacts <= span])
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Extents:
     """The largest absolute value of each functional, its time, and the functional's root mean square over the motion.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.forcing import Constant, Harmonic, Record, split_damping
+from bvp.summary import brief
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -25,6 +26,7 @@ __all__ = ["Sharing", "lock", "locked_coordinates", "sharing_of"]
 _OUT_OF_REACH = 1e20  # bound, in units of displacement, of the one stop that a locked system needs if it has no other
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Sharing:
     """The shares of a system's energy and dissipation.

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from bvp.shown import shown
+from bvp.summary import brief
 
 __all__ = ["Spectrum", "TooCoarse", "Wavelet", "checked", "morlet_spectrum"]
 
@@ -75,6 +76,7 @@ class Wavelet:
         return self.sharpness / frequency
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Spectrum:
     """Amplitudes over time and frequency, which are computed when they are first needed.

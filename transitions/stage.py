@@ -191,6 +191,10 @@ def changes(stages: Sequence[Stage]) -> list[Change]:
     """The captures and escapes between stages, in order of time.
 
     Between two successive stages that follow the same harmonic of the same family there is neither.
+
+    Parameters
+    ----------
+    stages : sequence of Stage
     """
     out: list[Change] = []
     for i, stage in enumerate(stages):

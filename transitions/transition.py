@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.export.figure_data import Layout, read_data, told, write_data
+from bvp.summary import brief
 from bvp.system import ImpactSystem
 from transitions.record import Record
 from transitions.spectrum import Spectrum, Wavelet
@@ -35,6 +36,7 @@ _WIDE = ("displacements", "velocities")
 _LAYOUT = Layout("transition", _SINGLE, _WIDE)
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Transition:
     """A motion of a system, with its stages.
@@ -123,6 +125,12 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
 
     Each row is a time. The head has the system, the times of the impacts, the gap coordinate, the wavelet and the stages.
 
+    Parameters
+    ----------
+    transition : Transition
+    path : path-like
+        A name that ends in .csv, .json, .npz or .mat.
+
     Raises
     ------
     branches.export.figure_data.ExportError
@@ -147,6 +155,11 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
 
 def read_transition(path: str | os.PathLike[str]) -> Transition:
     """Read a motion.
+
+    Parameters
+    ----------
+    path : path-like
+        A name that ends in .csv, .json, .npz or .mat.
 
     Raises
     ------

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
+from branches.catalogue.database import CatalogueError
 from branches.catalogue.store import CatalogueStore
+from bvp.summary import brief
 
 if TYPE_CHECKING:
     import networkx
+    from matplotlib.axes import Axes
 
     from branches.branch import Branch
     from branches.catalogue.find import NameMatch
@@ -20,6 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Catalogue"]
 
+
+@brief
 class Catalogue(CatalogueStore):
     """The families of one system, in one file.
 
@@ -54,6 +59,16 @@ class Catalogue(CatalogueStore):
     (['S13O00+'], ['EP1', 'SB1', 'RT1', 'EP2'])
     >>> directory.cleanup()
     """
+
+    plot: ClassVar[Callable[..., Axes]]
+    """`saltus.methods` adds it."""
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        try:
+            counts = self.counts()
+        except CatalogueError:
+            return f"Catalogue {self.path} (closed)", []
+        return f"Catalogue {self.path}", [("holds", ", ".join(f"{count} {name}" for name, count in counts.items()))]
 
     def families(
         self,

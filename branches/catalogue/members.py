@@ -311,7 +311,19 @@ def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, sequence: I
 
 
 def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event: str = "") -> Edge:
-    """The edge from a BP, SB or PD of one family to the family that emanates there."""
+    """The edge from a BP, SB or PD of one family to the family that emanates there.
+
+    Parameters
+    ----------
+    source : Branch
+        The family with the event.
+    event : BranchEvent
+        A BP, SB or PD of it.
+    target : Branch
+        The emanating family.
+    target_event : str
+        Id of the event on the emanating family; by default it has none.
+    """
     y = source.unknowns(event.point)
     seen = seen_from(source.problem, y, target.ends, tuple(target.problem.sequence))
     return Edge(

@@ -309,6 +309,10 @@ class PackedFamily:
 def pack_family(branch: Branch) -> PackedFamily:
     """The rows of a branch.
 
+    Parameters
+    ----------
+    branch : Branch
+
     Raises
     ------
     ValueError

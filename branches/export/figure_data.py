@@ -340,6 +340,12 @@ _LAYOUT = Layout("atlas", COLUMNS, ("velocities",), TEXTS, WHOLE)
 def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
     """Write the data of a picture: csv, json, npz or mat, as the file's name ends.
 
+    Parameters
+    ----------
+    atlas : Atlas
+    path : path-like
+        A name that ends in .csv, .json, .npz or .mat.
+
     Raises
     ------
     ExportError
@@ -352,6 +358,11 @@ def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
 
 def read_atlas(path: str | os.PathLike[str]) -> Atlas:
     """Read the data of a picture.
+
+    Parameters
+    ----------
+    path : path-like
+        A name that ends in .csv, .json, .npz or .mat.
 
     Raises
     ------

@@ -22,13 +22,15 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
 
 __all__ = [
-    "BINARY", "DEFAULT_COLUMNS", "POINT_NAMES", "TABLE_FORMATS", "Table", "csv_text", "orbit_rows", "orbit_samples", "plain_columns",
-    "points_table", "table_text", "write_binary",
+    "BINARY", "DEFAULT_COLUMNS", "POINT_NAMES", "TABLE_FORMATS", "Table", "csv_cell", "csv_text", "orbit_rows", "orbit_samples",
+    "plain_columns", "points_table", "table_text", "write_binary",
 ]  # fmt: skip
 
 TABLE_FORMATS = ("csv", "json", "npz", "mat")
 
 BINARY = ("npz", "mat")
+
+_PLAIN = str.maketrans({",": ";", '"': "'", "#": "no. ", "\n": " "})
 
 Table = dict[str, "np.ndarray | list[np.ndarray]"]
 
@@ -78,14 +80,14 @@ def _listed(values: np.ndarray | list[np.ndarray]) -> list[Any]:
 def _cells(name: str, values: list[Any], column: np.ndarray | list[np.ndarray]) -> dict[str, list[str]]:
     """The CSV columns of one column."""
     if isinstance(column, list) or (column.ndim == 1 and not np.iscomplexobj(column)):
-        return {name: [_cell(value) for value in values]}
+        return {name: [csv_cell(value) for value in values]}
     if column.ndim == 2:
         out: dict[str, list[str]] = {}
         for k in range(column.shape[1]):
             out |= _cells(f"{name}.{k + 1}", [value[k] for value in values], column[:, k])
         return out
     pairs = [value or (None, None) for value in values]
-    return {f"{name}.{part}": [_cell(pair[k]) for pair in pairs] for k, part in enumerate(("re", "im"))}
+    return {f"{name}.{part}": [csv_cell(pair[k]) for pair in pairs] for k, part in enumerate(("re", "im"))}
 
 
 def write_binary(table: Table, format: str, file: IO[bytes], *, about: str | None = None, cells: bool = True) -> None:
@@ -132,14 +134,15 @@ def _plain(value: Any, name: str) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _cell(value: Any) -> str:
+def csv_cell(value: Any) -> str:
+    """A value as a cell of CSV. Commas, quotes and # in texts are replaced, because many readers of CSV do not know quoting."""
     if value is None:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, list):
-        return " ".join(_cell(entry) for entry in value)
-    return repr(value) if isinstance(value, float) else str(value)
+        return " ".join(csv_cell(entry) for entry in value)
+    return repr(value) if isinstance(value, float) else str(value).translate(_PLAIN)
 
 
 POINT_NAMES = (

@@ -30,6 +30,7 @@ from branches.figures.style import (
     settle_layout,
 )
 from branches.figures.titles import system_text, velocity_symbol
+from bvp.options import takes_options_of
 from bvp.shown import shown as in_words
 
 if TYPE_CHECKING:
@@ -60,25 +61,6 @@ _STAR: dict[str, Any] = {
     "marker": "*", "markersize": 5.5, "markerfacecolor": YELLOW, "markeredgecolor": BLACK, "markeredgewidth": 0.4, "linestyle": "none",
 }  # fmt: skip
 _BOUND: dict[str, Any] = {"color": ORANGE, "linewidth": 0.8, "linestyle": (0, (5, 2.5))}
-
-
-def draw_atlas(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
-    """Write the frequency-energy plot of many families to a png, pdf or svg file.
-
-    Parameters
-    ----------
-    atlas : Atlas
-    path_or_file : path, or binary file open for writing
-    format : "png", "pdf" or "svg"; by default what the file's name ends with
-    **options
-        As for `atlas_figure`.
-    """
-    draw(lambda: atlas_figure(atlas, **options), path_or_file, format)
-
-
-def draw_velocities(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
-    """Write the start velocities of many families against energy to a png, pdf or svg file: as for `draw_atlas`."""
-    draw(lambda: velocities_figure(atlas, **options), path_or_file, format)
 
 
 def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Inset] = (), names: int = MOST_NAMES) -> Figure:
@@ -162,6 +144,26 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         legend = _legend(figure, codes, _drawn_types([axes, *panels]), others)
         _note_named(legend, [axes, *panels], written, curves or named)
     return figure
+
+
+@takes_options_of(atlas_figure)
+def draw_atlas(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
+    """Write the frequency-energy plot of many families to a png, pdf or svg file.
+
+    Parameters
+    ----------
+    atlas : Atlas
+    path_or_file : path, or binary file open for writing
+    format : "png", "pdf" or "svg"; by default what the file's name ends with
+    **options
+        As for `atlas_figure`.
+    """
+    draw(lambda: atlas_figure(atlas, **options), path_or_file, format)
+
+
+def draw_velocities(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
+    """Write the start velocities of many families against energy to a png, pdf or svg file: as for `draw_atlas`."""
+    draw(lambda: velocities_figure(atlas, **options), path_or_file, format)
 
 
 def velocities_figure(atlas: Atlas, *, names: int = MOST_VELOCITY_NAMES) -> Figure:

@@ -16,6 +16,7 @@ import numpy as np
 from branches.figures.titles import pinned_names
 from branches.naming.labels import spelled
 from bvp.shown import shown
+from bvp.summary import brief
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -35,6 +36,7 @@ EVENTS = ("SN", "SB", "PD", "GR")
 """Types of special points that are marked in pictures of many families; the first of those at one point counts."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A family: its id, and columns of length N.
@@ -83,6 +85,7 @@ class Bound:
     what: str
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Atlas:
     """All that is drawn, in the units of the scale.

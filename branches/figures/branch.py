@@ -94,7 +94,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
         raise ValueError("the branch has no points to draw")
     if not energies.min() > 0:
         raise ValueError(f"the logarithmic energy axis needs positive energies: the lowest is {energies.min():.6g}")
-    panels = [_frequency_panel(branch, frequency), *_start_panels(branch)]
+    panels = [frequency_panel(branch, frequency), *_start_panels(branch)]
     event_energies = np.array([event.h for event in branch.events], dtype=float)
     names, kinds = [event.id for event in branch.events], [event.type for event in branch.events]
     with picture_settings():
@@ -112,7 +112,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
             set_axis(axes[panel.name], "y", limits_of(shown, margin, log=log), 5, panel.words, panel.symbol, log=log)
             if panel.note:
                 axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
-            curve = _curve(branch, panel, wide=wide)
+            curve = panel_curve(branch, panel, wide=wide)
             drawn.append((axes[panel.name], panel, curve, curve_runs(curve.stable, curve.x, curve.y, curve.breaks)))
         entries = legend_entries(visible_codes((axes, runs) for axes, _, _, runs in drawn), kinds)
         columns = -(-len(entries) // -(-len(entries) // 6))
@@ -182,7 +182,7 @@ def crowds(names: Sequence[str], kinds: Sequence[str], at: np.ndarray) -> list[t
     return [(row, textwrap.fill(", ".join(found), _LETTERS)) for row, found in places]
 
 
-def _curve(branch: Any, panel: _Panel, *, wide: bool) -> DrawnCurve:
+def panel_curve(branch: Any, panel: _Panel, *, wide: bool) -> DrawnCurve:
     """The curve of a panel as it is drawn: smooth, and after a break from where the piece before it ended."""
     points = branch.points
     x, arclength = np.asarray(points["h"], dtype=float), np.asarray(points["arclength"], dtype=float)
@@ -210,7 +210,7 @@ def _along(branch: Any, values: np.ndarray) -> np.ndarray:
     return np.where(exact & finite[nearest], values[nearest], between)
 
 
-def _frequency_panel(branch: Any, frequency: str) -> _Panel:
+def frequency_panel(branch: Any, frequency: str) -> _Panel:
     points = branch.points
     turns = np.asarray(points["half_waves"])
     fundamental = np.asarray(points["frequency"], dtype=float)

@@ -73,7 +73,7 @@ def orbit_figure(orbit: Any) -> Figure:
         two alone; for one degree of freedom the phase plane.
     """
     system = orbit.system
-    times, u, v = _sampled(orbit)
+    times, u, v = sampled_orbit(orbit)
     at = np.array([impact.time for impact in orbit.impacts], dtype=float)
     u_at = orbit.sample(at)[0] if len(at) else np.empty((0, u.shape[1]))
     rows = 1 + len(system.stops)
@@ -82,7 +82,7 @@ def orbit_figure(orbit: Any) -> Figure:
         figure.suptitle(_title(orbit))
         layout: list[Any] = [["displacement", "plane"], *([f"stop{k}", "plane"] for k in range(len(system.stops)))]
         axes = figure.subplot_mosaic(layout, width_ratios=[1.35, 1.0])
-        _draw_displacements(axes["displacement"], system, times, u, at, u_at)
+        draw_displacements(axes["displacement"], system, times, u, at, u_at)
         for k, stop in enumerate(system.stops):
             mine = np.array([_of_stop(impact, stop, system) for impact in orbit.impacts], dtype=bool)
             gap = np.asarray(stop.gap, dtype=float)
@@ -98,7 +98,7 @@ def orbit_figure(orbit: Any) -> Figure:
     return figure
 
 
-def _sampled(orbit: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sampled_orbit(orbit: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (k,), displacements and velocities (k, n) over one period, with both sides of each impact, so kinks are sharp."""
     period = float(orbit.period)
     at = np.array([impact.time for impact in orbit.impacts], dtype=float)
@@ -132,7 +132,7 @@ def _mark_impacts(axes: Axes, x: np.ndarray, y: np.ndarray, name: str) -> None:
     marks.set_gid(f"{name}-impacts")
 
 
-def _draw_displacements(axes: Axes, system: Any, times: np.ndarray, u: np.ndarray, at: np.ndarray, u_at: np.ndarray) -> None:
+def draw_displacements(axes: Axes, system: Any, times: np.ndarray, u: np.ndarray, at: np.ndarray, u_at: np.ndarray) -> None:
     from matplotlib.lines import Line2D
 
     for k, name in enumerate(system.coordinates):

@@ -24,6 +24,8 @@ from branches.grazing.candidates import candidate
 from branches.grazing.following import Neighbour, meet
 from branches.grazing.touching import EVERY, Touching
 from branches.linear_modes import LinearMode
+from branches.tracing import follow_family
+from bvp.options import takes_options_of
 
 __all__ = ["beginnings", "families_at", "response"]
 
@@ -77,6 +79,7 @@ def begins(matrix: np.ndarray, impacts: np.ndarray) -> int:
     return 0
 
 
+@takes_options_of(follow_family)
 def families_at(mode: LinearMode, cover: int, impacts: int, *, periodic: bool = True, **options: Any) -> list[Neighbour]:
     """The families that begin where a linear mode touches the stops, with the period of its k-fold cover.
 

@@ -18,6 +18,8 @@ from branches.sequences import Ends, format_sequence, impacts_per_period
 from branches.tracing import follow_family
 from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.options import takes_options_of
+from bvp.summary import brief
 from continuation.switching import SwitchError, branch_directions
 
 if TYPE_CHECKING:
@@ -50,6 +52,7 @@ class Closure(NamedTuple):
     residual: float
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Neighbour:
     """A family that meets another one at a grazing orbit, or the reason why a sequence has none there.
@@ -113,6 +116,7 @@ class Neighbour:
         return replace(self, label=branch.label, branch=branch, event=_same_event(branch, self.there.problem, self.there.y))
 
 
+@takes_options_of(follow_family)
 def neighbours(branch: Branch, event: BranchEvent | str, *, cover: int = 1, **options: Any) -> list[Neighbour]:
     """The families that meet a branch at a grazing.
 

@@ -14,6 +14,7 @@ from branches.impulsive.start import check_system, impulsive_state, oscillator_p
 from bvp.checks import checked_energy_range
 from bvp.motion import MotionStatus
 from bvp.simulate import simulate
+from bvp.summary import brief
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -32,6 +33,7 @@ SAMPLES = 16
 _LARGEST = 1 << 23
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Manifold:
     """The curve.

@@ -22,6 +22,7 @@ from branches.search.orbits import Found, accept
 from bvp.checks import checked_energy_range
 from bvp.kernels.scan import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.summary import brief, listed
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -33,6 +34,7 @@ _ASIDE = 1e-6
 """Arclength to the orbit beside an impulsive one whose label it is given."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class ImpulsiveOrbit:
     """A periodic orbit that starts with the velocity of the primary alone.
@@ -86,6 +88,7 @@ class Unpolished:
     reason: str
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class ImpulsiveOrbits:
     """All that a search found.
@@ -102,6 +105,11 @@ class ImpulsiveOrbits:
     unpolished: tuple[Unpolished, ...]
     counts: dict[str, int] = field(default_factory=dict)
     open: tuple[tuple[float, float], ...] = ()
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        closed = "complete" if self.settled else "not complete"
+        title = f"ImpulsiveOrbits, h = {self.energy[0]:g} to {self.energy[1]:g}: {len(self.orbits)} orbits, {closed}"
+        return title, [("orbits", listed([orbit.label for orbit in self.orbits]))]
 
     @property
     def settled(self) -> bool:

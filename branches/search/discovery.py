@@ -21,6 +21,7 @@ from bvp.checks import is_finite, require_system
 from bvp.kernels.follow import TURN_LIMIT
 from bvp.kernels.verdict import GRAZED
 from bvp.shown import shown
+from bvp.summary import brief, listed
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -61,6 +62,7 @@ STAGES = (
 """What `Discovery.counts` counts, in this order."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Discovery:
     """What was found at one energy.
@@ -101,6 +103,11 @@ class Discovery:
     open: list[Opening]
     counts: dict[str, int]
     families: tuple[str | None, ...] = ()
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        closed = "complete" if self.settled else "not complete"
+        title = f"Discovery at h = {self.energy:.10g}: {len(self.orbits)} orbits, {closed}"
+        return title, [("orbits", listed([orbit.label or "-".join(orbit.ends) for orbit in self.orbits]))]
 
     @property
     def settled(self) -> bool:

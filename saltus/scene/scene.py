@@ -25,6 +25,7 @@ import numpy as np
 
 from bvp.checks import Frozen
 from bvp.shown import shown
+from bvp.summary import brief
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene.loads import read_loads
 from saltus.scene.toml import TomlTable, parse_toml, read_toml
@@ -42,6 +43,7 @@ _ROLES = {"NES": "absorber", "LO": "primary"}
 """Keys of ``[coordinates]``, and what a system's description calls them."""
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A system with its bounds and names. Two scenes with the same content are equal.

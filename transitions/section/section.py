@@ -6,6 +6,7 @@ Flights are exact. Impacts and crossings are found by bounds, so that none is mi
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -21,6 +22,7 @@ from bvp.kernels.compiled import address_of
 from bvp.kernels.contact_mode import CLOCK, COUNTS, PASSES
 from bvp.shown import shown
 from bvp.simulate import Simulator
+from bvp.summary import brief, listed
 from transitions.kernels import section as kernels
 from transitions.section.plane import SectionPlane, checked_points
 
@@ -64,6 +66,7 @@ _ENDS = {
 }
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Section:
     """Crossings of the section by m orbits, up to k of each. The start is the first crossing. NaN fills the rows after an orbit's end.
@@ -100,6 +103,11 @@ class Section:
     sticking_times: np.ndarray
     ends: tuple[SectionEnd, ...]
     interrupted: bool = False
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        ended = Counter(end.value for end in self.ends)
+        title = f"Section at h = {self.plane.energy:.10g}: {len(self)} crossings of {len(self.counts)} motions"
+        return title, [("impacts", str(int(self.impacts.sum()))), ("ended", listed([f"{n}: {text}" for text, n in ended.items()]))]
 
     @property
     def system(self) -> ImpactSystem:

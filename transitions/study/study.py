@@ -19,6 +19,7 @@ import numpy as np
 
 from branches.files import one_line, reason, replacing, write_text
 from bvp.shown import shown
+from bvp.summary import brief, listed
 from transitions.study.plan import Axis, Plan
 from transitions.study.runs import Ending, block_columns, results_of
 
@@ -197,6 +198,7 @@ def finished_blocks(folder: Path, plan: Plan, digest: str, kind: str, damaged: C
     return {number for number, _ in _blocks(folder, plan, digest, kind, lambda error: damaged(str(error)))}
 
 
+@brief
 @dataclass(frozen=True)
 class Best:
     """The best run.
@@ -220,6 +222,7 @@ class Best:
     neighbours: np.ndarray
 
 
+@brief
 class Study:
     """The results of many runs.
 
@@ -262,6 +265,10 @@ class Study:
             for name in block_columns(self.plan)
         }  # fmt: skip
         self.given = {axis.name: self._named(axis) for axis in self.plan.axes}
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        title = f"Study {self.path}: {len(self)} of {self.plan.count} runs"
+        return title, [("varied", listed(self.plan.names)), ("results", listed(self.names))]
 
     def __len__(self) -> int:
         return len(self.runs)
