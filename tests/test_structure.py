@@ -6,9 +6,12 @@ alone (`if TYPE_CHECKING`) does not: it never runs.
 
 import ast
 import configparser
+import subprocess
+import sys
 from pathlib import Path
 
 import networkx as nx
+import pytest
 
 ROOT = Path(__file__).parents[1]
 
@@ -83,3 +86,20 @@ def test_a_circle_is_found_also_inside_functions_and_through_packages(tmp_path):
     for name, text in files.items():
         (tmp_path / "pack" / f"{name}.py").write_text(text, encoding="utf-8")
     assert sorted(circles(tmp_path, ["pack"])) == [["pack.a", "pack.b", "pack.c"], ["pack.f", "pack.part", "pack.part.high"]]
+
+
+@pytest.mark.parametrize(
+    ("loaded", "heavy"),
+    [
+        ("saltus; dir(saltus)", {"numpy", "scipy", "sympy", "numba", "argparse"}),
+        ("bvp", {"numpy", "numba", "scipy"}),
+        ("bvp.lagrangian, bvp.system", {"sympy"}),
+        ("continuation.run, continuation.generic, continuation.switching", {"scipy", "sympy", "matplotlib", "numba"}),
+        ("branches.figures.branch, branches.figures.atlas, branches.figures.orbit", {"matplotlib"}),
+    ],
+)
+def test_what_a_package_does_not_load(loaded, heavy):
+    """Oracle: the modules that a new process has loaded after the import."""
+    code = f"import sys; import {loaded}; print({heavy} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout == "set()\n"

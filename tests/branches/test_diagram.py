@@ -419,11 +419,6 @@ def test_the_users_settings_neither_enter_nor_change(tmp_path):
     assert (tmp_path / "plain.svg").read_bytes() == (tmp_path / "loud.svg").read_bytes()
 
 
-def test_importing_the_figures_does_not_load_matplotlib():
-    code = "import sys, branches.figures.branch, branches.figures.atlas, branches.figures.orbit; assert 'matplotlib' not in sys.modules"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
 def test_drawing_leaves_pyplot_alone():
     code = (
         "import sys, io; sys.path.insert(0, 'tests/branches'); import test_diagram as t; "

@@ -258,11 +258,3 @@ def test_functions_of_two_times_are_refused():
         reference(coordinates=[u1(t, s), u2(t)])
     with pytest.raises(LagrangianError, match="neither a coordinate nor a velocity"):
         reference(kinetic=u1(t).diff(t, 2) ** 2, coordinates=[u1(t), u2(t)])
-
-
-def test_sympy_is_loaded_only_by_use():
-    import subprocess
-    import sys
-
-    code = "import sys, bvp.lagrangian, bvp.system; print('sympy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "False"

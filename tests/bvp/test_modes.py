@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.blocks import cut, jacobi
+from bvp.blocks import cut
 from bvp.modes import undamped_modes
 from bvp.motion import MotionStatus
 from bvp.simulate import simulate
@@ -104,27 +104,6 @@ def test_an_indefinite_stiffness_has_a_hyperbolic_pair():
     np.testing.assert_allclose(modes.delta, [4.0, -1.0], rtol=1e-15)
     assert np.isnan(modes.frequencies[0]) and modes.frequencies[1] == pytest.approx(1.0, rel=1e-15)
     assert_blocks_are_the_system(system, 8 * EPSILON)
-
-
-def test_jacobi_gives_orthogonal_eigenvectors():
-    """Second method: numpy's eigh."""
-    a = np.random.default_rng(3).normal(size=(7, 7))
-    a = a + a.T
-    values, vectors = jacobi(a)
-    np.testing.assert_allclose(np.sort(values), np.linalg.eigvalsh(a), atol=1e-13)
-    np.testing.assert_allclose(vectors.T @ vectors, np.eye(7), atol=1e-14)
-    np.testing.assert_allclose(vectors * values @ vectors.T, a, atol=1e-13)
-
-
-def test_the_undamped_layout_is_displacements_then_velocities_of_the_modes():
-    """u = Phi q, v = Phi p, B[k, n+k] = 1, B[n+k, k] = -w^2, mean 0, delta = -w^2."""
-    modes = vibro_impact_nes(0.37, 0.81).modes
-    assert modes.layout == "undamped" and modes.pairs.tolist() == [[0, 2], [1, 3]]
-    np.testing.assert_array_equal(modes.matrix[:2, 2:], np.eye(2))
-    np.testing.assert_array_equal(modes.matrix[2:, :2], -np.diag(modes.squares))
-    np.testing.assert_array_equal(modes.delta, -modes.squares)
-    assert not modes.mean.any()
-    np.testing.assert_array_equal(modes.to_state, np.kron(np.eye(2), modes.shapes))
 
 
 def test_the_contacts_of_several_stops():

@@ -193,12 +193,6 @@ def test_backbone_is_a_solution_and_is_found_again(mu, sigma, fraction):
     assert solution["residual"] < 1e-14
 
 
-def test_published_point_of_the_in_phase_backbone():
-    """S13O00+ at alpha = 1.7: h = 0.588748128566443 (closed form, 15 digits)."""
-    problem, y = backbone_segment(vibro_impact_nes(), 1.7)
-    assert abs(problem.solve(y, quarter_period=1.7)["energy"] - 0.588748128566443) < 1e-14
-
-
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
 def test_backbone_of_chains(n):
     """The closed form holds for any number of degrees of freedom, rigid-body modes included."""

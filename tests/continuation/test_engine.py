@@ -231,17 +231,6 @@ def test_the_text_of_an_end_is_that_of_its_reason_with_the_detail():
         assert End(reason, "").text == reason.text and End(reason, "why").text == f"{reason.text} (why)"
 
 
-def test_no_heavy_import():
-    """The engine loads no scipy, sympy or matplotlib."""
-    import subprocess
-    import sys
-
-    heavy = ("scipy", "sympy", "matplotlib", "numba")
-    code = "import sys, continuation.run, continuation.generic, continuation.switching; "
-    code += f"print([name for name in {heavy} if name in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
-
-
 class Wave(Line):
     """The line whose reported parameter is cos(s): it passes +-1 again and again."""
 

@@ -54,14 +54,6 @@ def test_the_shell_completes_commands_options_and_files(tmp_path, capsys):
     assert run(capsys, "--print-completion", "fish")[0] == 2
 
 
-def test_importing_the_package_loads_nothing():
-    """Oracle: the modules that Python has loaded after it."""
-    heavy = "numpy", "scipy", "sympy", "numba", "argparse"
-    code = f"import sys, saltus; dir(saltus); print([name for name in {heavy} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
-
-
 def test_the_public_names_are_those_that_are_listed():
     """Oracle: the imports of the package's source, which type checkers read."""
     source = ast.parse(Path(saltus.__file__).read_text(encoding="utf-8"))
