@@ -1,7 +1,7 @@
 """A family of impacting orbits as the engine sees it: steps, test functions, and what an event means.
 
 Binds `bvp.multipoint` (the orbits) to `continuation` (the following). The test functions are those of a symmetric orbit's half map
-phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.halfmap`): each bifurcation is a plain zero of one entry, so no event
+phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.stability`): each bifurcation is a plain zero of one entry, so no event
 hides in a trace that touches +-2 without crossing it.
 """
 
@@ -20,7 +20,7 @@ from branches.markers import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit,
 from branches.naming.labels import ImpossibleLabelError, Label, label_of
 from branches.steps import AdvancedSteps, step_of
 from bvp.checks import changeable
-from bvp.kernels import segment as kernel
+from bvp.kernels import multipoint as kernel
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of

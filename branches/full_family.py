@@ -26,7 +26,7 @@ from branches.passing import Runs, one_family
 from branches.sequences import canonical_sequence, join_family_id
 from branches.steps import AdvancedSteps, solutions_of
 from bvp.checks import read_only
-from bvp.kernels.segment import ENERGY, QUARTER_PERIOD
+from bvp.kernels.multipoint import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.problem import Advance, EndReason, Step, TestFunction
 from continuation.run import Run, follow_both_ways

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bvp.kernels.segment import (
+from bvp.kernels.multipoint import (
     ABSORBER_END,
     ABSORBER_START,
     BRANCHING,
@@ -96,7 +96,7 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> No
 
 
 def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
-    """The entries of `out` after the common ones, n = 2: the entries of the half map (see `bvp.kernels.halfmap`), each bifurcation a plain
+    """The entries of `out` after the common ones, n = 2: the entries of the half map (`bvp.kernels.stability`), each bifurcation a plain
     zero of one, then the distances from the `targets` of a trace: of a quarter that of the half map (tau_half), else that of the full
     period (tau). `quarters`: quarter periods solved.
 

@@ -10,7 +10,7 @@ import numpy as np
 from branches.family import label_text
 from branches.steps import Solutions
 from bvp.closures import cycle_of
-from bvp.kernels import segment as kernel
+from bvp.kernels import multipoint as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import balance, decide, roundings, stability

@@ -8,7 +8,7 @@ from typing import overload
 import numpy as np
 
 from branches.kernels.advance import Block
-from bvp.kernels.segment import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
+from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.multipoint import Solution
 from continuation.points import PlainPoints, Points
 from continuation.problem import Point, Step

@@ -204,7 +204,7 @@ def run_fast_path(
     wanted = np.array(fractions, dtype=float)
     most = np.ascontiguousarray(np.broadcast_to(max_impacts, len(starts)), dtype=np.int64)
     out = np.empty((len(starts), kernels.COLUMNS + len(wanted)))
-    kernels.fast_path_runs(
+    kernels.fast_path_batch(
         numbers, terms, np.ascontiguousarray(which, dtype=np.int64), starts, initial, float(duration), rests, most, wanted,
         np.empty(4), np.empty(places.PARTS), out,
     )  # fmt: skip

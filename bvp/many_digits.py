@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import mpmath as mp
 import numpy as np
 
-from bvp.kernels.segment import ORIGIN, PERIODIC, REST, STOP
+from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP
 from bvp.multipoint import MultipointProblem
 from bvp.stability import DECISION, balance, verdict
 
@@ -180,7 +180,7 @@ class DigitOrbit:
 
     @cached_property
     def half_map(self) -> Any:
-        """phi (2 (n - 1), 2 (n - 1)) between the ends: see `bvp.kernels.halfmap`.
+        """phi (2 (n - 1), 2 (n - 1)) between the ends: see `bvp.kernels.stability`.
 
         Raises
         ------

@@ -15,10 +15,10 @@ from bvp.interrupts import Pace
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
 from bvp.kernels.contact_mode import ContactModes
+from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
-from bvp.kernels.integral import integral_work
-from bvp.kernels.motions import raise_peaks, sample, spent, states_after
+from bvp.kernels.motion import raise_peaks, sample, spent, states_after
 from bvp.shown import shown
 from bvp.summary import brief, listed
 

@@ -1,7 +1,7 @@
 """Floquet multipliers of impacting orbits from the saddle-point matrix.
 
 The linearised multipoint problem is reduced by orthogonal transformations to a product pencil (`bvp.kernels.pencil`), whose
-eigenvalues are found by sweeps round it (`bvp.kernels.sweep`); the monodromy is never formed. The textbook product of saltation
+eigenvalues are found by sweeps round it (`bvp.kernels.pencil`); the monodromy is never formed. The textbook product of saltation
 matrices is the second method, of the tests and the benchmarks. Which orbits are stable is decided apart from both, from the half map: see
 `bvp.stability`.
 """
@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bvp.closures import Cycle
-from bvp.kernels.pencil import landings, pencil, trivial_directions
-from bvp.kernels.sweep import sweep
+from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
 
 __all__ = [
     "GRAZING_LIMIT",

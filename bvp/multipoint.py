@@ -19,11 +19,9 @@ from bvp.checks import changeable, read_only
 from bvp.closures import EndsError, contact_of, end_condition, free_translation, parse_end, start_states, translation_text
 from bvp.kernels.compiled import address_of
 from bvp.kernels.extrema import Observed
-from bvp.kernels.multipoint import evaluate, fill, make_factor, nodes_by_flight
-from bvp.kernels.observe import orbit_observe, two_dof_orbit_observe
-from bvp.kernels.segment import ORIGIN, PERIODIC, RESULT, Segment, pack
+from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.stability import make_period, orbit_stability
-from bvp.kernels.step import end_states, orbit_step, two_dof_orbit_step
+from bvp.kernels.step import end_states, orbit_observe, orbit_step, two_dof_orbit_observe, two_dof_orbit_step
 from bvp.summary import brief
 from bvp.system import ImpactSystem
 
@@ -52,7 +50,7 @@ class Solution:
     ends : (k + 1, N) float
         State at the end of each flight, before the impact there.
     result : (len(RESULT),) float
-        See `bvp.kernels.segment.RESULT`; entries that do not exist are NaN.
+        See `bvp.kernels.multipoint.RESULT`; entries that do not exist are NaN.
     """
 
     y: np.ndarray

@@ -14,11 +14,11 @@ from bvp.forcing import budget_terms, forcing_of, split_damping
 from bvp.interrupts import Held, Pace, held
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
-from bvp.kernels.chatter import LEVELS
+from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
-from bvp.kernels.integral import integral_work
-from bvp.kernels.motions import many
+from bvp.kernels.motion import many
+from bvp.kernels.sticking import LEVELS
 from bvp.motion import STATUS, Batch, EnergyMark, Motion, MotionStatus
 from bvp.shown import shown
 

@@ -1,6 +1,6 @@
 """Which orbits are stable, decided by more than the error of the numbers it is decided by.
 
-A reversible orbit between two ends has the half map phi = [[a, b], [c, d]] (`bvp.kernels.halfmap`), symplectic. With nu the
+A reversible orbit between two ends has the half map phi = [[a, b], [c, d]] (`bvp.kernels.stability`), symplectic. With nu the
 eigenvalues of b'c, the return map there and back has the traces 2 + 4 nu, and 1 + nu are the eigenvalues of d'a: the orbit is
 stable where every nu lies in (-1, 0), and near the limits nu and 1 + nu are small numbers with small errors, not differences
 of large ones.
@@ -16,8 +16,8 @@ import numpy as np
 
 from bvp.checks import changeable
 from bvp.closures import cycle_of
-from bvp.kernels.halfmap import half_map, half_map_scratch
-from bvp.kernels.segment import ORIGIN
+from bvp.kernels.multipoint import ORIGIN
+from bvp.kernels.stability import half_map, half_map_scratch
 from bvp.multipliers import nearest_grazing, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
 

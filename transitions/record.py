@@ -11,10 +11,10 @@ import numpy as np
 
 from bvp.checks import read_only, reals
 from bvp.interrupts import Pace
+from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS, peak_flight
 from bvp.kernels.flight import Flight
 from bvp.kernels.impact import work_array
-from bvp.kernels.integral import integral_work
 from bvp.shown import shown
 from bvp.summary import brief
 from transitions.kernels.extents import extents_of_motion

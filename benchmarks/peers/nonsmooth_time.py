@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.speed_error.methods import Answer, Method, OrbitAnswer, Task, Work
 from benchmarks.speed_error.tasks import OrbitTask
 from bvp.checks import checked_number
-from bvp.kernels.restitution import restitute
+from bvp.kernels.impact import restitute_state
 from bvp.simulate import checked_state
 
 if TYPE_CHECKING:
@@ -296,7 +296,7 @@ def _shoot(system: ImpactSystem, alpha: float, slope: np.ndarray, integrator: st
         tau, state = at, found.y_events[contact][0]
         impacts.append(TauImpact(tau, modes.contact_letters[contact], float(rows[contact] @ state[n:]) / alpha))
         z = modes.from_state[:, n:] @ state[n:]
-        restitute(modes.contacts, contact, z, z)
+        restitute_state(modes.contacts, contact, z, z)
         state = np.concatenate([state[:n], modes.to_state[n:] @ z])
     raise NotMatched(f"more than {_FLIGHTS} impacts in half a period")
 

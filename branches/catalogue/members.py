@@ -18,7 +18,7 @@ from branches.presentation import Presentation, embed, presentation_of, solved
 from branches.sequences import PERIODIC, Ends, ImpactSequence, impacts_per_period, parse_ends, parse_sequence
 from bvp.closures import cycle_of
 from bvp.kernels.flight import flow_state
-from bvp.kernels.segment import STOP
+from bvp.kernels.multipoint import STOP
 from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem, NotConverged
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from branches.identity import pattern_of
 from bvp.closures import cycle_of
-from bvp.kernels.extrema import crossings
+from bvp.kernels.extrema import crossing_times
 from bvp.kernels.flight import flow_state
 from bvp.multipoint import MultipointProblem
 
@@ -272,7 +272,7 @@ def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: fl
     for contact in range(len(modes.contact_side)):
         gap, rate, bend = modes.contact_gap[contact], modes.contact_rate[contact], modes.contact_acceleration[contact]
         third = np.ascontiguousarray(bend @ modes.matrix)
-        found = crossings(modes.flight, rate, bend, third, np.ascontiguousarray(z), duration, times, np.empty(len(z)))
+        found = crossing_times(modes.flight, rate, bend, third, np.ascontiguousarray(z), duration, times, np.empty(len(z)))
         for time in times[: min(found, _TURNS)].tolist():
             for _ in range(3):
                 flow_state(modes.flight, z, time, state)

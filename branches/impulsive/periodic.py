@@ -20,7 +20,7 @@ from branches.impulsive.scan import FLOOR, Bracket, ImpulsiveMotions, Scan, scan
 from branches.orbit import Orbit
 from branches.search.orbits import Found, accept
 from bvp.checks import checked_energy_range
-from bvp.kernels.scan import TURN, ZERO
+from bvp.kernels.shooting import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 from bvp.summary import brief, listed
 

@@ -19,9 +19,9 @@ import numpy as np
 
 from branches.impulsive.start import check_system, impulsive_state
 from branches.search.scope import require_two_degrees
-from bvp.kernels import scan as kernel
+from bvp.kernels import shooting as kernel
 from bvp.kernels.impact import work_array
-from bvp.kernels.scan import TURN, ZERO
+from bvp.kernels.shooting import TURN, ZERO
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -36,7 +36,7 @@ class Traces:
     """Events of M motions, E at most; those beyond `count` mean nothing.
 
     count : (M,) events, -1 where the motion could not be followed.
-    kind : (M, E) the contact hit, or `bvp.kernels.scan.ZERO` (the gap coordinate passes zero) or `TURN` (its velocity does).
+    kind : (M, E) the contact hit, or `bvp.kernels.shooting.ZERO` (the gap coordinate passes zero) or `TURN` (its velocity does).
     time, residual, gap : (M, E) time; what is transverse to the end set - the other displacement at a ZERO (end origin), the other velocity
     at a TURN (rest) and at an impact (stop) -; the gap coordinate. passing : (M, E) square of the rate at which what tells the event
     passes zero, zero where two events of a kind meet, such as an impact and a turning point at grazing. time_slope, residual_slope,

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.markers import common_tests, is_orbit, two_dof_tests
-from bvp.kernels.arrays import set_1
 from bvp.kernels.compiled import call_at, kernel, part
-from bvp.kernels.segment import CONTRACTION, CONVERGED, SLOPE, TURN
+from bvp.kernels.flight import set_1
+from bvp.kernels.multipoint import CONTRACTION, CONVERGED, SLOPE, TURN
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
 __all__ = ["Block", "advance_block"]

@@ -14,13 +14,13 @@ def kept(*, discovery: bool = False, impulsive: bool = False) -> bool:
     from branches.kernels.advance import advance_block
     from bvp.kernels.cache import stored
     from bvp.kernels.intervals import scan_interval
-    from bvp.kernels.scan import scan
+    from bvp.kernels.shooting import scan_starts
     from bvp.kernels.stability import orbit_stability
 
-    kernels = [advance_block, orbit_stability, scan_interval if discovery else scan]
+    kernels = [advance_block, orbit_stability, scan_interval if discovery else scan_starts]
     if impulsive:
         from bvp.kernels.motion import move
-        from bvp.kernels.scan import sensitivities
+        from bvp.kernels.shooting import sensitivities
 
         kernels += [sensitivities, move]
     return all(map(stored, kernels))
@@ -31,9 +31,9 @@ def warm() -> None:
     import numpy as np
 
     from branches.family import Family
-    from bvp.kernels.observe import two_dof_orbit_observe
-    from bvp.kernels.segment import RESULT
+    from bvp.kernels.multipoint import RESULT
     from bvp.kernels.stability import orbit_stability
+    from bvp.kernels.step import two_dof_orbit_observe
     from bvp.multipoint import MultipointProblem
     from bvp.system import vibro_impact_nes
     from continuation.control import Settings, control_of

@@ -18,7 +18,7 @@ from branches.search.scope import START_FROM_A_STATE, require_conservative, requ
 from branches.search.starts import Path, curves
 from branches.sequences import impacts_per_period, segments_per_period
 from bvp.checks import is_finite, require_system
-from bvp.kernels.follow import TURN_LIMIT
+from bvp.kernels.shooting import TURN_LIMIT
 from bvp.kernels.verdict import GRAZED
 from bvp.shown import shown
 from bvp.summary import brief, listed

@@ -15,7 +15,7 @@ from branches.naming.labels import ImpossibleLabelError, Label
 from branches.search.scan import EndCrossing
 from branches.search.starts import Curve, Path
 from branches.sequences import canonical_sequence, format_sequence, impacts_per_period, mirror, mirror_ends, unfold
-from bvp.kernels.segment import STOP
+from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ import numpy as np
 
 from branches.search.starts import INSET, QUADRATIC, Curve, Path
 from bvp.interrupts import Pace
-from bvp.kernels.follow import COLUMNS, CONTACT, DERIVATIVE, DURATION, TIME, follow
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
-from bvp.kernels.segment import ORIGIN, REST, STOP
+from bvp.kernels.multipoint import ORIGIN, REST, STOP
+from bvp.kernels.shooting import COLUMNS, CONTACT, DERIVATIVE, DURATION, TIME, follow_impacts
 from bvp.kernels.verdict import ENDLESS
 
 __all__ = ["Opening", "EndCrossing", "follow_start", "resumed", "scan"]
@@ -147,7 +147,7 @@ def follow_start(curve: Curve, parameter: float, impacts: int, longest: float) -
         longest -= float(before.instants[-1])
     record = np.zeros((impacts + 2, COLUMNS))
     work = np.zeros((16, 16))
-    rows = follow(curve.flow, parameter, longest, impacts, record, work)
+    rows = follow_impacts(curve.flow, parameter, longest, impacts, record, work)
     hit = int(np.argmax(np.append(record[:rows, CONTACT] < 0.0, True)))
     hit = min(hit, impacts + 1)
     inner = min(hit, impacts, rows - 1)
@@ -202,7 +202,7 @@ def resumed(curve: Curve, opening: Opening, longest: float) -> Curve | None:
     samples = []
     for parameter in (opening.parameter, middle, opening.parameter + opening.width):
         record = np.zeros((flight + 2, COLUMNS))
-        if follow(curve.flow, parameter, longest - since, flight, record, work) <= flight:
+        if follow_impacts(curve.flow, parameter, longest - since, flight, record, work) <= flight:
             return None
         samples.append(record)
     low, here, high = samples

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from bvp.kernels.follow import Flow
+from bvp.kernels.shooting import Flow
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

@@ -1,8 +1,8 @@
 """Finding orbits at given energies: scan the starts of an end, keep the changes of sign of what misses the far end, polish.
 
 Two degrees of freedom: the starts at an energy are a curve (an angle), and an orbit between two ends is a zero of one number
-along it (`bvp.kernels.scan`). Each zero is polished as an exact solution of its multipoint problem, and dropped only if it is not one: it
-does not converge, pierces a stop, or is another orbit run through several times.
+along it (`bvp.kernels.shooting`). Each zero is polished as an exact solution of its multipoint problem. It is dropped only if it is
+none: it does not converge, pierces a stop, or is another orbit run through several times.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 from branches.search.orbits import Found, accept
 from branches.search.scope import START_FROM_A_STATE, require_one_stop, require_two_degrees
 from bvp.kernels.impact import work_array
-from bvp.kernels.scan import scan
-from bvp.kernels.segment import ORIGIN, REST, STOP
+from bvp.kernels.multipoint import ORIGIN, REST, STOP
+from bvp.kernels.shooting import scan_starts
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class Scanner:
         kept = count if nodes else 0
         states = np.zeros((kept, most, 4))
         instants = np.zeros((kept, most))
-        scan(
+        scan_starts(
             modes.flight, modes.contacts, self.kind, self.transverse, self.functional, starts, wanted, most, self.longest, sequence, times,
             values, ends, status, states, instants, self.work,
         )  # fmt: skip

@@ -5,9 +5,8 @@ import math
 
 import numpy as np
 
-from bvp.kernels.arrays import dot
 from bvp.kernels.compiled import allocating, kernel, part
-from bvp.kernels.flight import block_product
+from bvp.kernels.flight import block_product, row_dot
 
 MARGIN = 1.0 + 1e-9
 """Bounds are widened by this, far more than their own rounding."""
@@ -138,7 +137,7 @@ def amplitudes(flight, rows, c, z, horizon):
                 second -= delta[k] * size
                 third += -delta[k] * math.sqrt(-delta[k]) * size
                 continue
-            cosine, sine = envelope(m, delta[k], horizon)
+            cosine, sine = pair_envelope(m, delta[k], horizon)
             for order in range(4):
                 size = 0.0
                 if alpha != 0.0:
@@ -179,7 +178,7 @@ def amplitudes(flight, rows, c, z, horizon):
 
 
 @kernel
-def envelope(mean, delta, horizon):
+def pair_envelope(mean, delta, horizon):
     """Bounds of exp(m t) |C| and exp(m t) |S| over 0 <= t <= horizon (which may be infinite for a stable pair)."""
     width = math.sqrt(delta) if delta > 0.0 else 0.0
     slowest = mean + width
@@ -218,7 +217,7 @@ def series(flight, contacts, c, z, coefficients, state, other):
     for k in range(1, NEAR_TERMS + 1):
         block_product(flight.pairs, flight.matrix, state, other)
         factor /= k
-        coefficients[k] = -contacts.side[c] * dot(contacts.gap, c, other) * factor
+        coefficients[k] = -contacts.side[c] * row_dot(contacts.gap, c, other) * factor
         for r in range(z.shape[0]):
             state[r] = other[r]
     return fastest_rate(flight)

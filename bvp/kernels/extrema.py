@@ -14,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import int64
 
-from bvp.kernels.arrays import dot, inner
 from bvp.kernels.bounds import amplitudes
 from bvp.kernels.compiled import inlined, kernel, part
-from bvp.kernels.flight import Contacts, Flight, circular, flow_state
+from bvp.kernels.flight import Contacts, Flight, circular, flow_state, inner, row_dot
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
 STEP_LIMIT = 100000
@@ -39,7 +38,7 @@ class Observed(NamedTuple):
 
 
 class Track(NamedTuple):
-    """A linear functional f(t) = value . z(t) along one flight from z, and its bounds: what the loops of this file walk along."""
+    """A linear functional f(t) = value . z(t) along one flight from z, and its bounds: what the loops of this file step along."""
 
     flight: Flight
     value: np.ndarray  # (N,) row of f
@@ -51,13 +50,14 @@ class Track(NamedTuple):
     level: float  # bound of |f|
     curvature: float  # of |f''|
     jerk: float  # of |f'''|
+    duration: float  # of the flight
 
 
 @part
 def track_of(flight, value, rate, second, z, duration, parts):
     """The `Track` of value . z(t) for 0 <= t <= duration."""
     pure, level, curvature, jerk = separate(flight, value, z, duration, parts)
-    return Track(flight, value, rate, second, z, parts, pure, level, curvature, jerk)
+    return Track(flight, value, rate, second, z, parts, pure, level, curvature, jerk, duration)
 
 
 @inlined
@@ -134,7 +134,7 @@ def safe_step(f, slope, bend, curvature, jerk):
 
 
 @part
-def walk(track, duration, floor, inside, edge, sign, before, f_before, t, steps):
+def next_sign_change(track, floor, inside, edge, sign, before, f_before, t, steps):
     """Walk on to the next sample at which f has another sign than `sign` (0: any sign), in steps that hold one zero at most.
 
     (before, f_before) is the last sample and t the time of the next one. A value up to `inside`, or `edge` at both ends of the flight, has
@@ -143,14 +143,15 @@ def walk(track, duration, floor, inside, edge, sign, before, f_before, t, steps)
     found = False
     here = before
     f = f_before
-    while not found and t <= duration and steps < STEP_LIMIT:
+    while not found and t <= track.duration and steps < STEP_LIMIT:
         before = here
         f_before = f
         here = t
         f, slope, bend = look(track, here)
         steps += 1
-        found = abs(f) > (edge if here == 0.0 or here >= duration else inside) and (sign == 0 or (f > 0.0) != (sign > 0))
-        t = math.inf if here >= duration else min(duration, here + max(safe_step(f, slope, bend, track.curvature, track.jerk), floor))
+        found = abs(f) > (edge if here == 0.0 or here >= track.duration else inside) and (sign == 0 or (f > 0.0) != (sign > 0))
+        step = max(safe_step(f, slope, bend, track.curvature, track.jerk), floor)
+        t = math.inf if here >= track.duration else min(track.duration, here + step)
     return found, before, f_before, here, f, t, steps
 
 
@@ -186,7 +187,7 @@ def sign_changes(flight, value, rate, second, z, duration, sign, work):
     changes = 0
     here, f, t, steps = 0.0, 0.0, 0.0, 0
     while True:
-        found, _, _, here, f, t, steps = walk(track, duration, 1e-13 * duration, level, level, sign, here, f, t, steps)
+        found, _, _, here, f, t, steps = next_sign_change(track, 1e-13 * duration, level, level, sign, here, f, t, steps)
         if not found:
             return changes if t == math.inf else -1, sign
         if sign != 0:
@@ -195,7 +196,7 @@ def sign_changes(flight, value, rate, second, z, duration, sign, work):
 
 
 @kernel
-def crossings(flight, value, rate, second, z, duration, times, work):
+def crossing_times(flight, value, rate, second, z, duration, times, work):
     """Times in (0, duration) where value . z(t) changes sign, into `times`; a zero at the very end is no change. Returns how many there
     are (those beyond the length of `times` are counted, not kept); -1 when the search gave up."""
     track = track_of(flight, value, rate, second, z, duration, work)
@@ -207,7 +208,7 @@ def crossings(flight, value, rate, second, z, duration, times, work):
     count = 0
     here, f, t, steps = 0.0, 0.0, 0.0, 0
     while True:
-        found, before, f_before, here, f, t, steps = walk(track, duration, 1e-12 * duration, 0.0, level, sign, here, f, t, steps)
+        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-12 * duration, 0.0, level, sign, here, f, t, steps)
         if not found:
             return count if t == math.inf else -1
         if count < times.shape[0]:
@@ -227,7 +228,7 @@ def rises(flight, value, rate, second, z, duration, sign, times, work):
     count = 0
     here, f, t, steps = 0.0, 0.0, 0.0, 0
     while True:
-        found, before, f_before, here, f, t, steps = walk(track, duration, 1e-13 * duration, level, level, sign, here, f, t, steps)
+        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, level, level, sign, here, f, t, steps)
         if not found:
             return count if t == math.inf else -1, sign
         if f > 0.0 and sign < 0:
@@ -252,7 +253,7 @@ def clearance(flight, observed, stop, z, duration, work):
     sign = 0
     here, f, t, steps = 0.0, 0.0, 0.0, 0
     while True:
-        found, before, f_before, here, f, t, steps = walk(track, duration, 1e-13 * duration, 0.0, 0.0, sign, here, f, t, steps)
+        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, 0.0, 0.0, sign, here, f, t, steps)
         if not found:
             return best if t == math.inf else math.nan, best_side, best_time
         if sign != 0:
@@ -308,18 +309,18 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
         level, _, _ = amplitudes(flight, leave, i, z, duration)
         if level <= peaks[i]:
             continue
-        peaks[i] = max(peaks[i], abs(dot(leave, i, z)))
+        peaks[i] = max(peaks[i], abs(row_dot(leave, i, z)))
         for r in range(z.shape[0]):
             now[r] = z[r]
             scratch[0, 0, r] = leave[n + i, r]
         row_times_matrix(leave, n + i, flight.matrix, scratch[1])
         row_times_matrix(scratch[1], 0, flight.matrix, scratch[2])
-        rate = dot(leave, n + i, z)
+        rate = row_dot(leave, n + i, z)
         # At rest, or without acceleration too, as where an impulse hits another coordinate, the next derivative tells where it goes.
         if abs(rate) <= rounding_level(flight, leave, n + i, z):
-            rate = dot(scratch[1], 0, z)
+            rate = row_dot(scratch[1], 0, z)
             if abs(rate) <= rounding_level(flight, scratch[1], 0, z):
-                rate = dot(scratch[2], 0, z)
+                rate = row_dot(scratch[2], 0, z)
         side[0] = -1.0 if rate > 0.0 else 1.0
         left = duration
         leaving = -1
@@ -337,7 +338,7 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
                 rate, bend, _ = amplitudes(flight, scratch[0], 0, now, left)
                 step = min(left, PAUSE * math.sqrt(rate / bend)) if bend > 0.0 else left
             flow_state(flight, now, step, later)
-            peaks[i] = max(peaks[i], abs(dot(leave, i, later)))
+            peaks[i] = max(peaks[i], abs(row_dot(leave, i, later)))
             for r in range(z.shape[0]):
                 now[r] = later[r]
             left -= step
@@ -346,5 +347,5 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
             leaving = -1 if status == OUTSIDE or status == EXHAUSTED else 0
             if resumed:
                 leaving = -1
-                side[0] = -1.0 if dot(scratch[0], 0, now) > 0.0 else 1.0
+                side[0] = -1.0 if row_dot(scratch[0], 0, now) > 0.0 else 1.0
     return True

@@ -15,7 +15,7 @@ import math
 
 from bvp.kernels import two_modes as entry
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.restitution import kick
+from bvp.kernels.impact import kick
 from bvp.kernels.two_modes import fraction_time, raised, spend, turned, turned_a_little
 
 CLEARED, TIMED, FULL_COUNT, DECLINED = range(4)
@@ -362,7 +362,7 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
 
 
 @kernel
-def fast_path_runs(systems, terms, which, starts, initial, duration, unbounded, most, fractions, state, taken, out):
+def fast_path_batch(systems, terms, which, starts, initial, duration, unbounded, most, fractions, state, taken, out):
     """`fast_path_run` from each of starts (B, 4), (u, v), in the system systems[which[b]] with terms[which[b]] terms, of energy initial[b].
 
     most (B,): of impacts; out (B, COLUMNS + Q): its results, NaN but for the reason where it is declined; state (4,) and taken (PARTS,) are

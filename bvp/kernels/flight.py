@@ -15,6 +15,8 @@ Layout of the arrays, shared by all kernels
     mean   (P,)   float64  m, half the trace of a pair, the trace over s of a block of s
     delta  (P,)   float64  delta, in 1/time^2 (0 for a block that is no pair)
     matrix (N, N) float64  B, zero outside the blocks
+
+Short loops over arrays, element by element: assignments to slices compile tens of times slower.
 """
 
 import math
@@ -254,3 +256,36 @@ def sample_flights(flight, begins, states, times, out):
     for i in range(times.shape[0]):
         k = flight_at(begins, times[i])
         flow_state(flight, states[k], times[i] - begins[k], out[i])
+
+
+@kernel
+def set_1(array, value):
+    """array (n,) = value."""
+    for i in range(array.shape[0]):
+        array[i] = value
+
+
+@kernel
+def set_2(array, value):
+    """array (m, n) = value."""
+    for i in range(array.shape[0]):
+        for j in range(array.shape[1]):
+            array[i, j] = value
+
+
+@kernel
+def inner(a, b):
+    """a . b"""
+    total = 0.0
+    for r in range(a.shape[0]):
+        total += a[r] * b[r]
+    return total
+
+
+@kernel
+def row_dot(rows, c, z):
+    """rows[c] . z, without the cost of making a view."""
+    total = 0.0
+    for r in range(z.shape[0]):
+        total += rows[c, r] * z[r]
+    return total

@@ -13,6 +13,15 @@ bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d
 Steps therefore shrink onto a root quadratically until it is certified, and Newton on the exact flight does the rest.
 
 Only the contact just left is treated apart, and only until its distance is well above the tolerance: see `bvp.kernels.bounds`.
+
+An impact: Newton's restitution along M^-1 c, and how it carries a perturbation (docs/theory.md, Impact).
+
+Restitution R is linear, so it maps a perturbation as it maps a state. But a perturbed motion arrives at another time. After the flight
+time t the state is z-, and the perturbation dz of the start has become exp(B t) dz. The arrival moves by
+
+    dt = -(g . exp(B t) dz)/(g . B z-)
+
+and the perturbation on the stop, after the impact, is J dz + F dt with J = R exp(B t) and F = R B z-.
 """
 
 import math
@@ -20,10 +29,9 @@ import math
 import numpy as np
 from numba import int64
 
-from bvp.kernels.arrays import dot
 from bvp.kernels.bounds import NEAR_REACH, NEAR_TERMS, amplitudes, free_step, growth_rate, near_return, series
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.flight import block_product, flow_inside, flow_state
+from bvp.kernels.flight import block_product, flow_inside, flow_state, row_dot
 
 CONTACT_TOLERANCE = 1e-13
 """THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of w
@@ -136,7 +144,7 @@ def polish_root(flight, contacts, c, jerk, z, t, state):
 @kernel
 def resolve_turn(flight, contacts, c, curvature, jerk, z, t, slope, bend, tolerance, fresh, state):
     """What a certified turning point after time t is: (HIT or TOUCH, its time) or (NONE, step from t without either). `fresh`: as in
-    `judge`."""
+    `judge_gap`."""
     turn = t
     last = t - 2.0 * slope / bend  # the certificate's; rounding of what is nearly 0 would lead anywhere
     d = 0.0
@@ -160,7 +168,7 @@ def resolve_turn(flight, contacts, c, curvature, jerk, z, t, slope, bend, tolera
 
 
 @kernel
-def judge(d, slope, bend, tolerance, curvature, jerk, window, fresh):
+def judge_gap(d, slope, bend, tolerance, curvature, jerk, window, fresh):
     """(verdict, step) from d and its derivatives at one instant.
 
     verdict NONE: no root within `step`. HIT: a certified root at about `step`. TURN: a certified turning point ahead. TOUCH,
@@ -207,12 +215,12 @@ def start_contact(flight, contacts, leaving, z):
     for c in range(contacts.side.shape[0]):
         if c == leaving:
             continue
-        d = contacts.side[c] * (contacts.bound[c] - dot(contacts.gap, c, z))
+        d = contacts.side[c] * (contacts.bound[c] - row_dot(contacts.gap, c, z))
         tolerance = contact_level(contacts, c, z)
         if not d >= -tolerance:
             return OUTSIDE, c
         if leaving < 0 and d <= tolerance:
-            if -contacts.side[c] * dot(contacts.rate, c, z) >= -rounding_level(flight, contacts.rate, c, z):
+            if -contacts.side[c] * row_dot(contacts.rate, c, z) >= -rounding_level(flight, contacts.rate, c, z):
                 leaving = c
     return NONE, leaving
 
@@ -231,7 +239,7 @@ def parting(flight, contacts, c, z, window, other):
     """Time over which a contact whose distance, rate and acceleration are 0 to rounding parts for certain, the third derivative of its
     distance staying above 0; 0 where that is not."""
     block_product(flight.pairs, flight.matrix, z, other)
-    third = -contacts.side[c] * dot(contacts.acceleration, c, other)
+    third = -contacts.side[c] * row_dot(contacts.acceleration, c, other)
     if third <= rounding_level(flight, contacts.acceleration, c, other):
         return 0.0
     _, fourth, _ = amplitudes(flight, contacts.acceleration, c, z, window)
@@ -344,7 +352,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                 status = HIT if returns else NONE
             else:
                 new = (fresh >> c) & 1 != 0
-                status, value = judge(d, slope, bend, tolerance, curvature[c], jerk[c], window, new)
+                status, value = judge_gap(d, slope, bend, tolerance, curvature[c], jerk[c], window, new)
                 if status == HIT or (status == CROSSED and slope < 0.0):
                     status = HIT
                     start = max(t + value, 0.0)
@@ -385,3 +393,71 @@ def next_hit(flight, contacts, leaving, z, horizon, work, state):
         for r in range(z.shape[0]):
             z[r] = state[r]
         leaving = int64(contact)
+
+
+SPLIT = 134217729.0
+"""2^27 + 1, for the upper half of the digits of a double (Veltkamp)."""
+
+
+@part
+def kick(change, near, rest):
+    """change (near + rest), rounded to either side alike. `near` is the nearest double to a number, and `rest` what it leaves.
+
+    Were rest left out, or added to a rounded product, every product would be off to the same side."""
+    scaled = near * SPLIT
+    head = scaled - (scaled - near)
+    return change * head + change * ((near - head) + rest)
+
+
+@part
+def bounce(rate_rows, push, push_rest, c, jump, z):
+    """`apply_impact`, in place, along a push that is known beyond double precision, so that the energy of many impacts does not drift."""
+    change = jump * row_dot(rate_rows, c, z)
+    for r in range(z.shape[0]):
+        z[r] -= kick(change, push[c, r], push_rest[c, r])
+
+
+@part
+def apply_impact(rate_rows, push, c, jump, z, out):
+    """out = z - jump push (rate . z), the impact at contact c: jump = 1 + r, 0 leaves it out (out may be z)."""
+    change = jump * row_dot(rate_rows, c, z)
+    for r in range(z.shape[0]):
+        out[r] = z[r] - change * push[c, r]
+
+
+@kernel
+def restitute_state(contacts, c, z, out):
+    """`apply_impact` with the contact's own restitution."""
+    apply_impact(contacts.rate, contacts.push, c, 1.0 + contacts.restitution[c], z, out)
+
+
+@part
+def impact_columns(rate_rows, push, c, jump, matrix):
+    """`apply_impact` each column of a matrix (N, N), in place."""
+    size = matrix.shape[1]
+    for column in range(size):
+        change = 0.0
+        for r in range(size):
+            change += rate_rows[c, r] * matrix[r, column]
+        change *= jump
+        if change != 0.0:
+            for r in range(size):
+                matrix[r, column] -= change * push[c, r]
+
+
+@part
+def land(flight, rate_rows, push, c, jump, before, flow, along):
+    """J = R exp(B t) from `flow` = exp(B t), in place, and F = R B z- into `along`, for the state z- = `before`. jump = 0: no impact."""
+    block_product(flight.pairs, flight.matrix, before, along)
+    if jump != 0.0:
+        apply_impact(rate_rows, push, c, jump, along, along)
+        impact_columns(rate_rows, push, c, jump, flow)
+
+
+@part
+def arrive(rows, c, velocity, change):
+    """Move a perturbation `change` along the flow onto rows[c] . z = constant: change += velocity dt. Returns dt."""
+    shift = -row_dot(rows, c, change) / row_dot(rows, c, velocity)
+    for r in range(change.shape[0]):
+        change[r] += shift * velocity[r]
+    return shift

@@ -21,9 +21,8 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import allocating, kernel, part
-from bvp.kernels.end_crossings import refine_zero
-from bvp.kernels.follow import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow, nearest_turns
-from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, GRAZED, JUMP, SPLIT, flight_verdict, touching
+from bvp.kernels.shooting import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow_impacts, nearest_turns
+from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, GRAZED, JUMP, SPLIT, flight_verdict, refine_zero, touch_distance
 
 COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget")
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
@@ -43,7 +42,7 @@ SLIVER = 4e-12
 
 
 @part
-def note(openings, opening, theta, width, flight, reason):
+def write_opening(openings, opening, theta, width, flight, reason):
     """Write down an interval, where there is room."""
     if opening < openings.shape[0]:
         openings[opening, 0] = theta
@@ -57,14 +56,14 @@ def note(openings, opening, theta, width, flight, reason):
 def leave_open(openings, opening, theta, width, flight, reason, counts):
     """Add an interval to those that stay open; returns their number."""
     counts[OPEN] += 1
-    return note(openings, opening, theta, width, flight, reason)
+    return write_opening(openings, opening, theta, width, flight, reason)
 
 
 @part
 def leave_grazed(openings, opening, theta, width, flight, counts):
     """Add an interval that is as narrow as rounding about a grazing; returns the number of those that stay open, with it."""
     counts[AT_GRAZING] += 1
-    return note(openings, opening, theta, width, flight, GRAZED)
+    return write_opening(openings, opening, theta, width, flight, GRAZED)
 
 
 @kernel
@@ -140,7 +139,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
         if not (theta_1 < probe < theta_2):
             break
         slot = third(one, two, first)
-        levels[slot] = follow(flow, probe, longest, k, records[slot], work)
+        levels[slot] = follow_impacts(flow, probe, longest, k, records[slot], work)
         followed += 1
         if levels[slot] <= k:
             break
@@ -161,7 +160,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
     slope = abs(records[late, k, CLEARANCE + 1])
     offset = 16.0 * grain
     if slope > 0.0:
-        offset = max(offset, touching(flow, records[late, k]) / slope)
+        offset = max(offset, touch_distance(flow, records[late, k]) / slope)
     hidden = 16.0 * grain * slope
     edge_1 = theta_1
     edge_2 = theta_2
@@ -171,18 +170,18 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
     moved_2 = edge_2 < theta_2 < theta_b
     if moved_1:
         one = third(one, two, first)
-        levels[one] = follow(flow, theta_1, longest, most, records[one], work)
+        levels[one] = follow_impacts(flow, theta_1, longest, most, records[one], work)
         followed += 1
     if moved_2:
         two = third(one, two, first)
-        levels[two] = follow(flow, theta_2, longest, most, records[two], work)
+        levels[two] = follow_impacts(flow, theta_2, longest, most, records[two], work)
         followed += 1
-    coarse = hidden > COARSE * touching(flow, records[late, k])
+    coarse = hidden > COARSE * touch_distance(flow, records[late, k])
     # Probes were followed to the grazing only; one that becomes the end of an interval is followed to its end.
     if not moved_1 and one != i_a:
-        levels[one] = follow(flow, edge_1, longest, most, records[one], work)
+        levels[one] = follow_impacts(flow, edge_1, longest, most, records[one], work)
     if not moved_2 and two != i_b:
-        levels[two] = follow(flow, edge_2, longest, most, records[two], work)
+        levels[two] = follow_impacts(flow, edge_2, longest, most, records[two], work)
     return one, two, theta_1, theta_2, edge_1, edge_2, coarse, followed
 
 
@@ -192,8 +191,8 @@ def begin_interval(flow, low, high, ends, longest, most, records, levels, stack,
 
     ends (3,): those between which `place` maps, and its kind: where the curve of starts itself ends at a stop, its end is one of them.
     state (STATE,): filled. Else as of `scan_interval`."""
-    levels[0] = follow(flow, low, longest, most, records[0], work)
-    levels[1] = follow(flow, high, longest, most, records[1], work)
+    levels[0] = follow_impacts(flow, low, longest, most, records[0], work)
+    levels[1] = follow_impacts(flow, high, longest, most, records[1], work)
     counts[STARTS] += 2
     state[:] = 0
     state[TOP] = push_between(stack, 0, ends[0], ends[1], ends[2], low, high, 0, 1, 0, 0, SPLIT)
@@ -250,7 +249,7 @@ def scan_interval(flow, times, impacts, longest, most, records, levels, stack, c
         _, jac_m = place(map_low, map_high, kind, x_m)
         i_m = FIRST_SPARE + 3 * depth
         if not within:
-            levels[i_m] = follow(flow, theta_m, longest, most, records[i_m], work)
+            levels[i_m] = follow_impacts(flow, theta_m, longest, most, records[i_m], work)
             counts[STARTS] += 1
             used += 1
             flights += levels[i_m]

@@ -1,19 +1,23 @@
 """The motion of a system through its modes: exact flight, next impact or release, restitution, chattering, sticking.
 
-The distance of a held contact is its force, so `next_impact` finds impacts and releases alike."""
+The distance of a held contact is its force, so `next_impact` finds impacts and releases alike.
+
+Many motions in one call, and what a recorded motion was at any time.
+"""
+
+import math
 
 from numba import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.arrays import dot
 from bvp.kernels.bounds import fastest_rate
-from bvp.kernels.chatter import chatter
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.contact_mode import cannot_hit, contacts_of, find_mode, flight_of, reset_loads, times_matrix, write_loads
-from bvp.kernels.energy_budget import fly, hold, lose, record, record_chatter
-from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact, rounding_level
-from bvp.kernels.restitution import bounce
-from bvp.kernels.sticking_impact import at_their_bounds, clash, comes_to_rest, settle, strike_sticking, sunk, touches_sticking
+from bvp.kernels.contact_mode import begin_anew, cannot_hit, contacts_of, find_mode, flight_of, reset_loads, times_matrix, write_loads
+from bvp.kernels.energy_budget import damped, fly, hold, log_chatter, log_event, lose
+from bvp.kernels.extrema import peak_flight
+from bvp.kernels.flight import flight_at, flow_state, row_dot
+from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, bounce, next_impact, rounding_level
+from bvp.kernels.sticking import at_their_bounds, chatter, clash, comes_to_rest, impact_while_sticking, settle, sunk, touches_sticking
 
 REACHED, FULL, NEW_MODE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED, PAUSED = range(10)
 """How `move` returned: at the duration; the log is full (call again); the mode counts[PENDING] is wanted (add it and call again); two
@@ -45,10 +49,10 @@ def count_impact(modes, c, speed, loss, counts, clock, sums, marks):
 
 
 @part
-def strike(modes, still, moving, c, counts, clock, sums, marks, z, scratch):
+def resolve_impact(modes, still, moving, c, counts, clock, sums, marks, z, scratch):
     """The impact at contact c in mode 0, with `still` and `moving` of `at_their_bounds`. Returns (the held contacts that stay, whether c
     is one of them); -1 where restitution does not define what follows."""
-    speed = modes.side[0, c] * dot(modes.rate[0], c, z)
+    speed = modes.side[0, c] * row_dot(modes.rate[0], c, z)
     stay = int64(0)
     if moving:
         stay, part, span = comes_to_rest(modes, still, moving, c, z, scratch.impulses)
@@ -64,7 +68,7 @@ def strike(modes, still, moving, c, counts, clock, sums, marks, z, scratch):
             return int64(-1), False
         clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], span)
     if still and touches_sticking(modes, still, c):
-        stay, loss = strike_sticking(modes, still, c, z, scratch.impulses)
+        stay, loss = impact_while_sticking(modes, still, c, z, scratch.impulses)
         if stay < 0:
             return int64(-1), False
     else:
@@ -88,11 +92,11 @@ def lift(modes, freed, x, z):
             if (freed >> c) & 1 == 0:
                 continue
             times_matrix(modes.from_modes[0], x, z)
-            beyond = dot(modes.gap[0], c, z) - modes.bound[0, c]
+            beyond = row_dot(modes.gap[0], c, z) - modes.bound[0, c]
             if modes.side[0, c] * beyond > 0.0:
                 still = False
                 for i in range(n):
-                    x[i] -= beyond * dot(modes.to_modes[0], n + i, modes.push[0, c])
+                    x[i] -= beyond * row_dot(modes.to_modes[0], n + i, modes.push[0, c])
         if still:
             break
 
@@ -148,8 +152,8 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
             counts[entry.MODE] = f
             counts[entry.PENDING] = -1
             if clock[entry.SPAN] > 0.0:
-                record_chatter(modes, f, log, counts, clock, before, z, sums, scratch)
-            record(log, counts[entry.KIND], counts[entry.CONTACT], counts, clock, before, z, sums)
+                log_chatter(modes, f, log, counts, clock, before, z, sums, scratch)
+            log_event(log, counts[entry.KIND], counts[entry.CONTACT], counts, clock, before, z, sums)
         if log.numbers.shape[0] and log.numbers.shape[0] - counts[entry.EVENTS] <= contacts + 3:
             return FULL
         if counts[entry.IMPACTS] >= most:
@@ -198,18 +202,18 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
                 times_matrix(modes.from_modes[f], x, z)
             else:
                 reset_loads(modes, f, ahead, z)
-            record(log, entry.BREAK, -1, counts, clock, before, z, sums)
+            log_event(log, entry.BREAK, -1, counts, clock, before, z, sums)
             continue
         if f != 0 or status != HIT:
             times_matrix(modes.to_modes[f], z, x)
         if status == EXHAUSTED:
-            record(log, entry.PIECE, -1, counts, clock, before, z, sums)
+            log_event(log, entry.PIECE, -1, counts, clock, before, z, sums)
             continue
         if status == TOUCH:
             counts[entry.LEAVING] = c
             if not holds:
                 counts[entry.TOUCHES] += 1
-                record(log, entry.TOUCHED, c, counts, clock, before, z, sums)
+                log_event(log, entry.TOUCHED, c, counts, clock, before, z, sums)
             continue
         counts[entry.CONTACT] = c
         if holds:
@@ -238,8 +242,8 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
             lift(modes, moving | (int64(1) << c), x, z)
             times_matrix(modes.from_modes[0], x, z)
         still |= held
-        fast = abs(dot(modes.rate[0], c, z)) > rounding_level(flight_of(modes, 0), modes.rate[0], c, z)
-        left, settled = strike(modes, still, moving & ~held, c, counts, clock, sums, marks, z, scratch)
+        fast = abs(row_dot(modes.rate[0], c, z)) > rounding_level(flight_of(modes, 0), modes.rate[0], c, z)
+        left, settled = resolve_impact(modes, still, moving & ~held, c, counts, clock, sums, marks, z, scratch)
         if left < 0:
             return INTERACTING
         if fast:
@@ -249,7 +253,7 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
         if f != 0 or settled or not elastic or modes.frequency.shape[0]:
             times_matrix(modes.to_modes[0], z, x)
         if settled:
-            record(log, entry.IMPACT, c, counts, clock, before, z, sums)
+            log_event(log, entry.IMPACT, c, counts, clock, before, z, sums)
             if logged:
                 times_matrix(modes.leave[0], z, before)
             clock[entry.SPEED] = 0.0
@@ -272,7 +276,7 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
                 times_matrix(modes.from_modes[f], x, z)
             counts[entry.MODE] = f
         elif f != 0:
-            rebound = dot(modes.rate[0], c, z)
+            rebound = row_dot(modes.rate[0], c, z)
             lift(modes, (held & ~left) | (int64(1) << c), x, work[0, : z.shape[0]])
             after = find_mode(modes, left)
             if after < 0:
@@ -282,14 +286,14 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
                 counts[entry.BOUNCES] = 0
                 continue
             times_matrix(modes.from_modes[after], x, z)
-            rebound -= dot(modes.rate[after], c, z)
+            rebound -= row_dot(modes.rate[after], c, z)
             for r in range(z.shape[0]):
                 z[r] += rebound * modes.push[after, c, r]
             counts[entry.MODE] = after
         elif modes.frequency.shape[0] and counts[entry.IMPACTS] % REFRESH == 0:
             write_loads(modes, counts[entry.BREAK_INDEX], clock, turns, x)
             times_matrix(modes.from_modes[0], x, z)
-        record(log, entry.IMPACT, c, counts, clock, before, z, sums)
+        log_event(log, entry.IMPACT, c, counts, clock, before, z, sums)
         counts[entry.LEAVING] = c
         if elastic:
             counts[entry.BOUNCES] = 0
@@ -305,3 +309,105 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
             counts[entry.CONTACT] = c
             counts[entry.LEAVING] = -1
             counts[entry.BOUNCES] = 0
+
+
+@kernel
+def many(modes, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, peaks, log, scratch, summary, modal):
+    """Motions from starts (B, 2 n), the `first`-th and on, without a record of events; starts become final states, modal (B, 2 n) their
+    modal coordinates.
+
+    Row of summary (B, 9 + (D + S + 1) + Q (D + S + 2) + n): reason, time reached, impacts, touches, last impact (NaN: none), clear
+    from (NaN: not proven), time held, initial energy (given), 0, sums, each mark's time (NaN: not reached) and
+    sums, peaks where they are wanted.
+
+    Returns (reason, start): NEW_MODE at the start that wants one more contact mode - add it and call again from there; PAUSED where
+    counts[PASSES] are used up, of which counts[RUNNING] tells the next call to go on; or REACHED and B.
+    """
+    width = 2 * modes.shape[0]
+    parts = sums.shape[0]
+    for b in range(first, starts.shape[0]):
+        if counts[entry.RUNNING] == 0:
+            begin_anew(counts, clock, turns, sums)
+            for k in range(width):
+                x[k] = starts[b, k]
+            clock[entry.INITIAL] = summary[b, 7]
+            for q in range(fractions.shape[0]):
+                marks[q, 0] = fractions[q]
+            if not clock[entry.INITIAL] > 0.0:
+                counts[entry.MARK] = fractions.shape[0]
+            for k in range(peaks.shape[0]):
+                peaks[k] = 0.0
+        counts[entry.RUNNING] = 0
+        status = move(
+            modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch
+        )
+        if status == PAUSED:
+            counts[entry.RUNNING] = 1
+        if status == NEW_MODE or status == PAUSED:
+            return status, b
+        row = summary[b]
+        row[0] = status
+        row[1] = duration if status == REACHED else clock[entry.TIME]
+        row[2] = counts[entry.IMPACTS]
+        row[3] = counts[entry.TOUCHES]
+        row[4] = clock[entry.LAST_IMPACT] if counts[entry.IMPACTS] > 0 else math.nan
+        row[5] = clock[entry.CLEAR_TIME] if counts[entry.CLEAR] > 0 else math.nan
+        row[6] = clock[entry.HELD_TIME]
+        times_matrix(modes.leave[counts[entry.MODE]], z, x)
+        for k in range(width):
+            starts[b, k] = x[k]
+        times_matrix(modes.to_modes[counts[entry.MODE]], z, modal[b])
+        for k in range(parts):
+            row[9 + k] = sums[k, 0] + sums[k, 1]
+        at = 9 + parts
+        reached = counts[entry.MARK] if clock[entry.INITIAL] > 0.0 else 0
+        for q in range(fractions.shape[0]):
+            for k in range(1 + parts):
+                row[at + k] = marks[q, 1 + k] if q < reached else math.nan
+            at += 1 + parts
+        for k in range(peaks.shape[0]):
+            row[at + k] = peaks[k]
+    return REACHED, starts.shape[0]
+
+
+@kernel
+def states_after(modes, numbers, states, out):
+    """out[k] = (u, v) with which the k-th flight begins, of flights as in `sample`."""
+    for k in range(states.shape[0]):
+        times_matrix(modes.leave[numbers[k, 2]], states[k], out[k])
+
+
+@kernel
+def sample(modes, begins, numbers, states, times, z, out):
+    """out[i] = (u, v) at times[i] of flights that begin at begins (ascending) in the modes numbers[:, 2] with the given states; the last
+    begin counts. z (N,) is scratch."""
+    for i in range(times.shape[0]):
+        k = flight_at(begins, times[i])
+        f = numbers[k, 2]
+        flow_state(flight_of(modes, f), states[k], times[i] - begins[k], z)
+        times_matrix(modes.leave[f], z, out[i])
+
+
+@kernel
+def spent(modes, begins, numbers, states, sums, times, work, integral, out):
+    """out[i] = the sums at times[i], of flights as in `sample` that begin with the given sums."""
+    for i in range(times.shape[0]):
+        k = flight_at(begins, times[i])
+        f = numbers[k, 2]
+        damped(modes, f, states[k], times[i] - begins[k], work, integral)
+        for p in range(out.shape[1]):
+            out[i, p] = sums[k, p]
+        for r in range(modes.part.shape[0]):
+            out[i, modes.part[r]] += integral[r]
+
+
+@kernel
+def raise_peaks(modes, begins, numbers, states, end, scratch, edge, work, peaks):
+    """peaks (n,): the larger of themselves and |u| over flights as in `sample`, the last of which ends at `end`; scratch, edge, work and
+    what is returned are those of `peak_flight`."""
+    for k in range(begins.shape[0]):
+        f = numbers[k, 2]
+        flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]
+        if not peak_flight(flight_of(modes, f), modes.leave[f], states[k], flight, peaks, scratch, edge, work):
+            return False
+    return True

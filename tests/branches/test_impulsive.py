@@ -13,7 +13,7 @@ from branches.impulsive.scan import ImpulsiveMotions, Traces, certain, judge
 from branches.impulsive.start import impulsive_state, oscillator_period
 from branches.naming.labels import canonical_label, parse
 from branches.tracing import follow_family
-from bvp.kernels.scan import TURN, ZERO
+from bvp.kernels.shooting import TURN, ZERO
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from continuation.control import Settings

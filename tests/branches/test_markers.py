@@ -11,7 +11,7 @@ import pytest
 
 from branches.family import RESONANCES, half_multiplication, multiplication
 from branches.markers import COMMON, common_tests, two_dof_tests
-from bvp.kernels.segment import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
+from bvp.kernels.multipoint import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
 HALF_TARGETS = [level for p, q in RESONANCES for level in half_multiplication(p, q)]

@@ -7,7 +7,7 @@ import numpy as np
 
 from bvp.kernels import impact as kernels
 from bvp.kernels.flight import flow_state
-from bvp.kernels.restitution import restitute as restitute_state
+from bvp.kernels.impact import restitute_state
 from bvp.simulate import checked_state, contact_index
 
 

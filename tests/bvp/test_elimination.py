@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.kernels.elimination import apply_reflectors, eliminate, forward
+from bvp.kernels.newton import apply_reflectors, eliminate, forward
 
 EPS = np.finfo(float).eps
 

@@ -5,7 +5,8 @@ import pytest
 
 import saltus
 from branches.search.starts import curves
-from bvp.kernels.follow import (
+from bvp.kernels.intervals import place, unplace
+from bvp.kernels.shooting import (
     ACCELERATION,
     CLEARANCE,
     COLUMNS,
@@ -18,18 +19,17 @@ from bvp.kernels.follow import (
     TIME,
     TURNS,
     amplitude,
-    follow,
+    follow_impacts,
     nearest_turns,
 )
-from bvp.kernels.intervals import place, unplace
-from bvp.kernels.verdict import positive
+from bvp.kernels.verdict import positive_between
 
 SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltus.vibro_impact_nes(1.0, 0.0)]
 
 
 def record_of(curve, parameter, longest=9.0, most=6):
     record = np.full((most + 2, COLUMNS), np.nan)
-    rows = follow(curve.flow, parameter, longest, most, record, np.zeros((16, 16)))
+    rows = follow_impacts(curve.flow, parameter, longest, most, record, np.zeros((16, 16)))
     return record, rows
 
 
@@ -179,7 +179,7 @@ def test_positive_is_said_only_of_what_is():
     for a, b, c in generator.normal(size=(4000, 3)):
         x = np.linspace(-1.0, 1.0, 401)
         f = a + b * x + c * x * x
-        if positive(a - b + c, b - 2.0 * c, a, b, a + b + c, b + 2.0 * c, 1.0, 0.0):
+        if positive_between(a - b + c, b - 2.0 * c, a, b, a + b + c, b + 2.0 * c, 1.0, 0.0):
             said += 1
             wrong += bool(f.min() <= 0.0)
     assert said > 150 and wrong == 0

@@ -11,8 +11,8 @@ import pytest
 from benchmarks import backbone
 from benchmarks.saltation import reduced_monodromy, saltation_multipliers
 from bvp.closures import cycle_of
-from bvp.kernels.halfmap import half_map, half_map_scratch, section_basis
-from bvp.kernels.segment import ORIGIN
+from bvp.kernels.multipoint import ORIGIN
+from bvp.kernels.stability import half_map, half_map_scratch, section_basis
 from bvp.multipoint import MultipointProblem
 from bvp.stability import ERROR_FACTOR, balance, decide, half_map_of, stability, velocity_scale
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bvp.kernels.bounds import fastest_rate
-from bvp.kernels.integral import doubled_integrals, integral_work, integrals, series_integrals
+from bvp.kernels.energy_budget import doubled_integrals, integral_work, integrals, series_integrals
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_modes import exceptional_point
 from tests.bvp.twins import first_order
@@ -99,7 +99,7 @@ def test_random_systems_and_unequal_rows(n, seed, size, t):
     size = np.sqrt(exact(matrix, a, a, z, t) * exact(matrix, b, b, z, t))
     assert abs(compiled(system, a, b, z, t) - exact(matrix, a, b, z, t)) <= 1e-12 * size
     rows = [np.array([row]) @ modes.to_state for row in (a, b)]
-    start, fastest = modes.from_state @ z, fastest_rate(modes.pairs, modes.matrix)
+    start, fastest = modes.from_state @ z, fastest_rate(modes.flight)
     for way in ("series", "doubled"):
         out = np.zeros(1)
         if way == "series":

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bvp.kernels.segment import REST, STOP
+from bvp.kernels.multipoint import REST, STOP
 from tests.bvp.orbits import collection
 
 

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from bvp.kernels.sweep import sweep
+from bvp.kernels.pencil import sweep
 
 
 @pytest.mark.parametrize("size", [1.0, 1e45, 1e-45])

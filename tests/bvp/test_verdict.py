@@ -6,17 +6,16 @@ import pytest
 import saltus
 from branches.search import scan as scanning
 from branches.search.starts import curves
-from bvp.kernels.end_crossings import MARGIN, crossing
-from bvp.kernels.follow import ACCELERATION, CLEARANCE, COLUMNS, CONTACT, DERIVATIVE, DURATION, RESIDUAL, SPEED, TIME, follow
-from bvp.kernels.segment import ORIGIN
-from bvp.kernels.verdict import CLOSED, ENDLESS, SKIMS, flight_verdict
+from bvp.kernels.multipoint import ORIGIN
+from bvp.kernels.shooting import ACCELERATION, CLEARANCE, COLUMNS, CONTACT, DERIVATIVE, DURATION, RESIDUAL, SPEED, TIME, follow_impacts
+from bvp.kernels.verdict import CLOSED, ENDLESS, MARGIN, SKIMS, crossing, flight_verdict
 
 LONGEST, MOST = 6.0, 5
 
 
 def record_of(curve, parameter):
     record = np.full((MOST + 2, COLUMNS), np.nan)
-    return record, follow(curve.flow, parameter, LONGEST, MOST, record, np.zeros((16, 16)))
+    return record, follow_impacts(curve.flow, parameter, LONGEST, MOST, record, np.zeros((16, 16)))
 
 
 @pytest.mark.parametrize("system", [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81)])

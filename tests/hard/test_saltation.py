@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 import benchmarks.saltation as module
 from benchmarks.saltation import monodromy, saltation, saltation_matrix
 from bvp.closures import cycle_of
+from bvp.kernels import impact as restitution
 from bvp.kernels import pencil as pencils
-from bvp.kernels import restitution
 from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import saddle_point_multipliers, scaled_arguments
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -177,7 +177,7 @@ def test_every_sign_of_the_saddle_point_maps():
         return max(abs(a - b) for a, b in zip(traces, expected, strict=True))
 
     turned = 0
-    for name, function in (("strike", restitution.strike), ("strike_columns", restitution.strike_columns)):
+    for name, function in (("apply_impact", restitution.apply_impact), ("impact_columns", restitution.impact_columns)):
         turned += turned_signs(function, {}, lambda mutant, name=name: check(name, mutant))
     assert turned == 3
     return 0.0

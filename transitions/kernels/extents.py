@@ -2,8 +2,8 @@
 
 from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import flight_of
+from bvp.kernels.energy_budget import integrals
 from bvp.kernels.extrema import peak_flight
-from bvp.kernels.integral import integrals
 
 __all__ = ["extents_of_motion"]
 

@@ -3,7 +3,7 @@
 The section is f = row . z = 0 with f' > 0. The bounds of `bvp.kernels.extrema` give instants between which f has one zero at most: either
 it changes its sign, or it has none. The sign is carried from flight to flight, so that a crossing at an impact counts once.
 
-A perturbation is kept along the gap's zero at an impact, and along the section at a crossing (`bvp.kernels.scan.event`). This makes it
+A perturbation is kept along the gap's zero at an impact, and along the section at a crossing (`bvp.kernels.shooting.event`). This makes it
 the derivative of the section's map. A stop that sticks takes a degree of freedom away, so that the plane maps to a curve: the crossings go
 on, and the perturbation ends there (NaN).
 """
@@ -15,14 +15,13 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.arrays import inner
 from bvp.kernels.compiled import kernel, whole_at
 from bvp.kernels.contact_mode import Log, Scratch, begin_anew, contacts_of, flight_of, times_matrix
 from bvp.kernels.extrema import rises
-from bvp.kernels.flight import flow_state
+from bvp.kernels.flight import flow_state, inner
+from bvp.kernels.impact import restitute_state
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED
-from bvp.kernels.restitution import restitute
-from bvp.kernels.scan import event
+from bvp.kernels.shooting import event
 
 __all__ = ["COMPLETE", "EVENTS_AT_ONCE", "TIME_OVER", "Crossings", "Following", "Rows", "Work", "follow_section"]
 
@@ -121,7 +120,7 @@ def follow_section(simulate, phases, rows, starts, changes, block_time, longest,
             out.counts[m] = 0
             out.impacts[m] = 0
             out.sticking_times[m] = 0.0
-            record(rows, 0, orbit.begin, orbit.change, orbit.change, 0.0, out, m)
+            record_crossing(rows, 0, orbit.begin, orbit.change, orbit.change, 0.0, out, m)
         status = COMPLETE
         while out.counts[m] < wanted:
             if numbers[entry.RUNNING] == 0:
@@ -187,7 +186,7 @@ def cross(phases, rows, orbit, out, m, work):
         for i in range(found):
             event(flight, functional, 0, orbit.begin, orbit.change, work.times[i], work.state, work.image, work.velocity)
             time = orbit.clocks[ELAPSED] + started + work.times[i]
-            record(rows, f, work.state, work.image, orbit.change, time, out, m)
+            record_crossing(rows, f, work.state, work.image, orbit.change, time, out, m)
             if out.counts[m] == wanted:
                 duration = work.times[i]
                 break
@@ -202,7 +201,7 @@ def cross(phases, rows, orbit, out, m, work):
         elif impact:
             contact = log.numbers[k, 1]
             event(flight, phases.gap[0], contact, orbit.begin, orbit.change, duration, work.state, work.image, work.velocity)
-            restitute(contacts_of(phases, 0), contact, work.image, orbit.change)
+            restitute_state(contacts_of(phases, 0), contact, work.image, orbit.change)
         else:
             flow_state(flight, orbit.change, duration, work.image)
             for r in range(orbit.change.shape[0]):
@@ -217,7 +216,7 @@ def cross(phases, rows, orbit, out, m, work):
 
 
 @kernel
-def record(rows, f, z, image, change, time, out, m):
+def record_crossing(rows, f, z, image, change, time, out, m):
     """Record the next crossing of orbit m, at the state z in contact mode f. `image` is the perturbation there. `change` is scaled so that
     the image has size 1 in the plane."""
     k = out.counts[m]

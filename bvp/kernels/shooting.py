@@ -1,0 +1,398 @@
+"""One start followed through its impacts, with the derivative of everything by the start's parameter (two degrees of freedom, undamped).
+
+The states z_k after the impacts and their derivatives along the curve of starts, taken on the section of the impact: with the flight's
+variation y' = Phi(d) z', the duration changes by d' = -(g . y')/(g B . y), the arrival by y' + B y d', and restitution acts on both alike.
+Between z_k and the next impact the motion of neighbouring starts is compared at equal times since impact k, where it is linear.
+
+Many starts at once: follow each through its impacts, and measure how far it misses each set of ends on its way.
+
+For two degrees of freedom an orbit between ends is a zero of one number: what is transverse to the end's condition when the rest of
+it holds. At an impact that is the velocity along the stop; where the gap coordinate passes zero, the other displacement (origin);
+where its velocity passes zero, the other velocity (rest).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import int64
+
+from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.extrema import Track, crossing_times, refine, safe_step
+from bvp.kernels.flight import Contacts, Flight, block_product, circular, flow_state, inner, row_dot
+from bvp.kernels.impact import HIT, NONE, arrive, next_hit, restitute_state
+from bvp.kernels.multipoint import STOP
+
+STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, RESIDUAL, ACCELERATION, CLEARANCE, SECOND, TURNS, THIRD, COLUMNS = (
+    0, 4, 8, 10, 12, 13, 15, 17, 18, 20, 21, 22, 24,
+)  # fmt: skip
+"""Columns of a record, one row a flight: state and its derivative after impact k (4 each); time of impact k; duration of the flight;
+contact hit at its end; speed of approach there; velocity along the stop there; acceleration towards the stop there; least distance to a
+stop at a turning point inside the flight; the second least; number of turning points; time of the one with the least. Where a column
+has two entries, the second one is the derivative by the parameter."""
+
+FREE, STUCK = -1.0, -2.0
+"""In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up."""
+
+TURN_LIMIT = 20000
+"""Steps in which the turning points of one flight are looked for."""
+
+
+class Flow(NamedTuple):
+    """A system of two degrees of freedom and one stop, and a curve of starts, as the kernels know them."""
+
+    flight: Flight
+    contacts: Contacts
+    squares: np.ndarray  # (2,) squares of the frequencies
+    across: np.ndarray  # (2,) unit vector along the stop, in modal coordinates
+    limits: np.ndarray  # (2,) bounds of the gap coordinate, infinite where there is none
+    start: np.ndarray  # (3, 4): z = start[0] + first(theta) start[1] + second(theta) start[2]
+    # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic, 3 linear and quadratic; contact that the start leaves, -1 for none
+    shape: np.ndarray
+
+
+@kernel
+def start_at(flow, theta, z, dz):
+    """Start state and its derivative by the parameter."""
+    if flow.shape[0] == 0:
+        first = math.cos(theta)
+        second = math.sin(theta)
+        first_rate = -second
+        second_rate = first
+    elif flow.shape[0] == 1:
+        first = 0.0
+        second = theta
+        first_rate = 0.0
+        second_rate = 1.0
+    elif flow.shape[0] == 3:
+        first = theta
+        second = theta * theta
+        first_rate = 1.0
+        second_rate = 2.0 * theta
+    else:
+        first = math.cosh(theta)
+        second = math.sinh(theta)
+        first_rate = second
+        second_rate = first
+    for r in range(4):
+        z[r] = flow.start[0, r] + first * flow.start[1, r] + second * flow.start[2, r]
+        dz[r] = first_rate * flow.start[1, r] + second_rate * flow.start[2, r]
+
+
+@kernel
+def advance(squares, t, a, b, out_a, out_b):
+    """Free flight of two states over one time."""
+    for k in range(2):
+        c, s = circular(-squares[k], t)
+        fall = -squares[k] * s
+        q = a[k]
+        p = a[k + 2]
+        out_a[k] = c * q + s * p
+        out_a[k + 2] = fall * q + c * p
+        q = b[k]
+        p = b[k + 2]
+        out_b[k] = c * q + s * p
+        out_b[k + 2] = fall * q + c * p
+
+
+@kernel
+def amplitude(square, q, p, horizon, order):
+    """Bound of |q(t)| (order 0), |q'(t)| (1), |q''(t)| (2) of one mode over a flight of at most `horizon`."""
+    if square > 0.0:
+        w = math.sqrt(square)
+        size = math.sqrt(q * q + p * p / square)
+        if order == 0:
+            return min(size, abs(q) + abs(p) * horizon)
+        return w * size if order == 1 else square * size
+    c, s = circular(-square, horizon)
+    size = abs(q) * c + abs(p) * s
+    if order == 0:
+        return size
+    return abs(p) * c - square * abs(q) * s if order == 1 else -square * size
+
+
+@kernel
+def follow_impacts(flow, theta, longest, most, record, work):
+    """Follow one start up to `most` impacts and a little past the time `longest`, filling rows of `record`. Returns the rows filled."""
+    z = work[5, :4]
+    dz = work[6, :4]
+    y = work[7, :4]
+    dy = work[8, :4]
+    begin = work[9, :4]
+    velocity = work[10, :4]
+    contacts = flow.contacts
+    slack = 0.05 * longest
+    start_at(flow, theta, z, dz)
+    time = 0.0
+    time_rate = 0.0
+    leaving = flow.shape[1]
+    for k in range(most + 1):
+        for r in range(4):
+            record[k, r] = z[r]
+            record[k, 4 + r] = dz[r]
+            begin[r] = z[r]
+        record[k, TIME] = time
+        record[k, TIME + 1] = time_rate
+        record[k, CLEARANCE] = math.nan
+        found, contact, duration = next_hit(flow.flight, contacts, leaving, z, longest - time + 2.0 * slack, work, y)
+        if found != HIT:
+            record[k, DURATION] = math.inf
+            record[k, CONTACT] = FREE if found == NONE else STUCK
+            return k + 1
+        advance(flow.squares, duration, begin, dz, y, dy)
+        for r in range(2):
+            velocity[r] = y[r + 2]
+            velocity[r + 2] = -flow.squares[r] * y[r]
+        later = arrive(contacts.gap, contact, velocity, dy)
+        record[k, DURATION] = duration
+        record[k, DURATION + 1] = later
+        record[k, CONTACT] = contact
+        record[k, SPEED] = contacts.side[contact] * row_dot(contacts.rate, contact, y)
+        record[k, SPEED + 1] = contacts.side[contact] * row_dot(contacts.rate, contact, dy)
+        record[k, ACCELERATION] = contacts.side[contact] * row_dot(contacts.acceleration, contact, y)
+        record[k, RESIDUAL] = flow.across[0] * y[2] + flow.across[1] * y[3]
+        record[k, RESIDUAL + 1] = flow.across[0] * dy[2] + flow.across[1] * dy[3]
+        time += duration
+        time_rate += later
+        if time > longest + slack:
+            return k + 1
+        restitute_state(contacts, contact, y, z)
+        restitute_state(contacts, contact, dy, dz)
+        leaving = int64(contact)
+    return most + 1
+
+
+@kernel
+def nearest_turns(flow, row, horizon, work):
+    """Fill the columns of clearance of one row of a record: turning points of the gap coordinate w inside its flight (up to `horizon`)."""
+    z = row[:4]
+    dz = row[4:8]
+    y = work[7, :4]
+    dy = work[8, :4]
+    rows = work[9:13]
+    w_bound = 0.0
+    for r in range(2):
+        # w, w', w'', w''' as rows: each derivative turns (a, b) into (-w^2 b, a).
+        rows[0, r] = flow.contacts.gap[0, r]
+        rows[0, r + 2] = 0.0
+    for order in range(1, 4):
+        for r in range(2):
+            rows[order, r] = -flow.squares[r] * rows[order - 1, r + 2]
+            rows[order, r + 2] = rows[order - 1, r]
+    duration = min(row[DURATION], horizon)
+    for r in range(2):
+        w_bound += abs(flow.contacts.gap[0, r]) * abs(flow.squares[r]) * amplitude(flow.squares[r], z[r], z[r + 2], duration, int64(1))
+    w_bound *= 1.0 + 1e-12
+    track = Track(flow.flight, rows[1, :4], rows[2, :4], rows[3, :4], z, work[13, :4], False, 0.0, w_bound, 0.0, duration)
+    best = math.inf
+    second = math.inf
+    best_time = 0.0
+    best_side = 0.0
+    count = 0
+    t = 0.0
+    floor = 1e-13 * duration
+    # w' is of the velocities alone, and w'' of the displacements.
+    f = rows[1, 2] * z[2] + rows[1, 3] * z[3]
+    slope = rows[2, 0] * z[0] + rows[2, 1] * z[1]
+    sign = 1 if f > 0.0 else -1 if f < 0.0 else 0
+    for _ in range(TURN_LIMIT):
+        if t >= duration:
+            break
+        after = min(duration, t + max(safe_step(f, slope, 0.0, w_bound, 0.0), floor))
+        f_after = 0.0
+        slope = 0.0
+        for r in range(2):
+            c, s = circular(-flow.squares[r], after)
+            f_after += rows[1, r + 2] * (-flow.squares[r] * s * z[r] + c * z[r + 2])
+            slope += rows[2, r] * (c * z[r] + s * z[r + 2])
+        now = 1 if f_after > 0.0 else -1 if f_after < 0.0 else sign
+        if sign * now < 0:
+            turn = refine(track, t, f, after, f_after, 1e-10 * duration)
+            advance(flow.squares, turn, z, dz, y, dy)
+            w = 0.0
+            for r in range(4):
+                w += rows[0, r] * y[r]
+            distance = flow.limits[1] - w if sign > 0 else w - flow.limits[0]
+            count += 1
+            if distance < best:
+                second = best
+                best = distance
+                best_time = turn
+                best_side = 1.0 if sign > 0 else -1.0
+            elif distance < second:
+                second = distance
+        t = after
+        f = f_after
+        sign = now
+    if t < duration:  # there are more than were looked for: nothing is known of the rest
+        best = -math.inf
+        second = -math.inf
+        count = 0
+    row[CLEARANCE] = best
+    row[CLEARANCE + 1] = 0.0
+    row[SECOND] = second
+    row[TURNS] = count
+    row[THIRD] = best_time
+    if count > 0:
+        advance(flow.squares, best_time, z, dz, y, dy)
+        change = 0.0
+        for r in range(4):
+            change += rows[0, r] * dy[r]
+        row[CLEARANCE + 1] = -best_side * change
+
+
+@allocating
+def scan_starts(
+    flight, contacts, kind, transverse, functional, starts, wanted, most_impacts, longest, word, times, values, ends, status, nodes,
+    instants, work,
+):
+    """Follow each row of `starts` (M, N) for up to `most_impacts` inner impacts and the time `longest`.
+
+    kind: ORIGIN, REST or STOP. transverse (2, N): the row that measures the residual, twice (after an impact at either contact).
+    functional (3, N): the row whose zeros are the crossings (origin, rest), its derivative and its second one.
+    wanted (K + 1,): 1 where the crossings after k inner impacts are looked for.
+    word (M, K + 1): contacts hit, -1 after the last. times, values (M, K + 1, C): time and residual of the c-th crossing after k inner
+    impacts, NaN where there is none (for STOP, C = 1 and the crossing is impact k + 1 itself). ends (M,): time followed.
+    status (M,): 0 followed to a limit, 1 the next impact was not found (sticking, or a search that gave up).
+    nodes (M, K, N), instants (M, K): states after the inner impacts and their times; of length 0 where they are not wanted.
+    work: of `impact.work_array`."""
+    size = starts.shape[1]
+    z = np.empty(size)
+    before = np.empty(size)
+    scratch = np.empty(size)
+    zeros = np.empty(times.shape[2])
+    for m in range(starts.shape[0]):
+        for r in range(size):
+            z[r] = starts[m, r]
+        leaving = int64(-1)
+        elapsed = 0.0
+        status[m] = 0
+        for k in range(most_impacts + 1):
+            for r in range(size):
+                before[r] = z[r]
+            found, contact, duration = next_hit(flight, contacts, leaving, z, longest - elapsed, work, scratch)
+            if found != HIT and found != NONE:
+                status[m] = 1
+                break
+            if kind != STOP and wanted[k] == 1:
+                count = crossing_times(
+                    flight, functional[0], functional[1], functional[2], before, duration, zeros, scratch
+                )
+                if count < 0:
+                    status[m] = 1
+                    break
+                for c in range(min(count, times.shape[2])):
+                    flow_state(flight, before, zeros[c], scratch)
+                    times[m, k, c] = elapsed + zeros[c]
+                    values[m, k, c] = inner(transverse[0], scratch)
+            elapsed += duration
+            if found == NONE:
+                break
+            flow_state(flight, before, duration, scratch)
+            word[m, k] = contact
+            if kind == STOP:
+                times[m, k, 0] = elapsed
+                values[m, k, 0] = inner(transverse[0], scratch)
+            restitute_state(contacts, contact, scratch, z)
+            if nodes.shape[0] > 0 and k < most_impacts:
+                instants[m, k] = elapsed
+                for r in range(size):
+                    nodes[m, k, r] = z[r]
+            leaving = contact
+        ends[m] = elapsed
+
+
+ZERO, TURN = -1, -2
+"""Kinds of event besides impacts, whose kind is the contact hit: the gap coordinate passes zero; its velocity does."""
+
+FAILED, FULL = -1, -2
+"""Counts of a motion that could not be followed (it sticks, or a search gave up), and of one with more events than there is room."""
+
+CROSSING_ROOM = 256
+
+
+@kernel
+def event(flight, rows, c, z, change, time, state, state_change, velocity):
+    """The state (N,) after `time` from z, and its derivative along rows[c] . state = constant where `change` is that of z. Returns the
+    derivative of the time."""
+    flow_state(flight, z, time, state)
+    flow_state(flight, change, time, state_change)
+    block_product(flight.pairs, flight.matrix, state, velocity)
+    return arrive(rows, c, velocity, state_change)
+
+
+@allocating
+def sensitivities(
+    flight, contacts, functional, starts, changes, longest, kinds, times, shifts, states, state_changes, counts, work
+):
+    """Follow each row of `starts` (M, N), whose derivative is that of `changes`, for the time `longest`.
+
+    functional (4, N): the rows of the gap coordinate and of its first three derivatives.
+    kinds, times, shifts (M, E): kind of each event in order of time, its time and the derivative of that. states, state_changes
+    (M, E, N): the state there, before the impact where there is one, and its derivative.
+    counts (M,): events, or FAILED or FULL. work: of `impact.work_array`."""
+    size = starts.shape[1]
+    room = kinds.shape[1]
+    z, change, begin = np.empty(size), np.empty(size), np.empty(size)
+    state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
+    zeros, turns = np.empty(CROSSING_ROOM), np.empty(CROSSING_ROOM)
+    for m in range(starts.shape[0]):
+        for r in range(size):
+            z[r] = starts[m, r]
+            change[r] = changes[m, r]
+        leaving = int64(-1)
+        elapsed = 0.0
+        lag = 0.0
+        count = 0
+        while True:
+            for r in range(size):
+                begin[r] = z[r]
+            found, contact, duration = next_hit(flight, contacts, leaving, z, longest - elapsed, work, state)
+            if found != HIT and found != NONE:
+                count = FAILED
+                break
+            first = crossing_times(flight, functional[0], functional[1], functional[2], begin, duration, zeros, state)
+            second = crossing_times(flight, functional[1], functional[2], functional[3], begin, duration, turns, state)
+            if first < 0 or second < 0 or first > CROSSING_ROOM or second > CROSSING_ROOM:
+                count = FAILED
+                break
+            last = 1 if found == HIT else 0
+            if count + first + second + last > room:
+                count = FULL
+                break
+            i = 0
+            j = 0
+            while i < first or j < second:
+                if j == second or (i < first and zeros[i] <= turns[j]):
+                    kind = ZERO
+                    time = zeros[i]
+                    i += 1
+                else:
+                    kind = TURN
+                    time = turns[j]
+                    j += 1
+                shift = event(flight, functional, 0 if kind == ZERO else 1, begin, change, time, state, state_change, velocity)
+                kinds[m, count] = kind
+                times[m, count] = elapsed + time
+                shifts[m, count] = lag + shift
+                for r in range(size):
+                    states[m, count, r] = state[r]
+                    state_changes[m, count, r] = state_change[r]
+                count += 1
+            if found == NONE:
+                break
+            shift = event(flight, contacts.gap, contact, begin, change, duration, state, state_change, velocity)
+            elapsed += duration
+            lag += shift
+            kinds[m, count] = contact
+            times[m, count] = elapsed
+            shifts[m, count] = lag
+            for r in range(size):
+                states[m, count, r] = state[r]
+                state_changes[m, count, r] = state_change[r]
+            count += 1
+            restitute_state(contacts, contact, state, z)
+            # Restitution is linear, so it maps the derivative as it maps the state. The next flight begins at the impact.
+            restitute_state(contacts, contact, state_change, change)
+            leaving = contact
+        counts[m] = count
