@@ -46,6 +46,16 @@ def samples(orbit, count=400):
     return np.hstack([u, v])
 
 
+def assert_label_is_that_of_the_start(family):
+    """An origin..origin orbit is printed with p <= q, and its velocities are those of that start."""
+    label = parse(family.label) if family.label else None
+    assert label is None or label.p <= label.q
+    orbit = family.orbit(0)
+    if orbit.velocities is not None:
+        u, v = orbit.sample(np.zeros(1))
+        assert np.allclose(v[0], orbit.velocities, rtol=1e-12) and np.max(np.abs(u)) < 1e-12
+
+
 def distance(orbit, other):
     """Largest distance of a sample of one orbit from the other orbit, over the size of the state; the start does not matter."""
     mine, theirs = samples(orbit, 60), samples(other, 4000)
@@ -70,6 +80,7 @@ def test_new_families(name, event, ends, times):
         size = np.linalg.norm(monodromy(orbit), 2)
         assert np.linalg.norm(run.final - start) < 1000.0 * EPS * max(size, 1.0) * np.linalg.norm(start)
         assert orbit.residual < 1e-12
+        assert_label_is_that_of_the_start(family)
         near, far = distance(family.orbit(0), old), distance(family.orbit(min(8, len(family) - 2)), old)
         assert near < 0.1 and (far > near or family.ended[1].reason == "EVENT")
 
@@ -169,32 +180,14 @@ def test_the_other_side_of_a_doubling_is_the_same_orbit_started_later(name, even
         assert symmetries(cycle_of(problem, old), 1e-2).cover >= 2
 
 
-@pytest.mark.parametrize(("name", "event"), [case[:2] for case in CASES] + [("S11O00-", "RT1"), ("S11O00-", "RT2")])
-def test_labels_have_p_up_to_q(name, event):
-    """Oracle: the naming rule: an origin..origin orbit is printed with p <= q, and its velocities are those of that start."""
-    _, _, born = switched(name, event)
-    for family in born:
-        label = parse(family.label) if family.label else None
-        assert label is None or label.p <= label.q
-        orbit = family.orbit(0)
-        if orbit.velocities is not None:
-            u, v = orbit.sample(np.zeros(1))
-            assert np.allclose(v[0], orbit.velocities, rtol=1e-12) and np.max(np.abs(u)) < 1e-12
-
-
 def test_period_doubled_orbits_are_not_the_old_ones_twice():
-    """Oracle: half a period later the state is another one."""
+    """Oracle: half a period later the state is another one; of the two families of a reversible doubling one is stable and one is not."""
     _, _, born = switched("S11O00-", "PD1")
     assert {family.ends[0][:4] for family in born} == {"orig", "stop"}
     for family in born:
         orbit = family.orbit(10)
         u, v = orbit.sample(np.array([0.01, 0.01 + 0.5 * orbit.period]) * 1.0)
         assert np.linalg.norm(np.concatenate([u[0] - u[1], v[0] - v[1]])) > 1e-3
-
-
-def test_stability_is_exchanged_at_a_doubling():
-    """Oracle: theory: of the two families that a reversible doubling gives emanating to, one is stable and one is not."""
-    _, _, born = switched("S11O00-", "PD1")
     stable = {family.ends[0][:4]: {int(x) for x in family.points["stable"][:8]} for family in born}
     assert stable in ({"orig": {1}, "stop": {0}}, {"orig": {0}, "stop": {1}})
 
@@ -260,6 +253,7 @@ def test_families_born_at_a_q_tupling(name, event):
         run = saltus.simulate(family.system, u[0], v[0], orbit.period)
         start = np.concatenate([u[0], v[0]])
         assert np.linalg.norm(run.final - start) < 1e4 * EPS * max(np.linalg.norm(monodromy(orbit), 2), 1.0) * np.linalg.norm(start)
+        assert_label_is_that_of_the_start(family)
         kinds.setdefault(family.id, []).append(family)
     # One family with two different sides, or two families.
     sides = born if len(kinds) == 1 else [families[0] for families in kinds.values()]

@@ -12,7 +12,7 @@ import pytest
 import saltus
 from benchmarks.saltation import monodromy as saltation_monodromy
 from branches.naming.labels import label_of
-from branches.tracing import HIGHEST, TraceError, follow_family
+from branches.tracing import HIGHEST, follow_family
 from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
@@ -31,12 +31,13 @@ def sampled(branch, count=9):
     return [branch.orbit(i) for i in spread(branch, count)]
 
 
-def test_energy_is_constant_along_each_orbit(branch):
-    """Oracle: conservation of energy, to 1e-13 relative, sampled over two periods and across impacts."""
+def test_each_orbit_keeps_its_energy_and_passes_no_stop(branch):
+    """Oracle: conservation of energy, to 1e-13 relative, and |u1 - u2| <= 1, sampled over two periods and across impacts."""
     for orbit in sampled(branch):
-        times = np.concatenate([np.linspace(0.0, 2.0 * orbit.period, 500), [impact.time for impact in orbit.impacts]])
-        energy = branch.system.energy(*orbit.sample(times))
-        assert np.max(np.abs(energy / orbit.h - 1.0)) < 1e-13
+        times = np.concatenate([np.linspace(0.0, 2.0 * orbit.period, 10_001), [impact.time for impact in orbit.impacts]])
+        u, v = orbit.sample(times)
+        assert np.max(np.abs(branch.system.energy(u, v) / orbit.h - 1.0)) < 1e-13
+        assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12
 
 
 def test_each_orbit_returns_to_itself_in_the_event_driven_run(branch):
@@ -54,13 +55,6 @@ def test_each_orbit_returns_to_itself_in_the_event_driven_run(branch):
     assert compared > 0
 
 
-def test_no_orbit_passes_a_stop(branch):
-    """Oracle: dense samples: |u1 - u2| <= 1 all along."""
-    for orbit in sampled(branch):
-        u, _ = orbit.sample(np.linspace(0.0, orbit.period, 5001))
-        assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12
-
-
 def test_multipliers_are_those_of_the_saltation_product(branch):
     """Oracle: eigenvalues of the monodromy formed in numpy; it has two trivial ones, a Jordan pair, known to sqrt(eps) only."""
     for orbit in sampled(branch):
@@ -71,15 +65,8 @@ def test_multipliers_are_those_of_the_saltation_product(branch):
         assert abs(np.sum(orbit.multipliers).real - orbit.tau) < (1e-9 + 4.0 * EPS * size) * max(1.0, abs(orbit.tau))
         assert abs(np.prod(orbit.multipliers) - 1.0) < 1e-9 + 4.0 * EPS * size
         assert orbit.quality["reliable"] is True
-
-
-def test_the_program_has_the_same_saltation_product(branch):
-    """Oracle: the monodromy formed in numpy: the trace, which has no small number in it, and the two trivial multipliers."""
-    for orbit in sampled(branch, 5):
-        product = monodromy(orbit)
-        mine = saltation_monodromy(orbit.cycle)
-        size = np.linalg.norm(product, 2)
-        assert abs(np.trace(mine) - np.trace(product)) < 1e4 * EPS * size + 1e-9 * abs(np.trace(product))
+        formed = np.trace(saltation_monodromy(orbit.cycle))  # the product of the benchmarks
+        assert abs(formed - np.trace(product)) < 1e4 * EPS * size + 1e-9 * abs(np.trace(product))
 
 
 def test_stability_is_that_of_the_trace(branch):
@@ -92,19 +79,6 @@ def test_stability_is_that_of_the_trace(branch):
             decided += 1
             assert orbit.stable is bool(abs(tau) < 2.0), (orbit.h, tau)
     assert decided >= 3
-
-
-@pytest.mark.parametrize("pieces", [3, 20, 100])
-def test_cut_flights_have_the_same_multipliers(branch, pieces):
-    """Oracle: the uncut orbit, and tau of the branch: 1e-9, at orbits next to grazing too."""
-    for i in spread(branch, 8):
-        orbit = branch.orbit(i)
-        whole = saddle_point_multipliers(orbit.cycle)
-        cut = saddle_point_multipliers(orbit.cycle, pieces=pieces)
-        # the two multipliers of a nearly parabolic orbit move by rounding over their distance
-        error = 1e-9 + 1e-13 / np.abs(whole.values[0] - whole.values[1])
-        assert np.max(np.abs(cut.values / whole.values - 1.0)) < error
-        assert math.isclose(cut.trace, branch.points["tau"][i], rel_tol=1e-9, abs_tol=1e-9)
 
 
 def test_labels_count_half_waves_and_impacts(branch):
@@ -171,6 +145,7 @@ def test_tau_at_the_events(name):
 
 def test_folds_and_nothing_else_turn_the_energy():
     """Oracle: the energies of the points: between neighbours of an SN the energy turns, elsewhere it does not."""
+    turned = 0
     for name in NAMES:
         branch = traced(name)
         h = branch.points["h"]
@@ -178,15 +153,19 @@ def test_folds_and_nothing_else_turn_the_energy():
         for i in range(1, len(h) - 1):
             turns = (h[i] - h[i - 1]) * (h[i + 1] - h[i]) < -((1e-13 * h[i]) ** 2)
             assert not turns or folds & {i - 1, i, i + 1}, (name, i)
+            turned += turns
+    assert turned >= 2
 
 
 def test_grazing_ends_are_grazing():
     """Oracle: the orbits at the ends: a wall is touched to 1e-9 without an impact, or an impact has no speed."""
+    kinds = set()
     for name in NAMES:
         branch = traced(name)
         for event in branch.events:
             if event.type != "GR":
                 continue
+            kinds.add("touches" in event.note)
             assert event.point in (0, len(branch) - 1)
             orbit = branch.orbit(event.point)
             if "touches" in event.note:
@@ -199,6 +178,7 @@ def test_grazing_ends_are_grazing():
             else:
                 assert min(x.speed for x in orbit.impacts) < 1e-8 * math.sqrt(2.0 * orbit.h)
                 assert event.multiplier is None and event.stable is None
+    assert kinds == {True, False}
 
 
 def test_points_next_to_grazing_keep_their_quality():
@@ -291,22 +271,6 @@ def test_callbacks_tell_what_the_branch_has():
     branch = saltus.trace("S73O33-", on_event=events.append, on_end=ends.append, on_point=counts.append)
     assert sorted((e.type, e.number, e.h) for e in events) == sorted((e.type, e.number, e.h) for e in branch.events)
     assert tuple(ends) == branch.ended and counts[-1] == len(branch)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"direction": "left"}, "expected up, down or both"),
-        ({"points": 0}, "expected at least 1"),
-        ({"energy": (2.0, 1.0)}, "empty or reversed"),
-        ({"energy": (float("nan"), 1.0)}, "expected 0 <= LO < HI"),
-    ],
-)
-def test_options_that_cannot_be(options, words):
-    """Oracle: the message says what was expected."""
-    branch = traced("S13O00+")
-    with pytest.raises(TraceError, match=words):
-        branch.trace(5, **options)
 
 
 def test_a_family_is_the_same_from_either_end():

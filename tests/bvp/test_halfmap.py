@@ -112,23 +112,6 @@ def test_stable_agrees_with_the_multipliers():
     assert {stability(o.problem, o.solution).stable for o in collection()} >= {True, False}
 
 
-def test_stability_is_decided_close_to_the_fold_and_never_wrongly():
-    """Out-of-phase backbone: stable below the fold's alpha (closed form), unstable above; undecided only within rounding of it."""
-    system = vibro_impact_nes()
-    undecided = 0
-    for distance in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13):
-        for side in (-1.0, 1.0):
-            alpha = FOLD + side * distance
-            problem, y = backbone_segment(system, alpha)
-            stable = stability(problem, problem.solve(y, quarter_period=alpha)).stable
-            if stable is None:
-                undecided += 1
-                assert distance < 1e-11
-            else:
-                assert stable == (side < 0.0)
-    assert undecided <= 4
-
-
 def test_vectorised_decision_is_the_same():
     orbits = [orbit for orbit in collection() if np.isfinite(orbit.solution["a"])]
     columns = {name: np.array([orbit.solution[name] for orbit in orbits]) for name in ("a", "b", "c", "d", "magnified", "branching")}

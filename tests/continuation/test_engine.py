@@ -172,17 +172,6 @@ def test_curve_that_ends_gives_the_reason_and_the_words_of_the_problem():
     assert 0 <= 1.0 - points[-1].arclength < 1e-6 and "the line is broken after 1.000" in end.text
 
 
-def test_no_start():
-    def off(y):
-        return np.array([y[0] ** 2 + 1.0 + 0 * y[1]])
-
-    from continuation import GenericProblem
-
-    problem = GenericProblem(off, lambda y: np.array([[2 * y[0], 0.0]]))
-    points, events, (end,) = parts(follow(problem, np.array([0.3, 0.0])))
-    assert points == events == [] and end.reason is EndReason.NO_START and "start" in end.text
-
-
 @pytest.mark.parametrize("number", [1, 2, 7])
 def test_points_limit_counts_all_points(number):
     settings = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=number)
@@ -221,14 +210,6 @@ def test_iterator_gives_each_event_after_its_point_and_one_end_last():
     for before, item in zip(items, items[1:], strict=False):
         if isinstance(item, Event):
             assert isinstance(before, Point) and before.event is item
-
-
-def test_the_text_of_an_end_is_that_of_its_reason_with_the_detail():
-    """Oracle: the texts, which differ from reason to reason and are one line each."""
-    assert len({reason.text for reason in EndReason}) == len(EndReason)
-    for reason in EndReason:
-        assert reason.text and "\n" not in reason.text
-        assert End(reason, "").text == reason.text and End(reason, "why").text == f"{reason.text} (why)"
 
 
 class Wave(Line):

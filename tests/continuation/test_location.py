@@ -8,18 +8,6 @@ from hypothesis import strategies as st
 
 from continuation.location import StepRefused, bracketed_root
 
-
-class Counted:
-    """A function that counts its calls."""
-
-    def __init__(self, function):
-        self.function, self.calls = function, 0
-
-    def __call__(self, s):
-        self.calls += 1
-        return self.function(s)
-
-
 FUNCTIONS = [
     (lambda s: s**3 - 2, 2 ** (1 / 3), 0.0, 3.0),
     (lambda s: math.cos(s) - s, 0.7390851332151607, 0.0, 1.0),
@@ -39,18 +27,6 @@ def test_brackets_the_root_to_the_tolerance(function, root, low, high, tolerance
     assert not found.interrupted
 
 
-@pytest.mark.parametrize(("function", "root", "low", "high"), FUNCTIONS[:3])
-def test_convergence_is_superlinear(function, root, low, high):
-    """Twelve more digits cost fewer calls than the forty of bisection: the count grows like the logarithm of the digits."""
-    calls = []
-    for tolerance in (1e-3, 1e-6, 1e-12):
-        counted = Counted(function)
-        bracketed_root(counted, low, function(low), high, function(high), tolerance)
-        calls.append(counted.calls)
-    assert calls[-1] <= 14
-    assert calls[2] - calls[1] <= 4  # bisection would need 20
-
-
 @given(st.floats(0.01, 0.99), st.floats(0.1, 10), st.integers(0, 3), st.sampled_from([1.0, -1.0]))
 def test_any_monotone_function_in_either_direction(root, steepness, power, sign):
     def function(s):
@@ -59,13 +35,6 @@ def test_any_monotone_function_in_either_direction(root, steepness, power, sign)
     found = bracketed_root(function, 0.0, function(0.0), 1.0, function(1.0), 1e-12)
     assert abs(found.root - root) <= 1e-12
     assert found.low <= root + 1e-15 and root - 1e-15 <= found.high
-
-
-def test_jump_and_pole_are_bracketed_and_their_value_shows_them():
-    jump = bracketed_root(lambda s: 1.0 if s > 0.3 else -1.0, 0.0, -1.0, 1.0, 1.0, 1e-10)
-    assert jump.low <= 0.3 <= jump.high and jump.high - jump.low <= 1e-10 and abs(jump.value) == 1
-    pole = bracketed_root(lambda s: 1 / (s - 0.3), 0.0, -1 / 0.3, 1.0, 1 / 0.7, 1e-10)
-    assert pole.low <= 0.3 <= pole.high and pole.high - pole.low <= 1e-10 and abs(pole.value) > 1e9
 
 
 def test_zero_at_an_end_is_exact():

@@ -15,15 +15,11 @@ from bvp.system import vibro_impact_nes
 from saltus.commands.orbit import orbit_lines
 from tests.branches.traced import traced
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
+from tests.bvp.test_multipliers import separation
 from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed
 
 CLOSED_FORM = "closed form in 50 digits"
-
-
-def separation(values):
-    """Smallest distance between two multipliers, relative to the larger: the inverse of their sensitivity."""
-    return min((abs(a - b) / max(abs(a), abs(b)) for i, a in enumerate(values) for b in values[:i]), default=1.0)
 
 
 @pytest.mark.parametrize("pieces", [3, 20, 100])
