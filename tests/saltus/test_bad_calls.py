@@ -131,7 +131,7 @@ CALLS = [
     (lambda branch: saltus.trace("S13O00+", points="a"), "points = 'a': expected a whole number, at least 1"),
     (lambda branch: saltus.trace("S13O00+", points=2.5), "points = 2.5: expected a whole number, at least 1"),
     (lambda branch: saltus.trace("S13O00+", stop_when=3), "stop_when = 3: expected a function of an orbit"),
-    (lambda branch: saltus.trace("S13O00+", stop_wen=len), "unknown option 'stop_wen'; expected stop_when"),
+    (lambda branch: saltus.trace("S13O00+", stop_wen=len), "unexpected keyword argument 'stop_wen'"),
     (lambda branch: saltus.trace("S13O00+", pins=3), "pins = 3: expected a mapping"),
     (lambda branch: saltus.trace("S13O00+", bounds=3), "bounds = 3: expected a mapping"),
     (lambda branch: saltus.trace("S13O00+", stop_at="QQ"), "expected one of SN"),
