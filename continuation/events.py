@@ -222,7 +222,7 @@ class EventFinder:
                 noise = self._noise(index, found.s, locator)
                 both = self._around(index, apart[-1], found, noise, locator)
                 low, high = both.between
-                if not any(abs(float(step.tests[index])) > noise for s, step in locator.taken() if low < s < high):
+                if not any(abs(float(step.tests[index])) > noise for s, step in locator.taken if low < s < high):
                     apart[-1] = both
                     continue
             apart.append(found)
@@ -230,7 +230,7 @@ class EventFinder:
 
     def _around(self, index: int, first: Location, last: Location, noise: float, locator: Locator) -> Location:
         """Two zeros, or one, as one, with the bracket up to the next steps at which the test function is more than rounding."""
-        values = [(s, float(step.tests[index])) for s, step in locator.taken() if step.tests[index] == step.tests[index]]
+        values = [(s, float(step.tests[index])) for s, step in locator.taken if step.tests[index] == step.tests[index]]
         certain = [s for s, value in values if abs(value) > noise]
         low = max((s for s in certain if s < first.s), default=values[0][0])
         high = min((s for s in certain if s > last.s), default=values[-1][0])
@@ -242,10 +242,10 @@ class EventFinder:
         is undefined for being rounding, all its values are more than that.
 
         Steps are taken where the straight line leaves the noise."""
-        values = [float(step.tests[index]) for _, step in locator.taken()]
+        values = [float(step.tests[index]) for _, step in locator.taken]
         least = _ROUNDING * max((abs(value) for value in values if value == value), default=0.0)
         width = self._settings.location_tolerance
-        last = locator.taken()[-1][0]
+        last = locator.taken[-1][0]
         near = []
         for k in range(-_BESIDE, _BESIDE + 1):
             place = s + k * width
@@ -276,7 +276,7 @@ class EventFinder:
             test = self._tests[index]
             if locator.ends_with_another(index):
                 continue
-            values = [float(step.tests[index]) for s, step in locator.taken() if s <= limit]
+            values = [float(step.tests[index]) for s, step in locator.taken if s <= limit]
             if test.terminal and values[0] <= 0.0 and values[-1] <= 0.0:
                 step = locator.step(0.0)
                 located.append((index, Location("outside", "located", 0.0, step, -values[0], step, step)))
@@ -361,7 +361,7 @@ class EventFinder:
         """The changes of a key inside a step."""
         test = self._tests[index]
         changes = []
-        samples = [(s, key) for s, key in ((s, float(step.tests[index])) for s, step in locator.taken() if s <= limit) if key == key]
+        samples = [(s, key) for s, key in ((s, float(step.tests[index])) for s, step in locator.taken if s <= limit) if key == key]
         for (low, one), (high, other) in pairwise(samples):
             while one != other:
                 location, low = locator.change(index, low, high, test.terminal)

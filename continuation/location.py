@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect, insort
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
+from itertools import chain
+from operator import itemgetter
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -114,13 +116,36 @@ def bracketed_root(
     newest, value_newest, other, value_other = high, value_high, low, value_low
     third, value_third = math.nan, math.nan
     fraction = 0.5
-    least = _least(newest, other, tolerance)
     refusals = 0
     while True:
+        # The ends of the bracket may be nearer to the root than this part of it.
+        least = max(0.5 * tolerance, 2 * math.ulp(max(abs(other), abs(newest)))) / abs(other - newest)
+        if third == third:  # after the first trial
+            if least > 0.5:
+                interrupted = ""
+                break
+            place = (newest - other) / (third - other)
+            size = (value_newest - value_other) / (value_third - value_other)
+            if size * size < place and (1 - size) ** 2 < 1 - place:
+                fraction = value_newest / (value_other - value_newest) * value_third / (value_other - value_third)
+                fraction += (
+                    (third - newest)
+                    / (other - newest)
+                    * value_newest
+                    / (value_third - value_newest)
+                    * value_other
+                    / (value_third - value_other)
+                )
+            else:
+                fraction = 0.5
+            fraction = min(max(fraction, least), 1 - least)
         interrupted = ""
-        given_up = refusals >= _REFUSALS and abs(other - newest) <= coarse
-        for attempt in (fraction,) if given_up else _places(fraction, least):
-            trial = newest + attempt * (other - newest)
+        places: Iterable[float] = (fraction,)
+        if refusals < _REFUSALS or abs(other - newest) > coarse:
+            nearby = (fraction + sign * factor * least for sign in (1.0, -1.0) for factor in _BESIDE)
+            places = chain(places, (part for part in nearby if least <= part <= 1.0 - least), _OTHER_PLACES)
+        for part in places:
+            trial = newest + part * (other - newest)
             try:
                 value = function(trial)
                 break
@@ -128,8 +153,7 @@ def bracketed_root(
                 refusals += not interrupted
                 interrupted = str(refused)
         else:
-            best = (newest, value_newest) if abs(value_newest) < abs(value_other) else (other, value_other)
-            return RootBracket(*best, min(newest, other), max(newest, other), interrupted)
+            break
         if (value > 0) == (value_newest > 0):
             third, value_third = newest, value_newest
         else:
@@ -138,41 +162,8 @@ def bracketed_root(
         newest, value_newest = trial, value
         if value == 0:
             return RootBracket(trial, 0.0, trial, trial)
-        least = _least(newest, other, tolerance)
-        if least > 0.5:
-            best = (newest, value_newest) if abs(value_newest) < abs(value_other) else (other, value_other)
-            return RootBracket(*best, min(newest, other), max(newest, other))
-        place = (newest - other) / (third - other)
-        size = (value_newest - value_other) / (value_third - value_other)
-        if size * size < place and (1 - size) ** 2 < 1 - place:
-            fraction = value_newest / (value_other - value_newest) * value_third / (value_other - value_third)
-            fraction += (
-                (third - newest)
-                / (other - newest)
-                * value_newest
-                / (value_third - value_newest)
-                * value_other
-                / (value_third - value_other)
-            )
-        else:
-            fraction = 0.5
-        fraction = min(max(fraction, least), 1 - least)
-
-
-def _places(best: float, least: float) -> Iterator[float]:
-    """Where in a bracket a function is tried, as parts of it, until it can be evaluated: at the best place, beside it, anywhere."""
-    yield best
-    for sign in (1.0, -1.0):
-        for factor in _BESIDE:
-            place = best + sign * factor * least
-            if least <= place <= 1.0 - least:
-                yield place
-    yield from _OTHER_PLACES
-
-
-def _least(newest: float, other: float, tolerance: float) -> float:
-    """Part of a bracket that its ends may be nearer to a root at least."""
-    return max(0.5 * tolerance, 2 * math.ulp(max(abs(other), abs(newest)))) / abs(other - newest)
+    best = (newest, value_newest) if abs(value_newest) < abs(value_other) else (other, value_other)
+    return RootBracket(*best, min(newest, other), max(newest, other), interrupted)
 
 
 class Location(NamedTuple):
@@ -191,7 +182,7 @@ class Location(NamedTuple):
     step : Step
         The corrected point there.
     residual : float
-        |test function| there; 0 for a change, and where the problem tells it from rounding no more (nan).
+        |test function| there; 0 for a change, and where the problem cannot tell it from rounding (nan).
     low, high : Step
         The steps at the ends of the bracket.
     reason : str
@@ -225,6 +216,13 @@ class Locator:
         The accepted point.
     settings : Settings
         `location_tolerance`, `coincidence_tolerance` and `maximum_turn` are used.
+
+    Attributes
+    ----------
+    taken : list of (float, Step)
+        The steps known so far and their lengths, in order.
+    ends : list of (float, float)
+        Lengths of the steps around each zero of a guard that was located.
     """
 
     def __init__(self, problem: Problem, before: Point, settings: Settings) -> None:
@@ -232,86 +230,66 @@ class Locator:
         self._before = before.step
         self._settings = settings
         self._least_turn = math.cos(settings.maximum_turn)
-        self._taken: dict[float, Step] = {0.0: before.step}
-        self._places = [0.0]
-        self._ends: list[tuple[float, float]] = []
-
-    def __len__(self) -> int:
-        return len(self._taken)
-
-    def taken(self) -> list[tuple[float, Step]]:
-        """The steps known so far and their lengths, in order."""
-        return [(s, self._taken[s]) for s in self._places]
+        self._known: dict[float, Step] = {0.0: before.step}
+        self.taken: list[tuple[float, Step]] = [(0.0, before.step)]
+        self.ends: list[tuple[float, float]] = []
 
     def enter(self, s: float, step: Step) -> None:
         """Make a step known."""
-        self._taken[s] = step
-        insort(self._places, s)
+        self._known[s] = step
+        insort(self.taken, (s, step), key=itemgetter(0))
 
     def step(self, s: float) -> Step:
         """The step of length s from the accepted point.
 
+        Between two known steps it is corrected from the cubic through these if the problem allows it: near a branch point a prediction from
+        afar can be nearer to the other family.
+
         Raises
         ------
         StepRefused
-            It does not converge, or its tangent turns too far: the family is not followed there.
+            It does not converge, its tangent turns too far, or it is on another family than the known steps on both sides: near a branch
+            point two families are so near to each other that the corrector can go over. They differ in the direction of the unknowns, even
+            where they do not in the metric.
         """
-        known = self._taken.get(s)
+        known = self._known.get(s)
         if known is not None:
             return known
-        step = self._corrected(s)
+        before = self._before
+        at = bisect(self.taken, s, key=itemgetter(0))
+        inside = 0 < at < len(self.taken)
+        near, guess = getattr(self._problem, "step_near", None), None
+        if inside:
+            low, high = self.taken[at - 1][0], self.taken[at][0]
+            width = high - low
+            part = (s - low) / width
+            (y, slope), (other, other_slope) = self._cubic(low), self._cubic(high)
+            guess = y + part * part * (3.0 - 2.0 * part) * (other - y)
+            guess += width * part * (1.0 - part) * ((1.0 - part) * slope - part * other_slope)
+        if guess is None or near is None:
+            step = self._problem.step(before.y, before.tangent, s)
+        else:
+            step = near(before.y, before.tangent, s, guess)
         if not step.converged:
             raise StepRefused("a shorter step does not converge")
         if not step.turn >= self._least_turn:
             raise StepRefused(f"the tangent of a shorter step turns too far (cosine {step.turn:.3g})")
-        if self._leaves(s, step):
-            raise StepRefused("a shorter step goes over to another family")
+        if inside:
+            expected = slope + part * (other_slope - slope)
+            aside = _length(step.tangent[: step.y.size] / step.turn - expected)
+            if aside > _length(other_slope - slope) + _ASIDE * _length(expected):
+                raise StepRefused("a shorter step goes over to another family")
         self.enter(s, step)
         return step
 
-    def _leaves(self, s: float, step: Step) -> bool:
-        """Whether the unknowns change in another direction than at the known steps on both sides.
-
-        Near a branch point two families are so near to each other that the corrector can go over. They differ in direction, in the
-        unknowns even where they do not in the metric.
-        """
-        places = self._places
-        at = bisect(places, s)
-        if not 0 < at < len(places):
-            return False
-        low, high = places[at - 1], places[at]
-        part = (s - low) / (high - low)
-        (_, slope), (_, other) = self._cubic(low), self._cubic(high)
-        own = step.tangent[: step.y.size] / step.turn
-        expected = slope + part * (other - slope)
-        return _length(own - expected) > _length(other - slope) + _ASIDE * _length(expected)
-
-    def bends(self, low: float, high: float) -> bool:
+    def between_families(self, low: float, high: float) -> bool:
         """Whether the unknowns change in another direction at one of two known steps than at the other: they are of two families."""
         (_, slope), (_, other) = self._cubic(low), self._cubic(high)
         return _length(other - slope) > _ASIDE * (_length(slope) + _length(other))
 
-    def _corrected(self, s: float) -> Step:
-        """The step of length s, corrected from the cubic through the known steps on both sides of it if the problem allows it. Near a
-        branch point a prediction from afar can be nearer to the other family."""
-        before = self._before
-        near = getattr(self._problem, "step_near", None)
-        places = self._places
-        at = bisect(places, s)
-        if near is None or not 0 < at < len(places):
-            return self._problem.step(before.y, before.tangent, s)
-        low, high = places[at - 1], places[at]
-        width = high - low
-        part = (s - low) / width
-        (y, slope), (other, other_slope) = (self._cubic(place) for place in (low, high))
-        guess = y + part * part * (3.0 - 2.0 * part) * (other - y)
-        guess += width * part * (1.0 - part) * ((1.0 - part) * slope - part * other_slope)
-        step: Step = near(before.y, before.tangent, s, guess)
-        return step
-
     def _cubic(self, s: float) -> tuple[np.ndarray, np.ndarray]:
         """A known step and its derivative by the length of the step."""
-        step = self._taken[s]
+        step = self._known[s]
         slope = step.tangent[: step.y.size]
         return step.y, slope / step.turn if s > 0.0 else slope
 
@@ -361,12 +339,8 @@ class Locator:
             for s in between:
                 self.step(s)
         if guard and kind == "zero":
-            self._ends.append(between)
+            self.ends.append(between)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted, between=between)
-
-    def ends_with_another(self, index: int) -> bool:
-        """Whether a guard is violated first where another one has its zero: then that is the end, and this one tells no more of it."""
-        return any(self.falls(index, low, high) for low, high in self._ends)
 
     def falls(self, index: int, low: float, high: float) -> bool:
         """Whether a test function is positive at one step, and not any more at the other."""
@@ -376,11 +350,11 @@ class Locator:
         """Whether an event is as near to the zero of a guard that was located as brackets are wide: the steps on either side of it then lie
         in rounding, where a pole looks like a zero."""
         near = self._settings.location_tolerance
-        return any(first - near <= location.s <= last + near for first, last in self._ends)
+        return any(first - near <= location.s <= last + near for first, last in self.ends)
 
     def _polished(self, index: int, found: RootBracket, valid: float = 0.0) -> RootBracket:
         """The root where the straight line through the ends of its bracket has its own: over so short a piece a test function bends by less
-        than its rounding, so that the bracket tells how far the root may be, and not how far it is. A problem may give nan for a value that
+        than its rounding, so that the bracket shows how far the root may be, and not how far it is. A problem may give nan for a value that
         is rounding; between two values of different sign, so near to each other, that is a zero. `valid`: where the function is to be
         positive, by this part of the value at that end."""
         a, b = self.value(index, found.low), self.value(index, found.high)

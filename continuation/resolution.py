@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -76,7 +76,9 @@ class Resolution:
         self._locator = locator
         self._history = history
         self._floor = _FLOOR * settings.location_tolerance
-        self._resolved: dict[int, set[tuple[float, ...]]] = {}
+        self._resolved: list[set[tuple[float, ...]]] = [set() for _ in tests]
+        self._places: list[float] = []
+        self._columns: list[tuple[float, ...]] = []
         self.zones: list[Zone] = []
 
     def changes(self, index: int, limit: float, *, guard: bool = False) -> list[tuple[float, float]]:
@@ -98,10 +100,20 @@ class Resolution:
         """
         while True:
             places, values, gaps = self._samples(index, limit)
-            interval = self._unresolved(places, values, gaps, guard, self._resolved.setdefault(index, set()))
-            if interval is None:
+            division = self._unresolved(places, values, gaps, guard, self._resolved[index])
+            if division is None:
                 break
-            self._take(*interval)
+            if len(self._locator.taken) > _MOST:
+                raise StepRefused(f"the test functions need more than {_MOST} samples")
+            low, high, part = division
+            for shift in _ELSEWHERE:
+                try:
+                    self._locator.step(low + min(max(part + shift, _NEAR_END), 1.0 - _NEAR_END) * (high - low))
+                    break
+                except StepRefused as refused:
+                    cause = refused
+            else:
+                raise cause
         changes = []
         for (low, a), (high, b) in pairwise(zip(places, values, strict=True)):
             if low >= 0.0 and (a > 0.0) is not (b > 0.0) and (a > 0.0 or not guard):
@@ -123,10 +135,11 @@ class Resolution:
 
     def _note(self, test: TestFunction, zones: list[Zone]) -> bool:
         """Note the code of a test function in the first of some zones, and whether there is one."""
-        for zone in zones[:1]:
-            if test is not zone.test and test.code not in zone.found:
-                zone.found.append(test.code)
-        return bool(zones)
+        if not zones:
+            return False
+        if test is not zones[0].test and test.code not in zones[0].found:
+            zones[0].found.append(test.code)
+        return True
 
     def exclude(self, index: int, test: TestFunction, low: float, high: float) -> None:
         """Make a zone around a branch point between the steps of length low and high, which its test function marked.
@@ -136,18 +149,18 @@ class Resolution:
         StepRefused
             The steps on its two sides are of two families.
         """
-        samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken()]
+        samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken]
         level = min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
         before = [pair for pair in reversed(samples) if pair[0] <= low]
         after = [pair for pair in samples if pair[0] >= high]
         first, last = self._zone_end(index, before, level, high), self._zone_end(index, after, level, low)
-        if level == test.singular and first is not None and last is not None and self._locator.bends(first, last):
+        if level == test.singular and first is not None and last is not None and self._locator.between_families(first, last):
             raise StepRefused("a step goes over to another family")
         self.zones.append(Zone(-math.inf if first is None else first, math.inf if last is None else last, test, []))
 
     def exclude_start(self, index: int, test: TestFunction) -> None:
         """Make a zone at the start of the step if a branch point is so near to it."""
-        samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken()]
+        samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken]
         level = min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
         if samples[0][1] < level and not any(zone.low < 0.0 < zone.high for zone in self.zones):
             end = self._zone_end(index, samples, level, 0.0)
@@ -173,10 +186,12 @@ class Resolution:
     def _samples(self, index: int, limit: float) -> tuple[list[float], list[float], list[float]]:
         """The places in order where a test function is to be trusted, its values there, and the places where it is not."""
         zones = [zone for zone in self.zones if zone.hides(self._tests[index])]
-        known = [(s, values[index]) for s, values in self._history]
-        known += [(s, step.tests[index]) for s, step in self._locator.taken() if s <= limit]
+        taken = self._locator.taken
+        if len(self._places) != len(self._history) + len(taken):  # a step was taken since
+            self._places = [s for s, _ in self._history] + [s for s, _ in taken]
+            self._columns = list(zip(*(values for _, values in self._history), *(step.tests for _, step in taken), strict=True))
         places, values, gaps = [], [], []
-        for s, value in known:
+        for s, value in zip(self._places[: bisect_right(self._places, limit)], self._columns[index], strict=False):
             if value != value or (zones and any(zone.low < s < zone.high for zone in zones)):
                 gaps.append(s)
             else:
@@ -219,18 +234,6 @@ class Resolution:
             else:
                 resolved.add(around)
         return division
-
-    def _take(self, low: float, high: float, part: float) -> None:
-        if len(self._locator) > _MOST:
-            raise StepRefused(f"the test functions need more than {_MOST} samples")
-        for shift in _ELSEWHERE:
-            place = low + min(max(part + shift, _NEAR_END), 1.0 - _NEAR_END) * (high - low)
-            try:
-                self._locator.step(place)
-                return
-            except StepRefused as refused:
-                cause = refused
-        raise cause
 
 
 def _bends(places: list[float], values: list[float], j: int) -> list[float]:

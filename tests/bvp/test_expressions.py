@@ -6,7 +6,7 @@ import time
 import pytest
 import sympy
 
-from bvp import expression_size
+from bvp import expressions
 from bvp.expressions import MOST_TERMS, Size, TooLarge, limited, size_of_text
 from bvp.lagrangian import LagrangianError
 from bvp.system import ImpactSystem
@@ -77,7 +77,7 @@ def test_time_is_limited(monkeypatch):
     """Oracle: a block without an end."""
     import sys
 
-    monkeypatch.setattr(expression_size, "SECONDS", 0.05)
+    monkeypatch.setattr(expressions, "SECONDS", 0.05)
     with pytest.raises(TooLarge, match=r"^it: sympy has not read it within 0\.05 seconds$"), limited("it"):
         while True:
             time.monotonic()
