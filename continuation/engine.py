@@ -8,11 +8,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from continuation.control import BLOCK, JUMPED, NEAR_GOAL, SLOW, TURNED, Settings, arclength_of, control_of, distance, next_step, refusal
+from continuation.control import (
+    BLOCK,
+    JUMPED,
+    NEAR_GOAL,
+    SLOW,
+    TURNED,
+    Settings,
+    arclength_of,
+    control_of,
+    distance,
+    may_hide,
+    next_step,
+    refusal,
+    watch,
+)  # fmt: skip
 from continuation.events import EventFinder, FoundEvent, arclength_between, make_event
 from continuation.location import StepRefused
 from continuation.points import PlainPoints, ReturnWatch
@@ -135,15 +150,13 @@ def follow(
             yield item
 
 
+@dataclass(slots=True)
 class Allowance:
     """How many points may still be made; shared by the two directions of a trace, which may `resume` when there are more."""
 
-    __slots__ = ("points", "resume", "started")
-
-    def __init__(self, points: int, resume: bool = False) -> None:
-        self.points = points
-        self.resume = resume
-        self.started = False
+    points: int
+    resume: bool = False
+    started: bool = False
 
 
 def follow_in_blocks(
@@ -165,7 +178,7 @@ def follow_in_blocks(
     take = problem.step
     advance = getattr(problem, "advance", None)
     finder = EventFinder(problem, settings)
-    scan = finder.scan
+    kinds, singular = finder.kinds, finder.singular
     tolerance = settings.coincidence_tolerance
     exact = settings.location_tolerance
     control = control_of(settings)
@@ -266,7 +279,7 @@ def follow_in_blocks(
             if type(tests) is not list:
                 tests = _floats(tests)
             leaping = 0.0 < fallback < math.inf
-            if leaping or scan(oldest, older, values, tests, length_older, length_old, length):
+            if leaping or watch(kinds, singular, may_hide, oldest, older, values, tests, length_older, length_old, length):
                 history = [(-length_old - length_older, oldest), (-length_old, older)]
                 try:
                     found = finder.find(history, point, Point(index + 1, arclength + length, new, ds), ds)
@@ -309,7 +322,13 @@ def follow_in_blocks(
 
         accepted += 1
         fallback = 0.0
-        for stride, at, event in _places(found, reach, new):
+        places: list[tuple[float, Step, FoundEvent | None]] = []  # what the step leads to, in order
+        for located in found:
+            if located.between is not None:
+                places.append((*located.between, None))
+            places.append((located.location.s, located.location.step, located))
+        places.append((reach, new, None))
+        for stride, at, event in places:
             s = length if at is new else arclength_between(position, at)
             guard = event is not None and problem.tests[event.index].kind == "guard"
             if event is not None and not guard and (arclength + s <= exact or (closed and length - s <= exact)):
@@ -352,15 +371,6 @@ def follow_in_blocks(
         oldest, older, values = older, values, tests
         length_older, length_old = length_old, length
         ds = next_step(ds, new.turn, new.contraction, control)
-
-
-def _places(found: list[FoundEvent], ds: float, new: Step) -> Iterator[tuple[float, Step, FoundEvent | None]]:
-    """What a step of length ds leads to, in order: events, the points between them, the new point. Length, step and event of each."""
-    for event in found:
-        if event.between is not None:
-            yield *event.between, None
-        yield event.location.s, event.location.step, event
-    yield ds, new, None
 
 
 def _stopped(stop_when: StopWhen | None, point: Point) -> str | None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from continuation.control import NEAR_BRANCH_POINT, Settings, arclength_of, distance, kinds_of, may_hide, watch
+from continuation.control import NEAR_BRANCH_POINT, Settings, arclength_of, distance, kinds_of
 from continuation.location import JUMP_RATIO, Location, Locator, StepRefused
 from continuation.problem import Event, EventDetails, Point, Problem, Step, TestFunction
 from continuation.resolution import History, Resolution
@@ -53,26 +53,16 @@ class EventFinder:
         self._problem = problem
         self._settings = settings
         self._tests: tuple[TestFunction, ...] = tuple(problem.tests)
-        self._kinds = kinds_of(self._tests)
-        self._singular = [test.singular for test in self._tests]
+        self.kinds = kinds_of(self._tests)
+        self.singular = [test.singular for test in self._tests]
         self.undefined = [math.nan] * len(self._tests)
         """Test functions of the point before the first: not known."""
         self._refine: Callable[[int, Step], Step | None] | None = getattr(problem, "refined", None)
         absorbed = {code for test in self._tests if test.singular for code in test.absorbs}
         self._at_branch_points = [bool(test.singular) or test.code in absorbed for test in self._tests]
-        self._absorbing = any(test.absorbs for test in self._tests)
-
-    def scan(
-        self, oldest: list[float], older: list[float], old: list[float], new: list[float], first: float, before: float, last: float
-    ) -> bool:
-        """Whether a step has to be searched, from the test functions at the last four points and the arclengths between these.
-
-        `oldest` and `older` are `undefined` where there are fewer points.
-        """
-        return watch(self._kinds, self._singular, may_hide, oldest, older, old, new, first, before, last)
 
     def find(self, history: History, before: Point, after: Point, ds: float) -> list[FoundEvent]:
-        """The events of a step from `before` to `after` of length ds, in order, after the problem's word on each.
+        """The events of a step from `before` to `after` of length ds, in order, as the problem classifies them.
 
         Parameters
         ----------
@@ -100,12 +90,10 @@ class EventFinder:
         for index in (i for i in order if self._tests[i].kind == "change"):
             located += [(index, change) for change in self._changes(locator, index, limit)]
 
-        def place(pair: tuple[int, Location]) -> tuple[float, float, int]:
-            # Beside a branch point a shorter step can be corrected onto a point that is further along.
-            index, location = pair
-            return arclength_between(before.step.position, location.step), location.s, index
-
-        classified = self._classified(sorted(located, key=place), before, after)
+        # By arclength: beside a branch point a shorter step can be corrected onto a point that is further along.
+        position = before.step.position
+        located.sort(key=lambda pair: (arclength_between(position, pair[1].step), pair[1].s, pair[0]))
+        classified = self._classified(located, before, after)
         near = self._settings.coincidence_tolerance
         for zone in resolution.zones:
             for i, event in enumerate(classified):
@@ -131,7 +119,7 @@ class EventFinder:
 
     def is_near_branch_point(self, old: Sequence[float], new: Sequence[float]) -> bool:
         """Whether a point is far nearer to a branch point than the one before it: rounding is larger there, and can hide signs."""
-        return any(level and abs(b) < NEAR_BRANCH_POINT * abs(a) for a, b, level in zip(old, new, self._singular, strict=True))
+        return any(level and abs(b) < NEAR_BRANCH_POINT * abs(a) for a, b, level in zip(old, new, self.singular, strict=True))
 
     def distance_to_branch_point(self, older: Sequence[float], old: Sequence[float], before: float) -> float:
         """Arclength from the last point to where a branch point may be; inf if none is ahead: the line through the last two values of a
@@ -157,7 +145,7 @@ class EventFinder:
                 return None
             if is_zero and not test.singular and not same:
                 codes.append(test.code)
-        index = next(index for index, level in enumerate(self._singular) if level)
+        index = next(index for index, level in enumerate(self.singular) if level)
         s = arclength_between(before.step.position, at)
         margin = self._settings.location_tolerance
         location = Location("zero", "located", s, at, abs(float(at.tests[index])), at, at, margin=margin, between=(s, s))
@@ -203,21 +191,8 @@ class EventFinder:
         Neighbouring zeros between which the function is rounding are one, and a touch if the sign around them is the same. Of a function
         that is zero at branch points, beside which rounding is large, each zero is looked at: if the branch point lies between the
         nearest certain signs, it is part of it."""
-        crossed: list[tuple[int, Location]] = []
-        for found in self._apart(index, sorted(zeros, key=lambda found: found.s), locator):
-            if self._at_branch_points[index] and not self._singular[index]:
-                found = self._around(index, found, found, self._noise(index, found.s, locator), locator)
-                if resolution.absorbed(self._tests[index], *found.between):
-                    continue
-            low, high = found.between
-            if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
-                crossed.append((index, found))
-        return crossed
-
-    def _apart(self, index: int, zeros: list[Location], locator: Locator) -> list[Location]:
-        """Zeros in order, of which those that rounding does not tell apart are one, with the bracket of all."""
         apart: list[Location] = []
-        for found in zeros:
+        for found in sorted(zeros, key=lambda found: found.s):
             if apart and found.s - apart[-1].s <= self._settings.coincidence_tolerance:
                 noise = self._noise(index, found.s, locator)
                 both = self._around(index, apart[-1], found, noise, locator)
@@ -226,7 +201,16 @@ class EventFinder:
                     apart[-1] = both
                     continue
             apart.append(found)
-        return apart
+        crossed: list[tuple[int, Location]] = []
+        for found in apart:
+            if self._at_branch_points[index] and not self.singular[index]:
+                found = self._around(index, found, found, self._noise(index, found.s, locator), locator)
+                if resolution.absorbed(self._tests[index], *found.between):
+                    continue
+            low, high = found.between
+            if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
+                crossed.append((index, found))
+        return crossed
 
     def _around(self, index: int, first: Location, last: Location, noise: float, locator: Locator) -> Location:
         """Two zeros, or one, as one, with the bracket up to the next steps at which the test function is more than rounding."""
@@ -274,8 +258,8 @@ class EventFinder:
         limit = ds
         for index in guards:
             test = self._tests[index]
-            if locator.ends_with_another(index):
-                continue
+            if any(locator.falls(index, *end) for end in locator.ends):
+                continue  # the family ends where another guard has its zero
             values = [float(step.tests[index]) for s, step in locator.taken if s <= limit]
             if test.terminal and values[0] <= 0.0 and values[-1] <= 0.0:
                 step = locator.step(0.0)
@@ -316,7 +300,7 @@ class EventFinder:
             a, b = float(before.tests[index]), float(after.tests[index])
             count = sum(event.test == index for event in known)
             # a branch point next to the start is a zero of this function too
-            absorbed = self._at_branch_points[index] and not self._singular[index] and any(self._singular[event.test] for event in known)
+            absorbed = self._at_branch_points[index] and not self.singular[index] and any(self.singular[event.test] for event in known)
             own = any(point.event is not None and point.event.test == index for point in (before, after))
             if test.kind == "guard" or a != a or b != b or absorbed or own:
                 continue
@@ -330,6 +314,7 @@ class EventFinder:
         return self._classified(located, before, after)
 
     def _classified(self, located: list[tuple[int, Location]], before: Point, after: Point) -> list[FoundEvent]:
+        """The events that the problem makes of zeros and changes, without those that belong to another event at the same place."""
         found = []
         for index, location in located:
             details = self._problem.classify(index, before, location.step, after, location)
@@ -337,7 +322,15 @@ class EventFinder:
                 if self._tests[index].terminal and not details.terminal:
                     details = details._replace(terminal=True)
                 found.append(FoundEvent(index, location, details))
-        return self._absorb(found) if self._absorbing else found
+        dropped: set[int] = set()
+        absorbed: dict[int, tuple[str, ...]] = {}
+        for i, strong in enumerate(found):
+            for j, weak in enumerate(found):
+                near = abs(weak.location.s - strong.location.s) <= self._settings.coincidence_tolerance
+                if i != j and i not in dropped and near and weak.details.code in self._tests[strong.index].absorbs:
+                    dropped.add(j)
+                    absorbed[i] = absorbed.get(i, ()) + (weak.details.code,)
+        return [replace(event, absorbed=absorbed.get(i, ())) for i, event in enumerate(found) if i not in dropped]
 
     def _refined(self, index: int, location: Location, before: Point, ds: float) -> Location:
         """The event where the problem has it to full accuracy, if it can tell.
@@ -371,17 +364,6 @@ class EventFinder:
                 if len(changes) > _CHANGES:
                     raise StepRefused(f"the key of {test.code} changes more than {_CHANGES} times")
         return changes
-
-    def _absorb(self, found: list[FoundEvent]) -> list[FoundEvent]:
-        dropped: set[int] = set()
-        absorbed: dict[int, tuple[str, ...]] = {}
-        for i, strong in enumerate(found):
-            for j, weak in enumerate(found):
-                near = abs(weak.location.s - strong.location.s) <= self._settings.coincidence_tolerance
-                if i != j and i not in dropped and near and weak.details.code in self._tests[strong.index].absorbs:
-                    dropped.add(j)
-                    absorbed[i] = absorbed.get(i, ()) + (weak.details.code,)
-        return [replace(event, absorbed=absorbed.get(i, ())) for i, event in enumerate(found) if i not in dropped]
 
 
 def make_event(found: FoundEvent, position: Any, arclength: float, index: int) -> Event:

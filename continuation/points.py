@@ -189,19 +189,17 @@ class ReturnWatch:
         self.origin = np.asarray(goal.position, dtype=float)
         self.direction = np.asarray(direction, dtype=float)
 
-    def _height(self, step: Step) -> float:
-        return float(height(step.position, self.origin, self.direction))
-
     def landing(self, before: Point, after: Step, ds: float) -> tuple[float, Step] | None:
         """The step from `before` that lands on the goal, and its length, if the step to `after` of length ds passes it."""
-        low, high = self._height(before.step), self._height(after)
+        origin, direction = self.origin, self.direction
+        low, high = (float(height(step.position, origin, direction)) for step in (before.step, after))
         if not low < 0.0 <= high:
             return None
         locator = Locator(self._problem, before, self._settings)
         locator.enter(ds, after)
         try:
             found = bracketed_root(
-                lambda s: self._height(locator.step(s)), 0.0, low, ds, high, self._settings.location_tolerance
+                lambda s: float(height(locator.step(s).position, origin, direction)), 0.0, low, ds, high, self._settings.location_tolerance
             )
             step = locator.step(found.root)
         except StepRefused:

@@ -1,4 +1,4 @@
-"""A whole run: both directions from the start, put together in order of arclength."""
+"""A run in both directions from its start, put together in order of arclength."""
 
 from __future__ import annotations
 
@@ -140,6 +140,7 @@ class _Half:
         self.points = Points()
         self.events: list[Event] = []
         self.end = End(EndReason.POINTS)
+        self.closed = False
         self._allowance = allowance
         self._items = follow_in_blocks(problem, first, settings, stop_when, stop_at, allowance, goal)
         self._first = not allowance.started
@@ -148,10 +149,6 @@ class _Half:
         self._exact = settings.location_tolerance
         self._on_points = on_points
         self._on_event = on_event
-
-    @property
-    def closed(self) -> bool:
-        return self.end.reason is EndReason.CLOSED
 
     def go(self) -> None:
         """Follow until the next end."""
@@ -174,7 +171,7 @@ class _Half:
                 if self._on_event is not None:
                     self._on_event(item)
             else:
-                self.end = item
+                self.end, self.closed = item, item.reason is EndReason.CLOSED
                 return
 
     def _start_is(self, event: Event) -> None:
@@ -197,14 +194,21 @@ class _Half:
 
     def moved(self, index: int, arclength: float) -> tuple[Points, list[Event]]:
         """Points and events with indices and arclengths that start later."""
-        events = {event.index: _moved_event(event, event.index + index, arclength, event.point) for event in self.events}
-
-        def placed(piece: Piece) -> Piece:
+        events: dict[int, Event] = {}
+        for event in self.events:
+            low, high = event.bracket
+            events[event.index] = replace(
+                event, arclength=event.arclength + arclength, bracket=(low + arclength, high + arclength), index=event.index + index
+            )
+        pieces: list[Piece] = []
+        for piece in self.points.pieces:
             if isinstance(piece, PlainPoints):
-                return piece.moved(index, arclength)
-            return [Point(p.index + index, p.arclength + arclength, p.step, p.step_size, events.get(p.index)) for p in piece]
-
-        return Points([placed(piece) for piece in self.points.pieces]), list(events.values())
+                pieces.append(piece.moved(index, arclength))
+            else:
+                pieces.append(
+                    [replace(p, index=p.index + index, arclength=p.arclength + arclength, event=events.get(p.index)) for p in piece]
+                )
+        return Points(pieces), list(events.values())
 
     def reversed(self, problem: Problem) -> tuple[Points, list[Event]]:
         """Points and events seen the other way: the last comes first, tangents are turned round."""
@@ -227,13 +231,6 @@ class _Half:
                 points.append(Point(index, total - p.arclength, step, p.step_size, event))
             pieces.append(points)
         return Points(pieces), events
-
-
-def _moved_event(event: Event, index: int, arclength: float, point: Step) -> Event:
-    low, high = event.bracket
-    return replace(
-        event, arclength=event.arclength + arclength, bracket=(low + arclength, high + arclength), index=index, point=point
-    )
 
 
 def _turned_round(problem: Problem, step: Step) -> Step:
