@@ -60,7 +60,7 @@ def parse_end(system: ImpactSystem, end: str) -> tuple[int, int]:
     if match[1] == "origin" and not system.has_odd_symmetry:
         raise EndsError(
             "an origin end needs odd symmetry (two-sided stops with equal gaps); this system has "
-            + " and ".join(_bounds_text(stop, system.coordinates) for stop in system.stops if not stop.is_symmetric)
+            + " and ".join(_bounds_text(stop, system.coordinates) for stop in system.stops if stop.lower != -stop.upper)
             + "; expected rest or stop ends"
         )
     return KINDS[match[1]], contact_of(system, match[2]) if match[2] else -1
@@ -276,7 +276,7 @@ class Cycle:
 
 
 def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
-    """The whole period of the solution y of a multipoint problem, unfolded by the reversals of its ends.
+    """The full period of the solution y of a multipoint problem, unfolded by the reversals of its ends.
 
     Parameters
     ----------

@@ -122,31 +122,19 @@ def system_modes(system: ImpactSystem) -> Modes:
         blocks = undamped_blocks(system.mass, squares, shapes)
     n = system.degrees_of_freedom
     position, velocity = blocks.to_state[:n], blocks.to_state[n:]
-    gap: list[np.ndarray] = []
-    rate: list[np.ndarray] = []
-    acceleration: list[np.ndarray] = []
-    push: list[np.ndarray] = []
-    side: list[float] = []
-    bound: list[float] = []
-    restitution: list[float] = []
-    stop_index: list[int] = []
-    letters: list[str] = []
+    contacts: list[tuple[Any, ...]] = []
     for k, stop in enumerate(system.stops):
         row = np.array(stop.gap)
         participation = exact_product(row, blocks.shapes)
         impulse = blocks.shapes @ participation / (participation @ participation)
-        for sign, limit in ((-1.0, stop.lower), (1.0, stop.upper)):
-            if np.isinf(limit):
-                continue
-            gap.append(exact_product(row, position))
-            rate.append(exact_product(row, velocity))
-            acceleration.append(rate[-1] @ blocks.matrix)
-            push.append(balanced(blocks.from_state[:, n:] @ impulse, rate[-1]))
-            side.append(sign)
-            bound.append(limit)
-            restitution.append(stop.restitution)
-            stop_index.append(k)
-            letters.append((stop.name if len(system.stops) > 1 else "") + ("+" if sign > 0.0 else "-"))
+        letter = stop.name if len(system.stops) > 1 else ""
+        gap, rate = exact_product(row, position), exact_product(row, velocity)
+        acceleration, push = rate @ blocks.matrix, balanced(blocks.from_state[:, n:] @ impulse, rate)
+        for side, sign, bound in ((-1.0, "-", stop.lower), (1.0, "+", stop.upper)):
+            if np.isfinite(bound):
+                contacts.append((gap, rate, acceleration, push, side, bound, stop.restitution, k, letter + sign))
+    gaps, rates, accelerations, pushes, sides, bounds, restitutions, stops, letters = zip(*contacts, strict=True)
+    opposite = [next((j for j, other in enumerate(stops) if other == k and j != i), i) for i, k in enumerate(stops)]
     return Modes(
         pairs=_array(blocks.pairs),
         mean=_array(blocks.mean),
@@ -158,16 +146,16 @@ def system_modes(system: ImpactSystem) -> Modes:
         squares=squares,
         shapes=_array(blocks.shapes),
         layout=blocks.layout,
-        contact_gap=_array(gap),
-        contact_rate=_array(rate),
-        contact_acceleration=_array(acceleration),
-        contact_push=_array(push),
-        contact_side=_array(side),
-        contact_bound=_array(bound),
-        contact_restitution=_array(restitution),
-        contact_stop=np.array(stop_index, dtype=np.int64),
-        contact_opposite=np.array(_opposite(stop_index), dtype=np.int64),
-        contact_letters=tuple(letters),
+        contact_gap=_array(gaps),
+        contact_rate=_array(rates),
+        contact_acceleration=_array(accelerations),
+        contact_push=_array(pushes),
+        contact_side=_array(sides),
+        contact_bound=_array(bounds),
+        contact_restitution=_array(restitutions),
+        contact_stop=np.array(stops, dtype=np.int64),
+        contact_opposite=np.array(opposite, dtype=np.int64),
+        contact_letters=letters,
     )
 
 
@@ -194,11 +182,6 @@ def balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
         push[i] += moved * np.spacing(push[i])
         off += moved * steps[i]
     return push
-
-
-def _opposite(stops: list[int]) -> list[int]:
-    """For each contact of these stops, the index of the other one of its stop; its own where there is none."""
-    return [next((j for j, other in enumerate(stops) if other == stop and j != i), i) for i, stop in enumerate(stops)]
 
 
 def _array(values: Any) -> np.ndarray:
@@ -244,7 +227,12 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
     rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), np.abs(stiffness), np.abs(shapes))
     squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
-    shapes = np.where(squares == 0.0, _without_leaks(mass, shapes), shapes)
+    # An entry of a free translation that is rounding of the others, in kinetic energy and in displacement, is 0: a translation goes any
+    # distance, and would carry bodies along that have no part in it.
+    size = np.abs(shapes)
+    weight = size * np.sqrt(np.diag(mass))[:, None]
+    leak = (weight <= 8.0 * n * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))
+    shapes = np.where((squares == 0.0) & leak, 0.0, shapes)
     order = np.argsort(squares, kind="stable")
     squares, shapes = squares[order], shapes[:, order]
     weight = np.abs(shapes) * np.sqrt(np.diag(mass))[:, None]
@@ -253,15 +241,6 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
         if shapes[leading, k] < 0.0:
             shapes[:, k] = -shapes[:, k]
     return squares, shapes
-
-
-def _without_leaks(mass: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Shapes whose entries are 0 where they are rounding of the others, both in kinetic energy and in displacement: as free translations,
-    which go any distance, they would carry bodies along that have no part in them."""
-    size = np.abs(shapes)
-    weight = size * np.sqrt(np.diag(mass))[:, None]
-    leak = (weight <= 8.0 * len(mass) * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))
-    return np.where(leak, 0.0, shapes)
 
 
 def _refine(mass: np.ndarray, stiffness: np.ndarray, shapes: np.ndarray) -> np.ndarray:

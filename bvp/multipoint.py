@@ -29,6 +29,11 @@ __all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "So
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 
+_ENTRIES = len(RESULT)
+
+_KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
+"""The kernels of a step and of what is seen of an orbit: the fast path for two degrees of freedom, and the general one."""
+
 
 class NotConverged(RuntimeError):
     """Newton's corrections did not reach a solution; the message says how far they came."""
@@ -125,27 +130,24 @@ class MultipointProblem:
         pick = np.where(has, self.contacts, 0)
         rows = has[:, None]
 
-        def array(values: np.ndarray) -> np.ndarray:
-            return np.ascontiguousarray(values, dtype=np.float64)
-
         start_map, start_offset = start_states(modes, self.kinds[0], opening)
         end_rows, end_offset = end_condition(modes, self.kinds[1], closing)
         weights = np.concatenate([modes.squares, np.ones(self.half)])
-        self.segment = Segment(
-            modes.flight,
-            array(np.where(rows, modes.contact_gap[pick], 0.0)),
-            array(np.where(rows, modes.contact_rate[pick], 0.0)),
-            array(np.where(rows, modes.contact_push[pick], 0.0)),
-            array(np.where(has, 1.0 + modes.contact_restitution[pick], 0.0)),
-            array(np.where(has, modes.contact_bound[pick], 0.0)),
-            array(np.where(has, modes.contact_side[pick], 0.0)),
-            array(start_map),
-            array(start_offset),
-            array(end_rows),
-            array(end_offset),
-            array(weights),
-            np.array([self.inner, int(periodic), quarters, *self.kinds], dtype=np.int64),
+        arrays = (
+            np.where(rows, modes.contact_gap[pick], 0.0),
+            np.where(rows, modes.contact_rate[pick], 0.0),
+            np.where(rows, modes.contact_push[pick], 0.0),
+            np.where(has, 1.0 + modes.contact_restitution[pick], 0.0),
+            np.where(has, modes.contact_bound[pick], 0.0),
+            np.where(has, modes.contact_side[pick], 0.0),
+            start_map,
+            start_offset,
+            end_rows,
+            end_offset,
+            weights,
         )
+        shape = np.array([self.inner, int(periodic), quarters, *self.kinds], dtype=np.int64)
+        self.segment = Segment._make([modes.flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
         self.observed = observed_of(system)
         self.parameters = self.segment.start_map.shape[1]
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
@@ -162,16 +164,6 @@ class MultipointProblem:
     def __getstate__(self) -> dict[str, Any]:
         """What another process may have: the addresses of compiled functions are this one's alone."""
         return {name: value for name, value in self.__dict__.items() if name != "addresses"}
-
-    @property
-    def _take(self) -> Callable[..., Any]:
-        """The step's kernel; no attribute, since compiled functions do not go to another process."""
-        return two_dof_orbit_step if self._two_dof else orbit_step
-
-    @property
-    def _look(self) -> Callable[..., Any]:
-        """The kernel of what is seen of an orbit."""
-        return two_dof_orbit_observe if self._two_dof else orbit_observe
 
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system which can move as a whole: an orbit between them is not determined.
@@ -323,9 +315,8 @@ class MultipointProblem:
         unknowns = self.unknowns
         self._factor.work[5, :unknowns] = row
         out, result, metric = np.empty(unknowns), np.full(_ENTRIES, np.nan), np.empty((4, self.size + 2))
-        self._take(
-            *self._packed, self._factor, y, self._zero, 0.0, target, maximum, metric, out, np.empty(2 * unknowns), result
-        )  # fmt: skip
+        take, _ = _KERNELS[self._two_dof]
+        take(*self._packed, self._factor, y, self._zero, 0.0, target, maximum, metric, out, np.empty(2 * unknowns), result)
         y[:] = out
         return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
 
@@ -341,12 +332,13 @@ class MultipointProblem:
         result = np.full(_ENTRIES, np.nan)
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
-        self._take(*packed, factor, changeable(y), changeable(tangent), ds, math.nan, maximum, metric, out, out_tangent, result)
+        take, observe = _KERNELS[self._two_dof]
+        take(*packed, factor, changeable(y), changeable(tangent), ds, math.nan, maximum, metric, out, out_tangent, result)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()
         if full:
-            self._look(*packed, self._watched, self._bounds, out, ends, self._work, result)
+            observe(*packed, self._watched, self._bounds, out, ends, self._work, result)
             if self._two_dof:
                 orbit_stability(*packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
@@ -357,9 +349,10 @@ class MultipointProblem:
         y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
         metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
         packed = self._packed
+        take, observe = _KERNELS[self._two_dof]
         calls = (
-            (self._take, (*packed, self._factor, y, tangent, 0.0, 0.0, 0, metric, y, tangent, result)),
-            (self._look, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
+            (take, (*packed, self._factor, y, tangent, 0.0, 0.0, 0, metric, y, tangent, result)),
+            (observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
             (orbit_stability, (*packed, y, ends, self._period, result)),
         )
         return np.array([address_of(function, arguments) for function, arguments in calls])
@@ -371,7 +364,6 @@ class MultipointProblem:
         return kernel(addresses, *self._packed, self._factor, self._watched, self._bounds, self._work, self._period, maximum, *arguments)
 
 
-_ENTRIES = len(RESULT)
 
 
 @lru_cache(maxsize=64)
@@ -385,20 +377,10 @@ def observed_of(system: ImpactSystem) -> Observed:
     velocity = np.zeros((0, size))
     if system.absorber is not None and system.primary is not None:
         velocity = modes.to_state[[n + system.absorber, n + system.primary]]
-
-    def derivative(rows: np.ndarray, times: int) -> np.ndarray:
-        for _ in range(times):
-            rows = rows @ modes.matrix
-        return np.ascontiguousarray(rows)
-
-    return Observed(
-        derivative(gap, 0),
-        derivative(gap, 1),
-        derivative(gap, 2),
-        derivative(gap, 3),
-        np.array([stop.lower for stop in system.stops], dtype=float),
-        np.array([stop.upper for stop in system.stops], dtype=float),
-        derivative(velocity, 0),
-        derivative(velocity, 1),
-        derivative(velocity, 2),
-    )
+    gaps, velocities = [gap], [velocity]  # and their derivatives by time, (.. B) z
+    for _ in range(3):
+        gaps.append(gaps[-1] @ modes.matrix)
+    for _ in range(2):
+        velocities.append(velocities[-1] @ modes.matrix)
+    lower, upper = (np.array([getattr(stop, side) for stop in system.stops], dtype=float) for side in ("lower", "upper"))
+    return Observed._make([np.ascontiguousarray(rows) for rows in (*gaps, lower, upper, *velocities)])

@@ -95,11 +95,6 @@ class Stop:
         if not 0.0 <= self.restitution <= 1.0:
             raise InvalidSystem(f"restitution lies in [0, 1]; {label} has {self.restitution:g}")
 
-    @property
-    def is_symmetric(self) -> bool:
-        """True where lower == -upper."""
-        return self.lower == -self.upper
-
 
 @brief
 @dataclass(frozen=True, eq=False)
@@ -238,7 +233,7 @@ class ImpactSystem:
     @property
     def has_odd_symmetry(self) -> bool:
         """True where u -> -u is a symmetry: every stop has lower == -upper."""
-        return all(stop.is_symmetric for stop in self.stops)
+        return all(stop.lower == -stop.upper for stop in self.stops)
 
     @cached_property
     def modes(self) -> Modes:
