@@ -173,6 +173,9 @@ def apply_reflectors(flights, rows, start, window, closing, factor, x):
 RESIDUAL_ROUNDING = 2e-15
 """Scaled residual that is nothing but rounding: 9 eps, for states at the ends of flights of size 1."""
 
+SHORT_UPDATE = 1e-6
+"""Newton's update, in units of the unknowns' sizes, below which the next one is beyond double precision: its square."""
+
 
 @inlined
 def set_scale(segment, y, factor):
@@ -375,7 +378,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
         # one loop, so that each of these functions is compiled in one place
         evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
         if iteration > 0:
-            noise = worst <= RESIDUAL_ROUNDING and length < 1e-6
+            noise = worst <= RESIDUAL_ROUNDING and length < SHORT_UPDATE
             worst = scaled_residual(segment, residual, displacement, velocity)
             ratio = length / previous
             fresh = False
