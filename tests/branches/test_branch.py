@@ -3,7 +3,6 @@
 Oracles: the closed form; the branch itself after a round trip through its file; sampled orbits.
 """
 
-import csv
 import math
 
 import numpy as np
@@ -46,16 +45,6 @@ def test_the_start_survives_where_no_event_was_found(tmp_path):
     branch.save(tmp_path / "b.json")
     back = saltus.read_branch(tmp_path / "b.json")
     assert back.label == branch.label and back.id == branch.id
-
-
-def test_the_csv_has_the_points(tmp_path):
-    """Oracle: the columns."""
-    branch = traced("S13O00+")
-    branch.save(tmp_path / "b.csv")
-    rows = list(csv.DictReader((tmp_path / "b.csv").open()))
-    assert [float(row["h"]) for row in rows] == branch.points["h"].tolist()
-    assert [float(row["start.v.1"]) for row in rows] == branch.points["start_v"][:, 0].tolist()
-    assert sum(bool(row["event"]) for row in rows) == len(branch.events)
 
 
 def test_frequencies():

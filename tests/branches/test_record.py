@@ -138,12 +138,6 @@ def test_the_range_and_the_other_pieces_are_kept(tmp_path):
     assert "branch.energy[1] is 'x'" in refuse(tmp_path / "b.json")
 
 
-def test_a_record_of_what_was_read_is_the_same():
-    """Oracle: writing is idempotent."""
-    data = record.to_record(made_of(columns(), [event()]))
-    assert record.to_record(made_of(reading.points_of(data), [event()])) == data
-
-
 def test_velocities_without_an_origin_start_are_null():
     """Oracle: the format; the CSV keeps a column for each."""
     points = columns()
@@ -278,18 +272,6 @@ def test_other_files_are_refused(tmp_path, good):
 def traced():
     """A branch as the program makes it."""
     return saltus.trace("S13O00+", energy=(0.05, 1.0))
-
-
-def test_a_traced_branch_comes_back(traced, tmp_path):
-    """Oracle: the branch that was saved: its record, and an orbit solved again from the file."""
-    path = tmp_path / "branch.json"
-    traced.save(path)
-    back = saltus.read_branch(path)
-    assert record.to_record(back) == record.to_record(traced)
-    middle = len(traced.points["h"]) // 2
-    times = np.linspace(0.0, traced.orbit(middle).period, 50)
-    for ours, theirs in zip(traced.orbit(middle).sample(times), back.orbit(middle).sample(times), strict=True):
-        np.testing.assert_allclose(theirs, ours, rtol=0.0, atol=1e-12)
 
 
 def test_points_and_events_stand_in_order(traced):

@@ -50,14 +50,6 @@ def test_a_slice_is_that_of_the_list(place):
         points[::2]
 
 
-def test_points_added_to_points_follow_them():
-    points, known = joined()
-    both = points[:4]
-    both.extend(points[4:])
-    both.append(SINGLE[0])
-    assert numbers(both) == numbers([*known, SINGLE[0]])
-
-
 def test_a_single_point_is_replaced_and_one_of_a_block_is_not():
     points, _ = joined()
     points[-1] = SINGLE[1]

@@ -15,8 +15,7 @@ from branches.catalogue import Catalogue
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import NEAR, Family, Meeting, families_of, harmonics
-from transitions.following import Around, Match, family_intervals, partner, steady, unlike
-from transitions.kernels.ridges import link
+from transitions.following import Match, family_intervals, partner, unlike
 from transitions.ridges import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
 from transitions.spectrum import Wavelet, morlet_spectrum
 from transitions.stage import Follows, Stage, StartFamily, changes, stages_as_data, why_another
@@ -128,16 +127,6 @@ def test_a_tone_that_dies_away_to_nothing_has_no_stage_there():
     decay = np.exp(-5.0 * times)
     record = synthetic(times, decay * np.cos(2.0 * times), -decay * (5.0 * np.cos(2.0 * times) + 2.0 * np.sin(2.0 * times)))
     assert stages_of(record, GAP) == []
-
-
-def test_maxima_are_linked_to_their_nearest():
-    """Oracle: by hand: two that go on, one that is nobody's nearest, and one that is lost for a column."""
-    columns = np.array([0, 0, 1, 1, 1, 2, 3, 3])
-    level = np.array([0.0, 1.0, 0.01, 0.5, 0.98, 1.0, 0.02, 1.01])
-    bounds = np.array([0, 2, 5, 6, 8])
-    following, scratch = np.empty((2, 8), dtype=np.int64)
-    link(columns, level, bounds, np.full(8, 0.05), 0.05, 0.25, 1.0, following, np.empty(8, dtype=np.bool_), scratch)
-    assert following.tolist() == [2, 4, 6, -1, 5, 7, -1, -1]
 
 
 def noise(times, low, high, seed):
@@ -413,25 +402,6 @@ def test_lines_without_a_partner_count_whole():
         assert unlike(orbit, harmonic, ratios, parts) == pytest.approx([expected])
     ratios, parts = np.array([[1.0, 1.0], [1.0 / 3.0, 0.0]]), np.array([[0.3, 0.4], [0.7, 0.0]])
     np.testing.assert_array_equal(partner(3, 3, ratios, parts), [[0.7, 0.0], [0.0, 0.0], [0.3, 0.4]])
-
-
-def test_means_are_over_three_periods():
-    """Oracle: the integral of a parabola, which is zero outside of a part of the columns."""
-    turns = np.linspace(0.0, 12.0, 4001)
-    around = Around(turns, np.array([0, 1500, 2000, 4000]))
-    low, high = np.clip(turns[around.places] - 1.5, 0.0, 12.0), np.clip(turns[around.places] + 1.5, 0.0, 12.0)
-    np.testing.assert_allclose(around.mean(turns**2), (high**3 - low**3) / 3.0 / (high - low), rtol=5e-6)
-    first, stop = 1600, 2400
-    a, b = np.clip(low, turns[first], turns[stop - 1]), np.clip(high, turns[first], turns[stop - 1])
-    np.testing.assert_allclose(around.mean(turns[first:stop] ** 2, first), (b**3 - a**3) / 3.0 / (high - low), rtol=1e-6, atol=1e-12)
-    assert around.reached(first, stop) == slice(1, 3)
-
-
-def test_a_harmonic_that_comes_for_less_than_three_periods_does_not_count():
-    """Oracle: by hand."""
-    turns = 0.5 * np.arange(40)
-    row = (turns >= 10.0) | ((turns >= 4.0) & (turns < 5.0))
-    assert steady(np.stack([row, ~row | row, ~row & row]), turns) == [(0, 19, (1,)), (20, 39, (0, 1))]
 
 
 # -- one ridge, several families -----------------------------------------------------------------------------------------------
