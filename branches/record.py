@@ -227,13 +227,13 @@ def discovery_to_record(found: Discovery, families: Sequence[str | None] | None 
     Returns
     -------
     dict
-        ``{"schema", "energy", "bounds", "settled", "counts", "orbits", "unpolished"}``.
+        ``{"schema", "energy", "bounds", "complete", "counts", "orbits", "unpolished"}``.
     """
     return {
         "schema": SCHEMA,
         "energy": found.energy,
         "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
-        "settled": found.settled,
+        "complete": found.complete,
         "counts": found.counts,
         "orbits": [_discovered(*item) for item in zip(found.orbits, families or found.families or repeat(None), strict=False)],
         "unpolished": [

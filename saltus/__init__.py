@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from branches.grazing.at_linear_modes import families_at as families_at
     from branches.grazing.following import Neighbour as Neighbour
     from branches.grazing.following import neighbours as neighbours
-    from branches.impulsive import impulsive_manifold as impulsive_manifold
-    from branches.impulsive import impulsive_orbits as impulsive_orbits
+    from branches.impulsive.manifold import impulsive_manifold as impulsive_manifold
+    from branches.impulsive.orbits import impulsive_orbits as impulsive_orbits
     from branches.linear_modes import LinearMode as LinearMode
     from branches.linear_modes import linear_modes as linear_modes
     from branches.orbit import Orbit as Orbit
@@ -85,7 +85,8 @@ _HOME = {
     "branches.export.figure_data": "read_atlas write_atlas",
     "branches.grazing.at_linear_modes": "families_at",
     "branches.grazing.following": "Neighbour neighbours",
-    "branches.impulsive": "impulsive_manifold impulsive_orbits",
+    "branches.impulsive.manifold": "impulsive_manifold",
+    "branches.impulsive.orbits": "impulsive_orbits",
     "branches.linear_modes": "LinearMode linear_modes",
     "branches.orbit": "Orbit",
     "branches.reading": "read_branch read_orbit",

@@ -186,7 +186,7 @@ def growth(effort: Effort) -> Iterator[Row]:
 
         found = search()
         times = least_times({"seconds": search}, effort.repeat)
-        yield {"growth": "quarter period", "value": period, **times, "orbits": len(found.orbits), "complete": found.settled}
+        yield {"growth": "quarter period", "value": period, **times, "orbits": len(found.orbits), "complete": found.complete}
 
 
 def _growth_of_a_point(against: str, value: int, problem: MultipointProblem, y: np.ndarray, repeat: float) -> Row:

@@ -103,9 +103,9 @@ def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
         # What is found is primitive, and between its own reversals.
         images = [with_canonical_sequence(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
         seeds += [_seed_of(system, some, plan) for some in images]
-        if found.settled:
+        if found.complete:
             break
-    return Answer(tuple(seeds), unsettled=() if found.settled else (energy,))
+    return Answer(tuple(seeds), unsettled=() if found.complete else (energy,))
 
 
 def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:

@@ -20,7 +20,8 @@ from bvp.summary import brief
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.impulsive import ImpulsiveOrbits, Manifold
+    from branches.impulsive.manifold import Manifold
+    from branches.impulsive.orbits import ImpulsiveOrbits
     from branches.naming.reference_points import Pin
     from branches.orbit import Orbit
     from bvp.system import ImpactSystem
@@ -117,7 +118,7 @@ class Atlas:
     @property
     def manifold_velocities(self) -> np.ndarray:
         """(N, n) start velocities of the impulsive motions: all of the energy is in that of the primary, which is positive."""
-        from branches.impulsive.start import impulsive_state
+        from branches.impulsive.motions import impulsive_state
 
         if not len(self.manifold_h):
             return np.zeros((0, len(self.system.coordinates)))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from branches.impulsive.start import check_system, impulsive_state, oscillator_period
+from branches.impulsive.motions import check_system, impulsive_state, oscillator_period
 from bvp.checks import checked_energy_range
 from bvp.motion import MotionStatus
 from bvp.simulate import simulate

@@ -17,7 +17,7 @@ from branches.naming.reference_points import PIN_TOLERANCE, AmbiguousName, NameN
 from branches.naming.search import LEVELS, Limits, Search, find_by_id, passes, search_bounds
 from branches.search.discovery import discover
 from branches.search.orbits import Found, accept, from_other_end
-from branches.search.scope import require_conservative
+from branches.search.starts import require_conservative
 from branches.tracing import Courses, TraceError, check_energy
 from bvp.closures import EndsError, parse_end
 from bvp.shown import shown

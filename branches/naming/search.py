@@ -13,9 +13,9 @@ from branches.identity import same_orbit
 from branches.naming.labels import Label, Name, canonical_label, matches, nearest, nearest_labels, parse
 from branches.naming.reference_points import PIN_TOLERANCE, NameNotFound, why_a_cover
 from branches.search.discovery import LONGEST, discover, fastest_turn
-from branches.search.orbits import Found, from_other_end
-from branches.search.scope import require_one_stop, require_two_degrees
-from branches.search.uniform import Scanner
+from branches.search.orbits import Found, OrbitSearch, Problems, from_other_end
+from branches.search.sampling import Sampler, half_turn
+from branches.search.starts import require_two_dof
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
 from branches.tracing import HIGHEST, Courses
 
@@ -86,7 +86,8 @@ class Search:
             self.ends, self.sequence, _ = split_family_id(name.family)
             kinds = ["stop" if self.ends[1].startswith("stop") else self.ends[1]]
             self.impacts = [len(self.sequence)]
-        self.scanners = [Scanner(system, kind, self.longest) for kind in kinds]
+        self.samplers = [Sampler(system, kind, self.longest, self.impacts) for kind in kinds]
+        self.problems: Problems = {}
         self.seen: dict[str, tuple[float, float]] = {}
         self.others: dict[str, Branch] = {}
         self.searched = (0, 0)
@@ -113,8 +114,9 @@ class Search:
 
     def _at(self, h: float, angles: int) -> list[Found]:
         out = []
-        for scanner in self.scanners:
-            for orbit in scanner.orbits(h, angles, self.impacts):
+        search = OrbitSearch(self.system, self.problems)
+        for sampler in self.samplers:
+            for orbit in search.sample(sampler, h, half_turn(angles)):
                 if not self.fits(orbit) and self._matches_turned(orbit):
                     orbit = from_other_end(orbit)
                 if self.fits(orbit):
@@ -254,8 +256,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     ends, sequence, _ = split_family_id(name.family)
     if ends == PERIODIC:
         raise NameNotFound(f"{name.family} has orbits without a reversal, which no search finds; {KEPT}")
-    require_two_degrees(system, "families are searched by id for", KEPT)
-    require_one_stop(system, "families are searched by id for")
+    require_two_dof(system, "families are searched by id for", KEPT)
     impacts = math.ceil(impacts_per_period(sequence, ends) / 2)
     pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
     wanted = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,21 +11,19 @@ import numpy as np
 
 from branches.naming.labels import nearest
 from branches.orbit import Orbit
-from branches.search.orbits import Collector, Unpolished, first_crossings, is_one_sided, preference
-from branches.search.scan import EndCrossing, Opening, follow_start, resumed, scan
-from branches.search.scope import START_FROM_A_STATE, require_conservative, require_one_stop, require_two_degrees
-from branches.search.starts import Path, curves
+from branches.search.intervals import Opening
+from branches.search.orbits import OrbitSearch, Unpolished, is_complete, kept_problems
+from branches.search.starts import START_FROM_A_STATE, require_conservative, require_two_dof
 from branches.sequences import impacts_per_period, segments_per_period
 from bvp.checks import is_finite, require_system
 from bvp.kernels.shooting import TURN_LIMIT
-from bvp.kernels.verdict import GRAZED
 from bvp.shown import shown
 from bvp.summary import brief, listed
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLASSES", "WITHOUT_ORIGIN", "Discovery", "discover"]
+__all__ = ["CLASSES", "WITHOUT_ORIGIN", "Discovery", "check", "discover", "fastest_turn", "segment_limits"]
 
 CLASSES = {
     "origin-origin": ("origin-origin", "origin-rest", "origin-stop"),
@@ -36,36 +33,34 @@ CLASSES = {
     "rest-stop": ("rest-stop",),
     "stop-stop": ("stop-stop", "origin-stop"),
 }
-"""Pairs of ends that can be asked for, each with the classes of more symmetry inside it, which are listed as such."""
+"""Pairs of ends that can be searched, each with the pairs of the more symmetric orbits among its own."""
 
 WITHOUT_ORIGIN = ("rest-rest", "rest-stop", "stop-stop")
-"""Pairs of ends that every reversible system has: an origin end needs odd symmetry."""
+"""Pairs of ends of every reversible system. An origin end needs odd symmetry."""
 
 BUDGET = 1_000_000
-"""Starts followed at most in one search; where they do not do, the rest stays open and the search is not settled."""
+"""Most starts that one search follows. The intervals left then stay open, and the search is not complete."""
 
 LONG = 100.0
-"""Angle by which the fastest mode may turn within the longest segment (rad); where it turns more, each start takes as much longer, and
-fewer are followed."""
+"""Angle of the fastest mode within the longest segment (rad) above which fewer starts are followed, because each takes longer."""
 
 LONGEST = 0.5 * TURN_LIMIT
-"""Angle by which the fastest mode may turn at most within the longest segment (rad): a flight is looked through in so many steps."""
-
+"""Largest angle of the fastest mode within the longest segment (rad). A flight is searched in a limited number of steps."""
 
 MOST_BOUND = 10_000
-"""Largest bound for the impacts of half a period: the scan keeps so many of a start in memory."""
+"""Largest bound for the impacts of half a period. The scan keeps as many of a start in memory."""
 
 STAGES = (
     "starts", "split", "closed", "open", "resumed", "at_grazing", "over_budget", "grazings", "crossings", "repeated", "polished",
-    "unpolished", "inadmissible", "without_impacts", "multiple_turns", "duplicates", "one_sided", "beyond_bounds", "orbits",
+    "unpolished", "inadmissible", "without_impacts", "covers", "duplicates", "one_sided", "beyond_bounds", "orbits",
 )  # fmt: skip
-"""What `Discovery.counts` counts, in this order."""
+"""Keys of `Discovery.counts`."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class Discovery:
-    """What was found at one energy.
+    """The orbits found at one energy.
 
     Parameters
     ----------
@@ -76,21 +71,21 @@ class Discovery:
     impacts : int or None
         Most impacts in half a period; None: not bounded.
     ends : tuple of str
-        Pairs of ends asked for.
+        Pairs of ends searched.
     orbits : list of Orbit
         By quarter period.
     unpolished : list of Unpolished
-        What was found but not solved.
+        Segments that were found but not solved.
     open : list of Opening
-        Intervals of starts (by curve) in which it is not decided what they hold.
+        Intervals of starts that are not decided.
     counts : dict of str to int
         Of each stage: ``starts`` followed; intervals ``split``, ``closed``, ``open``, ``resumed`` (as narrow as rounding, and
         scanned on from their image), ``at_grazing`` (as narrow as rounding) and ``over_budget``; ``grazings`` located; ``crossings``
-        of far ends; ``repeated`` (several turns, known from the start), ``polished``, ``unpolished``, ``inadmissible``,
-        ``without_impacts``, ``multiple_turns``, ``duplicates``, ``one_sided`` (found from one of two ends alone), ``beyond_bounds``,
+        of far ends; ``repeated`` (k-fold covers, known from the start), ``polished``, ``unpolished``, ``inadmissible``,
+        ``without_impacts``, ``covers``, ``duplicates``, ``one_sided`` (found from one of two ends alone), ``beyond_bounds``,
         ``orbits``.
     families : tuple of (str or None)
-        Where a catalogue was asked: the id of each orbit's family in it, None where none lies there. Else empty.
+        The id of each orbit's family in a catalogue, None if it has none there. Empty without a catalogue.
     """
 
     system: ImpactSystem
@@ -105,16 +100,16 @@ class Discovery:
     families: tuple[str | None, ...] = ()
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        closed = "complete" if self.settled else "not complete"
+        closed = "complete" if self.complete else "not complete"
         title = f"Discovery at h = {self.energy:.10g}: {len(self.orbits)} orbits, {closed}"
         return title, [("orbits", listed([orbit.label or "-".join(orbit.ends) for orbit in self.orbits]))]
 
     @property
-    def settled(self) -> bool:
-        """Whether the scan has decided all: no interval stayed open, nothing stayed unpolished, each orbit was found from both its ends.
+    def complete(self) -> bool:
+        """Whether the scan decided all intervals, all segments were solved, and each orbit was found from both its ends.
 
-        That is the scan's own part. Whether families that were followed here from other energies add nothing is for a catalogue to say."""
-        return not (self.counts["open"] or self.counts["unpolished"] or self.counts["one_sided"])
+        Whether families followed from other energies add nothing can only be checked with a catalogue."""
+        return is_complete(self.counts)
 
 
 def discover(
@@ -139,8 +134,8 @@ def discover(
     impacts : int, optional
         Most impacts in half a period; None: not bounded.
     ends : sequence of str, optional
-        Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them. In a system
-        without odd symmetry, which has no such orbits, it is `WITHOUT_ORIGIN`.
+        Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them. A system
+        without odd symmetry has no such orbits. There the default is `WITHOUT_ORIGIN`.
     budget : int, optional
         Starts followed at most. The default is a million, and less where the fastest mode turns more than `LONG` within a segment.
 
@@ -157,7 +152,7 @@ def discover(
     --------
     >>> from bvp.system import vibro_impact_nes
     >>> found = discover(vibro_impact_nes(), 0.3, quarter_period=3.0, impacts=2)
-    >>> found.settled, [orbit.label for orbit in found.orbits]
+    >>> found.complete, [orbit.label for orbit in found.orbits]
     (True, ['S11O00-', 'U2111-', 'S13O00+'])
     """
     check(system, energy, quarter_period, impacts, ends)
@@ -168,66 +163,18 @@ def discover(
     if isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63:
         raise ValueError(f"the most starts is {shown(budget)}, expected a whole number above 0 and below 2^63")
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
-    collector = Collector(system, energy)
-    counts: Counter[str] = Counter()
-    openings: list[Opening] = []
+    search = OrbitSearch(system, kept_problems(system))
     for start in ("origin", "rest", "stop"):
-        limits: dict[str, tuple[float, int | None]] = {}
-        for name in wanted:
-            first, far = name.split("-")
-            if first == start:
-                limits[far] = _limits(first, far, quarter_period, impacts)
-        if not limits:
-            continue
-        longest = max(time for time, _ in limits.values())
-        left = deque(curves(system, start, energy))
-        while left:
-            curve = left.popleft()
-            crossings, opened, of_scan = scan(curve, limits, max(1, budget - counts["starts"]))
-            counts.update(of_scan)
-            for opening in opened:
-                on = resumed(curve, opening, longest) if counts["starts"] < budget else None
-                if on is not None:
-                    left.append(on)
-                    counts["resumed"] += 1
-                    counts["at_grazing" if opening.reason == GRAZED else "open"] -= 1
-                elif opening.reason != GRAZED:
-                    openings.append(opening._replace(parameter=curve.angle(opening.parameter), width=curve.piece[1] * opening.width))
-            counts["crossings"] += len(crossings)
-            paths = [follow_start(curve, crossing.parameter, crossing.impacts, longest) for crossing in crossings]
-            instants = [path.until_last + crossing.flight for path, crossing in zip(paths, crossings, strict=True)]
-            sequences = [_sequence(path, crossing, system.modes.contact_letters) for path, crossing in zip(paths, crossings, strict=True)]
-            first_ones, repeated = first_crossings(crossings, instants, sequences, curve.end, curve.high - curve.low)
-            counts["repeated"] += len(repeated)
-            for i in first_ones:
-                collector.add(curve, crossings[i], paths[i])
-    counts.update(collector.counts)
-    within = collector.within(quarter_period, impacts)
-    orbits = sorted((min(images, key=preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.sequence))
-    total = sum(len(group) for group in collector.found.values())
-    counts["over_budget"] = counts["budget"]
-    counts["one_sided"] = sum(is_one_sided(images) for images in within)
-    counts["beyond_bounds"] = total - len(orbits)
-    counts["orbits"] = len(orbits)
-    return Discovery(
-        system,
-        energy,
-        quarter_period,
-        impacts,
-        tuple(ends),
-        [Orbit(orbit.problem, orbit.solution) for orbit in orbits],
-        collector.unpolished,
-        openings,
-        {stage: counts[stage] for stage in STAGES},
-    )
+        far_ends = [name.split("-")[1] for name in wanted if name.startswith(f"{start}-")]
+        if far_ends:
+            search.scan(start, energy, {far: segment_limits(start, far, quarter_period, impacts) for far in far_ends}, budget)
+    orbits = [Orbit(orbit.problem, orbit.solution) for orbit in search.orbits(quarter_period, impacts)]
+    search.counts["over_budget"] = search.counts["budget"]
+    counts = {stage: search.counts[stage] for stage in STAGES}
+    return Discovery(system, energy, quarter_period, impacts, tuple(ends), orbits, search.unpolished, search.open, counts)
 
 
-def _sequence(path: Path, crossing: EndCrossing, letters: Sequence[str]) -> tuple[str, ...]:
-    """The impacts before a crossing; that at a far stop included."""
-    return tuple(letters[c] for c in path.contacts[: crossing.impacts + (crossing.kind == "stop")])
-
-
-def _limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:
+def segment_limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:
     """Longest time and most inner impacts of a segment between two kinds of end."""
     quarter = (first == "origin") != (far == "origin")
     time = quarter_period * (1.0 if quarter else 2.0) * (1.0 + 1e-12)
@@ -244,11 +191,10 @@ def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
 
 
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str] | None) -> None:
-    """Refuse what cannot be searched, in one line."""
+    """Raise ValueError if the system or the bounds of `discover` cannot be searched."""
     require_system(system)
     require_conservative(system, "families of periodic orbits")
-    require_two_degrees(system, "orbits are discovered for", START_FROM_A_STATE)
-    require_one_stop(system, "orbits are discovered for")
+    require_two_dof(system, "orbits are discovered for", START_FROM_A_STATE)
     for what, value in (("energy", energy), ("longest quarter period", quarter_period)):
         if not (is_finite(value) and value > 0.0):
             raise ValueError(f"the {what} is {shown(value)}, expected a finite number above 0")

@@ -1,9 +1,15 @@
-"""From the crossings of a scan to orbits: each is solved as its multipoint problem and kept once, or listed with what is known of it."""
+"""The search for orbits: each segment that a scan finds is solved as a multipoint problem, and each orbit is kept once.
+
+Three scans find segments. `branches.search.intervals` splits the starts at an energy into intervals until each is decided.
+`branches.search.sampling` compares starts at given angles: it is fast and proves nothing. `branches.impulsive.orbits` splits a range of
+energies until each interval is decided.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,16 +18,29 @@ import numpy as np
 from branches.family import label_at
 from branches.identity import cover_of, same_segment
 from branches.naming.labels import ImpossibleLabelError, Label
-from branches.search.scan import EndCrossing
-from branches.search.starts import Curve, Path
-from branches.sequences import canonical_sequence, format_sequence, impacts_per_period, mirror, mirror_ends, unfold
+from branches.search.intervals import SAME_START, Limits, Opening, segments
+from branches.search.sampling import Sampler
+from branches.search.starts import Segment
+from branches.sequences import Ends, ImpactSequence, canonical_sequence, format_sequence, impacts_per_period
 from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Collector", "Found", "Unpolished", "accept", "first_crossings", "from_other_end", "is_one_sided", "objection", "preference"]
+__all__ = ["Found", "OrbitSearch", "Unpolished", "accept", "from_other_end", "is_complete", "kept_problems", "objection"]
+
+SAME_STATE = 1e-8
+"""Largest difference of the states of two solutions that are one orbit, relative to their size."""
+
+MOVED = 1e-6
+"""How far Newton's method may move the start of a segment, relative to its size. Farther, it has found another orbit."""
+
+MOST_PROBLEMS = 1000
+"""Problems kept from one search to the next, some twenty kilobytes each."""
+
+
+Problems = dict[tuple[Ends, ImpactSequence], MultipointProblem]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +62,37 @@ class Found:
         return self.solution["quarter_period"]
 
 
+class Unpolished(NamedTuple):
+    """A segment that a scan found and that is not solved.
+
+    parameter, low, high: what the scan varies, and the interval of it. alpha, residual: of the segment. reason: in words.
+    """
+
+    ends: Ends
+    sequence: str
+    parameter: float
+    low: float
+    high: float
+    alpha: float
+    residual: float
+    reason: str
+
+
 def objection(problem: MultipointProblem, solution: Solution) -> str | None:
-    """Why a solution is not a primitive orbit with impacts: "inadmissible", "multiple_turns", "without_impacts"; None where it is one."""
+    """Why a solution is not a primitive orbit with impacts: "without_impacts", "inadmissible", "covers"; None if it is one."""
     if problem.inner == 0 and STOP not in problem.kinds:
         return "without_impacts"
     if not (solution["residual"] < 1e-12 and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0):
         return "inadmissible"
-    return "multiple_turns" if cover_of(problem, solution) > 1 else None
+    return "covers" if cover_of(problem, solution) > 1 else None
 
 
 def accept(problem: MultipointProblem, solution: Solution) -> Found | None:
-    """The orbit with its label, or None where it is no orbit (inadmissible, or without any impact) or not a primitive one."""
-    return None if objection(problem, solution) is not None else labelled(problem, solution)
+    """The orbit with its label, or None if the solution is not a primitive orbit with impacts."""
+    return _labelled(problem, solution) if objection(problem, solution) is None else None
 
 
-def labelled(problem: MultipointProblem, solution: Solution) -> Found:
-    """A solution with its label."""
+def _labelled(problem: MultipointProblem, solution: Solution) -> Found:
     try:
         label = label_at(problem, solution.result)
     except ImpossibleLabelError:
@@ -67,7 +101,7 @@ def labelled(problem: MultipointProblem, solution: Solution) -> Found:
 
 
 def from_other_end(orbit: Found) -> Found:
-    """The same origin..origin orbit, started half a period later; itself where Newton does not confirm it there."""
+    """The same origin..origin orbit, started half a period later. If Newton's method does not confirm it there, the orbit itself."""
     from branches.presentation import embed
 
     presentation = embed(orbit.problem, orbit.solution.y, (1, 2))
@@ -79,222 +113,188 @@ def from_other_end(orbit: Found) -> Found:
     return orbit if turned is None else turned
 
 
-SAME_START = 1e-11
-"""Starts nearer to each other than this, relative to the curve, are one start: what it passes later, it repeats."""
-
-SAME_STATE = 1e-8
-"""States of two solutions nearer to each other than this, relative to their size, are one orbit's."""
-
-MOVED = 1e-6
-"""How far Newton's method may move the start of a crossing, relative to its size, before it counts as another orbit's."""
-
-MOST_PROBLEMS = 1000
-"""Problems kept from one search to the next: some twenty kilobytes each."""
+def is_complete(counts: dict[str, int]) -> bool:
+    """Whether a scan decided all its intervals, all its segments were solved, and each orbit was found from both its ends."""
+    return not any(counts.get(stage) for stage in ("open", "unpolished", "one_sided"))
 
 
-class Unpolished(NamedTuple):
-    """A crossing that was found and is no solution yet: what is known of it, and why."""
-
-    ends: tuple[str, str]
-    sequence: str
-    parameter: float
-    alpha: float
-    residual: float
-    reason: str
-
-
-def first_crossings(
-    crossings: list[EndCrossing], instants: list[float], sequences: list[tuple[str, ...]], start: str, span: float
-) -> tuple[list[int], list[int]]:
-    """Which crossings are the first of their start, and which repeat it: multiples of the first segment, with the impacts of that.
+class OrbitSearch:
+    """Collects the orbits of one system.
 
     Parameters
     ----------
-    crossings : list of EndCrossing
-        Of one curve.
-    instants : list of float
-        Time from the start to each.
-    sequences : list of tuple of str
-        Impacts from the start to each, that at a far stop included.
-    start : str
-        The end that the curve is of.
-    span : float
-        Length of the curve.
+    system : ImpactSystem
+    problems : dict, optional
+        Multipoint problems of the system made by earlier searches. New ones are added.
 
-    Returns
-    -------
-    first, repeated : list of int
+    Attributes
+    ----------
+    counts : Counter
+        Of each stage: those of the scans, and ``polished``, ``unpolished``, ``inadmissible``, ``without_impacts``, ``covers``,
+        ``duplicates``.
+    unpolished : list of Unpolished
+    open : list of Opening
+        Intervals of starts that are not decided.
     """
-    first: list[int] = []
-    repeated: list[int] = []
-    order = sorted(range(len(crossings)), key=lambda i: crossings[i].parameter)
-    groups: list[list[int]] = []
-    for i in order:
-        near = groups and crossings[i].parameter - crossings[groups[-1][-1]].parameter <= SAME_START * span
-        if near and crossings[i].converged and crossings[groups[-1][-1]].converged:
-            groups[-1].append(i)
-        else:
-            groups.append([i])
-    for group in groups:
-        group.sort(key=lambda i: instants[i])
-        kept: list[int] = []
-        for i in group:
-            if any(_repeats(instants[i], sequences[i], crossings[j].kind, instants[j], sequences[j], start) for j in kept):
-                repeated.append(i)
+
+    def __init__(self, system: ImpactSystem, problems: Problems | None = None):
+        self.system = system
+        self.counts: Counter[str] = Counter()
+        self.unpolished: list[Unpolished] = []
+        self.open: list[Opening] = []
+        self.found: dict[tuple[Any, Any], list[list[Found]]] = {}
+        self.problems: Problems = {} if problems is None else problems
+
+    def scan(self, start: str, energy: float, limits: Limits, budget: int) -> None:
+        """Collect all orbits at an energy that start at a kind of end, as `branches.search.intervals.segments` describes."""
+
+        def solve(problem: MultipointProblem, y: np.ndarray) -> Solution:
+            return problem.solve(y, energy=energy)
+
+        for segment, is_found_again in segments(self.system, start, energy, limits, budget, self.counts, self.open):
+            if is_found_again:
+                self.add(segment, solve, _strayed)
             else:
-                kept.append(i)
-        first += kept
-    return sorted(first), repeated
+                self._set_aside(segment, "its impacts were not found again")
 
+    def sample(self, sampler: Sampler, energy: float, angles: np.ndarray) -> Iterator[Found]:
+        """Orbits at an energy between starts at given angles, in order of their impacts and angles. One orbit may be yielded twice."""
+        for segment in sampler.segments(energy, angles):
+            orbit = self.add(segment, lambda problem, y: problem.solve(y, energy=energy))
+            if orbit is not None:
+                yield orbit
 
-def _repeats(instant: float, sequence: tuple[str, ...], far: str, period: float, first: tuple[str, ...], start: str) -> bool:
-    """Whether a crossing is the first one again, after several segments between the start and that far end.
+    def add(
+        self,
+        segment: Segment,
+        solve: Callable[[MultipointProblem, np.ndarray], Solution],
+        strayed: Callable[[Segment, MultipointProblem, Solution], str | None] | None = None,
+    ) -> Found | None:
+        """Solve a segment, and keep the orbit if it is new.
 
-    The times alone do not tell: where motions part fast, orbits with other sequences have the same start and time within rounding."""
-    count = round(instant / period)
-    if count < 2 or abs(instant - count * period) > 1e-6 * period:
-        return False
-    inner, end = (first[:-1], far + first[-1]) if far == "stop" else (first, far)
-    expected = unfold(inner, (start, end), count)[0]
-    return sequence[: len(expected)] == expected and len(sequence) - len(expected) in (0, 1)
+        Parameters
+        ----------
+        segment : Segment
+        solve : callable
+            (problem, unknowns) -> solution; raises `NotConverged`.
+        strayed : callable, optional
+            (segment, problem, solution) -> why the solution is not the segment's; None if it is.
 
+        Returns
+        -------
+        Found or None
+            None if the solution is not a primitive orbit.
+        """
+        key = segment.ends, segment.sequence
+        if not segment.sequence and not any(end.startswith("stop") for end in segment.ends):
+            self.counts["without_impacts"] += 1
+            return None
+        if key not in self.problems:
+            self.problems[key] = MultipointProblem(self.system, *key)
+        problem = self.problems[key]
+        try:
+            solution = solve(problem, problem.pack(segment.start, segment.nodes, segment.flight_times))
+        except NotConverged as error:
+            self._set_aside(segment, str(error))
+            return None
+        reason = strayed(segment, problem, solution) if strayed is not None else None
+        if reason is not None:
+            self._set_aside(segment, reason)
+            return None
+        why = objection(problem, solution)
+        if why is not None:
+            self.counts[why] += 1
+            return None
+        orbit = _labelled(problem, solution)
+        self.counts["polished"] += 1
+        same = self.found.setdefault(canonical_sequence(segment.sequence, segment.ends, odd_symmetry=self.system.has_odd_symmetry), [])
+        for images in same:
+            if any(_is_same(orbit, other) for other in images):
+                self.counts["duplicates"] += 1
+                if not any(_has_start(other, problem, segment.start) for other in images):
+                    images.append(orbit)
+                return orbit
+        same.append([orbit])
+        return orbit
 
-_Problems = dict[tuple[tuple[str, str], tuple[str, ...]], MultipointProblem]
+    def _set_aside(self, segment: Segment, reason: str) -> None:
+        self.counts["unpolished"] += 1
+        sequence = format_sequence(segment.sequence)
+        self.unpolished.append(
+            Unpolished(segment.ends, sequence, segment.parameter, segment.low, segment.high, segment.alpha, segment.residual, reason)
+        )
+
+    def orbits(self, quarter_period: float, impacts: int | None) -> list[Found]:
+        """The orbits within bounds of quarter period and impacts in half a period, by quarter period.
+
+        An orbit with two ends of one kind can be solved from each of them. A complete scan finds it from both. ``one_sided`` counts those
+        found from one alone, ``beyond_bounds`` the orbits outside the bounds."""
+        every = [images for group in self.found.values() for images in group]
+        within = [
+            images
+            for images in every
+            if images[0].alpha <= quarter_period * (1.0 + 1e-12)
+            and (impacts is None or impacts_per_period(images[0].problem.sequence, images[0].problem.ends) <= 2 * impacts)
+        ]
+        self.counts["one_sided"] = sum(_is_one_sided(images) for images in within)
+        self.counts["beyond_bounds"] = len(every) - len(within)
+        self.counts["orbits"] = len(within)
+        return sorted((min(images, key=_preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.sequence))
 
 
 class _Kept(threading.local):
-    """The problems of the system that was searched last: neighbouring energies have the same sequences.
+    """The problems of the system that this thread searched last. Neighbouring energies have the same sequences.
 
-    Each thread has its own, for problems hold scratch arrays."""
+    Problems hold scratch arrays, so threads do not share them."""
 
     system: ImpactSystem | None = None
-    problems: _Problems
+    problems: Problems
 
 
 _kept = _Kept()
 
 
-def _problems_of(system: ImpactSystem) -> _Problems:
+def kept_problems(system: ImpactSystem) -> Problems:
+    """The multipoint problems of the last system that this thread searched, if it is the same."""
     if _kept.system is not system or len(_kept.problems) > MOST_PROBLEMS:
         _kept.system, _kept.problems = system, {}
     return _kept.problems
 
 
-class Collector:
-    """Collects the orbits of one system at one energy.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    energy : float
-    """
-
-    def __init__(self, system: ImpactSystem, energy: float):
-        self.system = system
-        self.energy = energy
-        self.counts: Counter[str] = Counter()
-        self.unpolished: list[Unpolished] = []
-        self.found: dict[tuple[Any, Any], list[list[Found]]] = {}
-        self.problems = _problems_of(system)
-
-    def problem(self, ends: tuple[str, str], sequence: tuple[str, ...]) -> MultipointProblem:
-        """The multipoint problem with these ends and sequence, made once."""
-        if (ends, sequence) not in self.problems:
-            self.problems[ends, sequence] = MultipointProblem(self.system, ends, sequence)
-        return self.problems[ends, sequence]
-
-    def add(self, curve: Curve, crossing: EndCrossing, path: Path) -> None:
-        """Solve a crossing of a curve, the path of whose start is given, and sort it in."""
-        letters = self.system.modes.contact_letters
-        sequence = tuple(letters[c] for c in path.contacts[: crossing.impacts])
-        far = crossing.kind
-        if far == "stop":
-            if len(path.contacts) <= crossing.impacts:
-                self._set_aside(curve, (curve.end, "stop+"), sequence, crossing, path, "its last impact was not found again")
-                return
-            far += letters[path.contacts[crossing.impacts]]
-        ends = (curve.end, far)
-        sign = 1.0
-        if self.system.has_odd_symmetry and (mirror_ends(ends), mirror(sequence)) < (ends, sequence):
-            ends, sequence, sign = mirror_ends(ends), mirror(sequence), -1.0
-        if len(path.nodes) < crossing.impacts:
-            self._set_aside(curve, ends, sequence, crossing, path, "its impacts were not found again")
-            return
-        problem = self.problem(ends, sequence)
-        y = problem.pack(sign * path.start, sign * path.nodes, np.append(path.durations, crossing.flight))
-        try:
-            solution = problem.solve(y, energy=self.energy)
-        except NotConverged as error:
-            self._set_aside(curve, ends, sequence, crossing, path, str(error))
-            return
-        moved = float(np.max(np.abs(problem.start(solution.y) - sign * path.start)))
-        if moved > MOVED * float(np.max(np.abs(path.start))):
-            self._set_aside(curve, ends, sequence, crossing, path, "Newton's method moved away from it")
-            return
-        why = objection(problem, solution)
-        if why == "inadmissible" and not solution["residual"] < 1e-12:
-            self._set_aside(curve, ends, sequence, crossing, path, f"its residual stays at {solution['residual']:.1e}")
-            return
-        if why == "inadmissible" and min(solution["clearance"], solution["speed"]) > -1e-12:
-            self._set_aside(curve, ends, sequence, crossing, path, "it grazes a stop within rounding")
-            return
-        if why is not None:
-            self.counts[why] += 1
-            return
-        self.counts["polished"] += 1
-        orbit = labelled(problem, solution)
-        key = canonical_sequence(sequence, ends, odd_symmetry=self.system.has_odd_symmetry)
-        same = self.found.setdefault(key, [])
-        for images in same:
-            if any(is_same(orbit, other) for other in images):
-                self.counts["duplicates"] += 1
-                if not any(is_again(problem, sign * path.start, other) for other in images):
-                    images.append(orbit)
-                return
-        same.append([orbit])
-
-    def _set_aside(
-        self, curve: Curve, ends: tuple[str, str], sequence: tuple[str, ...], crossing: EndCrossing, path: Path, reason: str
-    ) -> None:
-        time = path.until_last + crossing.flight
-        quarters = 1 if (ends[0] == "origin") != (ends[1] == "origin") else 2
-        self.counts["unpolished"] += 1
-        angle = curve.angle(crossing.parameter)
-        self.unpolished.append(Unpolished(ends, format_sequence(sequence), angle, time / quarters, crossing.residual, reason))
-
-    def within(self, quarter_period: float, impacts: int | None) -> list[list[Found]]:
-        """The orbits within bounds of quarter period and impacts in half a period: each with all the solutions that are images of it."""
-        return [
-            images
-            for group in self.found.values()
-            for images in group
-            if images[0].alpha <= quarter_period * (1.0 + 1e-12)
-            and (impacts is None or impacts_per_period(images[0].problem.sequence, images[0].problem.ends) <= 2 * impacts)
-        ]
+def _strayed(segment: Segment, problem: MultipointProblem, solution: Solution) -> str | None:
+    """Why a solution does not show what the segment is; None if it does."""
+    if np.max(np.abs(problem.start(solution.y) - segment.start)) > MOVED * np.max(np.abs(segment.start)):
+        return "Newton's method moved away from it"
+    if not solution["residual"] < 1e-12:
+        return f"its residual stays at {solution['residual']:.1e}"
+    nearest = min(solution["clearance"], solution["speed"])
+    if min(nearest, solution["flight"]) <= 0.0 and nearest > -1e-12:
+        return "it grazes a stop within rounding"
+    return None
 
 
-def is_one_sided(images: list[Found]) -> bool:
-    """Whether an orbit with two ends of one kind was found from one of them alone; no scan that misses nothing finds it so."""
+def _is_one_sided(images: list[Found]) -> bool:
+    """Whether an orbit with two ends of one kind was found from one of them alone."""
     first, last = (end.rstrip("+-") for end in images[0].problem.ends)
     return first == last and len(images) != 2
 
 
-def is_again(problem: MultipointProblem, start: np.ndarray, other: Found) -> bool:
-    """Whether a start is that of an orbit that is known, within rounding: intervals that are resumed overlap."""
-    known = other.problem.start(other.solution.y)
-    return other.problem is problem and float(np.max(np.abs(known - start))) <= SAME_START * float(np.max(np.abs(start)))
+def _has_start(orbit: Found, problem: MultipointProblem, start: np.ndarray) -> bool:
+    """Whether a start is that of a known orbit within rounding. Resumed intervals overlap."""
+    known = orbit.problem.start(orbit.solution.y)
+    return orbit.problem is problem and float(np.max(np.abs(known - start))) <= SAME_START * float(np.max(np.abs(start)))
 
 
-def preference(orbit: Found) -> tuple[Any, ...]:
-    """Which image of an orbit is listed: the label with p <= q, then the first sequence, then the first start."""
+def _preference(orbit: Found) -> tuple[Any, ...]:
+    """Sort key of the images of an orbit: the label with p <= q, then the first sequence, then the first start."""
     label = orbit.label
     crossed = label is not None and label.p is not None and label.q is not None and label.p > label.q
     start = orbit.problem.start(orbit.solution.y)
     return crossed, orbit.problem.ends, orbit.problem.sequence, tuple(np.round(-start, 9))
 
 
-def is_same(orbit: Found, other: Found) -> bool:
-    """Whether two solutions are one orbit. Their quarter periods are compared first: that is cheap, and tells most orbits apart."""
+def _is_same(orbit: Found, other: Found) -> bool:
+    """Whether two solutions are one orbit. Comparing the quarter periods first is cheap and separates most orbits."""
     if abs(orbit.alpha / other.alpha - 1.0) > SAME_STATE:
         return False
     return same_segment((orbit.problem, orbit.solution.y), (other.problem, other.solution.y), SAME_STATE)

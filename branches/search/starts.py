@@ -1,8 +1,8 @@
 """The starts in an end set at one energy: curves of states, each a combination of two functions of one parameter.
 
-Two degrees of freedom with a stop: the energy at zero displacement is a circle of velocities (origin); at zero velocity a conic of
-displacements inside the gap (rest); at an impact along the stop's normal an ellipse of position along the stop and speed (stop).
-Where the mirror image of an orbit is an orbit, half of each is left out.
+Two degrees of freedom with a stop. The starts at the origin are a circle of velocities. The starts at rest are a conic of displacements
+inside the gap. The starts at a stop are an ellipse of position along the stop and speed. If the system has odd symmetry, half of each
+is left out.
 """
 
 from __future__ import annotations
@@ -13,20 +13,48 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from branches.sequences import Ends, ImpactSequence
 from bvp.kernels.shooting import Flow
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["QUADRATIC", "Curve", "Path", "curves"]
+__all__ = ["QUADRATIC", "START_FROM_A_STATE", "Curve", "Path", "Segment", "curves", "require_conservative", "require_two_dof"]
+
+START_FROM_A_STATE = "start its families from a given state"
+"""Advice if no scan can find them."""
 
 TRIGONOMETRIC, LINEAR, HYPERBOLIC, QUADRATIC = 0, 1, 2, 3
 
 INSET = 1e-11
-"""How far from a curve's end at a stop the scan begins: nearer, the first impact is slower than rounding lets be told."""
+"""How far from a curve's end at a stop the scan begins. Nearer, the speed of the first impact is lost in rounding."""
 
 OFFSET = 0.3
-"""Where the full circle is cut: at no parameter that a symmetry singles out."""
+"""Parameter at which the full circle is cut. No symmetry singles it out."""
+
+
+def require_conservative(system: ImpactSystem, what: str) -> None:
+    """Raise ValueError for a system that loses energy or is driven; `what` needs a conservative one, the subject of the sentence."""
+    reason = system.why_not_conservative()
+    if reason is not None:
+        raise ValueError(f"{what} need a conservative system: {reason}; its motion is for saltus run")
+
+
+def require_two_dof(system: ImpactSystem, what: str, advice: str = "") -> None:
+    """Raise ValueError unless a system has two degrees of freedom and one stop.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    what : str
+        The sentence up to "two degrees of freedom" or "a system with one stop".
+    advice : str
+        What to do instead if the degrees of freedom do not fit.
+    """
+    if system.degrees_of_freedom != 2:
+        raise ValueError(f"{what} two degrees of freedom; this system has {system.degrees_of_freedom}{advice and ': ' + advice}")
+    if len(system.stops) != 1:
+        raise ValueError(f"{what} a system with one stop; this one has {len(system.stops)}")
 
 
 class Path(NamedTuple):
@@ -44,6 +72,29 @@ class Path(NamedTuple):
         return float(self.instants[-1]) if len(self.instants) else 0.0
 
 
+class Segment(NamedTuple):
+    """A motion from a start to a far end, as a scan finds it: nearly an orbit.
+
+    ends, sequence: of its multipoint problem. start (4,), nodes (k, 4), flight_times (k + 1,): as `MultipointProblem.pack` takes them.
+    parameter: what the scan varies, between low and high. residual: of the far end's condition.
+    """
+
+    ends: Ends
+    sequence: ImpactSequence
+    start: np.ndarray
+    nodes: np.ndarray
+    flight_times: np.ndarray
+    parameter: float
+    low: float
+    high: float
+    residual: float
+
+    @property
+    def alpha(self) -> float:
+        """Quarter period of the orbit that it is part of."""
+        return float(np.sum(self.flight_times)) / (1 if (self.ends[0] == "origin") != (self.ends[1] == "origin") else 2)
+
+
 @dataclass(frozen=True, eq=False)
 class Curve:
     """Starts of one kind at one energy, parametrised over an interval.
@@ -59,8 +110,8 @@ class Curve:
     singular : (bool, bool)
         Whether the curve ends at a stop there, so that the first impact's speed goes to zero.
     before : Path, optional
-        Where the curve is the image of a short piece of another one (`branches.search.scan`): the motion up to it, from that
-        piece's middle. The impact that the curve starts after is the last one of it.
+        For the image of a short piece of another curve (`branches.search.intervals`): the motion from that piece's middle up to
+        and including the impact after which this curve starts.
     piece : (float, float)
         With `before`: middle of the piece, and its derivative by this curve's parameter. Else (0, 1).
     """

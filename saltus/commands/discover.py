@@ -148,7 +148,7 @@ def summary(found: Discovery) -> list[str]:
         f"scan     {counted(counts['starts'], 'start')}, "
         f"intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
         f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counted(counts['grazings'], 'grazing')}",
-        f"orbits   {counted(counts['crossings'], 'crossing')}, {counts['repeated'] + counts['multiple_turns']} of them k-fold covers, "
+        f"orbits   {counted(counts['crossings'], 'crossing')}, {counts['repeated'] + counts['covers']} of them k-fold covers, "
         f"{counts['polished']} polished, {counted(counts['duplicates'], 'duplicate')}, {counts['inadmissible']} inadmissible, "
         f"{counts['unpolished']} not polished",
     ]
@@ -161,7 +161,7 @@ def summary(found: Discovery) -> list[str]:
     if found.families:
         lie = "lies" if unknown == 1 else "lie"
         lines.append(f"families {len(set(found.families) - {None})} of the catalogue; {counted(unknown, 'orbit')} {lie} on none of it")
-    if found.settled:
+    if found.complete:
         lines.append("complete  within these bounds the scan leaves nothing undecided")
         return lines
     why = []

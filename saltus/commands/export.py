@@ -264,7 +264,8 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     curve = periodic = None
     energy = shown = arguments.energy if isinstance(arguments.energy, tuple) else None
     if arguments.impulsive:
-        from branches.impulsive import impulsive_manifold, impulsive_orbits
+        from branches.impulsive.manifold import impulsive_manifold
+        from branches.impulsive.orbits import impulsive_orbits
         from saltus.progress import ProgressBar
         from saltus.startup import prepare
 

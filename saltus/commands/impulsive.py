@@ -14,13 +14,14 @@ from saltus.tables import stability_word, table_lines, terminal_width
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from branches.export.tables import Table
-    from branches.impulsive import ImpulsiveOrbits, Manifold
+    from branches.impulsive.manifold import Manifold
+    from branches.impulsive.orbits import ImpulsiveOrbits
 
 __all__ = ["add_arguments", "run"]
 
-SCHEMA = 1
+SCHEMA = 2
 HEADER = ("label", "other side", "energy h", "quarter alpha", "u2_velocity", "impacts", "stable", "family")
-COLUMNS = ("label", "family", "h", "alpha", "u2_velocity", "impacts", "other_label", "stable", "ends", "word", "residual")
+COLUMNS = ("label", "family", "h", "alpha", "u2_velocity", "impacts", "other_label", "stable", "ends", "sequence", "residual")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
         # Every impulsive orbit runs from the origin to the origin in half a period, as those with a label U do.
         files.report(f"model  {line}" for line in explain(scene.system, "U11"))
 
-    from branches.impulsive import impulsive_manifold, impulsive_orbits
+    from branches.impulsive.manifold import impulsive_manifold
+    from branches.impulsive.orbits import impulsive_orbits
     from saltus.progress import ProgressBar
     from saltus.startup import prepare
 
@@ -101,7 +103,7 @@ def records(found: ImpulsiveOrbits, catalogue: Catalogue | None = None) -> list[
             "other_label": orbit.other_label,
             "stable": orbit.orbit.stable,
             "ends": list(orbit.orbit.ends),
-            "word": orbit.orbit.sequence,
+            "sequence": orbit.orbit.sequence,
             "residual": orbit.orbit.residual,
         }
         for orbit in found.orbits
@@ -112,7 +114,7 @@ def remarks(found: ImpulsiveOrbits) -> list[str]:
     """Return the lines that say how complete the list is."""
     counts = ", ".join(f"{count} {name}" for name, count in found.counts.items())
     bound = f"quarter period up to {found.quarter_period:g}" + ("" if found.impacts is None else f", up to {found.impacts} impacts")
-    state = "complete" if found.settled else "NOT complete"
+    state = "complete" if found.complete else "NOT complete"
     lines = [f"{state}  energies {found.energy[0]:g} to {found.energy[1]:g}, {bound}: {counts}"]
     for gone in found.unpolished:
         lines.append(f"unpolished  between h = {gone.low:.15g} and {gone.high:.15g}, {'-'.join(gone.ends)}: {gone.reason}")
@@ -129,7 +131,7 @@ def impulsive_json(found: ImpulsiveOrbits, entries: list[dict[str, Any]], curve:
         "system": found.system.describe(),
         "energy": list(found.energy),
         "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts},
-        "settled": found.settled,
+        "complete": found.complete,
         "counts": found.counts,
         "orbits": entries,
         "unpolished": [{"h": [gone.low, gone.high], "ends": list(gone.ends), "reason": gone.reason} for gone in found.unpolished],
@@ -147,5 +149,5 @@ def orbit_table(entries: list[dict[str, Any]]) -> Table:
     columns["family"] = [id or "" for id in columns["family"]]
     columns["stable"] = [-1 if stable is None else int(stable) for stable in columns["stable"]]
     columns["ends"] = ["-".join(ends) for ends in columns["ends"]]
-    texts = ("label", "family", "other_label", "ends", "word")
+    texts = ("label", "family", "other_label", "ends", "sequence")
     return {name: np.array(values, dtype=str if name in texts else None) for name, values in columns.items()}

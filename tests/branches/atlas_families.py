@@ -3,7 +3,8 @@
 from functools import cache
 
 from branches.figures.atlas_data import atlas_of, regime_bounds
-from branches.impulsive import impulsive_manifold, impulsive_orbits
+from branches.impulsive.manifold import impulsive_manifold
+from branches.impulsive.orbits import impulsive_orbits
 from branches.tracing import follow_family
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced

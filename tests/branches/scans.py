@@ -1,14 +1,24 @@
-"""Scans of the angles of a start that find what hides between them."""
+"""Scans of starts at the origin at one energy."""
 
 import numpy as np
 
+from branches.search.orbits import OrbitSearch
+from branches.search.sampling import Sampler, half_turn, origin_starts
 
-def refined(scanner, h, angle, most, width, count=801):
-    """Angles up to `width` beside one, down to rounding where the word of up to `most` impacts changes."""
+
+def sampled(system, end, quarter_period, energy, angles, impacts):
+    """Orbits from a scan of so many angles, or of an array of angles."""
+    grid = half_turn(angles) if isinstance(angles, int) else angles
+    return list(OrbitSearch(system).sample(Sampler(system, end, quarter_period, list(impacts)), energy, grid))
+
+
+def refined(system, end, quarter_period, energy, angle, most, width, count=801):
+    """Angles up to `width` beside one, down to rounding where the sequence of up to `most` impacts changes."""
+    sampler = Sampler(system, end, quarter_period, [most])
     grid = angle + np.linspace(-width, width, count)
     for _ in range(14):
-        word = scanner.follow(scanner.starts(h, grid), [most])[0]
-        change = np.any(word[1:] != word[:-1], axis=1) & (np.diff(grid) > 1e-14)
+        sequences = sampler.follow(origin_starts(energy, grid), [most])[0]
+        change = np.any(sequences[1:] != sequences[:-1], axis=1) & (np.diff(grid) > 1e-14)
         if not change.any():
             break
         grid = np.unique(np.concatenate([grid, *(np.linspace(grid[i], grid[i + 1], 7)[1:-1] for i in np.flatnonzero(change))]))

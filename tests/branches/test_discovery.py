@@ -11,9 +11,9 @@ from benchmarks import backbone
 from branches.naming.labels import parse
 from branches.orbit import Orbit
 from branches.search.orbits import accept, cover_of
-from branches.search.uniform import Scanner
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.branches.scans import sampled
 from tests.bvp import orbits as by_numpy
 from tests.bvp.orbits import backbone_segment
 
@@ -23,7 +23,7 @@ SYSTEM = vibro_impact_nes()
 @pytest.mark.parametrize("energy", [0.3, 3.0, 12.0])
 def test_the_backbones_are_found(energy):
     """Oracle: closed form: every alpha with G > 0 and no passage of a wall at that energy."""
-    found = {round(orbit.alpha, 9) for orbit in Scanner(SYSTEM, "stop", 2.0).orbits(energy, 1000, [0])}
+    found = {round(orbit.alpha, 9) for orbit in sampled(SYSTEM, "stop", 2.0, energy, 1000, [0])}
     assert found == {round(alpha, 9) for alpha in backbone.orbits_at(SYSTEM, energy, 2.0)} and found
 
 
@@ -38,7 +38,7 @@ def same(orbit, other):
 @pytest.mark.parametrize(("kind", "energy"), [("stop", 1.0), ("rest", 3.0), ("origin", 0.3)])
 def test_each_orbit_is_one(kind, energy):
     """Oracle: the energy asked for, residual, dense samples inside the walls, the label's own parse, no repetition in a turn."""
-    found = list(Scanner(SYSTEM, kind, 6.0).orbits(energy, 1500, range(5)))
+    found = sampled(SYSTEM, kind, 6.0, energy, 1500, range(5))
     assert found
     for orbit in found:
         assert abs(orbit.h / energy - 1.0) < 1e-13 and orbit.solution["residual"] < 1e-12
@@ -51,8 +51,8 @@ def test_each_orbit_is_one(kind, energy):
 
 def test_a_finer_scan_finds_nothing_less():
     """Oracle: a scan of four times the density."""
-    coarse = list(Scanner(SYSTEM, "stop", 4.0).orbits(0.6, 500, [0, 1]))
-    fine = list(Scanner(SYSTEM, "stop", 4.0).orbits(0.6, 2000, [0, 1]))
+    coarse = sampled(SYSTEM, "stop", 4.0, 0.6, 500, [0, 1])
+    fine = sampled(SYSTEM, "stop", 4.0, 0.6, 2000, [0, 1])
     assert coarse and all(any(same(orbit, other) for other in fine) for orbit in coarse)
 
 
@@ -67,7 +67,7 @@ def test_what_numpy_finds_is_found():
         inner = len(other.problem.sequence)
         key = kind, inner
         if key not in mine:
-            mine[key] = list(Scanner(SYSTEM, kind, 16.0).orbits(0.5, 3000, [inner]))
+            mine[key] = sampled(SYSTEM, kind, 16.0, 0.5, 3000, [inner])
         alphas = [orbit.alpha for orbit in mine[key]]
         if not any(abs(alpha / other.solution["quarter_period"] - 1.0) < 1e-8 for alpha in alphas):
             missing.append(other.name)
@@ -85,7 +85,7 @@ def test_several_turns_are_counted():
 def test_orbits_without_impacts_are_none():
     """Oracle: below every grazing energy there are linear modes alone."""
     for kind in ("rest", "origin"):
-        assert list(Scanner(SYSTEM, kind, 6.0).orbits(0.04, 200, [0])) == []
+        assert sampled(SYSTEM, kind, 6.0, 0.04, 200, [0]) == []
     modes = SYSTEM.modes
     problem = MultipointProblem(SYSTEM, ("origin", "rest"), ())
     start = np.array([0.0, 0.0, 0.2, 0.0])
@@ -96,7 +96,7 @@ def test_orbits_without_impacts_are_none():
 def test_the_free_impact_damper():
     """Oracle: closed form at sigma = 0: the NES flies freely, G = b^2 alpha + tan(alpha)."""
     system = saltus.vibro_impact_nes(0.1, 0.0)
-    found = list(Scanner(system, "stop", 6.0).orbits(0.5, 1000, [0]))
+    found = sampled(system, "stop", 6.0, 0.5, 1000, [0])
     assert found
     for orbit in found:
         g = 10.0 * orbit.alpha + np.tan(orbit.alpha)
@@ -108,4 +108,4 @@ def test_systems_that_cannot_be_scanned():
     stops = (Stop((1.0, 0.0), -1, 1), Stop((0.0, 1.0), -1, 1))
     two = ImpactSystem([[1.0, 0], [0, 1.0]], [[0.0] * 2] * 2, [[2.0, -1], [-1, 2]], stops)
     with pytest.raises(ValueError, match="one stop; this one has 2"):
-        Scanner(two, "stop", 5.0)
+        sampled(two, "stop", 5.0, 1.0, 10, [0])

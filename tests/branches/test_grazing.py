@@ -13,13 +13,12 @@ from branches.grazing.candidates import CannotMerge, candidate, merged
 from branches.grazing.following import neighbours
 from branches.grazing.touching import touching
 from branches.orbit import Orbit
-from branches.search.uniform import Scanner
 from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.branches.scans import refined
+from tests.branches.scans import refined, sampled
 from tests.branches.traced import traced
 
 SYSTEM = vibro_impact_nes()
@@ -160,11 +159,9 @@ def beside(branch, event, side, most):
         u, v = old.sample(np.array([axis]))
         z = SYSTEM.modes.from_state @ np.concatenate([u[0], v[0]])
         for end in ("stop", "rest", "origin"):
-            scanner = Scanner(SYSTEM, end, 1.4 * event.alpha)
-            grid = refined(scanner, h, np.arctan2(z[3], z[2]), most, 1e-3)
-            for bracket in scanner.brackets(h, grid, range(most + 1)):
-                found = scanner.polish(h, bracket)
-                if found is None or abs(found.alpha / event.alpha - 1.0) > 1e-3:
+            grid = refined(SYSTEM, end, 1.4 * event.alpha, h, np.arctan2(z[3], z[2]), most, 1e-3)
+            for found in sampled(SYSTEM, end, 1.4 * event.alpha, h, grid, range(most + 1)):
+                if abs(found.alpha / event.alpha - 1.0) > 1e-3:
                     continue
                 orbit = Orbit(found.problem, found.solution)
                 mine = np.hstack(orbit.sample(np.linspace(0.0, orbit.period, 60, endpoint=False)))
@@ -201,7 +198,7 @@ def test_neighbours_of_twice_the_period():
 def test_a_fold_next_to_the_grazing_does_not_change_the_kind():
     """Oracle: symmetry of the relation, where a saddle-node lies within 1e-4 of the grazing energy of the neighbour."""
     system = vibro_impact_nes(mu=0.37, sigma=0.81)
-    found = Scanner(system, "origin", 5.5).orbits(0.5305, 4000, [4])
+    found = sampled(system, "origin", 5.5, 0.5305, 4000, [4])
     me = family(("origin", "origin"), "+-++")
     start = next(orbit for orbit in found if family(orbit.problem.ends, orbit.problem.sequence) == me and abs(orbit.alpha - 5.2118) < 1e-3)
     branch = follow_family(start.problem, start.solution.y, energy=(0.5, 0.6))

@@ -8,9 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.impulsive import impulsive_orbits
-from branches.impulsive.scan import ImpulsiveMotions, Traces, certain, judge
-from branches.impulsive.start import impulsive_state, oscillator_period
+from branches.impulsive.motions import ImpulsiveMotions, Traces, impulsive_state, oscillator_period
+from branches.impulsive.orbits import certain, impulsive_orbits, judge
 from branches.naming.labels import canonical_label, parse
 from branches.tracing import follow_family
 from bvp.kernels.shooting import TURN, ZERO
@@ -51,7 +50,7 @@ def test_families_through_the_listed_orbits_have_these_events_and_no_others(mu, 
     """Oracle: the family through each orbit, followed both ways: an event IO at the orbit, and none inside the bounds that is not
     listed."""
     found = listed(0.2, 3.0, 5.1, mu, sigma)
-    assert found.settled and len(found.orbits) > 3
+    assert found.complete and len(found.orbits) > 3
     for orbit in found.orbits:
         branch = follow_family(orbit.orbit.problem, orbit.orbit.solution.y, energy=(0.2, 3.0))
         events = [event for event in branch.events if event.type == "IO" and event.alpha <= 5.1]
@@ -74,7 +73,7 @@ def test_orbits_of_the_paper():
 
 
 def dense(low, high, longest, count):
-    """Energies and times at which the impulsive motion passes the origin, from a fine grid of energies: passages of the gap coordinate
+    """Energies and times at which the impulsive motion passes the origin, from a fine grid of energies: crossings of the gap coordinate
     through zero are matched between neighbours by their place among the impacts, and changes of sign of the other displacement kept."""
     zeros, before = [], {}
     times = np.linspace(1e-9, longest, 3000)
@@ -103,7 +102,7 @@ def test_a_dense_scan_finds_the_same():
     low, high, alpha = 0.4, 3.2, 3.4
     found = listed(low, high, alpha)
     zeros = dense(low, high, 2.0 * alpha, 4000)
-    assert zeros and found.settled
+    assert zeros and found.complete
     for h, time in zeros:
         orbit = at_energy(found, h)
         turns = time / (2.0 * orbit.alpha)
@@ -118,7 +117,7 @@ def test_other_places_of_the_first_intervals_find_the_same():
     parts = [listed(a, b, 5.1) for a, b in ((0.05, 0.83), (0.83, 4.4), (4.4, 20.0))]
     together = [orbit.h for part in parts for orbit in part.orbits]
     np.testing.assert_allclose(together, [orbit.h for orbit in whole.orbits], rtol=1e-12)
-    assert whole.settled and all(part.settled for part in parts)
+    assert whole.complete and all(part.complete for part in parts)
 
 
 # ------------------------------------------------------------------------------------------------ each is one
@@ -171,20 +170,20 @@ def test_bounds():
 def test_below_the_energy_of_the_first_impact_there_is_none():
     """Oracle: no motion of this system hits below h = sigma/2."""
     found = listed(0.01, 0.05, 10.0)
-    assert found.orbits == () and found.settled
+    assert found.orbits == () and found.complete
 
 
 # ------------------------------------------------------------------------------------------------ its parts
 
 
 @pytest.mark.parametrize("h", [0.06, 0.3, 2.0, 4.45, 40.0, 1e4])
-def test_trail_against_a_run(h):
+def test_motions_against_a_simulation(h):
     """Oracle: impact times of a run; between two impacts the gap coordinate passes zero an odd number of times if the stops differ, and
     its velocity does if they are the same; slopes are difference quotients."""
     motions = ImpulsiveMotions(SYSTEM, 12.0)
     level, step = np.log(h), 1e-7
     traces = motions.at(np.array([level - step, level, level + step]))
-    count = int(traces.count.min())
+    count = int(traces.number.min())
     kind = traces.kind[1, :count]
     assert (traces.kind[:, :count] == kind).all()
     motion = simulate(SYSTEM, *impulsive_state(SYSTEM, h), 12.0)
@@ -194,7 +193,7 @@ def test_trail_against_a_run(h):
         assert np.sum(kind[i:j] == ZERO) % 2 == (kind[i] != kind[j])
         assert np.sum(kind[i:j] == TURN) % 2 == (kind[i] == kind[j])
     early = traces.time[1, :count] < 6.0
-    for name in ("time", "residual", "passing"):
+    for name in ("time", "residual", "crossing"):
         value, slope = getattr(traces, name)[:, :count][:, early], getattr(traces, f"{name}_slope")[1, :count][early]
         quotient = (value[2] - value[0]) / (2.0 * step)
         assert np.max(np.abs(quotient - slope)) < 1e-5 * (1e-3 + np.max(np.abs(slope)))
@@ -218,8 +217,8 @@ def test_certain():
 
 def one_event(kind, time, **values):
     """Traces of one motion with one event; values not given hide nothing."""
-    still = {"time_slope": 0.0, "residual": 5.0, "residual_slope": 0.1, "gap": 0.5, "gap_slope": 0.0, "passing": 4.0, "passing_slope": 0.1}
-    given = {**still, **values}
+    still = {"time_slope": 0.0, "residual": 5.0, "residual_slope": 0.1, "gap": 0.5, "gap_slope": 0.0}
+    given = {**still, "crossing": 4.0, "crossing_slope": 0.1, **values}
     return Traces(np.array([1]), np.array([[kind]]), np.array([[time]]), **{name: np.array([[float(v)]]) for name, v in given.items()})
 
 
@@ -228,7 +227,7 @@ def one_event(kind, time, **values):
     [
         (1, {}, {}, (False, True, True, False)),
         # an impact that slows down and speeds up again can vanish in between; a turning point can touch a stop, or pass through zero
-        (1, {"passing": 0.01, "passing_slope": -1.0}, {"passing": 0.01, "passing_slope": 1.0}, (False, True, False, False)),
+        (1, {"crossing": 0.01, "crossing_slope": -1.0}, {"crossing": 0.01, "crossing_slope": 1.0}, (False, True, False, False)),
         (TURN, {"gap": 0.99, "gap_slope": 1.0}, {"gap": 0.99, "gap_slope": -1.0}, (False, True, False, False)),
         (TURN, {"gap": -0.99, "gap_slope": -1.0}, {"gap": -0.99, "gap_slope": 1.0}, (False, True, False, False)),
         (TURN, {"gap": 0.01, "gap_slope": -1.0}, {"gap": 0.01, "gap_slope": 1.0}, (False, True, False, False)),
@@ -292,15 +291,15 @@ def test_what_cannot_be(system, energy, said):
     assert "\n" not in str(caught.value)
 
 
-def test_a_bracket_without_a_solution_is_told(monkeypatch):
-    """Oracle: every zero is in the list of the unpolished where Newton's method is made to fail, and the list is not settled."""
-    from branches.impulsive import periodic
+def test_a_bracket_without_a_solution_is_reported(monkeypatch):
+    """Oracle: every zero is in the list of the unpolished if Newton's method is made to fail, and the list is not complete."""
+    from branches.impulsive import orbits
     from bvp.multipoint import NotConverged
 
     def fail(problem, y):
         raise NotConverged("made to fail")
 
-    monkeypatch.setattr(periodic, "solve_impulsive", fail)
+    monkeypatch.setattr(orbits, "solve_impulsive", fail)
     found = impulsive_orbits(SYSTEM, (2.5, 3.5), quarter_period=2.0)
-    assert not found.settled and found.orbits == () and found.unpolished
+    assert not found.complete and found.orbits == () and found.unpolished
     assert found.unpolished[0].low < 2.98736731 < found.unpolished[0].high and found.unpolished[0].reason == "made to fail"

@@ -14,11 +14,10 @@ import pytest
 import saltus
 from branches.grazing.at_linear_modes import begins, families_at, response
 from branches.linear_modes import linear_modes, mode_of
-from branches.search.uniform import Scanner
 from branches.sequences import canonical_sequence, full_sequence
 from bvp.closures import cycle_of
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.branches.scans import refined
+from tests.branches.scans import refined, sampled
 from tests.branches.traced import traced
 
 SYSTEM = vibro_impact_nes()
@@ -193,11 +192,8 @@ def test_orbits_beside_the_grazing_are_those_that_begin(side):
             expected.add(canonical_sequence(tuple(item.branch.problem.sequence), item.ends))
     found = set()
     for end in ("stop", "rest", "origin"):
-        scanner = Scanner(SYSTEM, end, 4.0 * mode.alpha)
-        for bracket in scanner.brackets(h, refined(scanner, h, 0.0, 4, 0.2, 4001), range(4)):
-            orbit = scanner.polish(h, bracket)
-            if orbit is None:
-                continue
+        grid = refined(SYSTEM, end, 4.0 * mode.alpha, h, 0.0, 4, 0.2, 4001)
+        for orbit in sampled(SYSTEM, end, 4.0 * mode.alpha, h, grid, range(4)):
             turns = orbit.alpha / mode.alpha
             if round(turns) <= 3 and abs(turns / round(turns) - 1.0) < 0.01:
                 found.add(canonical_sequence(orbit.problem.sequence, orbit.problem.ends))

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from branches.impulsive import impulsive_manifold, impulsive_orbits
 from branches.impulsive import manifold as module
-from branches.impulsive.manifold import dominant_frequency, peak_at
+from branches.impulsive.manifold import dominant_frequency, impulsive_manifold, peak_at
+from branches.impulsive.orbits import impulsive_orbits
 from bvp.motion import MotionStatus
 from bvp.system import vibro_impact_nes
 
@@ -95,7 +95,7 @@ def test_jumps_are_kept():
 
 def test_a_motion_that_fails_is_told(monkeypatch):
     """Oracle: null in the record, the reason beside it, a break around it, for a run that is made to give up at some energies."""
-    real = module.run
+    real = module.simulate
 
     def giving_up(system, u, v, duration, max_impacts):
         motion = real(system, u, v, duration, max_impacts=max_impacts)
@@ -103,7 +103,7 @@ def test_a_motion_that_fails_is_told(monkeypatch):
             object.__setattr__(motion, "status", MotionStatus.EXHAUSTED)
         return motion
 
-    monkeypatch.setattr(module, "run", giving_up)
+    monkeypatch.setattr(module, "simulate", giving_up)
     curve = impulsive_manifold(SYSTEM, (0.5, 4.0), density=10, periods=20)
     inside = (curve.h > 1.0) & (curve.h < 2.0)
     assert np.isnan(curve.frequency[inside]).all() and np.isfinite(curve.frequency[~inside]).all()

@@ -66,7 +66,7 @@ def test_families_at_the_linear_modes():
 def test_stable_and_unstable_orbits_beside_the_out_of_phase_mode():
     """Oracle: Lee et al.: at h = 0.06 there are stable and unstable periodic orbits U44-."""
     here = saltus.discover(SYSTEM, 0.06, quarter_period=10.0, impacts=16)
-    assert here.settled and [(orbit.label, orbit.stable) for orbit in here.orbits] == [("U4401-", True), ("U4401-", False)]
+    assert here.complete and [(orbit.label, orbit.stable) for orbit in here.orbits] == [("U4401-", True), ("U4401-", False)]
 
 
 def test_the_orbits_that_cross_s31o11():
@@ -101,7 +101,7 @@ def test_u3401_is_not_found():
     labels = set()
     for h in np.geomspace(0.0505, 100.0, 160):
         here = saltus.discover(SYSTEM, float(h), quarter_period=10.0, impacts=1)
-        assert here.settled
+        assert here.complete
         labels |= {str(canonical_label(parse(orbit.label))) for orbit in here.orbits if orbit.label.startswith("U")}
     assert labels == {"U1101+", "U2101-", "U2201+", "U3201-", "U4401+", "U4401-"}
 

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.search.discovery import CLASSES, _limits, discover
-from branches.search.scan import resumed, scan
+from branches.search.discovery import CLASSES, discover, segment_limits
+from branches.search.intervals import resumed, scan
 from branches.search.starts import curves
 from branches.sequences import mirror, unfold
 from tests.bvp.high_precision import DIGITS, Exact
 
 SYSTEM = saltus.vibro_impact_nes()
 BOUNDS = {"quarter_period": 5.1, "impacts": 10}
-LIMITS = {far: _limits("origin", far, 5.1, 10) for far in ("origin", "rest", "stop")}
+LIMITS = {far: segment_limits("origin", far, 5.1, 10) for far in ("origin", "rest", "stop")}
 LONGEST = max(time for time, _ in LIMITS.values())
 
 
 @pytest.mark.parametrize("energy", [14.0, 14.3, 14.35, 14.5, 14.55])
-def test_energies_below_the_last_grazing_of_the_backbone_are_settled(energy):
+def test_energies_below_the_last_grazing_of_the_backbone_are_complete(energy):
     """Oracle: reversal: between two ends of one kind each orbit is found once from either; S13O00+ grazes at h = 14.5537."""
     found = discover(SYSTEM, energy, **BOUNDS, ends=tuple(CLASSES))
-    assert found.settled and found.counts["resumed"] > 50 and not found.open
+    assert found.complete and found.counts["resumed"] > 50 and not found.open
     assert max(abs(orbit.tau) for orbit in found.orbits) > 1e16
 
 

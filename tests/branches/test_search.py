@@ -15,14 +15,14 @@ import saltus
 from benchmarks import backbone
 from branches.record import discovery_to_json
 from branches.search.discovery import CLASSES, discover
-from branches.search.orbits import accept, first_crossings
-from branches.search.scan import EndCrossing, follow_start, scan
+from branches.search.intervals import EndCrossing, first_crossings, follow_start, scan
+from branches.search.orbits import accept
 from branches.search.starts import curves
-from branches.search.uniform import Scanner
 from branches.sequences import impacts_per_period
 from bvp.kernels.verdict import GRAZED
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop
+from tests.branches.scans import sampled
 
 SYSTEM = saltus.vibro_impact_nes()
 ALL = tuple(CLASSES)
@@ -39,7 +39,7 @@ def test_the_backbones_are_there_and_nothing_else_of_their_kind(mu, sigma, energ
     system = saltus.vibro_impact_nes(mu, sigma)
     found = discover(system, energy, quarter_period=5.1, impacts=1)
     mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+")]
-    assert found.settled and np.allclose(mine, backbone.orbits_at(system, energy, 5.1), rtol=1e-11)
+    assert found.complete and np.allclose(mine, backbone.orbits_at(system, energy, 5.1), rtol=1e-11)
 
 
 def test_the_thresholds():
@@ -56,17 +56,17 @@ def test_published_orbits():
     """Oracle: Lee et al. (2009): S73O33- at h = 7.3348 with alpha = 1.6459, U8353- at h = 1.9458 with alpha = 4.9065
     (printed as U8335-, which is the same orbit started at its other end)."""
     found = discover(SYSTEM, 7.3348, quarter_period=5.1, impacts=10)
-    assert found.settled
+    assert found.complete
     assert [orbit.alpha for orbit in found.orbits if orbit.label == "S73O33-"] == [pytest.approx(1.6459, abs=1e-4)]
     found = discover(SYSTEM, 1.9458, quarter_period=5.1, impacts=10)
-    assert found.settled and any(orbit.label == "U8335-" and abs(orbit.alpha - 4.9065) < 2e-4 for orbit in found.orbits)
+    assert found.complete and any(orbit.label == "U8335-" and abs(orbit.alpha - 4.9065) < 2e-4 for orbit in found.orbits)
 
 
 @pytest.mark.parametrize(("energy", "ends"), [(0.3, ALL), (6.0, ("origin-origin",)), (20.0, ALL)])
 def test_each_orbit_is_one(energy, ends):
     """Oracle: the energy, residual, dense samples inside the gap, the bounds, and that no two are one."""
     found = discover(SYSTEM, energy, quarter_period=4.0, impacts=6, ends=ends)
-    assert found.settled and len(found.orbits) == found.counts["orbits"] > 5
+    assert found.complete and len(found.orbits) == found.counts["orbits"] > 5
     seen = set()
     for orbit in found.orbits:
         assert abs(orbit.h / energy - 1.0) < 1e-12 and orbit.residual < 1e-12
@@ -82,10 +82,10 @@ def test_a_uniform_scan_adds_nothing(energy, mu, sigma):
     """Oracle: sign changes between forty thousand uniform angles."""
     system = saltus.vibro_impact_nes(mu, sigma)
     found = discover(system, energy, quarter_period=4.0, impacts=4)
-    assert found.settled
+    assert found.complete
     total = 0
     for end, impacts in (("origin", 4), ("rest", 2), ("stop", 1)):
-        for other in Scanner(system, end, 4.0).orbits(energy, 40000, range(impacts + 1)):
+        for other in sampled(system, end, 4.0, energy, 40000, range(impacts + 1)):
             if other.alpha > 4.0:
                 continue
             total += 1
@@ -99,7 +99,7 @@ def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
     """Oracle: the multipoint problem started from random pieces of random motions: another way to orbits, with any ends and sequences."""
     system = saltus.vibro_impact_nes(mu, sigma)
     found = discover(system, energy, quarter_period=4.0, impacts=6, ends=ALL)
-    assert found.settled
+    assert found.complete
     known = np.array(alphas(found))
     generator = np.random.default_rng(7)
     letters = system.modes.contact_letters
@@ -148,7 +148,7 @@ def test_symmetric_orbits_are_found_from_each_of_their_ends():
 def test_the_free_impact_damper():
     """Oracle: closed form at sigma = 0, where the sink flies freely: G = b^2 alpha + tan(alpha)."""
     found = discover(saltus.vibro_impact_nes(0.1, 0.0), 0.55, quarter_period=5.0, impacts=4, ends=ALL)
-    assert found.settled
+    assert found.complete
     alphas_of_backbone = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+") and not orbit.sequence]
     assert alphas_of_backbone
     for alpha in alphas_of_backbone:
@@ -189,7 +189,7 @@ def test_one_impact_a_period_on_a_one_sided_stop():
             expected.append(period / 4.0)
     found = discover(system, energy, quarter_period=longest, impacts=2, ends=("rest-rest", "rest-stop", "stop-stop"))
     mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("rest", "stop+") and not orbit.sequence]
-    assert found.settled and len(expected) >= 2 and np.allclose(mine, expected, rtol=1e-10)
+    assert found.complete and len(expected) >= 2 and np.allclose(mine, expected, rtol=1e-10)
 
 
 def test_the_mirror_changes_nothing():
@@ -197,7 +197,7 @@ def test_the_mirror_changes_nothing():
 
     def told(system, ends):
         found = discover(system, 1.4, quarter_period=3.5, impacts=4, ends=ends)
-        assert found.settled
+        assert found.complete
         return [(round(o.alpha, 9), round(o.tau, 4), o.stable) for o in found.orbits]
 
     rest = ("rest-rest", "rest-stop", "stop-stop")
@@ -211,7 +211,7 @@ def test_the_mirror_changes_nothing():
 def test_what_is_not_decided_is_said():
     """Oracle: a budget of starts that cannot do."""
     found = discover(SYSTEM, 1.0, quarter_period=5.1, impacts=6, budget=150)
-    assert not found.settled and found.counts["over_budget"] > 0 and found.counts["open"] >= found.counts["over_budget"]
+    assert not found.complete and found.counts["over_budget"] > 0 and found.counts["open"] >= found.counts["over_budget"]
     assert len(found.open) == found.counts["open"] and all(opening.width > 0.0 for opening in found.open)
 
 
@@ -221,7 +221,7 @@ def test_a_sink_of_almost_no_mass_is_searched_or_refused(mu):
     system = saltus.vibro_impact_nes(mu=mu)
     quarter_period = 1.8 if mu > 1e-8 else 0.4
     found = discover(system, 1.0, quarter_period=quarter_period, impacts=1, budget=2000)
-    assert found.counts["starts"] < 3000 and found.settled is (found.counts["open"] == 0)
+    assert found.counts["starts"] < 3000 and found.complete is (found.counts["open"] == 0)
     mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+")]
     assert (mine or mu < 1e-8) and all(abs(backbone.energy(system, alpha) - 1.0) < 1e-6 for alpha in mine)
 
@@ -230,7 +230,7 @@ def test_no_bound_of_impacts():
     """Oracle: a bound that is never reached."""
     found = discover(SYSTEM, 0.4, quarter_period=3.0)
     bounded = discover(SYSTEM, 0.4, quarter_period=3.0, impacts=60)
-    assert found.settled and alphas(found) == alphas(bounded) and len(found.orbits) > 5
+    assert found.complete and alphas(found) == alphas(bounded) and len(found.orbits) > 5
     assert found.impacts is None
 
 
@@ -239,7 +239,7 @@ def test_smaller_bounds_give_a_part():
     large = discover(SYSTEM, 12.0, quarter_period=3.6, impacts=6)
     small = discover(SYSTEM, 12.0, quarter_period=1.9, impacts=4)
     cut = [o.alpha for o in large.orbits if o.alpha <= 1.9 and impacts_per_period(o.problem.sequence, o.ends) <= 8]
-    assert large.settled and small.settled and len(cut) > 5
+    assert large.complete and small.complete and len(cut) > 5
     assert np.allclose(alphas(small), cut, rtol=1e-11)
 
 
@@ -267,8 +267,8 @@ def test_the_record():
     """Oracle: the keys of the format, numbers that JSON can hold, and the orbits themselves."""
     found = discover(SYSTEM, 1.0, quarter_period=3.0, impacts=4, ends=ALL)
     record = json.loads(discovery_to_json(found), parse_constant=lambda text: pytest.fail(text))
-    assert list(record) == ["schema", "energy", "bounds", "settled", "counts", "orbits", "unpolished"]
-    assert record["schema"] == 2 and record["energy"] == 1.0 and record["settled"] is True and record["unpolished"] == []
+    assert list(record) == ["schema", "energy", "bounds", "complete", "counts", "orbits", "unpolished"]
+    assert record["schema"] == 2 and record["energy"] == 1.0 and record["complete"] is True and record["unpolished"] == []
     assert record["bounds"] == {"quarter_period": 3.0, "impacts": 4, "ends": list(ALL)} and record["counts"] == found.counts
     for entry, orbit in zip(record["orbits"], found.orbits, strict=True):
         assert list(entry) == [

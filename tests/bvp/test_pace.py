@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import branches.search.scan
+import branches.search.intervals
 import bvp.interrupts
 import bvp.kernels.contact_mode
 from branches.search.discovery import discover
@@ -89,13 +89,13 @@ def test_a_section_does_not_depend_on_the_calls_that_it_takes(rho, slow):
 @pytest.mark.parametrize("bounds", [{"quarter_period": 5.0}, {"quarter_period": 3.0, "ends": ("stop-stop", "rest-rest"), "budget": 40}])
 def test_a_search_does_not_depend_on_the_calls_that_it_takes(bounds, slow, monkeypatch):
     """Oracle: the same search in few calls, bit for bit. The calls that take least end inside an interval, between two of its flights."""
-    scan_interval, calls, found = branches.search.scan.scan_interval, [], []
+    scan_interval, calls, found = branches.search.intervals.scan_interval, [], []
 
     def counted(*arguments):
         calls[-1] += 1
         return scan_interval(*arguments)
 
-    monkeypatch.setattr(branches.search.scan, "scan_interval", counted)
+    monkeypatch.setattr(branches.search.intervals, "scan_interval", counted)
     for _ in range(2):
         calls.append(0)
         found.append(discover(vibro_impact_nes(), 0.6, **bounds))
@@ -107,7 +107,7 @@ def test_a_search_does_not_depend_on_the_calls_that_it_takes(bounds, slow, monke
 
 def test_a_call_follows_as_many_flights_as_it_may(slow, monkeypatch):
     """Oracle: the starts that each call follows: each has a flight at least. What is begun is ended: one start, its orbits, one grazing."""
-    scan_interval, starts = branches.search.scan.scan_interval, []
+    scan_interval, starts = branches.search.intervals.scan_interval, []
 
     def counted(*arguments):
         before = arguments[11][0]
@@ -115,7 +115,7 @@ def test_a_call_follows_as_many_flights_as_it_may(slow, monkeypatch):
         starts.append(int(arguments[11][0] - before))
         return done
 
-    monkeypatch.setattr(branches.search.scan, "scan_interval", counted)
+    monkeypatch.setattr(branches.search.intervals, "scan_interval", counted)
     slow(50)
     discover(vibro_impact_nes(), 20.0, quarter_period=10.0, impacts=60, budget=20_000)
     assert sum(starts) > 10_000 and max(starts) <= 50 + 300

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.search import scan as scanning
+from branches.search import intervals as scanning
 from branches.search.starts import curves
 from bvp.kernels.multipoint import ORIGIN
 from bvp.kernels.shooting import ACCELERATION, CLEARANCE, COLUMNS, CONTACT, DERIVATIVE, DURATION, RESIDUAL, SPEED, TIME, follow_impacts

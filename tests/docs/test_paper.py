@@ -11,7 +11,7 @@ import pytest
 
 import saltus
 from benchmarks.backbone import Backbone
-from branches.impulsive.start import impulsive_state
+from branches.impulsive.motions import impulsive_state
 from branches.naming.families import passes
 from branches.naming.labels import canonical_label, parse
 from branches.orbit import Orbit
@@ -250,7 +250,7 @@ def localization_of_impulsive_orbits():
 @row(24)
 def figure_10c():
     here = saltus.discover(SYSTEM, 0.06, quarter_period=10.0, impacts=16)
-    assert here.settled and [orbit.label for orbit in here.orbits] == ["U4401-"] * 2
+    assert here.complete and [orbit.label for orbit in here.orbits] == ["U4401-"] * 2
     assert [orbit.stable for orbit in here.orbits] == [True, False]
     return [0.06, 10.0, 16, here.orbits[0].alpha, here.orbits[1].alpha, fold()[0]]
 
@@ -294,7 +294,7 @@ def searched(low, high, count, quarter_period, impacts):
     labels = set()
     for h in np.geomspace(low, high, count):
         here = saltus.discover(vibro_impact_nes(), float(h), quarter_period=quarter_period, impacts=impacts)
-        assert here.settled
+        assert here.complete
         labels |= {str(canonical_label(parse(orbit.label))) for orbit in here.orbits if orbit.label}
     return labels
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 import saltus
 from branches.naming.labels import matches, parse, parse_name
 from branches.orbit import Orbit
-from branches.search.uniform import Scanner
 from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
 from bvp.multipliers import saddle_point_multipliers
+from tests.branches.scans import sampled
 from tests.branches.traced import EPS, count_label, monodromy
 
 SYSTEMS = st.tuples(st.floats(0.02, 2.0), st.floats(0.0, 2.0))
@@ -33,7 +33,7 @@ def collected():
         energy = float(np.exp(random.uniform(np.log(0.3), np.log(20.0))))
         system = saltus.vibro_impact_nes(float(mu), float(sigma))
         for kind, impacts in (("stop", range(5)), ("origin", range(1, 7)), ("rest", range(1, 4))):
-            for orbit in Scanner(system, kind, 9.0).orbits(energy, 500, list(impacts)):
+            for orbit in sampled(system, kind, 9.0, energy, 500, impacts):
                 ends, word = orbit.problem.ends, orbit.problem.sequence
                 found.setdefault(canonical_sequence(word, ends, odd_symmetry=True), orbit)
     return found
@@ -91,7 +91,7 @@ def test_orbits_at_random(system, level, kind, pick):
     assume(sigma == 0.0 or sigma > 1e-3)
     name, impacts = kind
     energy = float(np.exp(level))
-    for found in Scanner(saltus.vibro_impact_nes(mu, sigma), name, 6.0).orbits(energy, 200, list(impacts)):
+    for found in sampled(saltus.vibro_impact_nes(mu, sigma), name, 6.0, energy, 200, impacts):
         if pick == 0:
             # next to grazing rounding is magnified without bound
             if min(found.solution["speed"], found.solution["clearance"], found.solution["flight"]) > 1e-4:
@@ -106,7 +106,7 @@ def test_families_at_random(system, level, pick):
     """Oracle: a random orbit's family holds the orbit; its points are orbits, its events in order and in their brackets."""
     mu, sigma = system
     assume(sigma == 0.0 or sigma > 1e-3)
-    found = list(Scanner(saltus.vibro_impact_nes(mu, sigma), "stop", 6.0).orbits(float(np.exp(level)), 200, [0, 1, 2]))
+    found = sampled(saltus.vibro_impact_nes(mu, sigma), "stop", 6.0, float(np.exp(level)), 200, [0, 1, 2])
     assume(found)
     orbit = found[pick % len(found)]
     energy = (0.3 * orbit.h, 3.0 * orbit.h)

@@ -97,7 +97,7 @@ def test_all_kinds_of_ends(capsys):
     assert "model  equal gaps" in out and "rest stop+" in out
 
 
-def test_a_search_that_is_not_settled_says_why(capsys):
+def test_a_search_that_is_not_complete_says_why(capsys):
     """Oracle: a budget that cannot do."""
     assert main([*WORDS, "--max-starts", "150"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]

@@ -23,7 +23,7 @@ def test_json_has_the_fields():
     event is at h = 2.98736731."""
     code, out, err = told("impulsive --energy 2.5:3.5 --max-quarter-period 2 --density 5 --json -")
     record = json.loads(out)
-    assert code == 0 and record["schema"] == 1 and record["settled"] is True
+    assert code == 0 and record["schema"] == 2 and record["complete"] is True
     (orbit,) = record["orbits"]
     assert list(orbit)[: len(NAMES)] == NAMES
     assert orbit["label"] == "U4122-" and orbit["family"] is None and orbit["impacts"] == 4
@@ -68,10 +68,10 @@ def test_bounds_and_parameters():
 
 
 def test_nothing_there():
-    """Oracle: no impacts below sigma/2: an empty list, settled, exit 0."""
+    """Oracle: no impacts below sigma/2: an empty list, complete, exit 0."""
     code, out, _ = told("impulsive --energy 0.01:0.05 --density 5 --json -")
     record = json.loads(out)
-    assert code == 0 and record["orbits"] == [] and record["settled"]
+    assert code == 0 and record["orbits"] == [] and record["complete"]
     assert np.ptp(record["manifold"]["frequency"]) < 1e-12
 
 

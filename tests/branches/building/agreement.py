@@ -25,7 +25,7 @@ class Families:
     def agree(self, system, energy, quarter_period, impacts):
         """Fail where discovery at an energy that the build did not search, with every kind of ends, and the families differ."""
         found = discover(system, energy, ends=ends_of(system), quarter_period=quarter_period, impacts=impacts)
-        assert found.settled and self.differences(found, quarter_period, impacts) == ([], [], [])
+        assert found.complete and self.differences(found, quarter_period, impacts) == ([], [], [])
 
     def differences(self, found, quarter_period, impacts):
         """Orbits on no family, orbits whose family does not cross there, crossings that are not listed: all empty where they agree."""

@@ -19,7 +19,7 @@ def test_energies_beside_the_outermost_are_inside_the_bounds(place, monkeypatch)
 
     def unsettled(system, energy, **limits):
         asked.append(energy)
-        return SimpleNamespace(orbits=(), settled=False)
+        return SimpleNamespace(orbits=(), complete=False)
 
     monkeypatch.setattr(module, "discover", unsettled)
     answer = module._at_energy(system, energy, Plan.within(bounds))

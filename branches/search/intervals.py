@@ -1,28 +1,33 @@
-"""The scan of a curve of starts (`bvp.kernels.intervals`): every crossing of a far end, and what could not be decided.
+"""The complete scan of starts at an energy (`bvp.kernels.intervals`): every crossing of a far end, and what is not decided.
 
-An interval of starts can be too narrow to be split again and still be undecided at one of its flights: there floating-point numbers do not
-tell the starts apart. The flights before that one are decided, so that the states after its impacts are a short smooth curve. `resumed`
-gives this curve, which is scanned in place of the interval. Its states have the rounding errors that each followed state has. Along the
-curve such an error only exchanges starts. Across the curve it shrinks as fast as motions part. So an orbit through the true curve has a
-neighbour through this one, and Newton's method, which holds all states at once, goes from one to the other.
+An interval of starts can be as narrow as rounding and still be undecided at one of its flights. The flights before that one are decided,
+so the states after their impacts are a short smooth curve. `resumed` returns this curve, which is scanned in place of the interval. Its
+states have the rounding errors of every followed state. Along the curve such an error only exchanges starts. Across the curve it shrinks
+as fast as motions part. So an orbit through the true curve has a neighbour through this one. Newton's method goes from one to the other,
+because it solves for all states at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.search.starts import INSET, QUADRATIC, Curve, Path
+from branches.search.starts import INSET, QUADRATIC, Curve, Path, Segment, curves
+from branches.sequences import mirror, mirror_ends, unfold
 from bvp.interrupts import Pace
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import COLUMNS, CONTACT, DERIVATIVE, DURATION, TIME, follow_impacts
-from bvp.kernels.verdict import ENDLESS
+from bvp.kernels.verdict import ENDLESS, GRAZED
 
-__all__ = ["Opening", "EndCrossing", "follow_start", "resumed", "scan"]
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["EndCrossing", "Limits", "Opening", "first_crossings", "follow_start", "resumed", "scan", "segments"]
 
 PIECES, PIECES_RESUMED = 32, 2
 """Intervals that each curve is cut into at first; and one that is resumed."""
@@ -34,6 +39,9 @@ MOST_IMPACTS = 200
 """Impacts that one start is followed through where no bound is given."""
 
 KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP}
+
+Limits = Mapping[str, tuple[float, int | None]]
+"""For each kind of far end that is searched: longest time and most inner impacts of a segment; None: not bounded."""
 
 
 class EndCrossing(NamedTuple):
@@ -54,7 +62,7 @@ class EndCrossing(NamedTuple):
 
 
 class Opening(NamedTuple):
-    """An interval of starts that could not be closed: where, its width, the flight (impacts before it), the kernel's reason."""
+    """An interval of starts that is not decided: lower bound, width, the flight (impacts before it), the kernel's reason."""
 
     parameter: float
     width: float
@@ -62,18 +70,85 @@ class Opening(NamedTuple):
     reason: int
 
 
-def scan(
-    curve: Curve, limits: Mapping[str, tuple[float, int | None]], budget: int
-) -> tuple[list[EndCrossing], list[Opening], dict[str, int]]:
+def segments(
+    system: ImpactSystem, start: str, energy: float, limits: Limits, budget: int, counts: Counter[str], openings: list[Opening]
+) -> Iterator[tuple[Segment, bool]]:
+    """All segments between the starts of a kind at an energy and the far ends.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    start : str
+        "origin", "rest" or "stop".
+    energy : float
+    limits : Limits
+    budget : int
+        Number of starts followed, with those in `counts`, after which no more are followed.
+    counts : Counter
+        The stages of the scan are added to it.
+    openings : list of Opening
+        Intervals of starts that stay open are added to it.
+
+    Yields
+    ------
+    segment : Segment
+        In a system with odd symmetry, it or its mirror image.
+    is_complete : bool
+        Whether all its impacts are found when its start is followed.
+    """
+    longest = max(time for time, _ in limits.values())
+    left = deque(curves(system, start, energy))
+    while left:
+        curve = left.popleft()
+        crossings, opened, of_scan = scan(curve, limits, max(1, budget - counts["starts"]))
+        counts.update(of_scan)
+        for opening in opened:
+            image = resumed(curve, opening, longest) if counts["starts"] < budget else None
+            if image is not None:
+                left.append(image)
+                counts["resumed"] += 1
+                counts["at_grazing" if opening.reason == GRAZED else "open"] -= 1
+            elif opening.reason != GRAZED:
+                openings.append(opening._replace(parameter=curve.angle(opening.parameter), width=curve.piece[1] * opening.width))
+        counts["crossings"] += len(crossings)
+        paths = [follow_start(curve, crossing.parameter, crossing.impacts, longest) for crossing in crossings]
+        found = [_segment(system, curve, crossing, path) for crossing, path in zip(crossings, paths, strict=True)]
+        instants = [path.until_last + crossing.flight for path, crossing in zip(paths, crossings, strict=True)]
+        sequences = [
+            tuple(system.modes.contact_letters[c] for c in path.contacts[: crossing.impacts + (crossing.kind == "stop")])
+            for path, crossing in zip(paths, crossings, strict=True)
+        ]
+        first, repeated = first_crossings(crossings, instants, sequences, curve.end, curve.high - curve.low)
+        counts["repeated"] += len(repeated)
+        yield from (found[i] for i in first)
+
+
+def _segment(system: ImpactSystem, curve: Curve, crossing: EndCrossing, path: Path) -> tuple[Segment, bool]:
+    """A crossing with the path of its start as a segment, and whether the path has all its impacts."""
+    letters = system.modes.contact_letters
+    sequence = tuple(letters[c] for c in path.contacts[: crossing.impacts])
+    is_complete = len(path.nodes) >= crossing.impacts
+    far = crossing.kind
+    if far == "stop":
+        is_complete = is_complete and len(path.contacts) > crossing.impacts
+        far += letters[path.contacts[crossing.impacts]] if len(path.contacts) > crossing.impacts else "+"
+    ends, sign = (curve.end, far), 1.0
+    if system.has_odd_symmetry and (mirror_ends(ends), mirror(sequence)) < (ends, sequence):
+        ends, sequence, sign = mirror_ends(ends), mirror(sequence), -1.0
+    times = np.append(path.durations, crossing.flight)
+    place, low, high = (curve.angle(parameter) for parameter in (crossing.parameter, crossing.low, crossing.high))
+    return Segment(ends, sequence, sign * path.start, sign * path.nodes, times, place, low, high, crossing.residual), is_complete
+
+
+def scan(curve: Curve, limits: Limits, budget: int) -> tuple[list[EndCrossing], list[Opening], dict[str, int]]:
     """Scan one curve.
 
     Parameters
     ----------
     curve : Curve
-    limits : mapping of "origin", "rest", "stop" to (time, impacts)
-        The far ends looked for: the longest segment, and the most impacts inside it (None: as many as come).
+    limits : Limits
     budget : int
-        Starts followed at most; intervals left then stay open.
+        Most starts that are followed. The intervals left then stay open.
 
     Returns
     -------
@@ -225,3 +300,64 @@ def resumed(curve: Curve, opening: Opening, longest: float) -> Curve | None:
     before = path._replace(contacts=path.contacts[: opening.flight])
     piece = (curve.angle(middle), curve.piece[1] * scale)
     return replace(curve, flow=flow, low=-reach, high=reach, singular=(False, False), before=before, piece=piece)
+
+
+SAME_START = 1e-11
+"""Largest difference of two starts that are one start, relative to the length of the curve. A later crossing of one start repeats the
+first one."""
+
+
+def first_crossings(
+    crossings: list[EndCrossing], instants: list[float], sequences: list[tuple[str, ...]], start: str, span: float
+) -> tuple[list[int], list[int]]:
+    """Indices of the crossings that are the first of their start, and of those that repeat it in a k-fold cover of the first segment.
+
+    Parameters
+    ----------
+    crossings : list of EndCrossing
+        Of one curve.
+    instants : list of float
+        Time from the start to each.
+    sequences : list of tuple of str
+        Impacts from the start to each, that at a far stop included.
+    start : str
+        The end that the curve is of.
+    span : float
+        Length of the curve.
+
+    Returns
+    -------
+    first, repeated : list of int
+    """
+    first: list[int] = []
+    repeated: list[int] = []
+    order = sorted(range(len(crossings)), key=lambda i: crossings[i].parameter)
+    groups: list[list[int]] = []
+    for i in order:
+        near = groups and crossings[i].parameter - crossings[groups[-1][-1]].parameter <= SAME_START * span
+        if near and crossings[i].converged and crossings[groups[-1][-1]].converged:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    for group in groups:
+        group.sort(key=lambda i: instants[i])
+        kept: list[int] = []
+        for i in group:
+            if any(_repeats(instants[i], sequences[i], crossings[j].kind, instants[j], sequences[j], start) for j in kept):
+                repeated.append(i)
+            else:
+                kept.append(i)
+        first += kept
+    return sorted(first), repeated
+
+
+def _repeats(instant: float, sequence: tuple[str, ...], far: str, period: float, first: tuple[str, ...], start: str) -> bool:
+    """Whether a crossing is the first one again, after several segments between the start and that far end.
+
+    The sequences are compared, too: if motions part fast, other orbits have the same start and time within rounding."""
+    count = round(instant / period)
+    if count < 2 or abs(instant - count * period) > 1e-6 * period:
+        return False
+    inner, end = (first[:-1], far + first[-1]) if far == "stop" else (first, far)
+    expected = unfold(inner, (start, end), count)[0]
+    return sequence[: len(expected)] == expected and len(sequence) - len(expected) in (0, 1)

@@ -1,0 +1,207 @@
+"""The impulsive motion: at the start nothing is displaced, and only the oscillator (the primary mass) moves.
+
+At one energy the impulsive motion is one trajectory. `ImpulsiveMotions` follows it event by event, with all derivatives with respect to
+log h.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from branches.search.starts import Segment, require_conservative, require_two_dof
+from bvp.kernels import shooting as kernel
+from bvp.kernels.impact import work_array
+from bvp.kernels.shooting import TURN, ZERO
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["ImpulsiveMotions", "Traces", "check_system", "impulsive_state", "oscillator_period"]
+
+_LARGEST = 1 << 20
+"""Most events of one motion."""
+
+
+def check_system(system: ImpactSystem) -> tuple[int, int]:
+    """Indices of the absorber and the primary. Raises ValueError for a system that does not name them, or that loses energy."""
+    if system.absorber is None or system.primary is None:
+        raise ValueError(
+            "an impulsive orbit starts with the velocity of the primary alone, and this system names no absorber and primary "
+            "(in a scene NES and LO under [coordinates])"
+        )
+    require_conservative(system, "impulsive orbits at an energy")
+    return system.absorber, system.primary
+
+
+def impulsive_state(system: ImpactSystem, energy: float) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements and velocities (n,) with all of the energy in the velocity of the primary, which is positive.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> impulsive_state(vibro_impact_nes(), 2.0)
+    (array([0., 0.]), array([0., 2.]))
+    """
+    _, primary = check_system(system)
+    velocity = np.zeros(system.degrees_of_freedom)
+    velocity[primary] = math.sqrt(2.0 * energy / system.mass[primary, primary])
+    return np.zeros(system.degrees_of_freedom), velocity
+
+
+def oscillator_period(system: ImpactSystem) -> float:
+    """Period of the primary alone on its spring to the ground, the row sum of the stiffness.
+
+    Without such a spring it is the period of the slowest mode that vibrates.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> oscillator_period(vibro_impact_nes(mu=0.1, sigma=0.1)) / (2.0 * math.pi)
+    1.0
+    """
+    _, primary = check_system(system)
+    ground = float(np.sum(system.stiffness[primary]))
+    if ground > 1e-12 * float(np.max(np.abs(system.stiffness[primary]))):
+        return 2.0 * math.pi * math.sqrt(float(system.mass[primary, primary]) / ground)
+    frequencies = system.modes.frequencies
+    return 2.0 * math.pi / float(np.min(frequencies[frequencies > 0.0]))
+
+
+class Traces(NamedTuple):
+    """Events of M motions, at most E each. Columns beyond `number` are empty.
+
+    Parameters
+    ----------
+    number : (M,) int
+        Events; -1 if the motion could not be followed.
+    kind : (M, E) int
+        The contact hit, `bvp.kernels.shooting.ZERO` (the gap coordinate is zero) or `TURN` (its velocity is zero).
+    time, time_slope : (M, E) float
+        As all slopes, a derivative with respect to log h.
+    residual, residual_slope : (M, E) float
+        The state transverse to the end set, along the stop: the displacement at a ZERO (end origin), else the velocity (rest, stop).
+    gap, gap_slope : (M, E) float
+        The gap coordinate.
+    crossing, crossing_slope : (M, E) float
+        Square of the rate at which the event's own function crosses zero. It vanishes if two events of a kind meet, such as an impact and
+        a turning point at grazing.
+    """
+
+    number: np.ndarray
+    kind: np.ndarray
+    time: np.ndarray
+    time_slope: np.ndarray
+    residual: np.ndarray
+    residual_slope: np.ndarray
+    gap: np.ndarray
+    gap_slope: np.ndarray
+    crossing: np.ndarray
+    crossing_slope: np.ndarray
+
+    def rows(self, which: np.ndarray | slice) -> Traces:
+        """Those of some of the motions."""
+        return Traces(*(values[which] for values in self))
+
+    def padded(self, size: int) -> Traces:
+        """With columns for at least `size` events."""
+        more = size - self.kind.shape[1]
+        return self if more <= 0 else Traces(self.number, *(np.pad(values, ((0, 0), (0, more))) for values in self[1:]))
+
+    def joined(self, other: Traces) -> Traces:
+        """Those of both."""
+        size = max(self.kind.shape[1], other.kind.shape[1])
+        return Traces(*(np.concatenate(pair) for pair in zip(self.padded(size), other.padded(size), strict=True)))
+
+
+class ImpulsiveMotions:
+    """Follows the impulsive start of a system for a time.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        Two degrees of freedom, one stop with equal gaps on both sides, undamped and elastic, absorber and primary named.
+    longest : float
+
+    Raises
+    ------
+    ValueError
+        For another system.
+    """
+
+    def __init__(self, system: ImpactSystem, longest: float):
+        check_system(system)
+        require_two_dof(system, "periodic impulsive orbits are found by one scan over energy on")
+        if not system.has_odd_symmetry:
+            raise ValueError("periodic impulsive orbits need one stop with equal gaps on both sides: they pass through the origin")
+        self.system = system
+        self.longest = longest
+        self.modes = modes = system.modes
+        row = modes.contact_gap[0]
+        rows = [row]
+        for _ in range(3):
+            rows.append(rows[-1] @ modes.matrix)
+        self.functional = np.ascontiguousarray(rows)
+        across = np.array([-row[1], row[0]]) / math.hypot(row[0], row[1])
+        self.across_displacement = np.concatenate([across, np.zeros(2)])
+        self.across_velocity = np.concatenate([np.zeros(2), across])
+        self.room = 64
+
+    def start(self, energy: float) -> np.ndarray:
+        """Start state of the modes (4,)."""
+        return self.modes.from_state @ np.concatenate(impulsive_state(self.system, energy))
+
+    def _follow(self, levels: np.ndarray, longest: float) -> tuple[np.ndarray, ...]:
+        modes = self.modes
+        unit = self.start(1.0)
+        starts = np.exp(0.5 * levels)[:, None] * unit
+        changes = 0.5 * starts
+        while True:
+            shape = (len(levels), self.room)
+            kind = np.zeros(shape, dtype=np.int64)
+            time, shift = np.zeros(shape), np.zeros(shape)
+            state, change = np.zeros((*shape, 4)), np.zeros((*shape, 4))
+            count = np.zeros(len(levels), dtype=np.int64)
+            kernel.sensitivities(
+                modes.flight, modes.contacts, self.functional, starts, changes, float(longest), kind, time, shift, state, change, count,
+                work_array(4, len(modes.contact_side)),
+            )  # fmt: skip
+            if not np.any(count == kernel.FULL) or self.room >= _LARGEST:
+                return kind, time, shift, state, change, np.where(count < 0, -1, count)
+            self.room *= 2
+
+    def at(self, levels: np.ndarray) -> Traces:
+        """The motions at log h = `levels` (M,)."""
+        kind, time, shift, state, change, count = self._follow(levels, self.longest)
+        rows = np.array([self.across_displacement, self.across_velocity, *self.functional[:3]])
+        values, slopes = state @ rows.T, change @ rows.T
+        crossing, turning = np.where(kind == kernel.ZERO, 0, 1)[..., None], np.where(kind == kernel.TURN, 4, 3)[..., None]
+        rate, rate_slope = _pick(values, turning), _pick(slopes, turning)
+        return Traces(
+            count, kind, time, shift, _pick(values, crossing), _pick(slopes, crossing), values[..., 2], slopes[..., 2], rate**2,
+            2.0 * rate * rate_slope,
+        )  # fmt: skip
+
+    def segment(self, level: float, event: int, low: float, high: float) -> Segment:
+        """The motion at log h = `level` up to an event. The zero of the residual lies between low and high."""
+        kind, time, _, state, _, number = self._follow(np.array([level]), self.longest)
+        if number[0] <= event:
+            raise ValueError(f"the motion has {number[0]} events; there is no event {event}")
+        modes, letters = self.modes, self.modes.contact_letters
+        hits = np.flatnonzero(kind[0, :event] >= 0)
+        contacts = kind[0, hits]
+        before = state[0, hits]
+        speed = np.einsum("ij,ij->i", modes.contact_rate[contacts], before)
+        after = before - ((1.0 + modes.contact_restitution[contacts]) * speed)[:, None] * modes.contact_push[contacts]
+        stamps = np.concatenate([[0.0], time[0, hits], [time[0, event]]])
+        last = int(kind[0, event])
+        ends = ("origin", {ZERO: "origin", TURN: "rest"}.get(last) or "stop" + letters[last])
+        residual = abs(float((self.across_displacement if last == ZERO else self.across_velocity) @ state[0, event]))
+        sequence = tuple(letters[c] for c in contacts)
+        return Segment(ends, sequence, self.start(math.exp(level)), after, np.diff(stamps), level, low, high, residual)
+
+
+def _pick(values: np.ndarray, which: np.ndarray) -> np.ndarray:
+    return np.take_along_axis(values, which, axis=2)[..., 0]
