@@ -22,7 +22,7 @@ from benchmarks.measure import Spread, processor_time, spread
 from branches.family import Family
 from branches.tracing import SETTINGS
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
-from continuation.control import Settings, kinds_of
+from continuation.control import Settings
 from continuation.engine import Allowance, first_step, follow_in_blocks
 from continuation.location import Location
 from continuation.points import PlainPoints
@@ -48,7 +48,7 @@ class BareFamily(Family):
     def __init__(self, problem: MultipointProblem) -> None:
         super().__init__(problem)
         self._tests = (TestFunction("SN", "crossing", False, "fold in the energy", True),)
-        self._kinds = np.array(kinds_of(self._tests))
+        self._computed = 1
         self._full = False
 
     def begin(self, y: np.ndarray) -> Step:

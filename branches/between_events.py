@@ -1,26 +1,45 @@
-"""Stability between events: it changes only at them, so a decided orbit between two neighbouring events decides those around it.
+"""What lies between the events of a branch: stability, which changes only at them, and events that are missing there.
 
-Where rounding leaves many neighbouring orbits undecided, an entry of their half maps is nearly zero, and an event among them could not be
-located either. Some of these orbits are solved in fifty digits (`bvp.many_digits`).
+A decided orbit between two neighbouring events decides those around it. Where rounding leaves many neighbouring orbits undecided, an
+entry of their half maps is nearly zero, and an event among them could not be located either. Some of these orbits are solved in fifty
+digits (`bvp.many_digits`).
+
+A level that the trace crosses between two points needs an event there, and so does a turning point of the energy. Where an event lies
+between two points, the value is expected on the other side of the level; elsewhere on the same side. So a crossing without an event is
+seen, and also two crossings of which only one has an event.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
+from math import sqrt
 from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from branches.events import DigitWork
+from branches.family import RESONANCES, multiplication
+from bvp.multipoint import NotConverged
+from bvp.stability import roundings
+
 if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.events import BranchEvent
+    from branches.orbit import Orbit
     from bvp.multipoint import MultipointProblem
 
-__all__ = ["Barrier", "DigitWork", "decide_between", "stability_events"]
-
+__all__ = ["Barrier", "Missed", "decide_between", "missed_events", "stability_events"]
 
 SPACING = 4
 """At most so many neighbouring points are decided by those around them: on a longer run of undecided points rounding can hide an event."""
+
+NEAR = 1e-9
+"""Difference of the trace from a level below which its side is left open."""
+
+FAR = 1.0
+"""Difference of the trace from +2 or -2 beyond which its side is known where stability is undecided."""
 
 
 class Barrier(NamedTuple):
@@ -29,17 +48,6 @@ class Barrier(NamedTuple):
     type: str
     point: int
     bracket: tuple[float, float]
-
-
-class DigitWork(NamedTuple):
-    """How many orbits were solved in fifty digits to decide their stability, and the time in seconds."""
-
-    orbits: int = 0
-    seconds: float = 0.0
-
-    def __add__(self, other: tuple[object, ...]) -> DigitWork:  # of the sums, not of the tuples
-        assert isinstance(other, DigitWork)
-        return DigitWork(self.orbits + other.orbits, self.seconds + other.seconds)
 
 
 def stability_events(problem: MultipointProblem) -> tuple[str, ...]:
@@ -81,7 +89,7 @@ def decide_between(
 
     Notes
     -----
-    Between two neighbouring points of one interval that differ in fifty digits too an event was missed: `branches.missed` reports it.
+    Between two neighbouring points of one interval that differ in fifty digits too an event was missed: `missed_events` reports it.
     """
     stable, arclength = points["stable"].copy(), points["arclength"]
     kinds = stability_events(problem)
@@ -170,3 +178,183 @@ def _in_digits(problem: MultipointProblem, y: np.ndarray, distance: float) -> in
         return -1
     # Beside a branch point the nearest orbit can lie beyond the event.
     return -1 if orbit.stable is None or not orbit.moved < distance else int(orbit.stable)
+
+
+class Missed(NamedTuple):
+    """Two points of a branch between which an event is missed.
+
+    types: of the events that would explain it. points: indices of the two points, between which the other points leave the side open.
+    h, alpha: at these points. text: what was found, in words. hidden: whether rounding hides the event, as double precision decides the
+    stability of neither orbit. It was seen in fifty digits, and cannot be located.
+    """
+
+    types: tuple[str, ...]
+    points: tuple[int, int]
+    h: tuple[float, float]
+    alpha: tuple[float, float]
+    text: str
+    hidden: bool = False
+
+
+class _Level(NamedTuple):
+    """A level of the trace. name: in words. side: of each point, +1 above, -1 below, 0 open. events: those at which the trace crosses the
+    level. touching: types of events at which it can also turn back. types: of the events at such crossings. limit: of stability."""
+
+    name: str
+    side: np.ndarray
+    events: list[BranchEvent]
+    touching: tuple[str, ...]
+    types: tuple[str, ...]
+    limit: bool = True
+
+
+def missed_events(branch: Branch) -> list[Missed]:
+    """Events that the points of a branch need and that it does not have.
+
+    Parameters
+    ----------
+    branch : Branch
+
+    Returns
+    -------
+    list of Missed
+        In order of arclength; empty where every crossing has its event.
+
+    Notes
+    -----
+    The trace is tau_half where the branch has it, else tau. Its levels are +2, -2, those of the resonances and, for tau_half, 0, where the
+    period doubles. The side of +2 and -2 follows from the stability, which is decided by more than its error. A system of more than two
+    degrees of freedom has several traces: there only a change of stability is seen.
+    """
+    found = [missed for level in _levels(branch) for missed in _crossings(branch, level)]
+    return sorted([*found, *_turning_points(branch)], key=lambda missed: missed.points)
+
+
+def _levels(branch: Branch) -> Iterator[_Level]:
+    points, events = branch.points, branch.events
+    stable = points["stable"]
+    quarter = branch.problem.quarters == 1
+    name = "tau_half" if quarter else "tau"
+    trace = points[name]
+    if branch.problem.half != 2:
+        types = stability_events(branch.problem)
+        if types:
+            side = np.where(stable == 1, -1, np.where(stable == 0, 1, 0))
+            yield _Level("the limit of stability", side, [event for event in events if event.type in types], types, types)
+        return
+
+    def near(event: BranchEvent, value: float) -> bool:
+        # An event of tau is one of two levels of tau_half; where the trace is not known, of either.
+        there = trace[event.point]
+        return not quarter or not (there * value < 0.0)
+
+    with np.errstate(invalid="ignore"):
+        upper = np.where((stable == 0) & (trace > 0.0), 1, -1)
+        lower = np.where((stable == 0) & (trace < 0.0), -1, 1)
+        upper = np.where((stable >= 0) | (trace < 2.0 - FAR), upper, 0)
+        lower = np.where((stable >= 0) | (trace > FAR - 2.0), lower, 0)
+    halved = [event for event in events if event.type == "SB" and quarter and event.breaks != "reversal"]
+    broken = [event for event in events if event.type == "SB" and event not in halved]
+    folds = [event for event in events if event.type in ("SN", "BP")]
+    doubled = [event for event in events if event.type == "PD"]
+    yield _Level(f"{name} = +2", upper, folds + broken, ("BP",), ("SN", "BP", "SB"))
+    yield _Level(f"{name} = -2", lower, halved if quarter else doubled, (), ("SB",) if quarter else ("PD",))
+    values = [(0.0, doubled, "PD")] if quarter else []
+    for p, q in RESONANCES:
+        tau = multiplication(p, q)
+        resonant = [event for event in events if event.type == "RT" and event.p_q == [p, q]]
+        for value in (sqrt(2.0 + tau), -sqrt(2.0 + tau)) if quarter else (tau,):
+            values.append((value, [event for event in resonant if near(event, value)], f"RT {p}:{q}"))
+    for value, some, text in values:
+        with np.errstate(invalid="ignore"):
+            side = np.where(np.abs(trace - value) > NEAR, np.sign(trace - value), 0.0)
+        yield _Level(f"{name} = {round(value, 6) + 0.0:g} ({text})", np.nan_to_num(side).astype(int), some, (), (text[:2],), limit=False)
+
+
+def _crossings(branch: Branch, level: _Level) -> Iterator[Missed]:
+    """Pairs of neighbouring points on known sides of a level whose sides do not fit the events between them."""
+    side = level.side.copy()
+    side[[event.point for event in level.events]] = 0
+    for i, j in pairwise(np.flatnonzero(side).tolist()):
+        between = [event for event in level.events if i < event.point < j]
+        crossed = side[i] != side[j]
+        if crossed == (len(between) % 2 == 1) or (between and any(event.type in level.touching for event in between)):
+            continue
+        names = ", ".join(event.id for event in between) or "no event"
+        how = f"crosses {level.name}" if crossed else f"does not cross {level.name}"
+        found = _missed(branch, level.types, i, j, f"{how}, with {names} there")
+        yield found._replace(hidden=level.limit and not between and _is_hidden(branch.orbit(i), branch.orbit(j)))
+
+
+def _is_hidden(first: Orbit, second: Orbit) -> bool:
+    """Whether rounding hides a change of stability between two orbits: neither alone is decided, and no pivot changes its sign."""
+    pivots = first.solution["branching"] * second.solution["branching"]
+    return pivots > 0.0 and all(int(orbit.columns["stable"][0]) < 0 for orbit in (first, second))
+
+
+def _turning_points(branch: Branch) -> Iterator[Missed]:
+    """Turning points of the energy that are no SN and no BP, and an SN at which the energy does not turn."""
+    h = branch.points["h"]
+    extrema = list(_extrema(branch))
+    folds = {event.point for event in branch.events if event.type == "SN"}
+    crossed = {event.point for event in branch.events if event.type == "BP"}
+    for i, j in extrema:
+        here = range(i, j + 1)
+        if crossed.isdisjoint(here) and len(folds.intersection(here)) % 2 == 0:
+            kind = "smallest" if h[max(0, i - 1)] > h[i] else "largest"
+            yield _missed(branch, ("SN", "BP"), max(0, i - 1), min(len(h) - 1, j + 1), f"h is {kind} between them, without SN or BP")
+    for (_, i), (j, _) in pairwise([(-1, -1), *extrema, (len(h), len(h))]):
+        inside = sorted(folds.intersection(range(i + 1, j)))
+        if len(inside) % 2 and crossed.isdisjoint(range(i + 1, j)):
+            yield _missed(branch, ("SN",), max(0, inside[0] - 1), min(len(h) - 1, inside[0] + 1), "h does not turn at the SN between them")
+
+
+def _extrema(branch: Branch) -> Iterator[tuple[int, int]]:
+    """Ranges (first, last) of points at the turning points of the energy: those that rounding does not tell from the extremum.
+
+    A turning point counts where the energy returns by more than its error, which beside a branch point grows with the inverse of the
+    smallest pivot. Where the extremum itself is not known so well, the energy returns between two points behind it."""
+    h = branch.points["h"]
+    least = float(roundings(branch.problem.inner, 1.0))
+    # log h is one of the coordinates of the arclength.
+    known = {event.point: max(least, event.bracket[1] - event.bracket[0]) for event in branch.events if event.type in ("SN", "BP")}
+
+    def error(i: int) -> float:
+        if i not in known:
+            try:
+                pivot = branch.orbit(i).solution["branching"]
+            except NotConverged:
+                pivot = 0.0  # not known
+            known[i] = float(roundings(branch.problem.inner, pivot))
+        return known[i]
+
+    def apart(i: int, j: int) -> bool:
+        difference = abs(h[i] / h[j] - 1.0)
+        return bool(difference > 2.0 * least and difference > error(i) + error(j))
+
+    def at_extremum(i: int) -> bool:
+        difference = abs(h[i] / h[best] - 1.0)
+        return bool(difference <= 2.0 * least or difference <= 2.0 * (error(i) + error(best)))
+
+    way, best = 0, 0
+    for i in range(1, len(h)):
+        ahead = h[i] - h[best]
+        if way == 0:
+            if apart(i, best):
+                way, best = (1 if ahead > 0.0 else -1), i
+        elif ahead * way >= 0.0:
+            best = i
+        elif any((h[i] - h[j]) * way < 0.0 and apart(i, j) for j in range(best, i)):
+            first = last = best
+            while first > 0 and at_extremum(first - 1):
+                first -= 1
+            while last < i and at_extremum(last + 1):
+                last += 1
+            yield first, last
+            way, best = -way, i
+
+
+def _missed(branch: Branch, types: tuple[str, ...], i: int, j: int, text: str) -> Missed:
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    ends = (float(h[i]), float(h[j])), (float(alpha[i]), float(alpha[j]))
+    return Missed(types, (i, j), *ends, f"between point {i}, h = {h[i]:.10g}, and point {j}, h = {h[j]:.10g}: {text}")

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from branches.between_events import DigitWork
-from branches.events import BranchEvent, Ended
+from branches.events import BranchEvent, DigitWork, Ended
 from branches.full_family import FullFamily, Piece, full_family
 from branches.orbit import Orbit
 from branches.sequences import format_sequence

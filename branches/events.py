@@ -1,4 +1,4 @@
-"""Special points of a branch and the reasons of its ends; neither numpy nor compiled kernels are needed for them."""
+"""Special points of a branch, the reasons of its ends, and the work of deciding stability; nothing here loads numpy or compiled kernels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from bvp.summary import brief
 
-__all__ = ["BranchEvent", "Ended"]
+__all__ = ["BranchEvent", "DigitWork", "Ended"]
 
 
 @brief
@@ -15,7 +15,7 @@ class BranchEvent(NamedTuple):
 
     id: type and count along the branch, e.g. "SB1". point: index into `Branch.points`. number: count of points from the start orbit,
     negative below it. bracket: arclengths between which it certainly is. residual: of its test function. stop: contact touched or
-    left (GR). p_q: [p, q] of a q-tupling. breaks: what an SB breaks. multiplier: modulus of the largest multiplier.
+    left (GR). p_q: [p, q] of a p:q resonance. breaks: what an SB breaks. multiplier: modulus of the largest multiplier.
     """
 
     id: str
@@ -46,3 +46,14 @@ class Ended(NamedTuple):
 
     reason: str
     text: str
+
+
+class DigitWork(NamedTuple):
+    """How many orbits were solved in fifty digits to decide their stability, and the time in seconds."""
+
+    orbits: int = 0
+    seconds: float = 0.0
+
+    def __add__(self, other: tuple[object, ...]) -> DigitWork:  # of the sums, not of the tuples
+        assert isinstance(other, DigitWork)
+        return DigitWork(self.orbits + other.orbits, self.seconds + other.seconds)

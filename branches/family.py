@@ -1,26 +1,24 @@
 """A family of impacting orbits as the engine sees it: steps, test functions, and what an event means.
 
-Binds `bvp.multipoint` (the orbits) to `continuation` (the following). The test functions are those of a symmetric orbit's half map
-phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.stability`): each bifurcation is a plain zero of one entry, so no event
+Connects `bvp.multipoint` (the orbits) with `continuation` (the engine). The test functions are those of a symmetric orbit's half map
+phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.halfmap`): each bifurcation is a plain zero of one entry, so no event
 hides in a trace that touches +-2 without crossing it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from branches.grazing_notes import describe_merging, describe_touch, describe_vanishing
 from branches.kernels.advance import Block, advance_block
-from branches.markers import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, two_dof_tests
-from branches.naming.labels import ImpossibleLabelError, Label, label_of
-from branches.steps import AdvancedSteps, step_of
+from branches.kernels.event_functions import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, two_dof_tests
+from branches.orbit import label_text
 from bvp.checks import changeable
-from bvp.kernels import multipoint as kernel
+from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
@@ -31,15 +29,20 @@ from continuation.switching import refine_branch_point
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["Family", "RESONANCES", "SETTINGS", "label_at", "label_text", "multiplication", "scales_of"]
+__all__ = ["AdvancedSteps", "Family", "RESONANCES", "SETTINGS", "multiplication", "scales_of", "unphysical"]
 
 RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
-"""Rotation numbers p/q of the full period whose q-tuplings are reported."""
+"""Rotation numbers p/q of the full period whose resonances are reported."""
 
 SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
 """How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
 
-_I = RESULT_INDEX
+ENDS_AND_FOLDS = 7
+"""Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
+
+BEYOND = 1e-8
+"""How far a solution of the equations may lie beyond a grazing, relative to gap, speed and period, and still count as the grazing orbit."""
+
 _BRANCHING = 1
 _SINGULAR = 1e-5
 """Smallest pivot, relative to its column, below which signs are rounding: the error of a tangent is rounding over its square."""
@@ -47,62 +50,118 @@ _SINGULAR = 1e-5
 _SHORT = 1e-3
 _ALONG = 0.9  # cosine of the angle up to which two directions of the unknowns are one
 
-_GRAZING = (
-    (TestFunction("GR", "guard", True, "a flight touches a stop"), "touches", describe_touch),
-    (TestFunction("GR", "guard", True, "the speed of an impact reaches zero"), "vanishes", describe_vanishing),
-    (TestFunction("GR", "guard", True, "a flight time reaches zero"), "merge", describe_merging),
-)
-"""The three ways of grazing: the test function, the word that tells the way's notes, and what describes it."""
-
 
 def multiplication(p: int, q: int) -> float:
-    """Trace 2 cos(2 pi p/q) of the full-period map at a q-tupling."""
+    """Trace 2 cos(2 pi p/q) of the full-period map at a p:q resonance."""
     return 2.0 * math.cos(2.0 * math.pi * p / q)
 
 
 def half_multiplication(p: int, q: int) -> tuple[float, float]:
-    """Traces +-2 cos(pi p/q) of the half map composed with u -> -u at a q-tupling: the full period's trace is their square less 2."""
+    """Traces +-2 cos(pi p/q) of the half map composed with u -> -u at a p:q resonance: the full period's trace is their square less 2."""
     level = 2.0 * math.cos(math.pi * p / q)
     return level, -level
 
 
-def label_at(problem: MultipointProblem, result: Any) -> Label | None:
-    """Label of an orbit from its result entries; None for orbits outside the grammar (no origin start, no absorber named)."""
-    if problem.kinds[0] != kernel.ORIGIN or result[_I["waves_absorber"]] < 0:
-        return None
-    if problem.kinds[1] == kernel.ORIGIN:
-        parity = None
-    else:
-        parity = "O" if problem.kinds[1] == kernel.STOP else "E"
-    return label_of(
-        int(result[_I["waves_absorber"]]),
-        int(result[_I["waves_primary"]]),
-        parity,
-        int(result[_I["first_quarter"]]),
-        int(result[_I["second_quarter"]]),
-        "+" if result[_I["in_phase"]] == 1.0 else "-",
-    )
+def _describe_touch(problem: MultipointProblem, solution: Solution) -> dict[str, Any]:
+    """A flight touches a stop: its letter, a note, and ("touch", flight, time after its start)."""
+    modes = problem.modes
+    stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
+    letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contact_side[c] == side)
+    flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
+    where = f"flight {flight + 1} of {problem.inner + 1} touches stop {letter} at {time:.6g} after its start"
+    return {"stop": letter, "note": f"{where}: a new impact becomes possible", "graze": ("touch", flight, time)}
 
 
-def label_text(problem: MultipointProblem, result: Any) -> str:
-    """Label of an orbit as text, "" outside the grammar and where a velocity that is zero to rounding contradicts the counts."""
-    try:
-        label = label_at(problem, result)
-    except ImpossibleLabelError:
-        return ""
-    return "" if label is None else str(label)
+def _describe_vanishing(problem: MultipointProblem, solution: Solution) -> dict[str, Any]:
+    """The speed of an impact reaches zero: its stop's letter, a note, and ("vanish", node, 0)."""
+    inner, node = problem.inner, int(solution["speed_node"])
+    stop = problem.modes.contact_letters[problem.contacts[node]]
+    place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
+    return {"stop": stop, "note": f"the impact {place} (stop {stop}) vanishes: its speed reaches zero", "graze": ("vanish", node, 0.0)}
+
+
+def _describe_merging(problem: MultipointProblem, solution: Solution) -> dict[str, Any]:
+    """A flight time reaches zero: a note, and ("merge", flight, 0)."""
+    flight = int(solution["flight_index"])
+    here = f"impact {flight}" if flight else "the start"
+    there = f"impact {flight + 1}" if flight < problem.inner else "the far end"
+    return {"note": f"{here} and {there} merge: the flight between them has no duration", "graze": ("merge", flight, 0.0)}
+
+
+_GRAZING = (
+    (TestFunction("GR", "guard", True, "a flight touches a stop"), "touches", _describe_touch),
+    (TestFunction("GR", "guard", True, "the speed of an impact reaches zero"), "vanishes", _describe_vanishing),
+    (TestFunction("GR", "guard", True, "a flight time reaches zero"), "merge", _describe_merging),
+)
+"""The three kinds of grazing: the test function, the verb of its notes, and what describes it."""
+
+
+def unphysical(problem: MultipointProblem, solution: Solution) -> str | None:
+    """Why a solution of the equations is no orbit; None if it is one.
+
+    It can pass beyond a stop, an impact can pull, or a flight can go back in time.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
+    >>> start = problem.modes.from_state @ [0.0, 0.0, 4.6, 8.3]
+    >>> unphysical(problem, problem.solve(problem.pack(start, [], [1.635]), quarter_period=1.635))
+    'flight 1 of 1 passes beyond stop - by 0.96 at 0.813044 after its start'
+    """
+    inner = problem.inner
+    if solution["clearance"] < -BEYOND:
+        touch = _describe_touch(problem, solution)
+        _, flight, time = touch["graze"]
+        depth = -solution["clearance"]
+        return f"flight {flight + 1} of {inner + 1} passes beyond stop {touch['stop']} by {depth:.2g} at {time:.6g} after its start"
+    if solution["speed"] < -BEYOND * (2.0 * solution["energy"]) ** 0.5:
+        impact = _describe_vanishing(problem, solution)["note"].partition(" vanishes")[0]
+        return f"{impact} would have to pull: its speed of approach is {solution['speed']:.2g}"
+    if solution["flight"] < -BEYOND * solution["quarter_period"]:
+        return f"flight {int(solution['flight_index']) + 1} of {inner + 1} goes back in time: it lasts {solution['flight']:.2g}"
+    return None
 
 
 def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
-    """Sizes of the unknowns (u,): displacements, velocities, times."""
+    """Scales of the unknowns (u,): displacements, velocities, times."""
     problem.residual(y)
     problem._factor.before[:] = problem.end_states(y)
     set_scale(problem.segment, changeable(y), problem._factor)
     return problem._factor.scale.copy()
 
 
-def _is_along(one: np.ndarray, other: np.ndarray) -> bool:
-    return bool(one @ other > _ALONG * np.linalg.norm(one) * np.linalg.norm(other))
+class AdvancedSteps(Sequence[Step]):
+    """The steps in the rows of a block; each becomes a `Step` when it is asked for."""
+
+    __slots__ = ("block",)
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+
+    def __len__(self) -> int:
+        return len(self.block.y)
+
+    @overload
+    def __getitem__(self, place: int) -> Step: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> AdvancedSteps: ...
+
+    def __getitem__(self, place: int | slice) -> Step | AdvancedSteps:
+        block = self.block
+        if isinstance(place, slice):
+            return AdvancedSteps(Block(*(array[place] for array in block)))
+        solution = Solution(block.y[place], block.tangent[place], block.position[place], block.ends[place], block.result[place])
+        return _step_of(solution, solution.result.tolist(), block.tests[place].tolist())
+
+
+def _step_of(solution: Solution, result: list[float], tests: list[float]) -> Step:
+    """A solution as the engine sees it; its result entries are at hand as a list."""
+    return Step(
+        True, solution.y, solution.tangent, tuple(solution.position.tolist()), result[TURN], result[CONTRACTION],
+        int(result[ITERATIONS]), result[RESIDUAL], result[ENERGY], result[SLOPE], tests, solution,
+    )  # fmt: skip
 
 
 class Family:
@@ -115,11 +174,18 @@ class Family:
         The family ends at these energies.
     quarter_period : float
         The family ends at this quarter period.
+    ends_only : bool
+        Watch only for folds, branch points and ends.
     """
 
-    def __init__(self, problem: MultipointProblem, energy: tuple[float, float] = (0.0, math.inf), quarter_period: float = math.inf):
+    def __init__(
+        self,
+        problem: MultipointProblem,
+        energy: tuple[float, float] = (0.0, math.inf),
+        quarter_period: float = math.inf,
+        ends_only: bool = False,
+    ):
         self.problem = problem
-        self.energy = energy
         tests = [
             TestFunction("SN", "crossing", False, "fold in the energy", True),
             TestFunction("BP", "crossing", False, "branch point", True, ("SN", "SB"), _SINGULAR),
@@ -131,7 +197,6 @@ class Family:
             TestFunction("IO", "crossing", False, "impulsive orbit at the half period", False, ("LB",)),
             TestFunction("LB", "change", False, "the label changes"),
         ]
-        self.fixed = len(tests)
         self._two_dof = problem.half == 2
         self._full = True  # false: no more than the tangent and the fold
         if problem.quarters == 1:
@@ -159,17 +224,14 @@ class Family:
         levels = {(p, q): half_multiplication(p, q) if quarter else (multiplication(p, q),) for p, q in RESONANCES}
         self._resonant = [(p, q, level) for (p, q), both in levels.items() for level in both]
         if self._two_dof:
-            tests += [TestFunction("RT", "crossing", False, f"{q}-tupling, {p}/{q}") for p, q, _ in self._resonant]
-        self._tests = tuple(tests)
-        self._low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
-        self._high = math.log(energy[1]) if energy[1] < math.inf else math.inf
-        self._longest = math.log(quarter_period) if quarter_period < math.inf else math.inf
+            tests += [TestFunction("RT", "crossing", False, f"{p}:{q} resonance") for p, q, _ in self._resonant]
+        self._computed = len(tests)
+        self._tests = tuple(tests[:ENDS_AND_FOLDS] if ends_only else tests)
+        low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
+        high = math.log(energy[1]) if energy[1] < math.inf else math.inf
+        longest = math.log(quarter_period) if quarter_period < math.inf else math.inf
+        self._limits = (low, high, longest)
         self._targets = [level for _, _, level in self._resonant]
-        self._kinds = np.array(kinds_of(self._tests))
-        self._singular = np.array([test.singular for test in self._tests])
-        self._bounds = np.array([self._low, self._high, self._longest])
-        self._aims = np.array(self._targets)
-        self._unknown = np.full(problem.size + 2, math.nan)
 
     @property
     def tests(self) -> tuple[TestFunction, ...]:
@@ -196,13 +258,13 @@ class Family:
         result = solution.result.tolist()
         if not is_orbit(result):
             return _FAILED
-        tests = [0.0] * len(self._tests)
-        common_tests(result, self._low, self._high, self._longest, tests)
+        tests = [0.0] * self._computed
+        common_tests(result, *self._limits, tests)
         if self._two_dof:
             two_dof_tests(result, self.problem.quarters, self._targets, tests)
         else:
             tests[COMMON:] = self._general(solution)
-        return step_of(solution, result, tests)
+        return _step_of(solution, result, tests[: len(self._tests)])
 
     @property
     def advance(self) -> Callable[..., Advance] | None:
@@ -222,15 +284,17 @@ class Family:
             np.empty((rows, size + 2)),
             np.empty((rows, problem.inner + 1, size)),
             np.empty((rows, len(RESULT_INDEX))),
-            np.empty((rows, len(self._tests))),
+            np.empty((rows, self._computed)),
             np.empty((rows, 2)),
         )
         count, tried, ds = problem.compiled(
-            advance_block, control, self._kinds, self._singular, self._bounds, self._aims, step.y, step.tangent, np.array(step.position),
-            np.array(tests), np.array(older), np.array(oldest), np.asarray(goal), self._unknown if direction is None else direction,
+            advance_block, control, np.array(kinds_of(self._tests)), np.array([test.singular for test in self._tests]),
+            np.array(self._limits), np.array(self._targets), step.y, step.tangent, np.array(step.position),
+            np.array(tests), np.array(older), np.array(oldest), np.asarray(goal),
+            np.full(size + 2, math.nan) if direction is None else direction,
             before, first, ds, np.empty((5, size + 2)), block, full=self._full,
         )  # fmt: skip
-        if 2 * (count + tried) < rows:  # let no short piece keep a whole block
+        if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
         trial = None
         if tried:
@@ -238,6 +302,7 @@ class Family:
                 Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
             )
         taken = Block(*(array[:count] for array in block))
+        taken = taken._replace(tests=taken.tests[:, : len(self._tests)])
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
 
     def _general(self, solution: Solution) -> list[float]:
@@ -251,7 +316,7 @@ class Family:
             return [math.nan] * (5 if self._kind == "quarter" else 4)
         pivot = abs(float(solution["branching"]))
         level = (NOISE + PIVOT_NOISE / pivot) * float(np.max(np.abs(phi))) if pivot > 0.0 else math.inf
-        speeds = float(solution["speeds"])  # see `branches.markers.two_dof_tests`
+        speeds = float(solution["speeds"])  # see `branches.kernels.event_functions.two_dof_tests`
         out = []
         for block in (b, a, d):
             singular = np.linalg.svd(block, compute_uv=False)
@@ -280,23 +345,27 @@ class Family:
         return None if y is None else self._branch_point(y, at)
 
     def _branch_point(self, y: np.ndarray, near: Step) -> Step | None:
-        """A branch point as it stands: where the equations are singular a corrector has nothing to hold on to, nor has a tangent."""
+        """A branch point, not corrected: the equations are singular there, and so is the tangent."""
         solution = self.problem.step(y, near.tangent, 0.0, maximum=0)
         found = self._step(None if solution is None else replace(solution, tangent=near.tangent))
         return found._replace(turn=near.turn) if found.converged else None
 
     def beyond(self, at: Step) -> tuple[Step, Step] | None:
         """See `continuation.Problem`. The point behind the branch point begins as the image of the one before it."""
+
+        def is_along(one: np.ndarray, other: np.ndarray) -> bool:
+            return bool(one @ other > _ALONG * np.linalg.norm(one) * np.linalg.norm(other))
+
         scale = scales_of(self.problem, at.y)
         y = refine_branch_point(self, at.y, scale)
         if y is None:
             return None
         ahead = (y - at.y) / scale
         point, after = self._branch_point(y, at), self.begin(2.0 * y - at.y)
-        if point is None or not after.converged or not _is_along(at.tangent[: y.size] / scale, ahead):
+        if point is None or not after.converged or not is_along(at.tangent[: y.size] / scale, ahead):
             return None
         behind = (after.y - y) / scale
-        if not _is_along(ahead, behind) or not 0.5 < np.linalg.norm(behind) / np.linalg.norm(ahead) < 2.0:
+        if not is_along(ahead, behind) or not 0.5 < np.linalg.norm(behind) / np.linalg.norm(ahead) < 2.0:
             return None
         if after.tangent[: y.size] / scale @ behind < 0.0:
             after = self.step(after.y, -after.tangent, 0.0)
@@ -307,51 +376,45 @@ class Family:
         return f"at h = {self.problem.energy(y):.6g}, alpha = {self.problem.quarter_period(y):.6g}"
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
-        """What an event is, in the words of the record."""
+        """What an event is, in the terms of the record."""
         test = self._tests[index]
         solution: Solution = at.extra
         if location.kind in ("pole", "jump") and test.kind == "crossing":
             return None
         data: dict[str, Any] = {"stop": None, "p_q": None, "breaks": None, "note": test.label}
         code = test.code
+        counted: Solution = location.low.extra
+        if code in ("GR", "IO"):
+            counted = self._near(before, before.step, location.s, -1)
         if code == "GR":
-            describe = next(describe for way, _, describe in _GRAZING if way == test)
+            describe = next(describe for kind, _, describe in _GRAZING if kind == test)
             data.update(describe(self.problem, solution))
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
         elif code == "RT":
             data["p_q"] = list(self._resonant[index - len(self._tests)][:2])
         elif code == "LB":
-            data["sides"] = self._side(location.low.extra), self._side(location.high.extra)
+            data["sides"] = self._side(counted), self._side(location.high.extra)
             if data["sides"][0] == data["sides"][1]:
                 return None
         elif code == "IO":
-            data["sides"] = self._side(self._just_before(before, location)), self._side(self._just_after(before, after, location))
-        counted: Solution = self._just_before(before, location) if code in ("GR", "IO") else location.low.extra
+            room = after.step_size if location.s > 0.0 else 0.0
+            data["sides"] = self._side(counted), self._side(self._near(before, after.step, location.s, 1, room))
         data["label"], data["half_waves"] = self._side(counted)
         return EventDetails(code, test.terminal, data)
 
-    def _just_before(self, before: Point, location: Location) -> Solution:
-        """The orbit a little before an event. At grazing itself a turning point meets an impact, at an impulsive orbit a velocity
-        is zero, and which of them counts is rounding."""
-        offset = max(1e-7, _SHORT * location.s)
-        if location.s > 2.0 * offset:
-            near = self.step(before.y, before.tangent, location.s - offset)
-            if near.converged:
-                found: Solution = near.extra
-                return found
-        solution: Solution = before.step.extra
-        return solution
+    def _near(self, before: Point, otherwise: Step, place: float, way: int, room: float = math.inf) -> Solution:
+        """The orbit a little before (-1) or after (1) an event, else that of a neighbouring step.
 
-    def _just_after(self, before: Point, after: Point, location: Location) -> Solution:
-        """The orbit a little behind an event; see `_just_before`."""
-        offset = max(1e-7, _SHORT * location.s)
-        if 0.0 < location.s < after.step_size - 2.0 * offset:
-            near = self.step(before.y, before.tangent, location.s + offset)
+        At grazing a turning point meets an impact, and at an impulsive orbit a velocity is zero. There rounding decides the counts.
+        """
+        offset = max(1e-7, _SHORT * place)
+        if (way < 0 and place > 2.0 * offset) or (way > 0 and place < room - 2.0 * offset):
+            near = self.step(before.y, before.tangent, place + way * offset)
             if near.converged:
                 found: Solution = near.extra
                 return found
-        solution: Solution = after.step.extra
+        solution: Solution = otherwise.extra
         return solution
 
     def _side(self, solution: Solution) -> tuple[str, int]:
@@ -359,10 +422,10 @@ class Family:
         return label_text(self.problem, solution.result), int(solution["waves_absorber"])
 
     def grazing(self, note: str, solution: Solution) -> dict[str, Any]:
-        """What `classify` says of the grazing of an orbit, where the same was noted of an image of it."""
+        """What `classify` gives for the grazing of an orbit, from the note of its image."""
         data: dict[str, Any] = {"stop": None, "note": note}
-        for _, word, describe in _GRAZING:
-            if word in note:
+        for _, verb, describe in _GRAZING:
+            if verb in note:
                 data.update(describe(self.problem, solution))
         return data
 

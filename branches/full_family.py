@@ -14,31 +14,42 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from branches.family import SETTINGS, Family
-from branches.identity import Mark, canonical_orbit, digests, is_solved_as_it_is, mark_of
-from branches.passing import Runs, one_family
+from branches.family import SETTINGS, AdvancedSteps, Family
+from branches.identity import FamilyMark, canonical_orbit, digests, is_solved_as_it_is, mark_of
+from branches.orbit import stacked
+from branches.presentation import Symmetries, symmetries
 from branches.sequences import canonical_sequence, join_family_id
-from branches.steps import AdvancedSteps, solutions_of
 from bvp.checks import read_only
+from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
-from continuation.problem import Advance, EndReason, Step, TestFunction
+from continuation.control import Settings
+from continuation.points import PlainPoints, Points
+from continuation.problem import EndReason, Point
 from continuation.run import Run, follow_both_ways
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from branches.events import BranchEvent, Ended
     from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
-__all__ = ["FullFamily", "Piece", "energy_scale", "full_family"]
+__all__ = ["Course", "FullFamily", "Piece", "energy_scale", "full_family", "has_jumped", "longest_course", "order", "solutions_of"]
+
+Result = TypeVar("Result")
+
+FINER = 4
+"""How often steps are halved for a family that they leave at a branch point."""
+
+PARTS = (0.5, 0.3, 0.8)
+"""Parts of its length from where a family is followed again."""
 
 WINDOW = (1e-3, 1e5)
 """Energies, in units of `energy_scale`, at which a family's ends are looked for."""
@@ -89,7 +100,7 @@ class FullFamily:
     ----------
     ids : tuple of str
         Its id; more than one where a number is at a border of rounding: each names the family.
-    marks : tuple of Mark
+    marks : tuple of FamilyMark
         What identifies it; more than one where ends tie.
     closed : bool
     others : tuple of Piece
@@ -99,7 +110,7 @@ class FullFamily:
     """
 
     ids: tuple[str, ...]
-    marks: tuple[Mark, ...]
+    marks: tuple[FamilyMark, ...]
     closed: bool
     others: tuple[Piece, ...]
     h: np.ndarray
@@ -158,29 +169,86 @@ def energy_scale(system: ImpactSystem) -> float:
     return max(scales, default=0.0) or 1.0
 
 
-class _Ends(Family):
-    """A family with its folds, branch points and ends for events: those of `Family` that come before the others."""
+class Course(NamedTuple, Generic[Result]):
+    """A run along a family, or the branch of one, as `longest_course` compares them.
 
-    COUNT = 7
+    result : Run or Branch
+    arclength : (N,) float
+        Of its points.
+    unknowns : callable
+        Index of a point -> its unknowns.
+    stuck : bool
+        Whether the corrector failed at an end.
+    """
+
+    result: Result
+    arclength: np.ndarray
+    unknowns: Callable[[int], np.ndarray]
+    stuck: bool
 
     @property
-    def tests(self) -> tuple[TestFunction, ...]:
-        """See `continuation.Problem`."""
-        return super().tests[: self.COUNT]
+    def length(self) -> float:
+        """Arclength of the last point."""
+        return float(self.arclength[-1]) if len(self.arclength) else 0.0
 
-    def __init__(self, problem: MultipointProblem, energy: tuple[float, float]):
-        super().__init__(problem, energy)
-        self._kinds = self._kinds[: self.COUNT]  # a advance watches no more
 
-    def _step(self, solution: Solution | None) -> Step:
-        step = super()._step(solution)
-        return step._replace(tests=step.tests[: self.COUNT])
+def longest_course(
+    problem: MultipointProblem, follow: Callable[[np.ndarray, Settings], Course[Result]], y: np.ndarray, settings: Settings
+) -> Course[Result]:
+    """The longest run along the family of an orbit.
 
-    def _advance(self, *arguments: Any) -> Advance:
-        advanced = super()._advance(*arguments)
-        assert isinstance(advanced.steps, AdvancedSteps)
-        block = advanced.steps.block
-        return advanced._replace(steps=AdvancedSteps(block._replace(tests=block.tests[:, : self.COUNT])))
+    Beside a branch point the equations are nearly singular, and a run can get stuck there or go over to the other family. A stuck run is
+    followed again from elsewhere, so that its steps avoid the branch point. After a jump the steps are made finer.
+    """
+
+    def jumped(course: Course[Result]) -> bool:
+        last = len(course.arclength) - 1
+        return last > 2 and has_jumped(problem, course.unknowns(1), course.unknowns(last - 1))
+
+    def fine(start: np.ndarray) -> tuple[Course[Result], bool]:
+        steps, course = settings, follow(start, settings)
+        for _ in range(FINER):
+            if not jumped(course):
+                return course, False
+            halves = {name: 0.5 * getattr(steps, name) for name in ("initial_step", "maximum_step", "target_turn")}
+            steps = replace(steps, **halves)
+            course = follow(start, steps)
+        return course, jumped(course)
+
+    best, failed = fine(y)
+    for part in PARTS:
+        if not (best.stuck or failed):
+            break
+        place = int(np.argmin(np.abs(best.arclength - part * best.length)))
+        other, other_failed = fine(best.unknowns(place))
+        if (-1.0 if other_failed else other.length) > (-1.0 if failed else best.length):
+            best, failed = other, other_failed
+    return best
+
+
+def has_jumped(problem: MultipointProblem, first: np.ndarray, last: np.ndarray) -> bool:
+    """Whether steps from one orbit to the other went over to a family of more symmetry: then the two differ in their symmetries.
+
+    The two families can leave their branch point nearly in one direction, as seen in the start state and the energy.
+    """
+    return order(symmetries(cycle_of(problem, first))) != order(symmetries(cycle_of(problem, last)))
+
+
+def order(found: Symmetries) -> int:
+    """How many symmetries an orbit has, itself and its mirror image taken as two."""
+    return found.cover * (1 + found.half) * max(1, len(found.reversals))
+
+
+def solutions_of(points: Sequence[Point]) -> Solution:
+    """The solutions of a run's points, stacked; no `Point` is made of the steps of a block."""
+    parts = []
+    for piece in points.pieces if isinstance(points, Points) else [list(points)]:
+        if isinstance(piece, PlainPoints) and isinstance(piece.steps, AdvancedSteps):
+            parts.append(Solution(*piece.steps.block[:5]))
+        else:
+            parts.append(stacked([point.step.extra for point in piece]))
+    names = ("y", "tangent", "position", "ends", "result")
+    return parts[0] if len(parts) == 1 else Solution(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 class _Curve(NamedTuple):
@@ -224,7 +292,7 @@ def full_family(branch: Followed, wider: Followed | None = None) -> FullFamily:
     curve = next((one for one in uncut if one is not None), None)
     if curve is None:
         curve = _followed(problem, y, window)
-    marks = _marks(_Ends(problem, window), curve)
+    marks = _marks(Family(problem, window, ends_only=True), curve)
     sequence, ends = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
     ids = tuple(join_family_id(ends, sequence, digest) for digest in digests(marks))
     return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), curve.h, curve.alpha)
@@ -272,9 +340,14 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
 
     One that cannot be followed is known by the orbit alone.
     """
-    family = _Ends(problem, window)
-    # As branches are followed, so that both see the same ends.
-    run = one_family(problem, Runs(partial(follow_both_ways, family), _at, _near_ends, _is_stuck, _length), y, SETTINGS)
+    family = Family(problem, window, ends_only=True)
+
+    def follow(start: np.ndarray, settings: Settings) -> Course[Run]:
+        run = follow_both_ways(family, start, settings)
+        stuck = bool(run.points) and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends)
+        return Course(run, run.points.arclengths(), lambda i: run.points[i].y, stuck)
+
+    run = longest_course(problem, follow, y, SETTINGS).result  # with the settings of branches, so that both have the same ends
     if not run.points:
         return _Curve(np.array([problem.energy(y)]), np.array([problem.quarter_period(y)]), [], [], [y], False, 0)
     grazing: list[np.ndarray] = []
@@ -289,23 +362,7 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     return _Curve(h, alpha, grazing, folds, cuts, run.closed, run.start)
 
 
-def _is_stuck(run: Run) -> bool:
-    return bool(run.points) and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends)
-
-
-def _length(run: Run) -> float:
-    return run.points[-1].arclength if run.points else 0.0
-
-
-def _at(run: Run, part: float) -> np.ndarray:
-    return run.points[int(np.argmin(np.abs(run.points.arclengths() - part * _length(run))))].y
-
-
-def _near_ends(run: Run) -> tuple[np.ndarray, np.ndarray] | None:
-    return (run.points[1].y, run.points[-2].y) if len(run.points) > 3 else None
-
-
-def _marks(family: _Ends, curve: _Curve) -> tuple[Mark, ...]:
+def _marks(family: Family, curve: _Curve) -> tuple[FamilyMark, ...]:
     """What identifies the family: the lowest of its ends, else of its folds, else of where it leaves the window."""
     problem = family.problem
     if curve.grazing:
@@ -321,7 +378,7 @@ def _marks(family: _Ends, curve: _Curve) -> tuple[Mark, ...]:
     return tuple(sorted(marks))
 
 
-def _polished(family: _Ends, y: np.ndarray, tests: tuple[int, ...]) -> np.ndarray:
+def _polished(family: Family, y: np.ndarray, tests: tuple[int, ...]) -> np.ndarray:
     """A located orbit moved to the zero of that one of the tests whose zero is nearest, beyond the tolerance of its location.
 
     Two runs then agree on its numbers to rounding, and not only to the tolerance.

@@ -1,37 +1,31 @@
-"""Which orbit is which: one presentation of each orbit, however it was reached.
+"""Which orbit is which, and which family: one presentation of each orbit, and the marks that identify a family.
 
 An orbit can be solved between other ends, started at another impact, at its other end, as its mirror image -u, backwards in time, or run
-through several times. `canonical_orbit` takes all of these to one presentation, found from the orbit's own symmetries: as a list of
-impacts over its period it is compared with its shifts (covers; the half-period symmetry u(t + T/2) = -u(t)) and with its reversals
-u(c + s) = e u(c - s), whose instants c are its ends - origin for e = -1, rest or stop for e = +1.
+through several times. `canonical_orbit` takes all of these to one presentation.
 """
 
 from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
+from collections.abc import Iterable, Sequence
+from functools import lru_cache, reduce
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.presentation import SLACK, Presentation, closed_presentation, presentation_between, presentation_of, run_backwards, solved
-from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, full_sequence, mirror, segments_per_period
-from bvp.closures import Cycle, cycle_of
+from branches.presentation import SAME, Presentation, Shifts, presentation_of, presentations, segment_images, solved, symmetries
+from branches.sequences import Ends, ImpactSequence, full_sequence, mirror, segments_per_period
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Mark", "all_presentations", "canonical_orbit", "closed_presentations", "digests", "first_of",
-    "is_solved_as_it_is", "mark_of", "pattern_of",
-    "presentations", "same_orbit", "same_segment", "segment_images", "symmetries", "cover_of", "with_canonical_sequence",
+    "FamilyMark", "canonical_orbit", "cover_of", "digests", "first_of", "is_solved_as_it_is", "mark_of", "pattern_of",
+    "same_orbit", "same_segment",
 ]  # fmt: skip
-
-SAME = 1e-7
-"""Difference of states and times, relative to the largest, below which two orbits are one."""
 
 DIGITS = 6
 """Significant digits of the numbers in a family's hash."""
@@ -40,179 +34,10 @@ BORDER = 1e-9
 """Relative distance from a border of rounding within which both roundings name the family."""
 
 
-class Symmetries(NamedTuple):
-    """What maps an orbit to itself.
-
-    cover: how often its primitive orbit is run through. half: whether the primitive orbit has u(t + T/2) = -u(t). reversals: (instant,
-    e) in one primitive period, from the orbit's start on, in order of time.
-    """
-
-    cover: int
-    half: bool
-    reversals: tuple[tuple[float, int], ...]
-
-
-def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
-    """The symmetries of an orbit, from its impacts.
-
-    Parameters
-    ----------
-    cycle : Cycle
-    tolerance : float
-        Relative difference of states and flight times that counts as none.
-    """
-    shifts = _Shifts(cycle, tolerance)
-    count, half, odd = shifts.count, cycle.after.shape[1] // 2, cycle.system.has_odd_symmetry
-    # The flight times tell most reversals apart, all at once: row j of `index` numbers the flights from j on.
-    index = (np.arange(count)[:, None] + np.arange(count)) % count
-    backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= shifts.longest, axis=1)
-    length = shifts.length()
-    period = cycle.period * length / count
-    instants = cycle.times[:length]
-    found = []
-    for j in (j for j in range(length) if backwards[j]):
-        for e in (-1, 1) if odd else (1,):
-            flip = np.repeat([float(e), -float(e)], half)
-            if shifts.close(cycle.after[(j - np.arange(count)) % count], flip * cycle.before):
-                middle = 0.5 * (instants[0] + instants[j])
-                found += [(float(c % period), e) for c in (middle, middle + 0.5 * period)]
-    # An instant at the very start may come out at the end of the period by rounding.
-    found = sorted((0.0 if period - c < SLACK * period else c, e) for c, e in found)
-    return Symmetries(count // length, shifts.has_half(length), tuple(found))
-
-
-class _Shifts:
-    """Which shifts of its impacts map an orbit to itself, or to its mirror image."""
-
-    def __init__(self, cycle: Cycle, tolerance: float = SAME) -> None:
-        half = cycle.after.shape[1] // 2
-        self.cycle = cycle
-        self.count = len(cycle.duration)
-        self.longest = tolerance * float(cycle.duration.max())
-        sizes = np.abs(cycle.after)
-        self.sizes = tolerance * np.repeat([sizes[:, :half].max(), sizes[:, half:].max()], half)
-
-    def close(self, a: np.ndarray, b: np.ndarray) -> bool:
-        """Whether states are the same."""
-        return bool((np.abs(a - b) <= self.sizes).all())
-
-    def shifted(self, by: int, sign: int) -> bool:
-        """Whether the orbit is `sign` times itself so many impacts later."""
-        cycle = self.cycle
-        later = np.concatenate([cycle.duration[by:], cycle.duration[:by]])
-        if (np.abs(later - cycle.duration) > self.longest).any():
-            return False
-        return self.close(np.concatenate([cycle.after[by:], cycle.after[:by]]), sign * cycle.after)
-
-    def length(self) -> int:
-        """Impacts in the primitive period."""
-        count = self.count
-        return next(d for d in range(1, count + 1) if count % d == 0 and (d == count or self.shifted(d, 1)))
-
-    def has_half(self, length: int) -> bool:
-        """Whether the primitive orbit has u(t + T/2) = -u(t)."""
-        return self.cycle.system.has_odd_symmetry and length % 2 == 0 and self.shifted(length // 2, -1)
-
-
 def is_solved_as_it_is(problem: MultipointProblem, y: np.ndarray) -> bool:
     """Whether an orbit is run through once, between neighbouring ones of its reversals, and on itself only where it has none."""
     found = symmetries(cycle_of(problem, y))
-    both = len({e for _, e in found.reversals}) == 2
-    return found.cover == 1 and not (both and problem.quarters == 2) and not (found.reversals and problem.periodic)
-
-
-def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
-    """All presentations of an orbit, or of the primitive one that it repeats, that have its canonical ends and sequence.
-
-    Images under mirror and reversal in time count as the same orbit. There are several where the sequence is its own image.
-    """
-    cycle, found = _primitive(cycle_of(problem, y))
-    if found.reversals:
-        return with_canonical_sequence(problem.system, _with_mirrored(problem.system, _between_reversals(cycle, found)))
-    sequence, _ = canonical_sequence(cycle.letters, PERIODIC, odd_symmetry=problem.system.has_odd_symmetry)
-    return _closed(cycle, sequence)
-
-
-def with_canonical_sequence(system: ImpactSystem, images: Iterable[Presentation]) -> list[Presentation]:
-    """Those of an orbit's presentations that have its canonical ends and sequence."""
-    images = list(images)
-    sequence, ends = canonical_sequence(images[0].sequence, images[0].ends, odd_symmetry=system.has_odd_symmetry)
-    return [image for image in images if image.ends == ends and image.sequence == sequence]
-
-
-def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
-    """All presentations of an orbit, or of the primitive one that it repeats: from each instant of reversal to the next, from each impact
-    where it has none, forwards and backwards in time, and mirrored where the system has odd symmetry."""
-    cycle, found = _primitive(cycle_of(problem, y))
-    if found.reversals:
-        return _with_mirrored(problem.system, _between_reversals(cycle, found))
-    return _closed(cycle)
-
-
-def closed_presentations(problem: MultipointProblem, y: np.ndarray, sequence: ImpactSequence | None = None) -> list[Presentation]:
-    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry; those with a
-    sequence, where one is given."""
-    return _closed(cycle_of(problem, y), sequence)
-
-
-def _with_mirrored(system: ImpactSystem, images: Iterable[Presentation]) -> list[Presentation]:
-    images = list(images)
-    return images + [image.mirrored() for image in images] if system.has_odd_symmetry else images
-
-
-def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Presentation]:
-    """The solved segment as it stands, mirrored where the system has odd symmetry, run backwards, and both; of a closed orbit, those from
-    all its impacts. All `all_presentations` of an orbit that is primitive and has no more reversals than its ends."""
-    if problem.periodic:
-        yield from closed_presentations(problem, y)
-        return
-    own = presentation_of(problem, y)
-    for presentation in (own, run_backwards(problem.system, own, problem)):
-        yield presentation
-        if problem.system.has_odd_symmetry:
-            yield presentation.mirrored()
-
-
-def _primitive(cycle: Cycle) -> tuple[Cycle, Symmetries]:
-    """The primitive orbit of an orbit, and its symmetries."""
-    found = symmetries(cycle)
-    length = len(cycle.duration) // found.cover
-    if found.cover > 1:
-        before, after, duration, contact = (part[:length] for part in (cycle.before, cycle.after, cycle.duration, cycle.contact))
-        cycle = Cycle(cycle.system, before, after, duration, contact, cycle.lead)
-    return cycle, found
-
-
-def _between_reversals(cycle: Cycle, found: Symmetries) -> Iterator[Presentation]:
-    """From each instant of reversal to the next, and back."""
-    instants = list(found.reversals)
-    instants.append((instants[0][0] + cycle.period, instants[0][1]))
-    slack = SLACK * cycle.period
-    times = cycle.times
-
-    def kind(instant: float, e: int) -> str:
-        if e < 0:
-            return "origin"
-        distance = np.abs((times - instant + 0.5 * cycle.period) % cycle.period - 0.5 * cycle.period)
-        return "stop" if np.min(distance) <= slack else "rest"
-
-    for (first, e), (last, f) in itertools.pairwise(instants):
-        forward = presentation_between(cycle, first, last, (kind(first, e), kind(last, f)))
-        yield forward
-        yield run_backwards(cycle.system, forward)
-
-
-def _closed(cycle: Cycle, sequence: ImpactSequence | None = None) -> list[Presentation]:
-    """The orbit from each impact, forwards and backwards in time, and mirrored: those with a sequence, where one is given."""
-    wanted = None if sequence is None else {sequence, mirror(sequence)}
-    images = []
-    for backwards in (False, True):
-        letters = cycle.letters[::-1] if backwards else cycle.letters
-        for first in range(len(letters)):
-            if wanted is None or letters[first:] + letters[:first] in wanted:
-                images.append(closed_presentation(cycle, first=first, backwards=backwards))
-    images = _with_mirrored(cycle.system, images)
-    return images if sequence is None else [image for image in images if image.sequence == sequence]
+    return found.cover == 1 and not (found.reverses_in_quarters and problem.quarters == 2) and not (found.reversals and problem.periodic)
 
 
 def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
@@ -246,16 +71,11 @@ def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[Multipoi
 
 def first_of(presentations: Sequence[Presentation]) -> Presentation:
     """The canonical one of an orbit's `presentations`."""
-    best = presentations[0]
-    for other in presentations[1:]:
-        if _comes_before(other, best):
-            best = other
-    return best
+    return reduce(lambda best, other: other if _comes_before(other, best) else best, presentations)
 
 
 def _comes_before(a: Presentation, b: Presentation) -> bool:
-    """Order by whether there are more impacts in the first half than in the second, then by flight times, then by start states;
-    differences of rounding's size count as none."""
+    """Order by whether more impacts lie in the first half than in the second, then by flight times, then by start states."""
     if a.leans != b.leans:
         return b.leans
     for x, y in ((a.times, b.times), (-a.start, -b.start)):
@@ -282,8 +102,9 @@ def same_orbit(
 def same_segment(
     a: tuple[MultipointProblem, np.ndarray], b: tuple[MultipointProblem, np.ndarray], tolerance: float = SAME
 ) -> bool:
-    """`same_orbit` for two orbits that each stand between neighbouring reversals of theirs: one can then only be the other one's mirror
-    image, or run from its other end, and no symmetry has to be looked for.
+    """`same_orbit` for two orbits that are each solved between neighbouring reversals: no symmetry has to be looked for.
+
+    One can then only be the other one's mirror image, or run from its other end.
 
     Parameters
     ----------
@@ -292,11 +113,7 @@ def same_segment(
     tolerance : float
         Of states and times, relative to the largest.
     """
-    forward = presentation_of(*b)
-    images = [forward, run_backwards(b[0].system, forward, b[0])]
-    if b[0].system.has_odd_symmetry:
-        images += [image.mirrored() for image in images]
-    return _is_among(presentation_of(*a), images, tolerance)
+    return _is_among(presentation_of(*a), segment_images(*b), tolerance)
 
 
 def _is_among(presentation: Presentation, images: Iterable[Presentation], tolerance: float) -> bool:
@@ -317,9 +134,9 @@ def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
     if not _may_repeat(problem.ends, problem.sequence):
         return 1
-    shifts = _Shifts(cycle_of(problem, solution.y))
-    length = shifts.length()
-    return 2 if length == shifts.count and problem.quarters == 2 and shifts.has_half(length) else shifts.count // length
+    cycle = cycle_of(problem, solution.y)
+    shifts, count = Shifts(cycle), len(cycle.duration)
+    return 2 if shifts.length == count and problem.quarters == 2 and shifts.half else count // shifts.length
 
 
 @lru_cache(maxsize=4096)
@@ -334,7 +151,7 @@ def _may_repeat(ends: Ends, sequence: ImpactSequence) -> bool:
     return segments_per_period(ends) == 2 and count % 2 == 0 and letters[half:] + letters[:half] == mirror(letters)
 
 
-class Mark(NamedTuple):
+class FamilyMark(NamedTuple):
     """An orbit of a family that identifies it: what kind of point it is, and numbers that no presentation changes.
 
     kind: "GR", "SN" or "EP". h: energy. alpha: quarter period. pattern: of the impacts in the period, see `mark_of`.
@@ -346,7 +163,7 @@ class Mark(NamedTuple):
     pattern: float
 
 
-def mark_of(kind: str, problem: MultipointProblem, y: np.ndarray) -> Mark:
+def mark_of(kind: str, problem: MultipointProblem, y: np.ndarray) -> FamilyMark:
     """The mark of an orbit.
 
     Notes
@@ -357,7 +174,7 @@ def mark_of(kind: str, problem: MultipointProblem, y: np.ndarray) -> Mark:
     """
     cycle = cycle_of(problem, y)
     pattern = pattern_of(problem.system, cycle.times / cycle.period, cycle.contact)
-    return Mark(kind, problem.energy(y), problem.quarter_period(y), pattern)
+    return FamilyMark(kind, problem.energy(y), problem.quarter_period(y), pattern)
 
 
 def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> float:
@@ -377,7 +194,7 @@ def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> 
     return float(np.mean(same_side * np.exp(np.cos(phase[:, None] - phase))))
 
 
-def digests(marks: Iterable[Mark]) -> tuple[str, ...]:
+def digests(marks: Iterable[FamilyMark]) -> tuple[str, ...]:
     """Hashes that name a family with these marks, the proper one first.
 
     The numbers of the first mark are rounded to six digits and hashed. Rounding has borders, wherever one puts them: a number within
@@ -386,12 +203,8 @@ def digests(marks: Iterable[Mark]) -> tuple[str, ...]:
     out: dict[str, None] = {}
     for mark in marks:
         numbers = mark[1:]
-        texts = [dict.fromkeys(_rounded(number * (1.0 + shift)) for shift in (0.0, -BORDER, BORDER)) for number in numbers]
+        texts = [dict.fromkeys(f"{number * (1.0 + shift):.{DIGITS - 1}e}" for shift in (0.0, -BORDER, BORDER)) for number in numbers]
         for parts in itertools.product(*texts):
             text = ":".join((mark.kind, *parts))
             out[hashlib.sha256(text.encode()).hexdigest()[:8]] = None
     return tuple(out)
-
-
-def _rounded(number: float) -> str:
-    return f"{number:.{DIGITS - 1}e}"

@@ -1,27 +1,39 @@
-"""One periodic orbit: its impacts, multipliers, quality, and its motion at any time."""
+"""One periodic orbit, and the columns that describe many: label, stability, multipliers, and how reliable they are."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from branches.stability import Described, describe
+from branches.naming.labels import ImpossibleLabelError, Label
 from bvp.checks import Frozen
 from bvp.closures import Cycle, cycle_of
-from bvp.multipoint import MultipointProblem, Solution
+from bvp.kernels import multipoint as kernel
+from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from bvp.stability import balance, decide, roundings, stability
 from bvp.summary import brief
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from matplotlib.axes import Axes
 
     from bvp.system import ImpactSystem
 
-__all__ = ["Impact", "Orbit"]
+__all__ = ["Impact", "Orbit", "impact_speeds", "label_at", "label_text", "orbit_columns", "stacked"]
+
+GRAZING = 1e-8
+"""An impact slower than this, relative to sqrt(2 h), grazes: multipliers are unbounded there and given as NaN."""
+
+AGREED = 1e-6
+"""How well the traces of the half map and of the saddle-point matrix agree, relative, where both are to be trusted."""
+
+FAR = 4.0
+"""|tau| beyond which an orbit is unstable if two methods agree. Beside a grazing the rounding of the largest entry of the half map can
+cover the smaller ones, so the entries alone do not decide."""
 
 
 class Impact(NamedTuple):
@@ -81,11 +93,6 @@ class Orbit:
         """Contacts hit inside the solved segment."""
         return "".join(self.problem.sequence)
 
-    @cached_property
-    def described(self) -> Described:
-        """Label, stability and multipliers."""
-        return Described(Frozen(describe(self.problem, [self.solution]).columns))
-
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         stable = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
         title = f"Orbit {self.label or '(no label)'}: {'-'.join(self.ends)}, sequence {self.sequence or '(none)'}"
@@ -93,8 +100,13 @@ class Orbit:
         largest = max(map(abs, self.multipliers), default=0.0)
         return title, [("place", place), ("stability", f"{stable}, largest multiplier {largest:.6g}")]
 
+    @cached_property
+    def columns(self) -> Mapping[str, np.ndarray]:
+        """What is known of the orbit, as `orbit_columns` of length 1."""
+        return Frozen(orbit_columns(self.problem, [self.solution]))
+
     def _get(self, name: str) -> Any:
-        return self.described.columns[name][0]
+        return self.columns[name][0]
 
     @property
     def label(self) -> str:
@@ -160,7 +172,7 @@ class Orbit:
 
     @cached_property
     def cycle(self) -> Cycle:
-        """The whole period, impact by impact."""
+        """The full period, impact by impact."""
         return cycle_of(self.problem, self.solution.y)
 
     @property
@@ -172,3 +184,175 @@ class Orbit:
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (m, n) at any times (m,); at an impact the velocity is the one after it."""
         return self.cycle.sample(times)
+
+
+def label_at(problem: MultipointProblem, result: Any) -> Label | None:
+    """The label of an orbit from its result entries; None for an orbit outside the grammar (no origin start, no absorber named).
+
+    Raises
+    ------
+    ImpossibleLabelError
+        Where a velocity that is zero to rounding contradicts the counts.
+    """
+    if problem.kinds[0] != kernel.ORIGIN or result[RESULT_INDEX["waves_absorber"]] < 0:
+        return None
+    m, n, p, q = (int(result[RESULT_INDEX[name]]) for name in ("waves_absorber", "waves_primary", "first_quarter", "second_quarter"))
+    parity = {kernel.ORIGIN: None, kernel.STOP: "O"}.get(problem.kinds[1], "E")
+    return Label("U" if parity is None else "S", m, n, parity, p, q, "+" if result[RESULT_INDEX["in_phase"]] == 1.0 else "-")
+
+
+def label_text(problem: MultipointProblem, result: Any) -> str:
+    """The label of an orbit as text, "" outside the grammar and where `label_at` raises an error."""
+    try:
+        return str(label_at(problem, result) or "")
+    except ImpossibleLabelError:
+        return ""
+
+
+def stacked(solutions: Sequence[Solution]) -> Solution:
+    """Many solutions of one problem as one whose arrays have a row for each."""
+    names = ("y", "tangent", "position", "ends", "result")
+    return Solution(*(np.array([getattr(solution, name) for solution in solutions]) for name in names))
+
+
+def orbit_columns(
+    problem: MultipointProblem, solutions: Sequence[Solution] | Solution, arclength: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """What is known of each orbit of a family: label, stability, multipliers, and how reliable they are.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    solutions : sequence of N Solution, or those `stacked`
+    arclength : (N,) float, optional
+        0 by default.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Columns of length N, see `branches.branch.Branch`.
+    """
+    rows = solutions if isinstance(solutions, Solution) else stacked(solutions)
+    count, n, size = len(rows.y), problem.half, problem.size
+
+    def entry(name: str) -> np.ndarray:
+        return rows.result[:, RESULT_INDEX[name]]
+
+    starts = rows.y[:, : problem.parameters] @ problem.segment.start_map.T + problem.segment.start_offset
+    physical = starts @ problem.modes.to_state.T
+    last = problem.parameters + problem.inner * (size + 1) + 1
+    waves = np.maximum(entry("waves_absorber").astype(int), 1)
+    frequency = 2.0 * np.pi / (4.0 * entry("quarter_period"))
+    speeds = impact_speeds(problem, starts, rows.ends)
+    slowest = np.min(np.abs(speeds), axis=1) if speeds.shape[1] else np.full(count, np.inf)
+    grazing = slowest < GRAZING * np.sqrt(2.0 * entry("energy"))
+    columns = {
+        "h": entry("energy"),
+        "alpha": entry("quarter_period"),
+        "frequency": frequency,
+        "frequency_index": waves * 2.0 * np.pi / (4.0 * entry("quarter_period")),
+        "arclength": np.zeros(count) if arclength is None else np.asarray(arclength, float),
+        "label": np.array([label_text(problem, result) for result in rows.result]),
+        "half_waves": waves,
+        "residual": entry("residual"),
+        "start_u": physical[:, :n],
+        "start_v": physical[:, n:],
+        "velocities": physical[:, n:].copy() if problem.kinds[0] == kernel.ORIGIN else np.full((count, n), np.nan),
+        "flight_times": rows.y[:, problem.parameters : last : size + 1],
+        "impact_speeds": speeds,
+    }
+    if n == 2:
+        return columns | _two_dof_stability(problem, rows.result, grazing, np.concatenate([starts[:, None], rows.ends], axis=1))
+    return columns | _general_stability(problem, rows, grazing)
+
+
+def impact_speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Speeds of approach at the impacts of the segment in order of time, those at its ends included.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    starts : (N, 2 n) float
+        States at the start of the segment.
+    ends : (N, k + 1, 2 n) float
+        States at the end of each flight.
+
+    Returns
+    -------
+    (N, number of impacts) float
+    """
+    segment = problem.segment
+    columns = []
+    if problem.kinds[0] == kernel.STOP:
+        columns.append(-segment.side[problem.inner + 1] * (starts @ segment.gap_rate[problem.inner + 1]))
+    hits = problem.inner + (problem.kinds[1] in (kernel.STOP, kernel.PERIODIC))
+    for i in range(hits):
+        columns.append(segment.side[i] * (ends[:, i] @ segment.gap_rate[i]))
+    return np.array(columns).T if columns else np.zeros((len(ends), 0))
+
+
+def _two_dof_stability(
+    problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray, states: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Two degrees of freedom: everything is in the results; the states (N, k + 2, 4) give the units of the half map."""
+
+    def entry(name: str) -> np.ndarray:
+        return results[:, RESULT_INDEX[name]]
+
+    a, b, c, d = (entry(name) for name in "abcd")
+    trace, trivial = entry("trace"), entry("trivial")
+    multipliers = np.empty((len(results), 2), complex)
+    multipliers[:, 0] = entry("larger_real") + 1j * entry("larger_imaginary")
+    multipliers[:, 1] = entry("smaller_real") + 1j * entry("smaller_imaginary")
+    pairing = np.abs(entry("determinant") - 1.0)
+    tau_half = np.full(len(results), np.nan)
+    if problem.quarters == 4:
+        tau = trace
+        error = roundings(problem.inner, entry("branching")) * (1.0 + np.abs(trace)) + trivial + pairing
+        stable = np.where(np.abs(tau) < 2.0 - error, 1, np.where(np.abs(tau) > 2.0 + error, 0, -1))
+        agreed = np.ones(len(results), bool)
+    else:
+        tau = 2.0 + 4.0 * b * c
+        if problem.quarters == 1:
+            tau_half, tau = tau, tau * tau - 2.0
+        sizes = np.max(np.abs(states), axis=1)
+        rate = np.max(sizes[:, 2:], axis=1) / np.max(sizes[:, :2], axis=1)
+        a, b, c, d = (value * factor for value, factor in zip((a, b, c, d), balance(problem, rate), strict=True))
+        stable = decide(a, b, c, d, entry("magnified"), problem.inner, entry("branching"))
+        agreed = np.abs(tau - trace) <= AGREED * (1.0 + np.abs(tau))
+        stable = np.where((stable < 0) & agreed & (np.abs(tau) > FAR), 0, stable)
+    bounded = ~grazing & np.isfinite(trace)
+    largest = np.maximum(1.0, np.abs(multipliers[:, 0]))
+    return {
+        "multipliers": np.where(bounded[:, None], multipliers, np.nan),
+        "tau": np.where(bounded, tau, np.nan),
+        "tau_half": np.where(bounded, tau_half, np.nan),
+        "stable": np.where(bounded, stable, -1).astype(np.int8),
+        "trivial": np.where(bounded, trivial, np.nan),
+        "pairing": np.where(bounded, pairing, np.nan),
+        "reliable": bounded & agreed & (trivial < TRIVIAL_LIMIT * largest) & (pairing < PAIRING_LIMIT),
+    }
+
+
+def _general_stability(problem: MultipointProblem, rows: Solution, grazing: np.ndarray) -> dict[str, np.ndarray]:
+    """More degrees of freedom: orbit by orbit."""
+    count, size = len(rows.y), problem.size
+    columns: dict[str, np.ndarray] = {
+        "multipliers": np.full((count, size - 2), np.nan, complex),
+        "tau": np.full(count, np.nan),
+        "tau_half": np.full(count, np.nan),
+        "stable": np.full(count, -1, np.int8),
+        "trivial": np.full(count, np.nan),
+        "pairing": np.full(count, np.nan),
+        "reliable": np.zeros(count, bool),
+    }
+    for i in np.flatnonzero(~grazing):
+        solution = Solution(rows.y[i], rows.tangent[i], rows.position[i], rows.ends[i], rows.result[i])
+        found = saddle_point_multipliers(cycle_of(problem, solution.y))
+        columns["multipliers"][i] = found.values
+        columns["trivial"][i] = found.quality.trivial
+        columns["pairing"][i] = found.quality.pairing
+        columns["reliable"][i] = found.quality.reliable
+        stable = stability(problem, solution).stable
+        columns["stable"][i] = -1 if stable is None else int(stable)
+    return columns

@@ -1,33 +1,45 @@
-"""A presentation of a periodic orbit: an interval of its period, as a multipoint problem solves it.
+"""A presentation of a periodic orbit: an interval of its period, as a multipoint problem solves it; and the symmetries of an orbit.
 
 One orbit can be solved between different ends, started at different times, or run through more than once. Each presentation holds the
 unknowns of the multipoint problem that has its ends and its impact sequence.
+
+The symmetries are found from the impacts of a period. These are compared with their shifts (covers; the half-period symmetry
+u(t + T/2) = -u(t)) and with their reversals u(c + s) = e u(c - s). The instants c of the reversals are the orbit's ends: an origin for
+e = -1, a rest or a stop for e = +1.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.sequences import PERIODIC, Ends, ImpactSequence, mirror, mirror_ends
+from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, mirror, mirror_ends
 from bvp.closures import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Presentation", "closed_presentation", "embed", "run_backwards", "solved", "presentation_between", "presentation_of"]
+__all__ = [
+    "Presentation", "Shifts", "Symmetries", "all_presentations", "closed_presentation", "closed_presentations", "embed",
+    "presentation_of", "presentations", "run_backwards", "segment_images", "solved", "symmetries", "with_canonical_sequence",
+]  # fmt: skip
 
 SLACK = 1e-9
 """Part of the period within which an impact is at an end."""
+
+SAME = 1e-7
+"""Difference of states and times, relative to the largest, below which two orbits are one."""
 
 
 class Presentation(NamedTuple):
     """A presentation of an orbit: its ends, inner contacts, start state, the states after its inner impacts, flight times.
 
-    For periodic ends `sequence` is that of the whole presentation, whose first impact is the start; `nodes` are those after it.
+    For periodic ends `sequence` is that of the full period, whose first impact is the start; `nodes` are those after it.
     """
 
     ends: Ends
@@ -45,7 +57,7 @@ class Presentation(NamedTuple):
 
     @property
     def leans(self) -> bool:
-        """Whether more impacts lie inside its first half than inside its second; False for periodic ends, between which there are none."""
+        """Whether more impacts lie inside its first half than inside its second; False for periodic ends."""
         if self.ends == PERIODIC:
             return False
         instants = np.cumsum(self.times)
@@ -61,6 +73,11 @@ class Presentation(NamedTuple):
         return Presentation(mirror_ends(self.ends), mirror(self.sequence), -self.start, -self.nodes, self.times)
 
 
+def presentation_of(problem: MultipointProblem, y: np.ndarray) -> Presentation:
+    """The presentation that the unknowns of a problem are."""
+    return Presentation(problem.ends, problem.sequence, problem.start(y), problem.nodes(y), problem.flight_times(y))
+
+
 def presentation_between(cycle: Cycle, first: float, last: float, kinds: tuple[str, str]) -> Presentation:
     """The presentation of an orbit between two instants at which it reverses.
 
@@ -74,17 +91,14 @@ def presentation_between(cycle: Cycle, first: float, last: float, kinds: tuple[s
         "origin", "rest" or "stop", with or without the contact's letter, which is read from the orbit.
     """
     count = len(cycle.duration)
-    turns = range(-1, 2 + math.ceil(last / cycle.period))  # the impact of a stop at the start ends the period
-    instants = np.concatenate([cycle.times + turn * cycle.period for turn in turns])
+    periods = range(-1, 2 + math.ceil(last / cycle.period))  # the impact of a stop at the start ends the period
+    instants = np.concatenate([cycle.times + k * cycle.period for k in periods])
     slack = SLACK * cycle.period
     inner = [i for i in range(len(instants)) if first + slack < instants[i] < last - slack]
-    ends = []
-    for kind, time in zip(kinds, (first, last), strict=True):
-        if kind.startswith("stop"):
-            kind = "stop" + cycle.letters[int(np.argmin(np.abs(instants - time))) % count]
-        ends.append(kind)
+    nearest = [int(np.argmin(np.abs(instants - time))) % count for time in (first, last)]
+    ends = ["stop" + cycle.letters[i] if kind.startswith("stop") else kind for kind, i in zip(kinds, nearest, strict=True)]
     if ends[0].startswith("stop"):
-        start = cycle.after[int(np.argmin(np.abs(instants - first))) % count]
+        start = cycle.after[nearest[0]]
     else:
         u, v = cycle.sample(np.array([first]))
         start = cycle.system.modes.from_state @ np.concatenate([u[0], v[0]])
@@ -94,7 +108,7 @@ def presentation_between(cycle: Cycle, first: float, last: float, kinds: tuple[s
 
 
 def closed_presentation(cycle: Cycle, cover: int = 1, first: int = 0, backwards: bool = False) -> Presentation:
-    """The whole orbit as it closes on itself from one of its impacts, run through so many times, or backwards in time."""
+    """The full period as it closes on itself from one of its impacts: a cover of it, or backwards in time."""
     after, duration, letters = cycle.after, cycle.duration, cycle.letters
     if backwards:
         flip = np.repeat([1.0, -1.0], after.shape[1] // 2)
@@ -105,8 +119,10 @@ def closed_presentation(cycle: Cycle, cover: int = 1, first: int = 0, backwards:
 
 
 def run_backwards(system: ImpactSystem, presentation: Presentation, problem: MultipointProblem | None = None) -> Presentation:
-    """A presentation between two reversals run from its last end to its first: what follows the last end, up to the reversal there.
-    `problem`, where it is at hand, is that with the presentation's ends and sequence."""
+    """A presentation between two reversals, run from its last end to its first.
+
+    `problem`, if it is at hand, has the presentation's ends and sequence.
+    """
     if problem is None:
         problem = MultipointProblem(system, presentation.ends, presentation.sequence)
     flip = np.repeat([1.0, -1.0], problem.half)
@@ -125,19 +141,185 @@ def embed(problem: MultipointProblem, y: np.ndarray, window: tuple[int, int] | i
     return presentation_between(cycle, window[0] * length, window[1] * length, kinds)
 
 
-def presentation_of(problem: MultipointProblem, y: np.ndarray) -> Presentation:
-    """The presentation that the unknowns of a problem are."""
-    return Presentation(problem.ends, problem.sequence, problem.start(y), problem.nodes(y), problem.flight_times(y))
-
-
 def solved(problem: MultipointProblem, y: np.ndarray) -> Solution:
-    """The solution at unknowns that another presentation gave: taken as it stands where its residual allows, since at a branch
-    point the equations are singular and Newton would move it; else corrected at its energy.
+    """The solution at unknowns that another presentation gave.
+
+    It is not corrected where its residual allows: at a branch point the equations are singular, and Newton would move it. Else it is
+    corrected at its energy.
 
     Raises
     ------
     NotConverged
         Where it cannot be corrected.
     """
-    as_it_stands = problem.step(y, np.zeros(2 * problem.unknowns), 0.0, maximum=0)
-    return problem.solve(y, energy=problem.energy(y)) if as_it_stands is None else as_it_stands
+    uncorrected = problem.step(y, np.zeros(2 * problem.unknowns), 0.0, maximum=0)
+    return problem.solve(y, energy=problem.energy(y)) if uncorrected is None else uncorrected
+
+
+class Symmetries(NamedTuple):
+    """What maps an orbit to itself.
+
+    cover: how often its primitive orbit is run through. half: whether the primitive orbit has u(t + T/2) = -u(t). reversals: (instant,
+    e) in one primitive period, from the orbit's start on, in order of time.
+    """
+
+    cover: int
+    half: bool
+    reversals: tuple[tuple[float, int], ...]
+
+    @property
+    def reverses_in_quarters(self) -> bool:
+        """Whether the orbit has both kinds of reversals, which lie a quarter period apart."""
+        return len({e for _, e in self.reversals}) == 2
+
+
+class Shifts:
+    """Which shifts of its impacts map an orbit to itself, or to its mirror image.
+
+    Attributes
+    ----------
+    length : int
+        Impacts in the primitive period.
+    half : bool
+        Whether the primitive orbit has u(t + T/2) = -u(t).
+    """
+
+    def __init__(self, cycle: Cycle, tolerance: float = SAME) -> None:
+        dof = cycle.after.shape[1] // 2
+        count = len(cycle.duration)
+        self.cycle = cycle
+        self.longest = tolerance * float(cycle.duration.max())
+        sizes = np.abs(cycle.after)
+        self.sizes = tolerance * np.repeat([sizes[:, :dof].max(), sizes[:, dof:].max()], dof)
+        self.length = next(d for d in range(1, count + 1) if count % d == 0 and (d == count or self._maps(d, 1)))
+        self.half = cycle.system.has_odd_symmetry and self.length % 2 == 0 and self._maps(self.length // 2, -1)
+
+    def close(self, a: np.ndarray, b: np.ndarray) -> bool:
+        """Whether states are the same."""
+        return bool((np.abs(a - b) <= self.sizes).all())
+
+    def _maps(self, by: int, sign: int) -> bool:
+        """Whether the orbit is `sign` times itself so many impacts later."""
+        cycle = self.cycle
+        later = np.concatenate([cycle.duration[by:], cycle.duration[:by]])
+        if (np.abs(later - cycle.duration) > self.longest).any():
+            return False
+        return self.close(np.concatenate([cycle.after[by:], cycle.after[:by]]), sign * cycle.after)
+
+
+def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
+    """The symmetries of an orbit, from its impacts.
+
+    Parameters
+    ----------
+    cycle : Cycle
+    tolerance : float
+        Relative difference of states and flight times that counts as none.
+    """
+    shifts = Shifts(cycle, tolerance)
+    count, length, half = len(cycle.duration), shifts.length, cycle.after.shape[1] // 2
+    # The flight times exclude most reversals, all at once: row j of `index` numbers the flights from j on.
+    index = (np.arange(count)[:, None] + np.arange(count)) % count
+    backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= shifts.longest, axis=1)
+    period = cycle.period * length / count
+    instants = cycle.times[:length]
+    found = []
+    for j in (j for j in range(length) if backwards[j]):
+        for e in (-1, 1) if cycle.system.has_odd_symmetry else (1,):
+            flip = np.repeat([float(e), -float(e)], half)
+            if shifts.close(cycle.after[(j - np.arange(count)) % count], flip * cycle.before):
+                middle = 0.5 * (instants[0] + instants[j])
+                found += [(float(c % period), e) for c in (middle, middle + 0.5 * period)]
+    # An instant at the very start may come out at the end of the period by rounding.
+    found = sorted((0.0 if period - c < SLACK * period else c, e) for c, e in found)
+    return Symmetries(count // length, shifts.half, tuple(found))
+
+
+def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
+    """All presentations of an orbit, or of the primitive one that it repeats, that have its canonical ends and sequence.
+
+    Images under mirror and reversal in time count as the same orbit. There are several where the sequence is its own image.
+    """
+    cycle, found = _primitive(cycle_of(problem, y))
+    if found.reversals:
+        return with_canonical_sequence(problem.system, _between_reversals(cycle, found))
+    sequence, _ = canonical_sequence(cycle.letters, PERIODIC, odd_symmetry=problem.system.has_odd_symmetry)
+    return _closed(cycle, sequence)
+
+
+def with_canonical_sequence(system: ImpactSystem, images: Iterable[Presentation]) -> list[Presentation]:
+    """Those of an orbit's presentations that have its canonical ends and sequence."""
+    images = list(images)
+    sequence, ends = canonical_sequence(images[0].sequence, images[0].ends, odd_symmetry=system.has_odd_symmetry)
+    return [image for image in images if image.ends == ends and image.sequence == sequence]
+
+
+def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
+    """All presentations of an orbit, or of the primitive one that it repeats.
+
+    They go from each instant of reversal to the next, or from each impact where there is no reversal; forwards and backwards in time, and
+    mirrored where the system has odd symmetry.
+    """
+    cycle, found = _primitive(cycle_of(problem, y))
+    return _between_reversals(cycle, found) if found.reversals else _closed(cycle)
+
+
+def closed_presentations(problem: MultipointProblem, y: np.ndarray, sequence: ImpactSequence | None = None) -> list[Presentation]:
+    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry; those with a
+    sequence, where one is given."""
+    return _closed(cycle_of(problem, y), sequence)
+
+
+def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Presentation]:
+    """The solved segment, mirrored where the system has odd symmetry, run backwards, and both; of a closed orbit those from all impacts.
+
+    These are `all_presentations` of an orbit that is primitive and has no more reversals than its ends.
+    """
+    if problem.periodic:
+        yield from closed_presentations(problem, y)
+        return
+    own = presentation_of(problem, y)
+    for presentation in (own, run_backwards(problem.system, own, problem)):
+        yield presentation
+        if problem.system.has_odd_symmetry:
+            yield presentation.mirrored()
+
+
+def _primitive(cycle: Cycle) -> tuple[Cycle, Symmetries]:
+    """The primitive orbit of an orbit, and its symmetries."""
+    found = symmetries(cycle)
+    length = len(cycle.duration) // found.cover
+    if found.cover > 1:
+        before, after, duration, contact = (part[:length] for part in (cycle.before, cycle.after, cycle.duration, cycle.contact))
+        cycle = Cycle(cycle.system, before, after, duration, contact, cycle.lead)
+    return cycle, found
+
+
+def _between_reversals(cycle: Cycle, found: Symmetries) -> list[Presentation]:
+    """From each instant of reversal to the next, and back; all of these mirrored too where the system has odd symmetry."""
+    kinds = []
+    for instant, e in found.reversals:
+        distance = np.abs((cycle.times - instant + 0.5 * cycle.period) % cycle.period - 0.5 * cycle.period)
+        kinds.append((instant, "origin" if e < 0 else "stop" if np.min(distance) <= SLACK * cycle.period else "rest"))
+    images = []
+    for (first, kind), (last, other) in itertools.pairwise([*kinds, (kinds[0][0] + cycle.period, kinds[0][1])]):
+        forward = presentation_between(cycle, first, last, (kind, other))
+        images += [forward, run_backwards(cycle.system, forward)]
+    return _with_mirrored(cycle.system, images)
+
+
+def _closed(cycle: Cycle, sequence: ImpactSequence | None = None) -> list[Presentation]:
+    """See `closed_presentations`."""
+    wanted = None if sequence is None else {sequence, mirror(sequence)}
+    images = []
+    for backwards in (False, True):
+        letters = cycle.letters[::-1] if backwards else cycle.letters
+        for first in range(len(letters)):
+            if wanted is None or letters[first:] + letters[:first] in wanted:
+                images.append(closed_presentation(cycle, first=first, backwards=backwards))
+    images = _with_mirrored(cycle.system, images)
+    return images if sequence is None else [image for image in images if image.sequence == sequence]
+
+
+def _with_mirrored(system: ImpactSystem, images: list[Presentation]) -> list[Presentation]:
+    return images + [image.mirrored() for image in images] if system.has_odd_symmetry else images

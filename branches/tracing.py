@@ -1,20 +1,21 @@
-"""Tracing: from an orbit to the branch of its family."""
+"""Tracing: from an orbit to the branch of its family, and its events and ends in the terms of the record."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from branches.branch import Branch, BranchEvent, Ended
-from branches.family import SETTINGS, Family
-from branches.finished import branch_of, event_of
-from branches.grazing_notes import unphysical
-from branches.orbit import Orbit
-from branches.stability import describe
+from branches.between_events import Barrier, decide_between
+from branches.branch import Branch
+from branches.events import BranchEvent, Ended
+from branches.family import SETTINGS, Family, unphysical
+from branches.full_family import solutions_of
+from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
@@ -22,10 +23,10 @@ from bvp.options import takes_options_of
 from bvp.shown import shown
 from continuation.control import Settings
 from continuation.points import PlainPoints, Points
-from continuation.problem import Event, Point, Step
-from continuation.run import follow_both_ways
+from continuation.problem import EndReason, Event, Point, Step
+from continuation.run import Run, follow_both_ways
 
-__all__ = ["SETTINGS", "Courses", "TraceError", "check_energy", "extend", "follow_family"]
+__all__ = ["SETTINGS", "TraceError", "check_energy", "extend", "follow_family", "record_of_event", "report"]
 
 EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 """Types of events, see `branches.family`."""
@@ -33,8 +34,8 @@ EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 HIGHEST = 1e12
 """Energy at which a family ends where no range is given: beyond it the elastic forces are lost beside the speeds of the impacts."""
 
-_DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": None, "settings": SETTINGS, "rising": True}
-"""Options that decide how a family is followed, and their values where they are not given."""
+UNDECIDED_AT = ("SN", "BP", "SB", "PD")
+"""Events at which a multiplier is at its bound. Only the location error would decide stability there, so it is not given."""
 
 _SIGNS = {"up": 1, "both": 1, "down": -1, "along": 0}
 
@@ -60,7 +61,6 @@ def follow_family(
     on_point: Callable[[int], object] | None = None,
     settings: Settings = SETTINGS,
     rising: bool = True,
-    found: list[Sequence[Point] | Event] | None = None,
 ) -> Branch:
     """Follow the family of a solution.
 
@@ -87,8 +87,6 @@ def follow_family(
     settings : continuation.Settings
     rising : bool
         Whether a branch followed both ways is put in the order of energies rising at the start, or falling there.
-    found : list, optional
-        Filled with the points and events of the run in the order in which they are found.
 
     Returns
     -------
@@ -113,7 +111,7 @@ def follow_family(
             raise TraceError(f"points = {shown(points)}: expected a whole number, at least 1")
         if not 1 <= points < 1 << 63:
             raise TraceError(f"points = {shown(points)}: expected at least 1")
-        settings = Settings(**{**_fields(settings), "maximum_points": points})
+        settings = replace(settings, maximum_points=points)
     problem.refuse_drift()
     family = Family(problem, energy, quarter_period)
     if not isinstance(start, Step):
@@ -123,14 +121,7 @@ def follow_family(
     if beyond is not None:
         raise TraceError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
-    collector = _Collector(problem, energy, on_event, on_point, sign, found)
-    condition = None
-    if stop_when is not None:
-        asked = stop_when
-
-        def condition(point: Point) -> bool | str:
-            return asked(Orbit(problem, point.step.extra))
-
+    collector = _Collector(problem, energy, on_event, on_point, sign)
     with collector.keeping():
         run = follow_both_ways(
             family,
@@ -138,72 +129,43 @@ def follow_family(
             settings,
             both=direction == "both",
             direction=sign,
-            stop_when=condition,
+            stop_when=None if stop_when is None else lambda point: stop_when(Orbit(problem, point.step.extra)),
             stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
             on_points=collector.points,
             on_event=collector.event,
         )
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
-    return _ended(lambda: branch_of(problem, run, energy), on_end)
-
-
-def _ended(finish: Callable[[], Branch], on_end: Callable[[Ended], object] | None) -> Branch:
-    """The finished branch, after its ends were reported. An interruption has to wait until then, and carries the branch."""
     with held() as interrupt:
-        branch = finish()
+        branch = _branch_of(problem, run, energy)
         if on_end is not None:
             for ended in dict.fromkeys(branch.ended):
                 on_end(ended)
-    if interrupt.came:
+    if interrupt.came:  # it had to wait until the branch was finished
         raise _with_branch(KeyboardInterrupt(), branch)
     return branch
 
 
-class Courses:
-    """Families that were followed from a start: none is followed twice from it, but its course is reported again.
-
-    A search follows families to tell them apart, and the one that it finds is then traced.
-    """
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[MultipointProblem, bytes, tuple[float, float]], tuple[Branch, list[Sequence[Point] | Event]]] = {}
-
-    def follow(
-        self,
-        problem: MultipointProblem,
-        y: np.ndarray,
-        *,
-        energy: tuple[float, float],
-        on_event: Callable[[BranchEvent], object] | None = None,
-        on_end: Callable[[Ended], object] | None = None,
-        on_point: Callable[[int], object] | None = None,
-        **options: Any,
-    ) -> Branch:
-        """The same as `follow_family`; with further options the family is followed anew."""
-        key = (problem, y.tobytes(), energy)
-        if any(options[name] != default for name, default in _DEFAULTS.items() if name in options):
-            branch = follow_family(problem, y, energy=energy, on_event=on_event, on_end=on_end, on_point=on_point, **options)
-            return self._with_wider(branch, y)
-        if key not in self._known:
-            found: list[Sequence[Point] | Event] = []
-            self._known[key] = self._with_wider(follow_family(problem, y, energy=energy, found=found), y), found
-        branch, found = self._known[key]
-        collector = _Collector(problem, energy, on_event, on_point, 1)
-        with collector.keeping():
-            for item in found:
-                if isinstance(item, Event):
-                    collector.event(item)
-                else:
-                    collector.points(item)
-        return _ended(lambda: branch, on_end)
-
-    def _with_wider(self, branch: Branch, y: np.ndarray) -> Branch:
-        """The branch, with one of a wider range of energies from the same orbit, from which its id follows."""
-        for (problem, start, energy), (other, _) in self._known.items():
-            if problem is branch.problem and start == y.tobytes() and energy[0] <= branch.energy[0] and branch.energy[1] <= energy[1]:
-                return branch.known_within(other)
-        return branch
+def report(
+    branch: Branch,
+    *,
+    on_event: Callable[[BranchEvent], object] | None = None,
+    on_end: Callable[[Ended], object] | None = None,
+    on_point: Callable[[int], object] | None = None,
+) -> Branch:
+    """Call the callbacks of `follow_family` for a branch that was followed without them; return the branch."""
+    try:
+        if on_point is not None:
+            on_point(len(branch))
+        if on_event is not None:
+            for event in sorted(branch.events, key=lambda event: (event.number < 0, abs(event.number))):
+                on_event(event)
+        if on_end is not None:
+            for ended in dict.fromkeys(branch.ended):
+                on_end(ended)
+    except KeyboardInterrupt as error:
+        raise _with_branch(error, branch) from None
+    return branch
 
 
 @takes_options_of(follow_family)
@@ -241,10 +203,6 @@ def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
         raise TraceError(str(error)) from None
 
 
-def _fields(settings: Settings) -> dict[str, Any]:
-    return {name: getattr(settings, name) for name in settings.__dataclass_fields__}
-
-
 class _Collector:
     """Reports events with their number from the start as they are found, and keeps what an interrupted run has computed."""
 
@@ -255,9 +213,7 @@ class _Collector:
         on_event: Callable[[BranchEvent], object] | None,
         on_point: Callable[[int], object] | None,
         direction: int,
-        found: list[Sequence[Point] | Event] | None = None,
     ) -> None:
-        self.found = found
         self.problem = problem
         self.energy = energy
         self.on_event = on_event
@@ -279,8 +235,6 @@ class _Collector:
                 raise _with_branch(error, self.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
 
     def points(self, points: Sequence[Point]) -> None:
-        if self.found is not None:
-            self.found.append(points)
         if self.on_point is None and isinstance(points, PlainPoints):
             self.count += len(points)
             self.face(points[0])
@@ -306,15 +260,12 @@ class _Collector:
             self.sign = -self.sign
 
     def event(self, event: Event) -> None:
-        if self.found is not None:
-            self.found.append(event)
         if self.on_event is None:
             return
-        orbit = Orbit(self.problem, event.point.extra)
         self.types[event.code] = self.types.get(event.code, 0) + 1
         number = self.sign * event.index
-        columns = orbit.described.columns
-        self.on_event(event_of(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
+        columns = Orbit(self.problem, event.point.extra).columns
+        self.on_event(record_of_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
 
     def partial(self, reason: str, text: str) -> Branch | None:
         if self.begin is None:
@@ -324,5 +275,100 @@ class _Collector:
         lead = self.halves[-1][-1].arclength if self.halves[-1] else 0.0
         arclength = np.array([lead - p.arclength for p in first] + [lead + p.arclength for p in self.halves[1]])
         ended = Ended(reason, text)
-        columns = describe(self.problem, [p.step.extra for p in points], arclength).columns
+        columns = orbit_columns(self.problem, [p.step.extra for p in points], arclength)
         return Branch(self.problem, columns, (), (ended, ended), len(first) - 1, self.energy)
+
+
+def _along(event: Event, backward: bool) -> tuple[str, int, str | None]:
+    """Label and half-waves just below an event in arclength, and its note, read in the order of arclength.
+
+    Events found `backward`, against the arclength of the finished branch, have their sides in the other order.
+    """
+    details = event.details
+    label, half_waves, note = details["label"], details["half_waves"], details.get("note")
+    if "sides" in details:
+        (label, half_waves), (above, _) = details["sides"][::-1] if backward else details["sides"]
+        becomes = f"{label or 'no label'} becomes {above or 'no label'}"
+        if event.code == "LB":
+            note = becomes
+        elif label != above:
+            note = f"{note}: {becomes}"
+    if event.status == "bracketed":
+        low, high = event.bracket
+        note = f"{note}; only bracketed, in {high - low:.1e} of arclength: {_why_bracketed(details)}"
+    return label, half_waves, note
+
+
+def _why_bracketed(details: Mapping[str, Any]) -> str:
+    """Why an event is located no better than its bracket."""
+    if details.get("kind") == "pole":
+        return "its test function grows without bound there"
+    if details.get("kind") == "jump":
+        return "its test function changes sign without passing zero, as far as steps can be told apart"
+    return f"nearer steps fail, as where two families nearly touch ({details.get('reason') or 'no reason given'})"
+
+
+def record_of_event(
+    event: Event, name: str, point: int, number: int, columns: Mapping[str, np.ndarray], index: int, *, backward: bool
+) -> BranchEvent:
+    """An event as a record. Its orbit is at `index` of the columns; `backward`: it was found against the arclength of the branch."""
+    details = event.details
+    label, _, note = _along(event, backward)
+    stable = -1 if event.code in UNDECIDED_AT else int(columns["stable"][index])
+    largest = float(np.max(np.abs(columns["multipliers"][index]))) if columns["multipliers"].shape[1] else math.nan
+    return BranchEvent(
+        name,
+        event.code,
+        point,
+        number,
+        float(columns["h"][index]),
+        float(columns["alpha"][index]),
+        event.arclength,
+        event.status,
+        (float(event.bracket[0]), float(event.bracket[1])),
+        event.residual,
+        label,
+        details.get("stop"),
+        details.get("p_q"),
+        details.get("breaks"),
+        note,
+        None if stable < 0 else bool(stable),
+        largest if math.isfinite(largest) else None,
+    )
+
+
+def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]) -> Branch:
+    """The branch of a run with one point at least."""
+    solutions = solutions_of(run.points)
+    columns = orbit_columns(problem, solutions, run.points.arclengths())
+
+    def backward(event: Event) -> bool:
+        """Whether it was found against the arclength; an event where a closed family begins is read along it."""
+        return event.index < run.start and not (run.closed and event.index == 0)
+
+    # At an event a velocity can be zero to rounding, so its counts are those of the branch just before it.
+    labels = columns["label"].astype(object)
+    for event in run.events:
+        if event.code in UNDECIDED_AT:
+            columns["stable"][event.index] = -1
+        labels[event.index], half_waves, _ = _along(event, backward(event))
+        columns["half_waves"][event.index] = max(1, half_waves)
+    columns["label"] = labels.astype(str)
+    columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
+    barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]
+    columns["stable"], work = decide_between(problem, lambda i: solutions.y[i], columns, barriers)
+    counts: dict[str, int] = {}
+    events = []
+    for event in run.events:
+        counts[event.code] = counts.get(event.code, 0) + 1
+        name, number = f"{event.code}{counts[event.code]}", event.index - run.start
+        events.append(record_of_event(event, name, event.index, number, columns, event.index, backward=backward(event)))
+    ended = []
+    for k, end in enumerate(run.ends):
+        place = run.points[0] if k == 0 else run.points[-1]
+        if end.reason is EndReason.EVENT and place.event is not None:
+            orbit = f"h = {place.parameter:.12g}, alpha = {place.step.extra['quarter_period']:.12g}"
+            ended.append(Ended(end.reason.name, f"{place.event.code} at {orbit}: {place.event.details.get('note')}"))
+        else:
+            ended.append(Ended(end.reason.name, end.text))
+    return Branch(problem, columns, tuple(events), (ended[0], ended[1]), run.start, energy, digit_work=work)

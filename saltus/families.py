@@ -133,7 +133,7 @@ def trace(
     if catalogue is not None:
         catalogue.require_system(system.describe())
         return _follow_kept(name, catalogue, energy, pins, on_start, **options)
-    return trace_named(name, system, energy=energy, pins=pins, bounds=bounds, on_start=on_start, **options)
+    return trace_named(name, system, energy=energy, reference_points=pins, bounds=bounds, on_start=on_start, **options)
 
 
 def _follow_kept(

@@ -12,7 +12,7 @@ from benchmarks.saltation import saltation_multipliers
 from benchmarks.speed_error.methods import OWN, OWN_SHORT, SHORT_STEP, Answer, Method, OrbitAnswer, Task, Work
 from benchmarks.speed_error.tasks import LocateTask, OrbitTask, RunTask
 from branches.family import Family
-from branches.stability import describe
+from branches.orbit import orbit_columns
 from branches.tracing import SETTINGS, follow_family
 from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
@@ -79,7 +79,7 @@ class Saltus(Method):
         if self.route == "none":
             return [None] * len(solutions)
         if self.route == "half map":
-            return list(describe(task.problem, solutions).columns["multipliers"])
+            return list(orbit_columns(task.problem, solutions)["multipliers"])
         cycles = [cycle_of(task.problem, solution.y) for solution in solutions]
         if self.route == "saltation":
             return [saltation_multipliers(cycle) for cycle in cycles]

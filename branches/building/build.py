@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.between_events import DigitWork
 from branches.building.frontier import Frontier
 from branches.building.plan import Plan, energies_of, open_ranges
 from branches.building.seeds import Answer, KnownGrazings, Link, Seed, plain_seed, read_seed
@@ -24,8 +23,10 @@ from branches.building.work import work
 from branches.catalogue.database import CatalogueError, readable
 from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, event_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
-from branches.identity import canonical_orbit, presentations
+from branches.events import DigitWork
+from branches.identity import canonical_orbit
 from branches.linear_modes import linear_modes
+from branches.presentation import presentations
 from branches.sequences import impacts_per_period, parse_sequence
 from bvp.multipoint import MultipointProblem
 

@@ -90,7 +90,7 @@ class Answer(NamedTuple):
     ends: links without a family on the other side, with the reason as their note. beyond: how many neighbours lie outside the limits.
     failed: what could not be done, in words. halves: 1 for a family of which one side of a branch point was followed, where the other is
     its image (`is_half`). lost: bifurcations at which no new family was found, in words. unsettled: energies at which
-    the search did not settle. missed: events that the family needs and does not have, in words (`branches.missed`).
+    the search did not settle. missed: events that the family needs and does not have, in words (`branches.between_events.missed_events`).
     """
 
     seeds: tuple[Seed, ...]

@@ -14,22 +14,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.between_events import DigitWork
+from branches.between_events import missed_events
 from branches.branch import Branch, BranchEvent
 from branches.building.plan import Plan
 from branches.building.seeds import Answer, Grazing, Link, Seed
 from branches.catalogue.members import kept_orbit, orbit_of_event, presented, unknowns_of
 from branches.catalogue.packing import pack_family
 from branches.catalogue.rows import EventOrbit
+from branches.events import DigitWork
 from branches.family import RESONANCES
+from branches.full_family import Course, longest_course, order
 from branches.grazing.at_linear_modes import beginnings
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.grazing.touching import touching
-from branches.identity import first_of, presentations, segment_images, symmetries, with_canonical_sequence
+from branches.identity import first_of
 from branches.linear_modes import linear_modes
-from branches.missed import missed_events
 from branches.naming.search import Limits
-from branches.passing import Runs, one_family, order
+from branches.presentation import presentations, segment_images, symmetries, with_canonical_sequence
 from branches.search.discovery import WITHOUT_ORIGIN, discover
 from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
 from branches.switching import TYPES, EmanatingFamily, emanating_families
@@ -109,12 +110,12 @@ def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
 
 
 def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:
-    from branches.naming.families import AmbiguousName, resolve
-    from branches.naming.reference_points import NameNotFound
+    from branches.naming.families import resolve
+    from branches.naming.reference_points import AmbiguousName, NameNotFound
 
     limits = Limits(plan.named.energy, plan.named.quarter_period, plan.named.impacts)
     try:
-        found, _ = resolve(name, system, pins=plan.pins, limits=limits, energy=limits.energy)
+        found, _ = resolve(name, system, reference_points=plan.pins, limits=limits, energy=limits.energy)
     except (NameNotFound, AmbiguousName) as error:
         return Answer((), failed=(str(error),))
     return Answer((_seed(found.problem, found.solution.y, plan)._replace(wide=True, further=1),))
@@ -227,31 +228,14 @@ def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, fl
     """The family of an orbit, both ways; with finer steps where they leave it at a branch point. Its `digit_work` is that of all runs."""
     work = DigitWork()
 
-    def follow(start: np.ndarray, settings: Settings) -> Branch:
+    def follow(start: np.ndarray, settings: Settings) -> Course[Branch]:
         nonlocal work
         branch = follow_family(problem, start, energy=energy, quarter_period=quarter_period, settings=settings)
         work += branch.digit_work
-        return branch
+        return Course(branch, branch.points["arclength"], branch.unknowns, any(end.reason == "MINIMUM_STEP" for end in branch.ended))
 
-    branch = one_family(problem, Runs(follow, _at, _near_ends, _is_stuck, _length), y, SETTINGS)
+    branch = longest_course(problem, follow, y, SETTINGS).result
     return replace(branch, digit_work=work)
-
-
-def _length(branch: Branch) -> float:
-    return float(branch.points["arclength"][-1])
-
-
-def _at(branch: Branch, part: float) -> np.ndarray:
-    return branch.unknowns(int(np.argmin(np.abs(branch.points["arclength"] - part * _length(branch)))))
-
-
-def _near_ends(branch: Branch) -> tuple[np.ndarray, np.ndarray] | None:
-    last = len(branch) - 1
-    return (branch.unknowns(1), branch.unknowns(last - 1)) if last > 2 else None
-
-
-def _is_stuck(branch: Branch) -> bool:
-    return any(end.reason == "MINIMUM_STEP" for end in branch.ended)
 
 
 def _grazing(branch: Branch, event: BranchEvent, source: Seed) -> Seed:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from branches.between_events import missed_events
 from branches.catalogue.database import CatalogueDamaged
 from branches.catalogue.members import distance_from_orbit, unknowns_of
 from branches.catalogue.rows import Edge, Node
-from branches.missed import missed_events
 from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -55,7 +55,7 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
     Returns
     -------
     counts : dict
-        How many families, points, events and edges were verified, and how many events are ``hidden`` by rounding (`branches.missed`).
+        How many families, points, events and edges were verified, and how many missed events are ``hidden`` by rounding.
     failures : list of Failure
         Empty if everything holds.
     """

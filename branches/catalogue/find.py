@@ -17,8 +17,8 @@ from branches.naming.reference_points import (
     fits_otherwise,
     nearest_crossing,
     note,
-    pin_of,
     reaches,
+    reference_point_of,
     why_a_cover,
 )
 from bvp.shown import shown
@@ -159,7 +159,7 @@ def find(catalogue: CatalogueStore, text: str, reference_points: Mapping[str, Ma
     families, pattern = catalogue.all_families(), name.label
     fits = _fitting(lambda label: matches(pattern, label))
     having = _having(families, fits)
-    reference = pin_of(text, pattern, reference_points) if name.h is None and name.alpha is None else None
+    reference = reference_point_of(text, pattern, reference_points) if name.h is None and name.alpha is None else None
     found = []
     if reference is not None and "h" in reference and "alpha" in reference:
         there = Name(pattern, None, reference["h"], reference["alpha"])

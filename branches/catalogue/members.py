@@ -13,8 +13,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.catalogue.rows import Edge, EventOrbit
-from branches.identity import all_presentations, closed_presentations, presentations, segment_images
-from branches.presentation import Presentation, embed, presentation_of, solved
+from branches.presentation import (
+    Presentation,
+    all_presentations,
+    closed_presentations,
+    embed,
+    presentation_of,
+    presentations,
+    segment_images,
+    solved,
+)  # fmt: skip
 from branches.sequences import PERIODIC, Ends, ImpactSequence, impacts_per_period, parse_ends, parse_sequence
 from bvp.closures import cycle_of
 from bvp.kernels.flight import flow_state

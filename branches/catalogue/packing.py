@@ -23,8 +23,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from branches.catalogue.rows import FamilyRow, LabelInterval, StabilityInterval, compact_json, event_values
+from branches.orbit import impact_speeds
 from branches.sequences import format_ends, impacts_per_period
-from branches.stability import impact_speeds
 
 if TYPE_CHECKING:
     from branches.branch import Branch

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.impulsive.manifold import Manifold
     from branches.impulsive.orbits import ImpulsiveOrbits
-    from branches.naming.reference_points import Pin
+    from branches.naming.reference_points import ReferencePoint
     from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
 __all__ = ["EVENTS", "Atlas", "Bound", "Curve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
 
-_NO_PINS: Mapping[str, Pin] = MappingProxyType({})
+_NO_PINS: Mapping[str, ReferencePoint] = MappingProxyType({})
 
 COLUMNS = ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable")
 """Columns of numbers of a family, besides `velocities` and `label`; named as in the files of a branch."""
@@ -152,7 +152,7 @@ def atlas_of(
     system: ImpactSystem,
     branches: Iterable[Branch],
     *,
-    pinned: Mapping[str, Pin] = _NO_PINS,
+    pinned: Mapping[str, ReferencePoint] = _NO_PINS,
     manifold: Manifold | None = None,
     impulsive: ImpulsiveOrbits | None = None,
     bounds: Sequence[Bound] = (),
@@ -279,7 +279,7 @@ def _between(branch: Branch, i: int, energy: float) -> Orbit | None:
 
 def _column(branch: Branch, piece: Sequence[_Row], name: str) -> np.ndarray:
     column: Any = branch.points[name]
-    values = [column[i] if orbit is None else orbit.described.columns[name][0] for i, orbit in piece]
+    values = [column[i] if orbit is None else orbit.columns[name][0] for i, orbit in piece]
     return np.array(values, dtype=None if column.dtype.kind == "U" else column.dtype)  # a label may be longer than all that are kept
 
 

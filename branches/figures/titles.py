@@ -12,12 +12,12 @@ import numpy as np
 
 from branches.naming.label import Label
 from branches.naming.labels import matches, parse, parse_name
-from branches.naming.reference_points import PIN_TOLERANCE, Track, fits_otherwise, nearest_crossing, reaches
+from branches.naming.reference_points import REFERENCE_TOLERANCE, Track, fits_otherwise, nearest_crossing, reaches
 from branches.sequences import PERIODIC
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.naming.reference_points import Pin
+    from branches.naming.reference_points import ReferencePoint
 
 __all__ = ["PinnedName", "pinned_names"]
 
@@ -142,7 +142,7 @@ class PinnedName(NamedTuple):
         return mine
 
 
-def pinned_names(branches: Iterable[Branch], pins: Mapping[str, Pin]) -> dict[str, list[PinnedName]]:
+def pinned_names(branches: Iterable[Branch], pins: Mapping[str, ReferencePoint]) -> dict[str, list[PinnedName]]:
     """The pinned names of families, by their ids.
 
     A pin with energy and quarter period is for the one family that has the orbit: of those with the label, or else of those that have
@@ -181,10 +181,10 @@ class _Family(NamedTuple):
         return cls(branch, (float(h.min()), float(h.max())), (float(alpha.min()), float(alpha.max())), labels)
 
     def reaches(self, h: float | None, alpha: float | None) -> bool:
-        """Whether an orbit at a pin can be on it; its quarter period is known to `PIN_TOLERANCE`."""
+        """Whether an orbit at a pin can be on it; its quarter period is known to `REFERENCE_TOLERANCE`."""
         if h is not None and not reaches(self.h, h):
             return False
-        slack = 0.0 if h is None else PIN_TOLERANCE
+        slack = 0.0 if h is None else REFERENCE_TOLERANCE
         return alpha is None or reaches((self.alpha[0] / (1.0 + slack), self.alpha[1] / (1.0 - slack)), alpha)
 
     def track(self) -> Track:

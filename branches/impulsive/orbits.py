@@ -20,9 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.family import label_text
 from branches.impulsive.motions import ImpulsiveMotions, Traces
-from branches.orbit import Orbit
+from branches.orbit import Orbit, label_text
 from branches.search.orbits import OrbitSearch, Unpolished, is_complete, objection
 from branches.search.starts import Segment
 from bvp.checks import checked_energy_range

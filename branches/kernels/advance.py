@@ -1,6 +1,6 @@
 """Many plain steps along a family in one compiled call, n = 2: predict, correct, look, judge, measure, choose the next step.
 
-The duties are those of `continuation.problem.Advance`; the judgement is that of `continuation.control` and `branches.markers`, compiled.
+The duties are those of `continuation.problem.Advance`. The judgement is that of `continuation.control` and `event_functions`, compiled.
 """
 
 import math
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from branches.markers import common_tests, is_orbit, two_dof_tests
+from branches.kernels.event_functions import common_tests, is_orbit, two_dof_tests
 from bvp.kernels.compiled import call_at, kernel, part
 from bvp.kernels.flight import set_1
 from bvp.kernels.multipoint import CONTRACTION, CONVERGED, SLOPE, TURN

@@ -12,13 +12,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from branches.naming.labels import Label, Name, matches, parse, parse_name
-from branches.naming.reference_points import PIN_TOLERANCE, AmbiguousName, NameNotFound, fits_otherwise, note, pin_of, why_a_cover
-from branches.naming.search import LEVELS, Limits, Search, find_by_id, passes, search_bounds
+from branches.naming.reference_points import (
+    REFERENCE_TOLERANCE,
+    AmbiguousName,
+    NameNotFound,
+    fits_otherwise,
+    note,
+    reference_point_of,
+    why_a_cover,
+)
+from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, search_bounds
 from branches.search.discovery import discover
 from branches.search.orbits import Found, accept, from_other_end
 from branches.search.starts import require_conservative
-from branches.tracing import Courses, TraceError, check_energy
+from branches.tracing import SETTINGS, TraceError, check_energy, follow_family, report
 from bvp.closures import EndsError, parse_end
 from bvp.shown import shown
 
@@ -26,10 +36,13 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["AmbiguousName", "Limits", "NameNotFound", "from_other_end", "passes", "resolve", "search_bounds", "trace_named"]
+__all__ = ["resolve", "trace_named"]
 
-OPTIONS = ("points", "direction", "stop_at", "stop_when", "on_event", "on_end", "on_point", "settings")
-"""Options of `follow_family` that a named family may be traced with."""
+CALLBACKS = ("on_event", "on_end", "on_point")
+"""Options of `follow_family` that do not change how a family is followed."""
+
+DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": None, "settings": SETTINGS}
+"""Options of `follow_family` that do, and their values where they are not given."""
 
 _ROUNDING = 1e-13
 """Part of an energy by which a start that was solved for a bound of the range may lie outside of it."""
@@ -42,10 +55,10 @@ def resolve(
     text: str,
     system: ImpactSystem,
     *,
-    pins: Mapping[str, Mapping[str, float]],
+    reference_points: Mapping[str, Mapping[str, float]],
     limits: Limits,
     energy: tuple[float, float],
-    courses: Courses | None = None,
+    followed: Followed | None = None,
 ) -> tuple[Found, Branch]:
     """An orbit of the one family that a name stands for, and the family as the search followed it.
 
@@ -53,12 +66,12 @@ def resolve(
     ----------
     text : str
     system : ImpactSystem
-    pins : mapping of bare names to {"h", "alpha"}
+    reference_points : mapping of bare names to {"h", "alpha"}
     limits : Limits
     energy : (float, float)
         The range in which the family will be followed; the search is kept to it.
-    courses : Courses, optional
-        Where what the search follows is kept.
+    followed : Followed, optional
+        Families that are known; those that the search follows are added.
 
     Raises
     ------
@@ -66,13 +79,13 @@ def resolve(
     ValueError
         For a system on which names cannot be searched.
     """
-    courses = Courses() if courses is None else courses
+    followed = {} if followed is None else followed
     require_conservative(system, "families of periodic orbits")
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(why_a_cover(name.label, lambda root: True) or _linear_mode(system, name.label))
     if name.family is not None and not name.family.startswith("origin"):
-        found_orbit, branch = find_by_id(system, name, limits, energy, courses)
+        found_orbit, branch = find_by_id(system, name, limits, energy, followed)
         chosen = _select(name, [(found_orbit, branch)])
         if not chosen:
             raise NameNotFound(_elsewhere(name, [(found_orbit, branch)]))
@@ -81,21 +94,22 @@ def resolve(
         parse_end(system, "origin")
     except EndsError as error:
         raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
-    search = Search(system, name, limits, energy, courses)
+    search = Search(system, name, limits, energy, followed)
     if name.label is not None and not _has_labels(system):
         raise NameNotFound(
             f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
             "expected absorber and primary (in a scene NES and LO under [coordinates])"
         )
-    pin = pin_of(text, name.label, pins) if name.h is None and name.alpha is None else None
-    families = _at_pin(search, name.label, pin) if pin is not None and name.label is not None else []
+    point = reference_point_of(text, name.label, reference_points) if name.h is None and name.alpha is None else None
+    families = _at_reference_point(search, name.label, point) if point is not None and name.label is not None else []
     families = families or search.families(search.run(LEVELS)) or _passing(search, energy)
     found_without = families
     families = _select(name, families)
     if not families:
         raise NameNotFound(_elsewhere(name, found_without) if found_without else search.nothing())
-    if len(families) > 1 and pin is not None:
-        families = _with_number(families, pin) or families
+    if len(families) > 1 and point is not None and len(point) == 1:
+        where = {"energy": point["h"]} if "h" in point else {"alpha": point["alpha"]}
+        families = [(found, branch) for found, branch in families if branch.orbits_at(**where)] or families
     if len(families) > 1:
         listed = " ".join(f"{text.split('@')[0]}@h={f.h:.6g},alpha={f.alpha:.6g}" for f, _ in families)
         raise AmbiguousName(f"{text} is {len(families)} families; expected one of {listed}")
@@ -106,7 +120,7 @@ def trace_named(
     name: str,
     system: ImpactSystem,
     *,
-    pins: Mapping[str, Mapping[str, float]] | None = None,
+    reference_points: Mapping[str, Mapping[str, float]] | None = None,
     bounds: Mapping[str, Any] | None = None,
     energy: tuple[float, float] | None = None,
     on_start: Callable[[str], object] | None = None,
@@ -119,14 +133,14 @@ def trace_named(
     name : str
         ``LABEL[@h=..][,alpha=..]`` or a family's id.
     system : ImpactSystem
-    pins : mapping of str to {"h", "alpha"}
-        Bare names that stand for the family through a cited orbit; used only to choose among orbits that a search finds.
+    reference_points : mapping of str to {"h", "alpha"}
+        Orbits that are cited for bare names. They choose among the orbits that a search finds.
     bounds : mapping
         ``energy`` (lo, hi), ``quarter_period``, ``impacts`` (in the half period): where names are searched.
     energy : (float, float), optional
         Where the family is followed; by default the bounds' energy.
     on_start : callable, optional
-        Called with a line that tells what was found.
+        Called with a line about the orbit that was found.
     **options
         As for `branches.tracing.follow_family`.
 
@@ -148,31 +162,36 @@ def trace_named(
     >>> [(event.type, round(event.h, 10)) for event in branch.events if event.type == "SN"]
     [('SN', 0.06911645)]
     """
+    known = (*DEFAULTS, *CALLBACKS)
     for option in options:
-        if option not in OPTIONS:
-            near = difflib.get_close_matches(option, OPTIONS, n=1) or OPTIONS
+        if option not in known:
+            near = difflib.get_close_matches(option, known, n=1) or known
             raise TypeError(f"unknown option {option!r}; expected {', '.join(near)}")
-    for what, value in (("pins", pins), ("bounds", bounds)):
+    for what, value in (("reference_points", reference_points), ("bounds", bounds)):
         if value is not None and not isinstance(value, Mapping):
             raise TypeError(f"{what} = {shown(value)}: expected a mapping")
     limits = search_bounds(bounds)
     energy = check_energy(energy if energy is not None else limits.energy)
-    courses = Courses()
-    found, branch = resolve(name, system, pins=pins or {}, limits=limits, energy=energy, courses=courses)
+    followed: Followed = {}
+    found, branch = resolve(name, system, reference_points=reference_points or {}, limits=limits, energy=energy, followed=followed)
     if not energy[0] * (1.0 - _ROUNDING) <= found.h <= energy[1] * (1.0 + _ROUNDING):
         raise TraceError(
             f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}; expected a range with it inside"
         )
     if on_start is not None:
         problem = found.problem
-        said = note(parse_name(name).label, found.label)
+        remark = note(parse_name(name).label, found.label)
         on_start(
             f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, "
             f"sequence {''.join(problem.sequence) or '(no inner impact)'}, "
-            f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}{said and '; ' + said}"
+            f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}{remark and '; ' + remark}"
         )
     rising = bool(branch.points["h"][0] <= branch.points["h"][-1])
-    return courses.follow(found.problem, found.solution.y, energy=energy, rising=rising, **options)
+    plain = all(options.get(option, default) == default for option, default in DEFAULTS.items())
+    if plain and rising and branch.energy == energy and np.array_equal(followed[branch].solution.y, found.solution.y):
+        return report(branch, **{option: options[option] for option in CALLBACKS if option in options})
+    cut = follow_family(found.problem, found.solution.y, energy=energy, rising=rising, **options)
+    return cut.known_within(branch) if branch.energy[0] <= energy[0] and energy[1] <= branch.energy[1] else cut
 
 
 def _has_labels(system: ImpactSystem) -> bool:
@@ -200,11 +219,11 @@ def _passing(search: Search, energy: tuple[float, float]) -> list[tuple[Found, B
     system, name, limits = search.system, search.name, search.limits
     if name.h is not None:
         beyond = (min(limits.energy[0], 0.9 * name.h), max(limits.energy[1], 1.1 * name.h))
-        anywhere = Search(system, replace(name, h=None), limits, beyond, search.courses)
+        anywhere = Search(system, replace(name, h=None), limits, beyond, search.followed)
         return anywhere.families(anywhere.run(LEVELS[:1]))
     if not 0.0 < low < high < math.inf or (low <= limits.energy[0] and high >= limits.energy[1]):
         return []
-    wide = Search(system, name, limits, limits.energy, search.courses)
+    wide = Search(system, name, limits, limits.energy, search.followed)
     return _inside(wide.families(wide.run(LEVELS[:1])), energy, wide.fits)
 
 
@@ -239,8 +258,9 @@ def _select(name: Name, families: list[tuple[Found, Branch]]) -> list[tuple[Foun
             continue
         distances = [abs(orbit.alpha / name.alpha - 1.0) if name.h is not None and name.alpha is not None else 0.0 for orbit in orbits]
         distance, orbit = min(zip(distances, orbits, strict=True), key=lambda pair: pair[0])
-        if distance < PIN_TOLERANCE:
-            chosen.append((distance, Found(orbit.problem, orbit.solution, found.label), branch))
+        if distance < REFERENCE_TOLERANCE:
+            same = np.allclose(orbit.solution.y, found.solution.y, rtol=1e-12, atol=1e-14)  # then the family starts at this orbit
+            chosen.append((distance, found if same else Found(orbit.problem, orbit.solution, found.label), branch))
     if name.h is not None and name.alpha is not None and chosen:
         best = min(distance for distance, _, _ in chosen)
         chosen = [item for item in chosen if item[0] <= best + 1e-9]
@@ -262,28 +282,21 @@ def _elsewhere(name: Name, families: list[tuple[Found, Branch]]) -> str:
     return f"{text}; followed over {key} = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in sorted(ranges)[:5])
 
 
-def _with_number(families: list[tuple[Found, Branch]], pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
-    """The families at the energy, or with the quarter period, of a pin that has only one of the two."""
-    if "h" in pin and "alpha" in pin:
+def _at_reference_point(search: Search, label: Label, point: Mapping[str, float]) -> list[tuple[Found, Branch]]:
+    """The family through the orbit that a reference point with two numbers chooses, with an orbit in the range of energies.
+
+    Orbits with the label come first, then those that have its impacts with other half-waves.
+    """
+    if "h" not in point or "alpha" not in point:
         return []
-    where = {"energy": pin["h"]} if "h" in pin else {"alpha": pin["alpha"]}
-    return [(found, branch) for found, branch in families if branch.orbits_at(**where)]
-
-
-def _at_pin(search: Search, label: Label, pin: Mapping[str, float]) -> list[tuple[Found, Branch]]:
-    """The family through the orbit that a pin with two numbers chooses, among all at its energy, with an orbit in the range of energies.
-
-    Those with the label come first, then those that have its impacts with other half-waves."""
-    if "h" not in pin or "alpha" not in pin:
-        return []
-    longest = min(search.limits.quarter_period, (1.0 + PIN_TOLERANCE) * pin["alpha"])
+    longest = min(search.limits.quarter_period, (1.0 + REFERENCE_TOLERANCE) * point["alpha"])
     most = search.limits.impacts
     if label.p is not None and label.q is not None:
         most = label.p + label.q + (label.parity == "O")
-    orbits = discover(search.system, pin["h"], quarter_period=longest, impacts=most).orbits
-    near = [(abs(orbit.alpha / pin["alpha"] - 1.0), orbit) for orbit in orbits if orbit.label]
+    orbits = discover(search.system, point["h"], quarter_period=longest, impacts=most).orbits
+    near = [(abs(orbit.alpha / point["alpha"] - 1.0), orbit) for orbit in orbits if orbit.label]
     for fits in (matches, fits_otherwise):
-        fitting = [(distance, orbit) for distance, orbit in near if distance < PIN_TOLERANCE and fits(label, parse(orbit.label))]
+        fitting = [(distance, orbit) for distance, orbit in near if distance < REFERENCE_TOLERANCE and fits(label, parse(orbit.label))]
         if not fitting:
             continue
         _, orbit = min(fitting, key=lambda item: item[0])

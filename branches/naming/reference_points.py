@@ -16,18 +16,18 @@ __all__ = [
     "AmbiguousName",
     "Crossing",
     "NameNotFound",
-    "PIN_TOLERANCE",
+    "REFERENCE_TOLERANCE",
     "Track",
     "crossings",
     "fits_otherwise",
     "nearest_crossing",
     "note",
-    "pin_of",
+    "reference_point_of",
     "reaches",
     "why_a_cover",
 ]
 
-PIN_TOLERANCE = 0.02
+REFERENCE_TOLERANCE = 0.02
 """How far, relatively, the quarter period of a chosen family may be from its pin at the pin's energy."""
 
 
@@ -55,10 +55,10 @@ def why_a_cover(label: Label, exists: Callable[[Label], bool]) -> str:
     return ""
 
 
-Pin = Mapping[str, float]
+ReferencePoint = Mapping[str, float]
 
 
-def pin_of(text: str, label: Label | None, pins: Mapping[str, Pin]) -> Pin | None:
+def reference_point_of(text: str, label: Label | None, pins: Mapping[str, ReferencePoint]) -> ReferencePoint | None:
     """The pin of a bare name: of its text, or of an equivalent label; for a label that lacks nothing but its sign, that of the one sign
     that has a pin.
 
@@ -66,7 +66,7 @@ def pin_of(text: str, label: Label | None, pins: Mapping[str, Pin]) -> Pin | Non
     --------
     >>> from branches.naming.labels import parse
     >>> pins = {"U8344-": {"h": 1.2, "alpha": 4.89}, "U8353-": {"h": 1.9, "alpha": 4.91}}
-    >>> pin_of("U8344", parse("U8344"), pins), pin_of("U8335-", parse("U8335-"), pins)
+    >>> reference_point_of("U8344", parse("U8344"), pins), reference_point_of("U8335-", parse("U8335-"), pins)
     ({'h': 1.2, 'alpha': 4.89}, {'h': 1.9, 'alpha': 4.91})
     """
     if text in pins or label is None:
@@ -141,7 +141,7 @@ def nearest_crossing(
     track: Track, h: float | None, alpha: float | None, fits: Callable[[str], bool] | None = None
 ) -> tuple[float, Crossing] | None:
     """The orbit at an energy, a quarter period, or an energy with the quarter period nearest to one: how far that is off, relatively, and
-    the orbit; None where there is none, or none within `PIN_TOLERANCE`.
+    the orbit; None where there is none, or none within `REFERENCE_TOLERANCE`.
 
     Raises
     ------
@@ -153,6 +153,6 @@ def nearest_crossing(
     best: tuple[float, Crossing] | None = None
     for crossing in crossings(track, 1, alpha, fits) if h is None and alpha is not None else crossings(track, 0, h or 0.0, fits):
         miss = abs(crossing[1] / alpha - 1.0) if h is not None and alpha is not None else 0.0
-        if miss < (best[0] if best else PIN_TOLERANCE):
+        if miss < (best[0] if best else REFERENCE_TOLERANCE):
             best = (miss, crossing)
     return best

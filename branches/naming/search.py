@@ -11,13 +11,13 @@ import numpy as np
 
 from branches.identity import same_orbit
 from branches.naming.labels import Label, Name, canonical_label, matches, nearest, nearest_labels, parse
-from branches.naming.reference_points import PIN_TOLERANCE, NameNotFound, why_a_cover
+from branches.naming.reference_points import REFERENCE_TOLERANCE, NameNotFound, why_a_cover
 from branches.search.discovery import LONGEST, discover, fastest_turn
 from branches.search.orbits import Found, OrbitSearch, Problems, from_other_end
 from branches.search.sampling import Sampler, half_turn
 from branches.search.starts import require_two_dof
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
-from branches.tracing import HIGHEST, Courses
+from branches.tracing import HIGHEST, follow_family
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -28,6 +28,10 @@ __all__ = ["LEVELS", "Limits", "Search", "find_by_id", "least_energy", "passes",
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 """Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
 inner impact up to four (at least one). Each level is finer; the search ends at the first that finds the name."""
+
+
+Followed = dict["Branch", Found]
+"""The families that searches followed, each with the orbit that it was followed from: no family is followed twice."""
 
 
 @dataclass(frozen=True)
@@ -56,36 +60,43 @@ def search_bounds(bounds: Mapping[str, Any] | None) -> Limits:
 
 
 class Search:
-    """One search for a name over energies, coarse first."""
+    """One search for a name over energies, coarse first.
 
-    def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], courses: Courses):
+    Parameters
+    ----------
+    system : ImpactSystem
+    name : Name
+    limits : Limits
+    energy : (float, float)
+        The range that is searched.
+    followed : Followed
+        Families that are known; those that the search follows are added.
+    """
+
+    def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed):
         self.name = name
         self.limits = limits
-        self.courses = courses
-        # What is asked for is searched, also where it goes beyond the limits; above HIGHEST orbits are lost in rounding.
+        self.followed = followed
+        # The range may go beyond the limits. Above HIGHEST orbits are lost in rounding.
         top = max(HIGHEST, limits.energy[1])
         self.energy = (name.h, name.h) if name.h is not None else (energy[0], min(energy[1], top) if energy[0] < top else energy[1])
-        self.longest = max(limits.quarter_period, (1.0 + PIN_TOLERANCE) * name.alpha if name.alpha is not None else 0.0)
+        self.longest = max(limits.quarter_period, (1.0 + REFERENCE_TOLERANCE) * name.alpha if name.alpha is not None else 0.0)
         self.range = energy
         self.system = system
-        self.sequence: tuple[str, ...] | None = None
-        self.ends: tuple[str, str] | None = None
-        most = limits.impacts
+        self.canonical: tuple[tuple[str, ...], tuple[str, str]] | None = None
         if name.label is not None:
             label = name.label
-            end = "origin" if label.kind == "U" else {"O": "stop", "E": "rest", None: "stop"}[label.parity]
+            kinds = {"O": ["stop"], "E": ["rest"], None: ["stop", "rest"]}[label.parity] if label.kind == "S" else ["origin"]
             if label.p is not None and label.q is not None:
                 self.impacts = [label.p + label.q if label.kind == "U" else label.p]
-            elif label.kind == "U":
-                self.impacts = list(range(1, most + 1))
             else:
-                self.impacts = list(range(most // 2 + 1))
-            kinds = [end] if label.kind == "U" or label.parity is not None else ["stop", "rest"]
+                self.impacts = list(range(1, limits.impacts + 1) if label.kind == "U" else range(limits.impacts // 2 + 1))
         else:
             assert name.family is not None
-            self.ends, self.sequence, _ = split_family_id(name.family)
-            kinds = ["stop" if self.ends[1].startswith("stop") else self.ends[1]]
-            self.impacts = [len(self.sequence)]
+            ends, sequence, _ = split_family_id(name.family)
+            self.canonical = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)
+            kinds = ["stop" if ends[1].startswith("stop") else ends[1]]
+            self.impacts = [len(sequence)]
         self.samplers = [Sampler(system, kind, self.longest, self.impacts) for kind in kinds]
         self.problems: Problems = {}
         self.seen: dict[str, tuple[float, float]] = {}
@@ -117,7 +128,10 @@ class Search:
         search = OrbitSearch(self.system, self.problems)
         for sampler in self.samplers:
             for orbit in search.sample(sampler, h, half_turn(angles)):
-                if not self.fits(orbit) and self._matches_turned(orbit):
+                label, pattern = orbit.label, self.name.label
+                # Started at its other end, Umnpq is Umnqp.
+                two_starts = label is not None and label.kind == "U" and label.p != label.q
+                if label is not None and pattern is not None and two_starts and not self.fits(orbit) and matches(pattern, label):
                     orbit = from_other_end(orbit)
                 if self.fits(orbit):
                     out.append(orbit)
@@ -126,9 +140,9 @@ class Search:
         return out
 
     def fits(self, orbit: Found) -> bool:
-        if self.sequence is not None and self.ends is not None:
-            same = canonical_sequence(orbit.problem.sequence, orbit.problem.ends, odd_symmetry=self.system.has_odd_symmetry)
-            return same == canonical_sequence(self.sequence, self.ends, odd_symmetry=self.system.has_odd_symmetry)
+        """Whether an orbit has the name, apart from its suffix and the hash of an id."""
+        if self.canonical is not None:
+            return self.canonical == _canonical(orbit)
         label, pattern = orbit.label, self.name.label
         if label is None or pattern is None or not matches(pattern, label):
             return False
@@ -136,42 +150,33 @@ class Search:
             return pattern.p == label.p
         return label.p is None or label.q is None or label.p <= label.q
 
-    def _matches_turned(self, orbit: Found) -> bool:
-        """Whether the orbit has the label when it is started at its other end: Umnpq is Umnqp."""
-        label, pattern = orbit.label, self.name.label
-        return label is not None and pattern is not None and label.kind == "U" and label.p != label.q and matches(pattern, label)
-
     def families(self, found: list[Found]) -> list[tuple[Found, Branch]]:
         """One orbit of each family, and the family traced."""
-        # What a range of energies cuts apart can be one family.
+        # A range of energies can cut one family into several pieces.
         low, high = min(self.range[0], self.limits.energy[0]), max(self.range[1], self.limits.energy[1])
-        out: list[tuple[Found, Branch]] = []
-        followed: list[Branch] = []
+        out: dict[Branch, Found] = {}
         for orbit in found:
-            if any(passes(branch, orbit) for branch in followed):
-                continue
-            branch = self.courses.follow(orbit.problem, orbit.solution.y, energy=(low, high))
-            followed.append(branch)
+            branch = followed_through(self.followed, orbit, (low, high))
             if self.name.family is not None and not branch.has_id(self.name.family):
                 self.others[branch.id] = branch
-                continue
-            out.append((orbit, branch))
-        return out
+            else:
+                out.setdefault(branch, orbit)
+        return [(orbit, branch) for branch, orbit in out.items()]
 
     def nothing(self) -> str:
         """What was searched, and what exists."""
         low, high = self.energy
         where = f"at h = {low:g}" if low == high else f"for h in {low:g}:{high:g}"
-        counts = self.impacts if len(self.impacts) == 1 else f"{self.impacts[0]} to {self.impacts[-1]}"
+        counts = self.impacts[0] if len(self.impacts) == 1 else f"{self.impacts[0]} to {self.impacts[-1]}"
         text = (
             f"no orbit {self.name.label or self.name.family} found {where}, quarter period up to {self.longest:g}, "
-            f"with {counts if isinstance(counts, str) else counts[0]} inner impacts in the solved segment "
+            f"with {counts} inner impacts in the solved segment "
             f"({self.searched[0]} energies, {self.searched[1]} angles)"
         )
         turn = fastest_turn(self.system, self.longest)
         if turn > LONGEST:
             text += (
-                f"; the fastest mode turns by {turn:.4g} rad within half of the longest period, and angles so far apart tell little of "
+                f"; the fastest mode turns by {turn:.4g} rad within half of the longest period, and the angles are too far apart for "
                 f"orbits in which it turns by more than {LONGEST:g}"
             )
         if self.name.family is not None and self.others:
@@ -181,16 +186,16 @@ class Search:
             return f"{text}; with these ends and this sequence there {'is' if len(known) == 1 else 'are'} {', '.join(known[:5])}"
         label = self.name.label
         if label is not None:
-            turned = why_a_cover(label, self._exists)
-            if turned:
-                return turned
+            cover = why_a_cover(label, self._exists)
+            if cover:
+                return cover
         if self.seen and label is not None:
             near = nearest_labels(label, self.seen)
             text += "; nearest that exist: " + ", ".join(f"{k}@h={self.seen[k][0]:.5g},alpha={self.seen[k][1]:.5g}" for k in near)
         return text
 
     def _exists(self, root: Label) -> bool:
-        search = Search(self.system, Name(root, None, None, None), self.limits, self.range, self.courses)
+        search = Search(self.system, Name(root), self.limits, self.range, self.followed)
         step, angles = LEVELS[0]
         return any(search._at(h, angles) for h in search._energies(step))
 
@@ -212,16 +217,30 @@ def least_energy(system: ImpactSystem) -> float:
     return float(0.5 * reach**2 / compliance)
 
 
+def _canonical(orbit: Found) -> tuple[tuple[str, ...], tuple[str, str]]:
+    """The canonical sequence and ends of an orbit."""
+    problem = orbit.problem
+    return canonical_sequence(problem.sequence, problem.ends, odd_symmetry=problem.system.has_odd_symmetry)
+
+
 def passes(branch: Branch, orbit: Found) -> bool:
     """Whether a branch passes through an orbit, in whatever presentation."""
-    odd = branch.system.has_odd_symmetry
     mine, other = branch.problem, orbit.problem
-    if canonical_sequence(mine.sequence, mine.ends, odd_symmetry=odd) != canonical_sequence(other.sequence, other.ends, odd_symmetry=odd):
+    if canonical_sequence(mine.sequence, mine.ends, odd_symmetry=mine.system.has_odd_symmetry) != _canonical(orbit):
         return False
     return any(
         abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7 and same_orbit((mine, candidate.solution.y), (other, orbit.solution.y))
         for candidate in branch.orbits_at(energy=orbit.h)
     )
+
+
+def followed_through(followed: Followed, orbit: Found, energy: tuple[float, float]) -> Branch:
+    """The family through an orbit: one of those that are known, or else followed now and added to them."""
+    known = next((branch for branch in followed if passes(branch, orbit)), None)
+    if known is None:
+        known = follow_family(orbit.problem, orbit.solution.y, energy=energy)
+        followed[known] = orbit
+    return known
 
 
 ROUNDS = 6
@@ -230,7 +249,7 @@ ROUNDS = 6
 KEPT = "expected a catalogue that has it (--catalogue FILE)"
 
 
-def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], courses: Courses) -> tuple[Found, Branch]:
+def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed) -> tuple[Found, Branch]:
     """An orbit of the family with an id, and the family.
 
     Parameters
@@ -242,8 +261,8 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
         Quarter periods and energies that are searched.
     energy : (float, float)
         The range in which the family will be followed.
-    courses : Courses
-        Where what is followed is kept.
+    followed : Followed
+        Families that are known; those that the search follows are added.
 
     Raises
     ------
@@ -262,20 +281,16 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     wanted = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)
     low, high = max(energy[0], 1e-3 * limits.energy[0]), min(energy[1], limits.energy[1] if energy[1] == math.inf else energy[1])
     span = min(low, limits.energy[0]), max(high, limits.energy[1])
-    followed: list[Branch] = []
     for round_ in range(ROUNDS):
         parts = 2 ** (round_ + 1)
         for k in range(1, parts, 2) if name.h is None else (1,):
             h = low * (high / low) ** (k / parts) if name.h is None else name.h
             for orbit in discover(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
                 found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
-                same = canonical_sequence(orbit.problem.sequence, orbit.problem.ends, odd_symmetry=system.has_odd_symmetry) == wanted
-                if not same or any(passes(branch, found) for branch in followed):
-                    continue
-                branch = courses.follow(orbit.problem, orbit.solution.y, energy=span)
-                if branch.has_id(name.family):
-                    return found, branch
-                followed.append(branch)
+                if _canonical(found) == wanted:
+                    branch = followed_through(followed, found, span)
+                    if branch.has_id(name.family):
+                        return found, branch
         if name.h is not None:
             break
     there = ", ".join(list(dict.fromkeys(branch.id for branch in followed))[:5])

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.family import label_at
 from branches.identity import cover_of, same_segment
 from branches.naming.labels import ImpossibleLabelError, Label
+from branches.orbit import label_at
 from branches.search.intervals import SAME_START, Limits, Opening, segments
 from branches.search.sampling import Sampler
 from branches.search.starts import Segment

@@ -3,7 +3,8 @@
 from functools import cache
 
 import saltus
-from branches.naming.families import resolve, search_bounds
+from branches.naming.families import resolve
+from branches.naming.search import search_bounds
 from branches.orbit import Orbit
 from branches.tracing import follow_family
 
@@ -40,7 +41,7 @@ NAMES = {
 @cache
 def found(name):
     """The orbit that a name resolves to in the shipped scene."""
-    orbit, _ = resolve(name, SYSTEM, pins=SCENE.pins, limits=search_bounds(SCENE.bounds), energy=SCENE.energy)
+    orbit, _ = resolve(name, SYSTEM, reference_points=SCENE.pins, limits=search_bounds(SCENE.bounds), energy=SCENE.energy)
     return orbit
 
 

@@ -10,9 +10,8 @@ import pytest
 
 import saltus
 from branches import between_events
-from branches.between_events import Barrier, decide_between, stability_events
-from branches.missed import missed_events
-from branches.stability import describe
+from branches.between_events import Barrier, decide_between, missed_events, stability_events
+from branches.orbit import orbit_columns
 from branches.tracing import follow_family
 from bvp.multipoint import MultipointProblem
 from tests.branches.many_digits import ManyDigits
@@ -54,7 +53,7 @@ def branch_of(name):
 
 def in_double_precision(branch):
     """Stability of each point by itself."""
-    return describe(branch.problem, [branch.orbit(i).solution for i in range(len(branch))]).columns["stable"]
+    return orbit_columns(branch.problem, [branch.orbit(i).solution for i in range(len(branch))])["stable"]
 
 
 @pytest.mark.parametrize("name", ["U8344-", "U(15)578-", "U4122-", "S73O33-", *MIDDLE])

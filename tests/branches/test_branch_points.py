@@ -8,7 +8,7 @@ import pytest
 
 import saltus
 from branches.family import Family
-from branches.identity import symmetries
+from branches.presentation import symmetries
 from branches.switching import _crossing, emanating_families, switch
 from branches.tracing import follow_family
 from bvp.closures import cycle_of

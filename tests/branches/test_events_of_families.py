@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from branches.missed import missed_events
+from branches.between_events import missed_events
 from branches.naming.families import trace_named
 from branches.switching import emanating_families
 from branches.tracing import SETTINGS, follow_family

@@ -42,7 +42,7 @@ def test_two_sides_of_a_fold_below_the_range_are_one_family():
 def test_a_pin_with_one_number_chooses_or_leaves_the_name_ambiguous(pin):
     """Two families are named S73O33-; whatever one number decides, it is said in words."""
     try:
-        branch = trace_named("S73O33-", SYSTEM, energy=(0.05, 200.0), pins={"S73O33-": pin})
+        branch = trace_named("S73O33-", SYSTEM, energy=(0.05, 200.0), reference_points={"S73O33-": pin})
     except ValueError as error:
         assert "families; expected one of S73O33-@h=" in str(error)
     else:
@@ -85,7 +85,7 @@ def test_a_saved_branch_whose_word_was_changed_is_refused():
 
 def test_every_orbit_of_a_branch_can_be_had_also_at_its_branch_points():
     """Each point, asked for again, has the energy that was saved."""
-    branch = trace_named("S73O33-", SYSTEM, energy=(0.5, 8.0), pins={"S73O33-": {"h": 7.3348, "alpha": 1.6459}})
+    branch = trace_named("S73O33-", SYSTEM, energy=(0.5, 8.0), reference_points={"S73O33-": {"h": 7.3348, "alpha": 1.6459}})
     for event in branch.events:
         assert np.isclose(branch.orbit(event.point).h, event.h, rtol=1e-9)
 

@@ -12,8 +12,8 @@ import pytest
 
 import saltus
 from branches.full_family import energy_scale
-from branches.identity import BORDER, Mark, canonical_orbit, cover_of, digests, mark_of, same_orbit, symmetries
-from branches.presentation import embed, solved
+from branches.identity import BORDER, FamilyMark, canonical_orbit, cover_of, digests, mark_of, same_orbit
+from branches.presentation import embed, solved, symmetries
 from branches.sequences import PERIODIC, canonical_sequence, exchange, mirror, mirror_ends
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
@@ -176,17 +176,17 @@ def test_numbers_near_a_border_of_rounding_have_both_hashes():
     """Oracle: runs whose numbers differ across a border have a hash in common, and each accepts the other's first."""
     border = 0.1234565
     for distance in (1e-15, 1e-12, 0.5e-9):
-        low, high = (Mark("GR", border * (1.0 + sign * distance), 1.7, 2.5) for sign in (-1, 1))
+        low, high = (FamilyMark("GR", border * (1.0 + sign * distance), 1.7, 2.5) for sign in (-1, 1))
         mine, theirs = digests([low]), digests([high])
         assert mine[0] != theirs[0] and mine[0] in theirs and theirs[0] in mine
-    assert len(digests([Mark("GR", border * (1.0 + 3.0 * BORDER), 1.7, 2.5)])) == 1
+    assert len(digests([FamilyMark("GR", border * (1.0 + 3.0 * BORDER), 1.7, 2.5)])) == 1
     text = "GR:1.23457e-01:1.70000e+00:2.50000e+00"
-    assert digests([Mark("GR", 0.1234567, 1.7, 2.5)]) == (hashlib.sha256(text.encode()).hexdigest()[:8],)
+    assert digests([FamilyMark("GR", 0.1234567, 1.7, 2.5)]) == (hashlib.sha256(text.encode()).hexdigest()[:8],)
 
 
 def test_ends_that_tie_all_name_the_family():
     """Oracle: two marks equal within their error: the ids of both are accepted, whichever comes first."""
-    a, b = Mark("GR", 0.3, 1.7, 2.5), Mark("GR", 0.3 * (1 + 1e-12), 1.7, 2.6)
+    a, b = FamilyMark("GR", 0.3, 1.7, 2.5), FamilyMark("GR", 0.3 * (1 + 1e-12), 1.7, 2.6)
     assert set(digests([a, b])) == set(digests([b, a])) and len(digests([a, b])) == 2
 
 

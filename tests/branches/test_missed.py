@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.missed import missed_events
+from branches.between_events import missed_events
 from bvp.stability import roundings
 from tests.branches.paper_names import family
 

@@ -6,7 +6,7 @@ Oracles: the equivalences of labels (p and q exchanged, short names), and what i
 import pytest
 
 from branches.naming.labels import parse
-from branches.naming.reference_points import fits_otherwise, note, pin_of
+from branches.naming.reference_points import fits_otherwise, note, reference_point_of
 
 PINS = {name: {"h": float(i + 1), "alpha": 1.0} for i, name in enumerate(["U8353-", "S13+", "U21+", "U21-", "S73O33-", "U2201+", "U2201-"])}
 
@@ -30,15 +30,15 @@ PINS = {name: {"h": float(i + 1), "alpha": 1.0} for i, name in enumerate(["U8353
 )
 def test_pin_of(name, of):
     """Oracle: equivalent labels, and those that lack nothing but a sign that is not in doubt."""
-    assert pin_of(name, parse(name), PINS) == PINS.get(of)
+    assert reference_point_of(name, parse(name), PINS) == PINS.get(of)
 
 
 def test_an_id_has_its_own_pin_only():
     """Oracle: the text."""
     name = "origin-stop+:-:0123abcd"
-    assert pin_of(name, None, PINS) is None
-    assert pin_of(name, None, {**PINS, name: {"h": 2.0}}) == {"h": 2.0}
-    assert pin_of("U8353-", parse("U8353-"), {name: {"h": 2.0}}) is None
+    assert reference_point_of(name, None, PINS) is None
+    assert reference_point_of(name, None, {**PINS, name: {"h": 2.0}}) == {"h": 2.0}
+    assert reference_point_of("U8353-", parse("U8353-"), {name: {"h": 2.0}}) is None
 
 
 @pytest.mark.parametrize(

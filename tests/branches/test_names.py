@@ -9,7 +9,9 @@ import re
 import pytest
 
 import saltus
-from branches.naming.families import AmbiguousName, Limits, NameNotFound, passes, resolve, search_bounds
+from branches.naming.families import resolve
+from branches.naming.reference_points import AmbiguousName, NameNotFound
+from branches.naming.search import Limits, passes, search_bounds
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.traced import traced
 
@@ -17,7 +19,7 @@ SYSTEM = vibro_impact_nes()
 
 
 def found(text, energy=(0.05, 1e4), pins=None, system=SYSTEM, limits=None):
-    return resolve(text, system, pins=pins or {}, limits=limits or Limits(), energy=energy)
+    return resolve(text, system, reference_points=pins or {}, limits=limits or Limits(), energy=energy)
 
 
 def test_short_names_are_the_backbones():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.finished import event_of
+from branches.tracing import record_of_event
 from continuation.problem import Event
 from tests.branches.traced import traced
 
@@ -50,7 +50,7 @@ def test_a_wide_bracket_is_explained(kind, words):
     branch = traced("S13O00+")
     details = {"label": "S13O00+", "half_waves": 1, "note": "branch point", "kind": kind, "reason": "a shorter step does not converge"}
     event = Event("BP", 1, "bracketed", 1.0, (0.998, 1.0005), 0.1, branch.orbit(3).solution, 3, False, details)
-    made = event_of(event, "BP1", 3, 3, branch.points, 3, backward=False)
+    made = record_of_event(event, "BP1", 3, 3, branch.points, 3, backward=False)
     assert made.note.startswith("branch point; only bracketed, in 2.5e-03 of arclength: ") and words in made.note
     located = Event("BP", 1, "located", 1.0, (1.0, 1.0), 0.1, branch.orbit(3).solution, 3, False, details)
-    assert event_of(located, "BP1", 3, 3, branch.points, 3, backward=False).note == "branch point"
+    assert record_of_event(located, "BP1", 3, 3, branch.points, 3, backward=False).note == "branch point"

@@ -1,16 +1,17 @@
 """Runs that are stuck beside branch points: the longest of several, and families of which one side is the image of the other."""
 
+import numpy as np
 import pytest
 
 import saltus
 from branches.building.work import _followed, is_half
 from branches.catalogue.members import kept_orbit, unknowns_of
-from branches.identity import first_of, presentations, symmetries
-from branches.passing import PARTS, has_jumped, longest
-from branches.presentation import embed
+from branches.full_family import PARTS, Course, has_jumped, longest_course
+from branches.identity import first_of
+from branches.presentation import embed, presentations, symmetries
 from branches.sequences import parse_sequence
 from branches.switching import emanating_families
-from branches.tracing import follow_family
+from branches.tracing import SETTINGS, follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
 
@@ -19,14 +20,21 @@ def test_runs_start_elsewhere_until_none_is_stuck():
     """Oracle: the lengths that are given."""
     asked = []
 
-    def again(run, part):
-        asked.append(part)
-        return run + 1.0 if part == PARTS[1] else run - 0.5
+    def longest(stuck, lengths):
+        """The length of the longest of some runs, of which those numbered in `stuck` are stuck."""
+        asked.clear()
 
-    assert longest(1.0, again, lambda run: run < 2.0, lambda run: run) == 2.0
-    assert asked == list(PARTS[:2])
-    assert longest(3.0, again, lambda run: False, lambda run: run) == 3.0 and len(asked) == 2
-    assert longest(0.0, lambda run, part: -1.0, lambda run: True, lambda run: run) == 0.0
+        def follow(start, settings):
+            asked.append(float(start[0]))
+            number = len(asked) - 1
+            # Three points: too few to have gone over to another family.
+            return Course(number, np.array([0.0, 0.5, 1.0]) * lengths[number], lambda i: np.array([0.5 * i]), number in stuck)
+
+        return longest_course(None, follow, np.array([-1.0]), SETTINGS).length
+
+    assert longest({0, 1}, (1.0, 0.5, 2.0)) == 2.0 and len(asked) == 3
+    assert longest(set(), (3.0,)) == 3.0 and asked == [-1.0]
+    assert longest({0, 1, 2, 3}, (2.0, 1.0, 1.0, 1.0)) == 2.0 and len(asked) == 1 + len(PARTS)
 
 
 def test_a_family_beside_its_symmetry_breaking_is_a_half():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.backbone import Backbone
-from branches.stability import describe
+from branches.orbit import orbit_columns
 from bvp.multipliers import saddle_point_multipliers
 from tests.branches.traced import monodromy, spread, traced
 
@@ -23,7 +23,7 @@ def test_stability_of_the_backbone_next_to_its_changes(mu, sigma):
     for apart in (1e-6, 1e-8, 1e-10):
         for side in (-1, 1):
             solution = branch.problem.solve(guess, quarter_period=alpha * (1.0 + side * apart))
-            said = int(describe(branch.problem, [solution]).columns["stable"][0])
+            said = int(orbit_columns(branch.problem, [solution])["stable"][0])
             true = backbone.stable(solution["quarter_period"])
             assert said == int(true), (apart, side)
 
@@ -34,7 +34,7 @@ def test_near_period_multiplication_the_orbit_is_decided():
     doubling = next(event for event in branch.events if event.type == "PD")
     alpha, _ = Backbone().where_tau_half_is(1e-6, doubling.alpha * 0.99, doubling.alpha * 1.01)
     solution = branch.problem.solve(branch.unknowns(doubling.point), quarter_period=alpha)
-    columns = describe(branch.problem, [solution]).columns
+    columns = orbit_columns(branch.problem, [solution])
     assert abs(columns["tau_half"][0] - 1e-6) < 1e-12 and columns["stable"][0] == 1
     assert abs(columns["tau"][0] + 2.0) < 1e-11
 

@@ -8,8 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.orbit import Orbit
-from branches.stability import describe
+from branches.orbit import Orbit, orbit_columns
 from tests.branches.many_digits import ManyDigits
 from tests.branches.paper_names import NAMES, family
 
@@ -57,7 +56,7 @@ def beside_events(branch, count):
             beside = branch.problem.step(at.y, tangent, step)
             # at a branch point an orbit can be off by more than so short a step
             if beside is not None and np.linalg.norm(beside.position - at.position) < 2.0 * abs(step):
-                out.append((Orbit(branch.problem, beside), int(describe(branch.problem, [beside]).columns["stable"][0])))
+                out.append((Orbit(branch.problem, beside), int(orbit_columns(branch.problem, [beside])["stable"][0])))
     return out
 
 
@@ -138,7 +137,7 @@ def test_next_to_a_branch_point_nothing_wrong_is_said(name, mirrored):
         for step in (-distance, distance):
             beside = branch.problem.step(at.y, tangent_at(branch, event.point), step)
             if beside is not None:
-                said.append(int(describe(branch.problem, [beside]).columns["stable"][0]))
+                said.append(int(orbit_columns(branch.problem, [beside])["stable"][0]))
                 cases.append((Orbit(branch.problem, beside), said[-1]))
         assert not (mirrored and {0, 1} <= set(said))
     assert not contradictions(cases)[0]

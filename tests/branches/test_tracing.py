@@ -250,19 +250,22 @@ def test_the_ends_lie_inside_the_range(name, energy, sigma):
 
 
 def test_an_interrupted_run_keeps_what_it_has():
-    """Oracle: the points told before the interruption travel with it, in order of arclength."""
+    """Oracle: the points reported before the interruption travel with it, in order of arclength; after a search, the full branch."""
 
     def interrupt(count):
-        if count == 150:
+        if count >= 150:
             raise KeyboardInterrupt
 
+    full = saltus.trace("S13O00+")
     with pytest.raises(KeyboardInterrupt) as caught:
-        saltus.trace("S13O00+", on_point=interrupt)
+        follow_family(full.problem, full.unknowns(full.start), energy=full.energy, on_point=interrupt)
     kept = caught.value.branch
-    whole = saltus.trace("S13O00+")
     assert 149 <= len(kept) <= 151 and np.all(np.diff(kept.points["arclength"]) > 0.0)
     assert kept.ended[0].reason == "INTERRUPTED"
-    assert set(kept.points["h"].tolist()) <= set(whole.points["h"].tolist())
+    assert np.allclose(kept.points["h"], full.points["h"][full.start - kept.start :][: len(kept)], rtol=1e-10)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        saltus.trace("S13O00+", on_point=interrupt)
+    assert len(caught.value.branch) == len(full) and caught.value.branch.ended == full.ended
 
 
 def test_callbacks_tell_what_the_branch_has():

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import root as solve_equations
 
 import saltus
-from branches.stability import describe
+from branches.orbit import orbit_columns
 from branches.tracing import TraceError, follow_family
 from bvp.forcing import Harmonic
 from bvp.motion import EventKind, MotionStatus
@@ -159,7 +159,7 @@ def test_multipliers_beside_grazing(sign):
     """Closer still they stay right until they are said to be unbounded, below 1e-8 of sqrt(2 h): to 1e-6 at 1e-8."""
     worst = 0.0
     for solution, problem, exact in side(sign):
-        columns = describe(problem, [solution]).columns
+        columns = orbit_columns(problem, [solution])
         speed = abs(float(exact.speed)) / math.sqrt(2.0 * float(exact.energy))
         if speed < 1e-8:
             assert np.isnan(columns["tau"][0]) and columns["stable"][0] == -1 and not columns["reliable"][0]
@@ -194,7 +194,7 @@ def test_collapse_from_the_family_with_more_impacts():
         if power <= 3:
             phi = exact.half_map()
             tau = (2 + 4 * phi[0][1] * phi[1][0]) ** 2 - 2
-            assert abs(describe(branch.problem, [solution]).columns["tau"][0] / tau - 1) < 1e-10
+            assert abs(orbit_columns(branch.problem, [solution])["tau"][0] / tau - 1) < 1e-10
     assert slowest < 5e-11
     return worst
 

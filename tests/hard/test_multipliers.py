@@ -7,8 +7,7 @@ import pytest
 from benchmarks import backbone
 from benchmarks.backbone import Backbone
 from benchmarks.saltation import monodromy, saltation_multipliers
-from branches.orbit import Orbit
-from branches.stability import describe
+from branches.orbit import Orbit, orbit_columns
 from bvp.closures import Cycle, cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.system import vibro_impact_nes
@@ -129,7 +128,7 @@ def test_stability_is_decided_next_to_its_limit():
             for offset in offsets:
                 alpha, _ = backbone_digits.where_tau_half_is(limit + offset, event.alpha * 0.99, event.alpha * 1.01)
                 solution = branch.problem.solve(branch.unknowns(event.point), quarter_period=alpha)
-                columns = describe(branch.problem, [solution]).columns
+                columns = orbit_columns(branch.problem, [solution])
                 exact = backbone_digits.tau_half(solution["quarter_period"])
                 said = int(columns["stable"][0])
                 assert said == int(abs(exact) < 2) or (said == -1 and margin < 1e-11), (name, kind, margin, offset)

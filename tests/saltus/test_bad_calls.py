@@ -287,7 +287,7 @@ def test_what_objects_hand_out_cannot_be_changed(branch, tmp_path):
     twins = branch, pickle.loads(pickle.dumps(branch)), copy.deepcopy(branch)
     arrays = {f"{k}.{name}": values for k, item in enumerate(twins) for name, values in item.points.items()}
     arrays |= {f"orbit.{name}": getattr(orbit, name) for name in ("multipliers", "velocities", "impact_speeds")}
-    arrays |= {f"described.{name}": values for name, values in orbit.described.columns.items()}
+    arrays |= {f"described.{name}": values for name, values in orbit.columns.items()}
     arrays |= {f"solution.{name}": getattr(orbit.solution, name) for name in ("y", "tangent", "position", "ends", "result")}
     arrays |= {"full_family.h": branch.full_family.h, "full_family.alpha": branch.full_family.alpha}
     motion = saltus.simulate(system(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 1.0], 20.0)

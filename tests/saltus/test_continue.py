@@ -380,7 +380,7 @@ def test_unfinished_labels_match_all_that_fit(name):
 
 def test_multipliers_that_are_not_reliable_are_told(monkeypatch):
     """Oracle: the quality of the points; no point is doubtful here, so the limit is lowered for the test."""
-    monkeypatch.setattr("branches.stability.PAIRING_LIMIT", 1e-30)
+    monkeypatch.setattr("branches.orbit.PAIRING_LIMIT", 1e-30)
     code, data, err = told("continue", "S13O00+", "--energy", "0.2:0.3")
     doubtful = sum(not point["quality"]["reliable"] for point in data["points"])
     assert code == 0 and doubtful > 10

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.between_events import DigitWork
 from branches.building.build import build
 from branches.building.plan import Bounds, Plan
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check_catalogue
 from branches.catalogue.database import CatalogueDamaged, CatalogueError, checksum
+from branches.events import DigitWork
 from tests.branches.building.agreement import Families, decided_stability
 from tests.branches.building.meetings import unanswered
 from tests.branches.building.test_frontier import Serial
@@ -109,9 +109,9 @@ def test_stability_is_decided_for_nine_tenths_of_the_points(small_scene):
 
 def test_what_fifty_digits_cost_and_missed_events_are_reported(tmp_path, monkeypatch):
     """Oracle: counts: half a second and one orbit for each family that is followed, and an event that each one lacks."""
-    from branches import finished
+    from branches import tracing
+    from branches.between_events import Missed
     from branches.building import work
-    from branches.missed import Missed
 
     calls = []
 
@@ -123,7 +123,7 @@ def test_what_fifty_digits_cost_and_missed_events_are_reported(tmp_path, monkeyp
         found = Missed(("RT",), (0, 1), (0.1, 0.2), (1.0, 1.1), "between the points 0 and 1")
         return [found, found._replace(hidden=True)]
 
-    monkeypatch.setattr(finished, "decide_between", decided)
+    monkeypatch.setattr(tracing, "decide_between", decided)
     monkeypatch.setattr(work, "missed_events", missed)
     with Catalogue(tmp_path / "counted.sqlite", "a", scene=saltus.load_scene()) as catalogue:
         report = build(catalogue, Plan.within(Bounds((0.06, 0.4), 1.9, 2)), Serial())
