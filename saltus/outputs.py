@@ -133,9 +133,9 @@ class Outputs:
 
     def report(self, lines: Iterable[str]) -> None:
         """Print lines."""
-        stream = self.words
-        for line in lines:
-            print(line, file=stream, flush=True)
+        text = "\n".join(lines)
+        if text:
+            print(text, file=self.words, flush=True)
 
     def finish(self, lines: Iterable[str], record: Callable[[], dict[str, Any]], **options: Any) -> int:
         """Print lines, and write a record as JSON where it is asked for. On standard output the record stands alone.

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TextIO
 
 __all__ = [
@@ -73,7 +74,6 @@ def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]], *, width: in
     kinds = columns.ljust(len(head), "l")[: len(head)]
     sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
     if width is None or sum(sizes) + _GAP * (len(sizes) - 1) <= width:
-        # rich needs most of a millisecond for a row, and a catalogue has thousands.
         pads = [str.rjust if kind == "r" else str.ljust for kind in kinds]
         return [(" " * _GAP).join(pad(cell, size) for pad, cell, size in zip(pads, row, sizes, strict=True)).rstrip() for row in cells]
     lines: list[str] = []
@@ -87,48 +87,35 @@ def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]], *, width: in
 
 
 def _in_columns(cells: list[list[str]], kinds: str, least: list[int], count: int, width: int) -> list[str]:
-    """Lay out a table by rich, with so many columns: the other cells of a row are on further lines, indented."""
-    from rich.console import Console
-    from rich.measure import Measurement
-    from rich.segment import Segment
-    from rich.table import Table
-    from rich.text import Text
-
-    class Cell:
-        """A cell with the gap behind it: padding by rich takes as long as all else."""
-
-        def __init__(self, text: str, kind: str, least: int) -> None:
-            self.text, self.kind, self.least = text, kind, least
-
-        def __rich_measure__(self, console: Any, options: Any) -> Measurement:
-            size = len(self.text)
-            return Measurement(min(size, self.least) + _GAP, size + _GAP)
-
-        def __rich_console__(self, console: Any, options: Any) -> Iterator[Any]:
-            size = options.max_width - _GAP
-            if self.kind == "t" and len(self.text) > size:
-                yield from Text(self.text).__rich_console__(console, options.update_width(size))
-            else:
-                text = with_short_ids(self.text, size) if self.kind == "i" else self.text
-                yield Segment(text.rjust(size) if self.kind == "r" else text)
-
-    for j in range(count, len(kinds), count):
-        cells = [[*row[:j], " " * _GAP + row[j], *row[j + 1 :]] for row in cells]
-        least = [*least[:j], least[j] + _GAP, *least[j + 1 :]]
-    columns = list(zip(*cells, strict=True))
-    table = Table(box=None, show_header=False, pad_edge=False, padding=0)
-    for j in range(count):
-        rigid = all(size == max(map(len, column)) for size, column in zip(least[j::count], columns[j::count], strict=True))
-        table.add_column(min_width=max(least[j::count]) + _GAP, no_wrap=rigid)
+    """Lay out a table with so many columns. The other cells of a row are on further lines, indented."""
+    indent = [_GAP if j >= count else 0 for j in range(len(kinds))]
+    sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    columns = range(count)
+    widths = [max(indent[j] + sizes[j] for j in range(k, len(kinds), count)) for k in columns]
+    floors = [max(indent[j] + least[j] for j in range(k, len(kinds), count)) for k in columns]
+    # The widest column that can give room gives one character at a time.
+    while sum(widths) + _GAP * (count - 1) > width and any(map(operator.gt, widths, floors)):
+        widths[max(columns, key=lambda k: widths[k] if widths[k] > floors[k] else 0)] -= 1
+    lines: list[str] = []
     for row in cells:
-        made = [Cell(*entry) for entry in zip(row, kinds, least, strict=True)]
-        for first in range(0, len(made), count):
-            if first == 0 or "".join(row[first : first + count]).strip():
-                table.add_row(*made[first : first + count])
-    console = Console(width=width + _GAP, color_system=None)
-    with console.capture() as captured:
-        console.print(table, crop=False)
-    return [line.rstrip() for line in captured.get().splitlines()]
+        for first in range(0, len(row), count):
+            lead = " " * indent[first]
+            texts, more = [], []
+            for text, kind, size in zip(row[first : first + count], kinds[first:], widths, strict=False):
+                if len(text) > size - len(lead):
+                    text, *rest = _shortened(text, kind, size - len(lead))
+                    more += [" " * sum(size + _GAP for size in widths[: len(texts)]) + lead + part for part in rest]
+                texts.append((lead + text).ljust(size) if kind != "r" else text.rjust(size))
+            if first == 0 or any(row[first : first + count]):
+                lines += [(" " * _GAP).join(texts).rstrip(), *more]
+    return lines
+
+
+def _shortened(text: str, kind: str, size: int) -> list[str]:
+    """The lines of a cell that is too long: texts wrap, ids are shortened."""
+    if kind == "t":
+        return textwrap.wrap(text, max(1, size), break_on_hyphens=False)
+    return [with_short_ids(text, size) if kind == "i" else text]
 
 
 def short_id(id: str, size: int) -> str:
