@@ -6,9 +6,9 @@ import importlib
 import sys
 from collections.abc import Sequence
 
-from saltus.arguments import OneLineParser
 from saltus.errors import BAD_INPUT, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line
-from saltus.startup import one_thread
+from saltus.options import OneLineParser
+from saltus.processes import one_thread
 
 __all__ = ["TASKS", "main"]
 

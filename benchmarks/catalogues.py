@@ -17,8 +17,8 @@ from benchmarks.report import Table, machine, number, show
 from branches.branch import Branch
 from branches.catalogue import Catalogue, Edge
 from branches.events import Ended
-from saltus.arguments import whole_above_zero
 from saltus.errors import DONE
+from saltus.options import whole_above_zero
 
 __all__ = ["Built", "browse", "browsing_arguments", "build", "building_arguments", "copy_of", "fill_catalogue", "table"]
 

@@ -18,8 +18,8 @@ from benchmarks.peers.nonsmooth_time import (
     why_not,
 )
 from benchmarks.report import Table, show
-from saltus.arguments import positive
 from saltus.errors import DONE, BadInput
+from saltus.options import positive
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.files import write_text
     from branches.naming.labels import parse_name
     from saltus.families import agreed, select
-    from saltus.files import check_writable
+    from saltus.outputs import check_writable
 
     if arguments.json is not None:
         check_writable(arguments.json)

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from saltus import __version__
-from saltus.arguments import SHELLS, OneLineParser, completion_script, joined_values, one_of
 from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line, say
-from saltus.printing import StandardOutput, standard_output
-from saltus.startup import one_thread
+from saltus.options import SHELLS, OneLineParser, completion_script, joined_values
+from saltus.processes import one_thread
+from saltus.terminal import StandardOutput, standard_output
 
 __all__ = ["main", "program"]
 
@@ -114,7 +114,7 @@ def _command(words: list[str]) -> int:
     parser = OneLineParser(prog="saltus", description="Families of periodic orbits of systems that impact.")
     parser.add_argument("-V", "--version", action="version", version=f"saltus {__version__}")
     summary = f"print the completion script of {', '.join(SHELLS)}"
-    parser.add_argument("--print-completion", metavar="SHELL", type=one_of(*SHELLS), help=summary)
+    parser.add_argument("--print-completion", metavar="SHELL", choices=SHELLS, help=summary)
     completing = words[:1] != [] and words[0].partition("=")[0] == "--print-completion"
     asked = None if completing else next((word for word in words if not word.startswith("-")), None)
     if asked is not None and asked not in COMMANDS:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable
 
 from branches.files import WriteFailure, one_line
-from saltus.printing import printable
+from saltus.terminal import printable
 
 __all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say", "say_and_code", "shortened"]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from bvp.checks import require_system
 from bvp.shown import shown
-from saltus import catalogue_arguments
+from saltus import catalogues
 from saltus.errors import BadInput
 from saltus.scene import Scene, load_scene
 
@@ -238,14 +238,14 @@ def agreed(text: str, key: str, said: float | None, option: str, given: float | 
 
 def family_of(name: str, scene: Scene, energy: float | None, arguments: argparse.Namespace) -> Branch:
     """The family as a catalogue has it; else traced over the scene's energies, and past them as far as the energy asked for."""
-    with catalogue_arguments.lookup(name, arguments, scene) as opened:
+    with catalogues.lookup(name, arguments, scene) as opened:
         if opened is not None:
             match = opened.find(name)
             if match.kind != "family":
                 raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
             return opened.branch(match.id)
-    from saltus.progress import ProgressBar
-    from saltus.startup import prepare
+    from saltus.processes import prepare
+    from saltus.terminal import ProgressBar
 
     prepare()
     low, high = scene.energy

@@ -100,11 +100,12 @@ def _in_columns(cells: list[list[str]], kinds: str, least: list[int], count: int
     for row in cells:
         for first in range(0, len(row), count):
             lead = " " * indent[first]
-            texts, more = [], []
+            texts: list[str] = []
+            more: list[str] = []
             for text, kind, size in zip(row[first : first + count], kinds[first:], widths, strict=False):
                 if len(text) > size - len(lead):
                     text, *rest = _shortened(text, kind, size - len(lead))
-                    more += [" " * sum(size + _GAP for size in widths[: len(texts)]) + lead + part for part in rest]
+                    more += [" " * (sum(widths[: len(texts)]) + _GAP * len(texts)) + lead + part for part in rest]
                 texts.append((lead + text).ljust(size) if kind != "r" else text.rjust(size))
             if first == 0 or any(row[first : first + count]):
                 lines += [(" " * _GAP).join(texts).rstrip(), *more]

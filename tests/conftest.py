@@ -5,7 +5,7 @@ import os
 import hypothesis
 import pytest
 
-from saltus.startup import one_thread
+from saltus.processes import one_thread
 
 one_thread()
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -39,7 +39,7 @@ def small_scene(tmp_path_factory):
     from branches.building.build import build
     from branches.building.plan import Bounds, Plan
     from branches.catalogue import Catalogue
-    from saltus.executors import open_executor
+    from saltus.processes import open_executor
 
     path = tmp_path_factory.mktemp("scene") / "small.sqlite"
     with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:

@@ -21,7 +21,7 @@ from benchmarks.speed_error.rows import FULL, QUICK, Effort, RowFile, growth, ta
 from benchmarks.speed_error.tasks import TASKS
 from branches.files import WriteFailure, replacing, write_text
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
-from saltus.files import output_folder
+from saltus.outputs import output_folder
 
 __all__ = ["FILES", "METHODS", "add_arguments", "fill", "measure", "read_results", "run"]
 

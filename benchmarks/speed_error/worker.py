@@ -18,8 +18,7 @@ from typing import Any
 from benchmarks.measure import timed
 from benchmarks.speed_error.methods import Answer, Task, Work
 from saltus.errors import exit_code, one_line
-from saltus.executors import end_with_the_parent
-from saltus.startup import one_thread
+from saltus.processes import end_with_the_parent, one_thread
 
 __all__ = ["Failed", "Timed", "Worker"]
 

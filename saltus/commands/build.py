@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, options, outputs
-from saltus.arguments import energy_range, positive, whole_above_zero
+from saltus import catalogues, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, say
+from saltus.options import energy_range, positive, whole_above_zero
 from saltus.tables import counted
 
 if TYPE_CHECKING:
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from branches.building.build import Progress
     from branches.building.plan import Bounds, Plan
     from bvp.system import ImpactSystem
-    from saltus.progress import ProgressBar
     from saltus.scene import Scene
+    from saltus.terminal import ProgressBar
 
 __all__ = ["add_arguments", "run"]
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: the scene's)")
     parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="processes that work (default: one a core)")
     parser.add_argument("--dask", metavar="ADDRESS", help="work on a Dask cluster in place of processes")
-    catalogue_arguments.add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
+    catalogues.add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
     outputs.add_arguments(parser, "json")
     options.add_scene(parser)
 
@@ -39,12 +39,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code: 1 where something could not be done."""
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
-    place = catalogue_arguments.place_to_save(arguments, scene)
+    place = catalogues.place_to_save(arguments, scene)
 
     from branches.building.plan import Bounds, Plan
     from branches.building.work import ends_of
     from branches.search.discovery import check
-    from saltus.executors import open_executor
+    from saltus.processes import open_executor
 
     complete = scene.complete
     bounds = Bounds(
@@ -65,9 +65,9 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: Plan, execut
     from branches.building.build import build, refuse_other_plan
     from branches.catalogue import Catalogue
     from saltus import __version__
-    from saltus.catalogue_records import impacts_text
-    from saltus.progress import ProgressBar
-    from saltus.startup import prepare
+    from saltus.catalogues import impacts_text
+    from saltus.processes import prepare
+    from saltus.terminal import ProgressBar
 
     bounds = plan.bounds
     provenance = {"saltus": __version__, "built": plan.plain()}

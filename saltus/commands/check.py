@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from saltus import catalogue_arguments, outputs
+from saltus import catalogues, outputs
 from saltus.errors import DONE, FAILED
 from saltus.tables import counted
 
@@ -17,7 +17,7 @@ THINGS = {"families": "family", "points": "point", "events": "event", "edges": "
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("catalogue", nargs="?", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-    catalogue_arguments.add_arguments(parser)
+    catalogues.add_arguments(parser)
     outputs.add_arguments(parser, "json")
 
 
@@ -25,10 +25,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code: 1 where something fails."""
     files = outputs.outputs_of(arguments)
 
-    from saltus.progress import ProgressBar
-    from saltus.startup import prepare
+    from saltus.processes import prepare
+    from saltus.terminal import ProgressBar
 
-    with catalogue_arguments.open_catalogue(arguments) as catalogue:
+    with catalogues.open_catalogue(arguments) as catalogue:
         prepare()
 
         from branches.catalogue.check import check_catalogue

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import Held, held
-from saltus import __version__, catalogue_arguments, options, outputs, tables
-from saltus.arguments import energy_range, one_of, whole_above_zero
+from saltus import __version__, catalogues, options, outputs, tables
 from saltus.errors import DONE, FAILED, INTERRUPTED, exit_code, one_line, say
+from saltus.options import energy_range, whole_above_zero
 
 if TYPE_CHECKING:
     from branches.branch import Branch, Ended
@@ -46,22 +46,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--direction",
         metavar="WAY",
-        type=one_of("up", "down", "both"),
+        choices=("up", "down", "both"),
         default="both",
         help="up: the first step raises h; down: lowers it; both (default); folds are followed either way",
     )
     types = ", ".join(f"{code} {words}" for code, words in EVENT_TYPES.items())
-    parser.add_argument("--stop-at", metavar="TYPE", type=one_of(*EVENT_TYPES), help=f"end at the first event: {types}")
+    parser.add_argument("--stop-at", metavar="TYPE", choices=tuple(EVENT_TYPES), help=f"end at the first event: {types}")
     parser.add_argument(
         "--frequency",
         metavar="AXIS",
-        type=one_of("index", "fundamental"),
+        choices=("index", "fundamental"),
         default="index",
         help="axis of the picture: index (default), m 2 pi/T with m the half-waves of the NES, or fundamental, 2 pi/T",
     )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--save", action="store_true", help="keep the family in a catalogue")
-    catalogue_arguments.add_file(parser, "with --save, the catalogue to keep it in (default: the scene's, in the user's data folder)")
+    catalogues.add_file(parser, "with --save, the catalogue to keep it in (default: the scene's, in the user's data folder)")
     options.add_scene(parser)
 
 
@@ -69,14 +69,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
-    arguments.name = catalogue_arguments.named(arguments.name, arguments, scene)
+    arguments.name = catalogues.named(arguments.name, arguments, scene)
     if arguments.model:
-        from saltus.model import explain
+        from saltus.scene.model import explain
 
         files.report(f"model  {line}" for line in explain(scene.system, arguments.name))
-    place = catalogue_arguments.place_to_save(arguments, scene) if arguments.save else None
+    place = catalogues.place_to_save(arguments, scene) if arguments.save else None
     with held() as interrupt:
-        with interrupt.released(), catalogue_arguments.lookup(arguments.name, arguments, scene) as catalogue:
+        with interrupt.released(), catalogues.lookup(arguments.name, arguments, scene) as catalogue:
             branch, code = _follow(arguments, scene, files, catalogue, interrupt)
         if branch.others:
             files.report([f"cut    {branch.full_family.words()}"])
@@ -94,7 +94,7 @@ def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> 
     from branches.catalogue.widening import CannotWiden
 
     try:
-        words = catalogue_arguments.save_branch(branch, place, scene, __version__)
+        words = catalogues.save_branch(branch, place, scene, __version__)
     except CannotWiden as refused:
         say(one_line(refused))
         return FAILED
@@ -110,8 +110,8 @@ def _follow(
 ) -> tuple[Branch, int]:
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
     from saltus.families import trace
-    from saltus.progress import ProgressBar
-    from saltus.startup import prepare
+    from saltus.processes import prepare
+    from saltus.terminal import ProgressBar
 
     prepare()
     with ProgressBar(arguments.points) as bar:

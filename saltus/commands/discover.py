@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, options, outputs
-from saltus.arguments import positive, whole_above_zero
+from saltus import catalogues, options, outputs
 from saltus.errors import DONE, INTERRUPTED, exit_code, one_line, say
+from saltus.options import positive, whole_above_zero
 from saltus.tables import counted, stability_word, table_lines, terminal_width, wrapped
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="most starts followed (default: a million; fewer where a mode is fast)",
     )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat")
-    catalogue_arguments.add_file(parser, "report which family of this catalogue each orbit lies on")
+    catalogues.add_file(parser, "report which family of this catalogue each orbit lies on")
     options.add_scene(parser)
 
 
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
     if arguments.model:
-        from saltus.model import explain_search
+        from saltus.scene.model import explain_search
 
         files.report(f"model  {line}" for line in explain_search(scene.system))
 
@@ -61,10 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
         within["budget"] = arguments.max_starts
 
     from saltus.families import discover
-    from saltus.progress import ProgressBar
-    from saltus.startup import prepare
+    from saltus.processes import prepare
+    from saltus.terminal import ProgressBar
 
-    with catalogue_arguments.given(arguments, scene) as catalogue:
+    with catalogues.given(arguments, scene) as catalogue:
         prepare(discovery=True)
         with ProgressBar():
             found = discover(scene.system, arguments.energy, catalogue=catalogue, **within)
@@ -84,8 +84,8 @@ def _families(found: Discovery, stream: Any) -> tuple[Sequence[str | None], int]
     """The id of each orbit's family, and the exit code: from the catalogue, else, where an orbit has no label to be named by, from
     following it. Empty where no catalogue is given and all orbits have labels."""
     from branches.tracing import follow_family
-    from saltus.progress import ProgressBar
-    from saltus.startup import prepare
+    from saltus.processes import prepare
+    from saltus.terminal import ProgressBar
 
     families = list(found.families) or [None] * len(found.orbits)
     unnamed = [k for k, orbit in enumerate(found.orbits) if not orbit.label and families[k] is None]
@@ -138,7 +138,7 @@ def summary(found: Discovery) -> list[str]:
     -------
     list of str
     """
-    from saltus.catalogue_records import impacts_text
+    from saltus.catalogues import impacts_text
 
     counts = found.counts
     bound = "any number of impacts" if found.impacts is None else f"up to {impacts_text(found.impacts)}"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from saltus import catalogue_arguments, options, outputs
-from saltus.arguments import one_of, positive, whole_above_zero
+from saltus import catalogues, options, outputs
 from saltus.errors import BadInput, nearest
+from saltus.options import positive, whole_above_zero
 from saltus.tables import counted
 
 if TYPE_CHECKING:
@@ -32,15 +32,6 @@ WHAT = {
 PICTURES = ("fep", "velocities")
 
 
-class _Choice(dict[str, Any]):
-    """The parsers of what can be exported; a word that is none of them is answered with the nearest."""
-
-    def __contains__(self, word: object) -> bool:
-        if not super().__contains__(word):
-            raise BadInput(f"cannot export {word!r}, expected {', '.join(self)}{nearest(str(word), self)}")
-        return True
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parsers = parser.add_subparsers(dest="what", metavar="WHAT", title="what is written", required=True)
@@ -51,7 +42,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         else:
             _add_data(part, what)
         part.set_defaults(parser=part)
-    parsers.choices = parsers._name_parser_map = _Choice(parsers.choices)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -73,13 +63,13 @@ def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
     if what == "orbits":
         parser.add_argument("--samples", metavar="N", type=whole_above_zero, help="the motion at N times over a period")
     options.add_filters(parser)
-    catalogue_arguments.add_arguments(parser)
+    catalogues.add_arguments(parser)
 
 
 def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     """Write the graph, or a table of points or orbits."""
     columns = _columns(arguments.columns) if arguments.what == "points" else ()
-    with catalogue_arguments.open_catalogue(arguments) as catalogue:
+    with catalogues.open_catalogue(arguments) as catalogue:
         if arguments.what == "graph":
             return _graph(catalogue, arguments, files)
         table = _points(catalogue, arguments, columns) if columns else _orbits(catalogue, arguments)
@@ -182,10 +172,10 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
     outputs.add_arguments(parser, "plot", "json", "csv", "npz", "mat")
     parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="families, as `saltus continue --json` writes them")
-    catalogue_arguments.add_file(parser, "families of this catalogue (default: that of the scene in the user's data folder)")
+    catalogues.add_file(parser, "families of this catalogue (default: that of the scene in the user's data folder)")
     parser.add_argument("--data", metavar="FILE", help="draw from data that were exported before")
     options.add_filters(parser, shown=True)
-    parser.add_argument("--frequency", metavar="AXIS", type=one_of("index", "fundamental"), default="index", help="as in `saltus continue`")
+    parser.add_argument("--frequency", metavar="AXIS", choices=("index", "fundamental"), default="index", help="as in `saltus continue`")
     parser.add_argument("--impulsive", action="store_true", help="add the impulsive motions: their curve and the periodic ones")
     parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period of periodic impulsive orbits")
     parser.add_argument("--regimes", action="store_true", help="add the bounds of the regimes I to IV, which are ours and not the paper's")
@@ -266,8 +256,8 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     if arguments.impulsive:
         from branches.impulsive.manifold import impulsive_manifold
         from branches.impulsive.orbits import impulsive_orbits
-        from saltus.progress import ProgressBar
-        from saltus.startup import prepare
+        from saltus.processes import prepare
+        from saltus.terminal import ProgressBar
 
         prepare(impulsive=True)
         if energy is None:
@@ -298,7 +288,7 @@ def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch]
         kept = {row.id for row in chosen([pack_family(branch).row for branch in everything], **filters)}
         place = "the files given"
     else:
-        with catalogue_arguments.open_catalogue(arguments) as catalogue:
+        with catalogues.open_catalogue(arguments) as catalogue:
             place = str(catalogue.path)
             if not len(catalogue):
                 raise options.nothing_fits(place, 0, filters)

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from saltus import catalogue_arguments
-from saltus.arguments import one_of
+from saltus import catalogues
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, say, say_and_code
-from saltus.files import WriteFailure, output_folder, write_data
+from saltus.outputs import WriteFailure, output_folder, write_data
 
 __all__ = ["Figure", "Gallery", "add_arguments", "gallery_names", "load_gallery", "run"]
 
@@ -159,8 +158,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="the gallery: paper")
     parser.add_argument("--out", metavar="DIR", required=True, help="the folder that the figures are written into; made if there is none")
     parser.add_argument("--figure", metavar="FIG", action="append", help="this figure alone, by the name of its files; can be repeated")
-    parser.add_argument("--format", metavar="KIND", type=one_of("png", "pdf", "svg"), default="png", help="png (default), pdf or svg")
-    catalogue_arguments.add_file(parser, "take families from this catalogue: starts, stages, behind the spectra, on the sections")
+    parser.add_argument("--format", metavar="KIND", choices=("png", "pdf", "svg"), default="png", help="png (default), pdf or svg")
+    catalogues.add_file(parser, "take families from this catalogue: starts, stages, behind the spectra, on the sections")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -169,7 +168,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     gallery = load_gallery(arguments.name)
     figures = gallery.chosen(arguments.figure)
-    with catalogue_arguments.given(arguments, load_scene(gallery.scene)):
+    with catalogues.given(arguments, load_scene(gallery.scene)):
         pass  # A file that is no catalogue, or one of another system, is refused before the work.
     files = [CAPTIONS, *(name for figure in figures for name in _names(figure, arguments.format))]
     folder = output_folder("--out", arguments.out, files)

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, options, outputs
-from saltus.arguments import energy_range, positive, whole_above_zero
+from saltus import catalogues, options, outputs
 from saltus.errors import DONE, FAILED
+from saltus.options import energy_range, positive, whole_above_zero
 from saltus.tables import stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: any number)")
     parser.add_argument("--density", metavar="N", type=whole_above_zero, default=100, help="energies a decade of the curve (default: 100)")
-    catalogue_arguments.add_file(parser, "report which family of this catalogue each periodic orbit lies on")
+    catalogues.add_file(parser, "report which family of this catalogue each periodic orbit lies on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     options.add_scene(parser)
 
@@ -42,18 +42,18 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
     if arguments.model:
-        from saltus.model import explain
+        from saltus.scene.model import explain
 
         # Every impulsive orbit runs from the origin to the origin in half a period, as those with a label U do.
         files.report(f"model  {line}" for line in explain(scene.system, "U11"))
 
     from branches.impulsive.manifold import impulsive_manifold
     from branches.impulsive.orbits import impulsive_orbits
-    from saltus.progress import ProgressBar
-    from saltus.startup import prepare
+    from saltus.processes import prepare
+    from saltus.terminal import ProgressBar
 
     longest = arguments.max_quarter_period or scene.quarter_period
-    with catalogue_arguments.given(arguments, scene) as catalogue:
+    with catalogues.given(arguments, scene) as catalogue:
         prepare(impulsive=True)
         with ProgressBar():
             found = impulsive_orbits(scene.system, arguments.energy, quarter_period=longest, impacts=arguments.max_impacts)

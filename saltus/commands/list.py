@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from saltus import catalogue_arguments, options, outputs
+from saltus import catalogues, options, outputs
 from saltus.tables import counted
 
 if TYPE_CHECKING:
@@ -21,18 +21,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     options.add_filters(parser)
     outputs.add_arguments(parser, "json", "csv", "npz", "mat")
-    catalogue_arguments.add_arguments(parser)
+    catalogues.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     from branches.naming.labels import spelled
-    from saltus.catalogue_records import family_record
+    from saltus.catalogues import family_record
     from saltus.tables import range_text, table_lines, terminal_width
 
     files = outputs.outputs_of(arguments)
     filters = options.filters_of(arguments)
-    with catalogue_arguments.open_catalogue(arguments) as catalogue:
+    with catalogues.open_catalogue(arguments) as catalogue:
         families = catalogue.families(**filters)
         total, names = len(catalogue), list(catalogue.scene.reference_points)
 
@@ -57,10 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def family_table(families: Sequence[FamilyRow]) -> Table:
-    """A row for each family: what `saltus.catalogue_records.family_record` has of it, without its labels and its ends' reasons."""
+    """A row for each family: what `saltus.catalogues.family_record` has of it, without its labels and its ends' reasons."""
     import numpy as np
 
-    from saltus.catalogue_records import family_record
+    from saltus.catalogues import family_record
 
     records = [family_record(row) for row in families]
     texts = ("id", "label", "ends", "word")

@@ -7,10 +7,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import catalogue_arguments, options, outputs
-from saltus.arguments import positive
+from saltus import catalogues, options, outputs
 from saltus.errors import BadInput
 from saltus.families import agreed, family_of, select
+from saltus.options import positive
 from saltus.tables import stability_word, table_lines
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--energy", metavar="H", type=positive, help="the orbit at this energy h")
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
-    catalogue_arguments.add_file(parser, "take the family from this catalogue, as it was followed, in place of a search")
+    catalogues.add_file(parser, "take the family from this catalogue, as it was followed, in place of a search")
     options.add_scene(parser)
 
 
@@ -36,14 +36,14 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.naming.labels import parse_name
 
     scene = options.scene_of(arguments)
-    text = catalogue_arguments.named(arguments.name, arguments, scene)
+    text = catalogues.named(arguments.name, arguments, scene)
     name = parse_name(text)
     energy = agreed(arguments.name, "h", name.h, "--energy", arguments.energy)
     alpha = agreed(arguments.name, "alpha", name.alpha, "--alpha", arguments.alpha)
     if energy is None and alpha is None:
         raise BadInput(f"which orbit of {name}? expected --energy H or --alpha A")
     if arguments.model:
-        from saltus.model import explain
+        from saltus.scene.model import explain
 
         files.report(f"model  {line}" for line in explain(scene.system, text))
     branch = family_of(text, scene, energy, arguments)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, outputs
+from saltus import catalogues, outputs
 from saltus.errors import FAILED, say
 
 if TYPE_CHECKING:
@@ -19,14 +19,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, place in (("first", "A"), ("last", "B")):
         parser.add_argument(name, metavar=place, help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
     outputs.add_arguments(parser, "json")
-    catalogue_arguments.add_arguments(parser)
+    catalogues.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code: 1 where no chain exists."""
 
     files = outputs.outputs_of(arguments)
-    with catalogue_arguments.open_catalogue(arguments) as catalogue:
+    with catalogues.open_catalogue(arguments) as catalogue:
         first, last = catalogue.find(arguments.first).id, catalogue.find(arguments.last).id
         chain = _chain(catalogue, first, last)
     nodes, edges = chain or (None, None)
@@ -41,7 +41,7 @@ def _chain(catalogue: Catalogue, first: str, last: str) -> tuple[list[dict[str, 
     """The nodes and edges of the shortest chain; of several equally short ones the first in the order of ids and energies."""
     import networkx
 
-    from saltus.catalogue_records import edge_record, node_record
+    from saltus.catalogues import edge_record, node_record
 
     between: dict[frozenset[str], Any] = {}
     graph = networkx.Graph()

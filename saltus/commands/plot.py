@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus import outputs
-from saltus.arguments import one_of
 from saltus.errors import BadInput, nearest
 from saltus.tables import table_lines, terminal_width
 
@@ -26,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     outputs.add_arguments(parser, "plot")
     parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument(
-        "--view", metavar="VIEW", type=one_of(*VIEWS),
+        "--view", metavar="VIEW", choices=VIEWS,
         help="map: in colours over two parameters; lines: against each parameter; best: about the best run "
         "(default: map where two numbers are varied, else lines)",
     )  # fmt: skip

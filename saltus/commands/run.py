@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import held
-from saltus import catalogue_arguments, options, outputs
-from saltus.arguments import positive, whole_above_zero
+from saltus import catalogues, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.motion import start as start_options
+from saltus.options import positive, whole_above_zero
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from branches.figures.atlas_data import Atlas
     from saltus.motion.simulation import MotionReport
     from saltus.motion.start import Start
-    from saltus.progress import ProgressBar
     from saltus.scene import Scene
+    from saltus.terminal import ProgressBar
     from transitions.empirical import Modes
     from transitions.transition import Transition
 
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--stages", action="store_true", help="compute the stages of the motion, as --catalogue, --emd and --plot do, too"
     )
     parser.add_argument("--emd", action="store_true", help="report the empirical modes of the relative displacement (EMD-signal)")
-    catalogue_arguments.add_file(parser, "take the families that stages follow from this catalogue, and that of --on")
+    catalogues.add_file(parser, "take the families that stages follow from this catalogue, and that of --on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text under the panels of the picture")
     options.add_units(parser)
@@ -61,8 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
 
     from saltus.motion.simulation import NOT_ASKED, default_duration, modes_of_motion, require_sifting, run_locked, run_scene, with_stages
-    from saltus.progress import ProgressBar
-    from saltus.startup import prepare_motion
+    from saltus.processes import prepare_motion
+    from saltus.terminal import ProgressBar
 
     duration = arguments.duration if arguments.duration is not None else default_duration(scene)
     if duration is None:
@@ -70,10 +70,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.emd:
         require_sifting()
     if arguments.model:
-        from saltus.model import explain_motion
+        from saltus.scene.model import explain_motion
 
         files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
-    with held() as interrupt, catalogue_arguments.given(arguments, scene.underlying) as catalogue:
+    with held() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
         with interrupt.released():
             start = start_options.start_of_motion(arguments, scene)
             prepare_motion()
@@ -166,7 +166,7 @@ def _write(
         if (scale.length, scale.frequency) != (1.0, 1.0):
             files.report(["note   the picture is in natural units"])
 
-    with catalogue_arguments.given(arguments, scene.underlying) as catalogue:
+    with catalogues.given(arguments, scene.underlying) as catalogue:
         code = files.write({"json": text, "csv": series}, table=table, about=about, plot=plot)
     return INTERRUPTED if notes else code
 

@@ -10,9 +10,9 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import catalogue_arguments, options, outputs
-from saltus.arguments import energy_range, number, one_of, positive, whole_above_zero
+from saltus import catalogues, options, outputs
 from saltus.errors import INTERRUPTED, BadInput, say
+from saltus.options import energy_range, number, positive, whole_above_zero
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
@@ -46,12 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--colour",
         metavar="WHAT",
-        type=one_of("none", "energy", "lyapunov", "rotation"),
+        choices=("none", "energy", "lyapunov", "rotation"),
         help="colour motions by their largest Lyapunov exponent (lyapunov), by their rotation number about an elliptic fixed point "
         "of the section (rotation), or, of a system that loses energy, by their energy (energy, which is the default there)",
     )
     parser.add_argument("--about", metavar="X,Y", type=_place, help="rotation numbers about the fixed point next to here alone")
-    catalogue_arguments.add_file(parser, "mark the periodic orbits that the families of this catalogue have at the energy")
+    catalogues.add_file(parser, "mark the periodic orbits that the families of this catalogue have at the energy")
     parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name N periodic orbits at most")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     options.add_scene(parser)
@@ -81,10 +81,10 @@ def run(arguments: argparse.Namespace) -> int:
         for plane in planes:
             plane.states([start])
     if arguments.model:
-        from saltus.model import explain_section
+        from saltus.scene.model import explain_section
 
         files.report(f"model  {line}" for line in explain_section(scene.system))
-    with catalogue_arguments.given(arguments, scene) as catalogue:
+    with catalogues.given(arguments, scene) as catalogue:
         _compile(planes[0])
         files.report([HEADER])
         views: list[SectionView] = []
@@ -168,7 +168,7 @@ def _caption(scene: Scene, energies: list[float]) -> str:
 
 def _compile(plane: SectionPlane) -> None:
     """Have the kernels compiled before time is measured."""
-    from saltus.startup import report_compiling
+    from saltus.processes import report_compiling
     from transitions.kernels.section import follow_section
     from transitions.section.section import follow
 
@@ -178,7 +178,7 @@ def _compile(plane: SectionPlane) -> None:
 
 def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalogue | None) -> tuple[SectionView, float]:
     """One section with what was asked to be seen on it, and the seconds that its motions took."""
-    from saltus.progress import ProgressBar
+    from saltus.terminal import ProgressBar
     from transitions.section.section import section
     from transitions.section.view import SectionView
 

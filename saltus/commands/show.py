@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogue_arguments, outputs
+from saltus import catalogues, outputs
 from saltus.errors import BadInput
 
 if TYPE_CHECKING:
@@ -23,14 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
     outputs.add_arguments(parser, "json", plot="draw the orbit that the name's suffix selects: FILE.png, FILE.pdf or FILE.svg")
     parser.add_argument("--orbit", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-    catalogue_arguments.add_arguments(parser)
+    catalogues.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
 
     files = outputs.outputs_of(arguments)
-    with catalogue_arguments.open_catalogue(arguments) as catalogue:
+    with catalogues.open_catalogue(arguments) as catalogue:
         match = catalogue.find(arguments.name)
         record = _record(catalogue, match)
         lines = _lines(catalogue, match, record)
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
     """All that there is to say, as plain data."""
-    from saltus.catalogue_records import event_record, family_record, node_record
+    from saltus.catalogues import event_record, family_record, node_record
 
     neighbours = [_neighbour(catalogue, edge, match.id) for edge in catalogue.edges(match.id)]
     if match.kind != "family":
@@ -58,14 +58,14 @@ def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
 
 
 def _model(catalogue: Catalogue, row: FamilyRow) -> list[str]:
-    from saltus.model import explain
+    from saltus.scene.model import explain
 
     return explain(catalogue.system, row.id)
 
 
 def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
     """An edge as it is seen from one of its ends."""
-    from saltus.catalogue_records import edge_record, node_record
+    from saltus.catalogues import edge_record, node_record
 
     out = edge.source == id
     other = (edge.target if out else edge.source) or ""
@@ -75,7 +75,7 @@ def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
 
 def _lines(catalogue: Catalogue, match: NameMatch, record: dict[str, Any]) -> list[str]:
     """The same in words."""
-    from saltus.catalogue_records import impacts_text
+    from saltus.catalogues import impacts_text
     from saltus.tables import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
 
     width = terminal_width(sys.stdout)
@@ -126,7 +126,7 @@ def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str
 
 def _each_once(neighbours: list[dict[str, Any]], edges: list[Edge]) -> list[dict[str, Any]]:
     """The neighbours in their order; of a meeting that both families report, the report of this one."""
-    from saltus.catalogue_records import same_meeting
+    from saltus.catalogues import same_meeting
 
     kept: list[Edge] = []
     for _, edge in sorted(zip(neighbours, edges, strict=True), key=lambda pair: pair[0]["direction"] == "in"):

@@ -7,8 +7,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus.arguments import one_of, whole_above_zero
 from saltus.errors import DONE, INTERRUPTED, BadInput, say
+from saltus.options import whole_above_zero
 from saltus.tables import counted, table_lines
 
 if TYPE_CHECKING:
@@ -28,12 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="FOLDER", help="folder of its results (default: FILE with .study in place of .toml)")
     parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="processes that work (default: one a core)")
     parser.add_argument("--dask", metavar="ADDRESS", help="work on a Dask cluster in place of processes")
-    parser.add_argument("--format", metavar="KIND", type=one_of(*FORMATS), default="npz", help="npz (default), or parquet")
+    parser.add_argument("--format", metavar="KIND", choices=FORMATS, default="npz", help="npz (default), or parquet")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
-    from saltus.executors import open_executor
+    from saltus.processes import open_executor
     from saltus.study.execution import check_folder
     from saltus.study.file import read_study_file
 
@@ -71,8 +71,8 @@ def _require_pyarrow() -> None:
 def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, workers: int) -> int:
     from branches.catalogue.database import WriterLock
     from saltus import __version__
-    from saltus.progress import ProgressBar
     from saltus.study.execution import carry_out, find_all_starts, keep_starts, kept_starts
+    from saltus.terminal import ProgressBar
     from transitions.study.study import Study, finished_blocks, write_plan
 
     plan = study.plan

@@ -7,8 +7,8 @@ import sys
 from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from saltus import catalogue_arguments, outputs
-from saltus.arguments import whole_above_zero
+from saltus import catalogues, outputs
+from saltus.options import whole_above_zero
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
     parser.add_argument("--depth", metavar="N", type=whole_above_zero, default=DEPTH, help=f"events away from NAME (default: {DEPTH})")
     outputs.add_arguments(parser, "json")
-    catalogue_arguments.add_arguments(parser)
+    catalogues.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     from saltus.tables import terminal_width, with_short_ids, wrapped
 
     files = outputs.outputs_of(arguments)
-    with catalogue_arguments.open_catalogue(arguments) as catalogue:
+    with catalogues.open_catalogue(arguments) as catalogue:
         root = catalogue.find(arguments.name).id
         tree = _Tree(catalogue, root, arguments.depth)
         path = catalogue.path
@@ -87,7 +87,7 @@ class _Tree:
 
     def _shown(self, node: str) -> list[tuple[Way, bool]]:
         """The ways that leave a node, but for the one that led to it, each meeting once, and whether the other node opens there."""
-        from saltus.catalogue_records import same_meeting
+        from saltus.catalogues import same_meeting
 
         came = self.parent[node]
         kept = [] if came is None else [came]
@@ -122,7 +122,7 @@ class _Tree:
 
     def record(self, node: str) -> dict[str, Any]:
         """The same as nested data."""
-        from saltus.catalogue_records import edge_record
+        from saltus.catalogues import edge_record
 
         ways = self._shown(node) if self.depth[node] < self.limit else []
         return {

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from saltus import catalogue_arguments
-from saltus.arguments import number, positive
+from saltus import catalogues
 from saltus.errors import BadInput
 from saltus.families import TOLERANCE, agreed, family_of, has_label, select, start_of
+from saltus.options import number, positive
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -168,7 +168,7 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
     """A start on an orbit of a family of the undamped elastic system."""
     from branches.naming.labels import parse_name
 
-    text = catalogue_arguments.named(arguments.on, arguments, scene)
+    text = catalogues.named(arguments.on, arguments, scene)
     name = parse_name(text)
     energy = agreed(arguments.on, "h", name.h, "--energy", arguments.energy)
     if energy is None and name.alpha is None and not arguments.impulsive:

@@ -30,7 +30,7 @@ from benchmarks.speed_error.results import best_rows, tables
 from benchmarks.speed_error.rows import FULL, QUICK, Effort, RowFile, growth
 from benchmarks.speed_error.tasks import IN_PHASE, OUT_OF_PHASE, TASKS, OrbitTask, multiplier_error
 from saltus.errors import BadInput
-from saltus.files import WriteFailure
+from saltus.outputs import WriteFailure
 from tests.benchmarks.methods import Absent, Astray, Endless, Failing, Interrupted, Plain
 from tests.branches.many_digits import ManyDigits
 

@@ -15,7 +15,7 @@ from branches.catalogue import Catalogue
 from bvp.motion import Motion
 from bvp.simulate import simulate
 from saltus.commands.gallery import load_gallery
-from saltus.executors import open_executor
+from saltus.processes import open_executor
 from tests.branches.paper_names import NAMES, SYSTEM, family
 from tests.branches.traced import traced
 from tests.docs.pages import compare, page, table

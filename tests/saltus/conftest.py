@@ -19,8 +19,8 @@ def compiled():
 @pytest.fixture(autouse=True)
 def quiet(monkeypatch):
     """Standard error without lines that depend on the speed of the machine, and on what was compiled before."""
-    monkeypatch.setattr("saltus.startup._report", lambda: None)
-    monkeypatch.setattr("saltus.progress.PAUSE", float("inf"))
+    monkeypatch.setattr("saltus.processes._report", lambda: None)
+    monkeypatch.setattr("saltus.terminal.PAUSE", float("inf"))
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from saltus.__main__ import COMMANDS, main
-from saltus.arguments import OneLineParser
+from saltus.options import OneLineParser
 from tests.saltus.running import refused, run
 
 ONE_SIDED = """

@@ -7,7 +7,7 @@ import pytest
 
 import saltus
 from benchmarks.backbone import Backbone
-from saltus.progress import ProgressBar
+from saltus.terminal import ProgressBar
 from tests.saltus.running import refused, run
 
 SMALL = "--energy 0.06:0.4 --max-quarter-period 1.9 --max-impacts 2"

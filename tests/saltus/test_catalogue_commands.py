@@ -14,7 +14,7 @@ import pytest
 import saltus
 from branches.catalogue import Catalogue, Edge, EventOrbit
 from saltus.__main__ import main
-from saltus.catalogue_arguments import default_path
+from saltus.catalogues import default_path
 from tests.branches.catalogue.families import linear_mode, real, scene
 from tests.saltus.running import refused, run
 

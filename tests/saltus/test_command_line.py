@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 import saltus
-from saltus.progress import ProgressBar
+from saltus.terminal import ProgressBar
 from tests.saltus.running import run
 
 ROOT = Path(__file__).parents[2]
@@ -252,7 +252,7 @@ class Terminal(io.StringIO):
 def test_a_line_a_minute_where_there_is_no_terminal(monkeypatch, capsys):
     """Oracle: the words, by a clock; a thread that prints them although nothing is reported to it."""
     now = [0.0]
-    monkeypatch.setattr("saltus.progress.time", type("Clock", (), {"monotonic": staticmethod(lambda: now[0])}))
+    monkeypatch.setattr("saltus.terminal.time", type("Clock", (), {"monotonic": staticmethod(lambda: now[0])}))
     with ProgressBar(None, "families") as bar:
         now[0] = 60.0
         bar.report()
@@ -262,7 +262,7 @@ def test_a_line_a_minute_where_there_is_no_terminal(monkeypatch, capsys):
     lines = ["saltus: still at work after 1 min", "saltus: 12 families after 2 min, 3 queued"]
     assert capsys.readouterr().err.splitlines() == lines
     printed = threading.Event()
-    monkeypatch.setattr("saltus.progress.PAUSE", 0.001)
+    monkeypatch.setattr("saltus.terminal.PAUSE", 0.001)
     monkeypatch.setattr(ProgressBar, "report", lambda bar: printed.set())
     with ProgressBar():
         assert printed.wait(60.0)
@@ -273,7 +273,7 @@ def test_the_bar_shows_on_a_terminal_only_and_late(monkeypatch):
     for stream, wait, expected in ((Terminal(), 0.0, False), (Terminal(), 2.0, True), (io.StringIO(), 2.0, False)):
         now = [time.monotonic()]
         monkeypatch.setattr("sys.stderr", stream)
-        monkeypatch.setattr("saltus.progress.time", type("Clock", (), {"monotonic": staticmethod(lambda now=now: now[0])}))
+        monkeypatch.setattr("saltus.terminal.time", type("Clock", (), {"monotonic": staticmethod(lambda now=now: now[0])}))
         printed = io.StringIO()
         with ProgressBar(100) as bar:
             bar.update(1)

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 
 PARENT = """
 import os, time
-from saltus.executors import open_executor
+from saltus.processes import open_executor
 if __name__ == "__main__":
     with open_executor(1) as (executor, _):
         print(executor.submit(os.getpid).result(), flush=True)

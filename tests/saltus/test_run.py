@@ -343,12 +343,12 @@ def test_stages_are_computed_where_they_are_asked_for(capsys, tmp_path, catalogu
 
 def test_progress_is_told_of_the_motion_and_of_its_stages(capsys, monkeypatch):
     """Oracle: percentages that do not fall, of which the last is the whole."""
-    import saltus.progress
+    import saltus.terminal
 
     seen = {}
     monkeypatch.setattr("bvp.interrupts.MOST", 1)
     monkeypatch.setattr("bvp.interrupts.FIRST", 1)
-    monkeypatch.setattr(saltus.progress.ProgressBar, "update", lambda bar, count, more="": seen.setdefault(bar._things, []).append(count))
+    monkeypatch.setattr(saltus.terminal.ProgressBar, "update", lambda bar, count, more="": seen.setdefault(bar._things, []).append(count))
     assert run(capsys, "run", "--impulsive", "--energy", "0.3", *DAMPED, "--duration", "40", "--stages")[0] == 0
     motion, stages = seen["% of the motion"], seen["% of the stages"]
     assert len(motion) > 5 and motion == sorted(motion) and motion[-1] == 100

@@ -127,7 +127,7 @@ def test_an_interrupt_after_the_ends_waits_for_the_files(capsys, tmp_path, monke
     """Oracle: the branch of an undisturbed run; the exit code 130. The interrupt comes with the line of an end."""
     places = [tmp_path / name for name in ("whole.json", "cut.json", "cut.csv")]
     assert main([*QUICK.split(), "--json", str(places[0])]) == 0
-    from saltus.progress import ProgressBar
+    from saltus.terminal import ProgressBar
 
     line, sent = ProgressBar.line, []
 
@@ -218,7 +218,7 @@ def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, m
             signal.raise_signal(signal.SIGINT)
         return status
 
-    monkeypatch.setattr("saltus.startup.prepare_motion", lambda: None)
+    monkeypatch.setattr("saltus.processes.prepare_motion", lambda: None)
     monkeypatch.setattr(kernels, "move", interrupted)
     capsys.readouterr()
     code, _, err = run(capsys, *words, tmp_path / "cut.json")
@@ -273,7 +273,7 @@ def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeyp
     said = capsys.readouterr().err.splitlines()
     monkeypatch.undo()
     monkeypatch.setattr("saltus.motion.simulation.MOST_IN_A_HURRY", 100)
-    monkeypatch.setattr("saltus.startup.prepare_motion", lambda: None)
+    monkeypatch.setattr("saltus.processes.prepare_motion", lambda: None)
     interrupting(monkeypatch, "bvp.kernels.motion.move")
     capsys.readouterr()
     code, out, _ = run(capsys, *words, tmp_path / "early.json")

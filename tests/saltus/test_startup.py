@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from saltus import startup
+from saltus import processes
 
-TELL = startup._report
+TELL = processes._report
 """As it is outside the tests, which are not to depend on what was compiled before them."""
 
 
@@ -19,7 +19,7 @@ def test_kernels_that_were_used_are_kept_and_nothing_is_started(monkeypatch, cap
 
     saltus.trace("S13O00+", saltus.vibro_impact_nes(), energy=(0.5, 0.6))
     monkeypatch.setattr(subprocess, "Popen", lambda *args, **options: (_ for _ in ()).throw(AssertionError("a process was started")))
-    startup.prepare()
+    processes.prepare()
     assert capsys.readouterr() == ("", "")
 
 
@@ -31,7 +31,7 @@ def test_a_second_process_that_cannot_start_is_no_failure(monkeypatch):
 
     monkeypatch.setattr(subprocess, "Popen", refuse)
     monkeypatch.setattr("branches.kernels.warm.kept", lambda **options: False)
-    startup.prepare()
+    processes.prepare()
 
 
 def test_cold_kernels_start_the_compiling_process(monkeypatch):
@@ -40,7 +40,7 @@ def test_cold_kernels_start_the_compiling_process(monkeypatch):
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: seen.update(command=command, env=options["env"]))
     monkeypatch.setattr("branches.kernels.warm.kept", lambda **options: False)
     monkeypatch.setattr("os.cpu_count", lambda: 2)
-    startup.prepare()
+    processes.prepare()
     assert seen["command"] == [sys.executable, "-m", "branches.kernels.warm"]
     assert all(path in seen["env"]["PYTHONPATH"] for path in sys.path if path)
 
@@ -76,7 +76,7 @@ def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_
         raise KeyboardInterrupt
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("saltus.startup.prepare", stop)
+    monkeypatch.setattr("saltus.processes.prepare", stop)
     assert main(words.format(catalogue=catalogue).split()) == 130
     assert seen == asked
 
@@ -85,7 +85,7 @@ def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_
 def test_a_damped_run_says_that_it_compiles(monkeypatch, capsys, missing):
     """Oracle: one line, on a terminal or not, where the kernel is taken for not compiled, else nothing."""
     monkeypatch.setattr("bvp.kernels.cache.stored", lambda kernel: not missing or kernel.py_func.__name__ != "move")
-    monkeypatch.setattr(startup, "_report", TELL)
-    startup.prepare_motion()
+    monkeypatch.setattr(processes, "_report", TELL)
+    processes.prepare_motion()
     out, err = capsys.readouterr()
     assert out == "" and ("compiling the kernels" in err) is missing

@@ -58,14 +58,14 @@ def finished(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def one_worker_is_this_process(monkeypatch):
     """No process is started for one worker; `finished`, and what is killed or has two workers, are by processes."""
-    from saltus import executors
+    from saltus import processes
 
-    plain = executors.open_executor
+    plain = processes.open_executor
 
     def opened(workers, dask=None):
         return contextlib.nullcontext((Serial(), 1)) if workers == 1 and dask is None else plain(workers, dask)
 
-    monkeypatch.setattr(executors, "open_executor", opened)
+    monkeypatch.setattr(processes, "open_executor", opened)
 
 
 def columns(folder):

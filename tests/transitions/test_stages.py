@@ -181,7 +181,7 @@ def scenes(small_scene, tmp_path_factory):
     """The small reference scene, and one with another mass ratio, open."""
     from branches.building.build import build
     from branches.building.plan import Bounds, Plan
-    from saltus.executors import open_executor
+    from saltus.processes import open_executor
 
     path = tmp_path_factory.mktemp("heavy") / "heavy.sqlite"
     heavy = saltus.vibro_impact_nes(mu=0.2, sigma=0.1)
