@@ -15,12 +15,12 @@ import numpy as np
 from bvp.shown import shown
 
 if TYPE_CHECKING:
-    from bvp.system import Stop
+    from bvp.system import ImpactSystem, Stop
 
 __all__ = [
     "EPSILON", "Frozen", "InvalidSystem", "changeable", "check_positive_definite", "check_same_stops", "check_size", "checked_energy_range",
-    "checked_number", "is_finite", "read_only", "real", "real_list", "reals", "refuse_unknown", "repeated_contacts", "require_system",
-    "square", "symmetric",
+    "checked_number", "is_finite", "read_only", "real", "real_list", "reals", "refuse_unknown", "repeated_contacts", "require_conservative",
+    "require_system", "require_two_dof", "square", "symmetric",
 ]  # fmt: skip
 
 EPSILON = float(np.finfo(float).eps)
@@ -244,6 +244,21 @@ def require_system(system: Any) -> None:
     """
     if not hasattr(system, "describe"):
         raise TypeError(f"the system is {shown(system)}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
+
+
+def require_conservative(system: ImpactSystem, what: str) -> None:
+    """Raise ValueError for a system that loses energy or is driven; `what` needs a conservative one, the subject of the sentence."""
+    reason = system.why_not_conservative()
+    if reason is not None:
+        raise ValueError(f"{what} need a conservative system: {reason}; its motion is for saltus run")
+
+
+def require_two_dof(system: ImpactSystem, what: str, advice: str = "") -> None:
+    """Raise ValueError unless a system has two degrees of freedom and one stop; `what` begins the sentence, `advice` ends it."""
+    if system.degrees_of_freedom != 2:
+        raise ValueError(f"{what} two degrees of freedom; this system has {system.degrees_of_freedom}{advice and ': ' + advice}")
+    if len(system.stops) != 1:
+        raise ValueError(f"{what} a system with one stop; this one has {len(system.stops)}")
 
 
 def checked_damper(damping: np.ndarray, dampers: Mapping[str, Any]) -> dict[str, np.ndarray]:

@@ -90,7 +90,7 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
     parameters = options.parameters_of(arguments)
     scene = options.scene_of(arguments) if arguments.scene is not None or parameters else None
     if scene is not None:
-        from branches.search.starts import require_conservative
+        from bvp.checks import require_conservative
 
         require_conservative(scene.system, "families of periodic orbits")
     if arguments.catalogue is not None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.search.starts import Segment, require_conservative, require_two_dof
+from branches.search.starts import Segment
+from bvp.checks import require_conservative, require_two_dof
 from bvp.kernels import shooting as kernel
 from bvp.kernels.impact import work_array
 from bvp.kernels.shooting import TURN, ZERO

@@ -22,7 +22,7 @@ import numpy as np
 
 from branches.impulsive.motions import ImpulsiveMotions, Traces
 from branches.orbit import Orbit, label_text
-from branches.search.orbits import OrbitSearch, Unpolished, is_complete, objection
+from branches.search.orbits import OrbitSearch, Unpolished, is_complete, judged
 from branches.search.starts import Segment
 from bvp.checks import checked_energy_range
 from bvp.kernels.shooting import TURN, ZERO
@@ -174,7 +174,7 @@ def _strayed(segment: Segment, problem: MultipointProblem, solution: Solution) -
     slack = 1e-9 + 1e-3 * (segment.high - segment.low) + 10.0 * FLOOR
     if not segment.low - slack <= math.log(solution["energy"]) <= segment.high + slack:
         return f"Newton's method left the energies between which the zero is, for h = {solution['energy']:.10g}"
-    return "the solution pierces a stop or grazes" if objection(problem, solution) == "inadmissible" else None
+    return "the solution pierces a stop or grazes" if judged(problem, solution) == "inadmissible" else None
 
 
 def narrowed(motions: ImpulsiveMotions, brackets: list[Bracket]) -> np.ndarray:

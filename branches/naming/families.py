@@ -27,8 +27,8 @@ from branches.naming.reference_points import (
 from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, search_bounds
 from branches.search.discovery import discover
 from branches.search.orbits import Found, accept, from_other_end
-from branches.search.starts import require_conservative
 from branches.tracing import SETTINGS, TraceError, check_energy, follow_family, report
+from bvp.checks import require_conservative
 from bvp.closures import EndsError, parse_end
 from bvp.shown import shown
 

@@ -14,10 +14,10 @@ from branches.naming.labels import Label, Name, canonical_label, matches, neares
 from branches.naming.reference_points import REFERENCE_TOLERANCE, NameNotFound, why_a_cover
 from branches.search.discovery import LONGEST, discover, fastest_turn
 from branches.search.orbits import Found, OrbitSearch, Problems, from_other_end
-from branches.search.sampling import Sampler, half_turn
-from branches.search.starts import require_two_dof
+from branches.search.sampling import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
 from branches.tracing import HIGHEST, follow_family
+from bvp.checks import require_two_dof
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -127,7 +127,7 @@ class Search:
         out = []
         search = OrbitSearch(self.system, self.problems)
         for sampler in self.samplers:
-            for orbit in search.sample(sampler, h, half_turn(angles)):
+            for orbit in search.sample(sampler, h, angles):
                 label, pattern = orbit.label, self.name.label
                 # Started at its other end, Umnpq is Umnqp.
                 two_starts = label is not None and label.kind == "U" and label.p != label.q

@@ -13,9 +13,9 @@ from branches.naming.labels import nearest
 from branches.orbit import Orbit
 from branches.search.intervals import Opening
 from branches.search.orbits import OrbitSearch, Unpolished, is_complete, kept_problems
-from branches.search.starts import START_FROM_A_STATE, require_conservative, require_two_dof
+from branches.search.starts import START_FROM_A_STATE
 from branches.sequences import impacts_per_period, segments_per_period
-from bvp.checks import is_finite, require_system
+from bvp.checks import is_finite, require_conservative, require_system, require_two_dof
 from bvp.kernels.shooting import TURN_LIMIT
 from bvp.shown import shown
 from bvp.summary import brief, listed

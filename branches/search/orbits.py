@@ -28,7 +28,7 @@ from bvp.multipoint import MultipointProblem, NotConverged, Solution
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Found", "OrbitSearch", "Unpolished", "accept", "from_other_end", "is_complete", "kept_problems", "objection"]
+__all__ = ["Found", "OrbitSearch", "Unpolished", "accept", "from_other_end", "is_complete", "judged", "kept_problems"]
 
 SAME_STATE = 1e-8
 """Largest difference of the states of two solutions that are one orbit, relative to their size."""
@@ -78,21 +78,20 @@ class Unpolished(NamedTuple):
     reason: str
 
 
-def objection(problem: MultipointProblem, solution: Solution) -> str | None:
-    """Why a solution is not a primitive orbit with impacts: "without_impacts", "inadmissible", "covers"; None if it is one."""
+def accept(problem: MultipointProblem, solution: Solution) -> Found | None:
+    """The orbit with its label, or None if the solution is not a primitive orbit with impacts."""
+    orbit = judged(problem, solution)
+    return None if isinstance(orbit, str) else orbit
+
+
+def judged(problem: MultipointProblem, solution: Solution) -> Found | str:
+    """The orbit with its label, or why it is none: "without_impacts", "inadmissible", or "covers" for an orbit that is not primitive."""
     if problem.inner == 0 and STOP not in problem.kinds:
         return "without_impacts"
     if not (solution["residual"] < 1e-12 and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0):
         return "inadmissible"
-    return "covers" if cover_of(problem, solution) > 1 else None
-
-
-def accept(problem: MultipointProblem, solution: Solution) -> Found | None:
-    """The orbit with its label, or None if the solution is not a primitive orbit with impacts."""
-    return _labelled(problem, solution) if objection(problem, solution) is None else None
-
-
-def _labelled(problem: MultipointProblem, solution: Solution) -> Found:
+    if cover_of(problem, solution) > 1:
+        return "covers"
     try:
         label = label_at(problem, solution.result)
     except ImpossibleLabelError:
@@ -157,8 +156,8 @@ class OrbitSearch:
             else:
                 self._set_aside(segment, "its impacts were not found again")
 
-    def sample(self, sampler: Sampler, energy: float, angles: np.ndarray) -> Iterator[Found]:
-        """Orbits at an energy between starts at given angles, in order of their impacts and angles. One orbit may be yielded twice."""
+    def sample(self, sampler: Sampler, energy: float, angles: int | np.ndarray) -> Iterator[Found]:
+        """Orbits at an energy, as `Sampler.segments` finds them. One orbit may be yielded twice."""
         for segment in sampler.segments(energy, angles):
             orbit = self.add(segment, lambda problem, y: problem.solve(y, energy=energy))
             if orbit is not None:
@@ -201,11 +200,10 @@ class OrbitSearch:
         if reason is not None:
             self._set_aside(segment, reason)
             return None
-        why = objection(problem, solution)
-        if why is not None:
-            self.counts[why] += 1
+        orbit = judged(problem, solution)
+        if isinstance(orbit, str):
+            self.counts[orbit] += 1
             return None
-        orbit = _labelled(problem, solution)
         self.counts["polished"] += 1
         same = self.found.setdefault(canonical_sequence(segment.sequence, segment.ends, odd_symmetry=self.system.has_odd_symmetry), [])
         for images in same:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.search.starts import START_FROM_A_STATE, Segment, require_two_dof
+from branches.search.starts import START_FROM_A_STATE, Segment
+from bvp.checks import require_two_dof
 from bvp.kernels.impact import work_array
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import scan_starts
@@ -20,18 +21,13 @@ from bvp.kernels.shooting import scan_starts
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Sampler", "half_turn", "origin_starts"]
+__all__ = ["Sampler", "origin_starts"]
 
 CROSSINGS = 6
 """Crossings searched in one flight. A longer flight between impacts has more."""
 
 NARROWINGS = 6
 """Steps that narrow a bracket before Newton's method takes over, by the secant and by halving."""
-
-
-def half_turn(count: int) -> np.ndarray:
-    """Angles (count + 1,) of starts over half a turn. The other half is its mirror image."""
-    return (np.arange(count + 1) + 0.5) * (np.pi / count)
 
 
 def origin_starts(energy: float, angles: np.ndarray) -> np.ndarray:
@@ -106,8 +102,12 @@ class Sampler:
         )  # fmt: skip
         return sequences, times, residuals, states, instants
 
-    def segments(self, energy: float, angles: np.ndarray) -> Iterator[Segment]:
-        """The segment of each change of sign between neighbouring angles (M,)."""
+    def segments(self, energy: float, angles: int | np.ndarray) -> Iterator[Segment]:
+        """The segment of each change of sign between neighbouring angles (M,), in order of the impacts and angles.
+
+        A number of angles stands for as many in half a turn. The other half is its mirror image."""
+        if isinstance(angles, int):
+            angles = (np.arange(angles + 1) + 0.5) * (np.pi / angles)
         sequences, _, residuals, _, _ = self.follow(origin_starts(energy, angles), self.impacts)
         # A number for each sequence: beyond 38 impacts it needs Python's integers.
         dtype = object if sequences.shape[1] > 38 else np.int64

@@ -19,7 +19,7 @@ from bvp.kernels.shooting import Flow
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["QUADRATIC", "START_FROM_A_STATE", "Curve", "Path", "Segment", "curves", "require_conservative", "require_two_dof"]
+__all__ = ["QUADRATIC", "START_FROM_A_STATE", "Curve", "Path", "Segment", "curves"]
 
 START_FROM_A_STATE = "start its families from a given state"
 """Advice if no scan can find them."""
@@ -31,30 +31,6 @@ INSET = 1e-11
 
 OFFSET = 0.3
 """Parameter at which the full circle is cut. No symmetry singles it out."""
-
-
-def require_conservative(system: ImpactSystem, what: str) -> None:
-    """Raise ValueError for a system that loses energy or is driven; `what` needs a conservative one, the subject of the sentence."""
-    reason = system.why_not_conservative()
-    if reason is not None:
-        raise ValueError(f"{what} need a conservative system: {reason}; its motion is for saltus run")
-
-
-def require_two_dof(system: ImpactSystem, what: str, advice: str = "") -> None:
-    """Raise ValueError unless a system has two degrees of freedom and one stop.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    what : str
-        The sentence up to "two degrees of freedom" or "a system with one stop".
-    advice : str
-        What to do instead if the degrees of freedom do not fit.
-    """
-    if system.degrees_of_freedom != 2:
-        raise ValueError(f"{what} two degrees of freedom; this system has {system.degrees_of_freedom}{advice and ': ' + advice}")
-    if len(system.stops) != 1:
-        raise ValueError(f"{what} a system with one stop; this one has {len(system.stops)}")
 
 
 class Path(NamedTuple):

@@ -3,13 +3,12 @@
 import numpy as np
 
 from branches.search.orbits import OrbitSearch
-from branches.search.sampling import Sampler, half_turn, origin_starts
+from branches.search.sampling import Sampler, origin_starts
 
 
 def sampled(system, end, quarter_period, energy, angles, impacts):
     """Orbits from a scan of so many angles, or of an array of angles."""
-    grid = half_turn(angles) if isinstance(angles, int) else angles
-    return list(OrbitSearch(system).sample(Sampler(system, end, quarter_period, list(impacts)), energy, grid))
+    return list(OrbitSearch(system).sample(Sampler(system, end, quarter_period, list(impacts)), energy, angles))
 
 
 def refined(system, end, quarter_period, energy, angle, most, width, count=801):
