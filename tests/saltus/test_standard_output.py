@@ -163,25 +163,51 @@ def test_an_interrupt_while_a_branch_is_finished_comes_with_the_branch(monkeypat
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-@POSIX
-@pytest.mark.parametrize("place", ["saltus.motion.simulation.with_stages", "saltus.motion.record.motion_record"])
-def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, place):
-    """Oracle: the impacts of an undisturbed run; the exit code 130, whether it comes before the stages or after them."""
-    words = ["run", "--impulse", "0.5", "--duration", "8", "--stages", "--json"]
-    assert main([*words, str(tmp_path / "whole.json")]) == 0
+def interrupting(monkeypatch, place, after=False):
+    """Let an interrupt come when a function is first called, before its work or after it."""
     module, name = place.rsplit(".", 1)
-    asked = getattr(importlib.import_module(module), name)
+    asked, sent = getattr(importlib.import_module(module), name), []
 
     def interrupted(*arguments, **options):
-        signal.raise_signal(signal.SIGINT)
-        return asked(*arguments, **options)
+        found = asked(*arguments, **options) if after else None
+        if not sent:
+            sent.append(name)
+            signal.raise_signal(signal.SIGINT)
+        return found if after else asked(*arguments, **options)
 
     monkeypatch.setattr(place, interrupted)
+
+
+def interrupted_run(capsys, folder, monkeypatch, words, place, after=False):
+    """The JSON of an undisturbed run, that of a run with an interrupt, and the one line that the second says."""
+    assert main([*words, "--json", str(folder / "whole.json")]) == 0
+    interrupting(monkeypatch, place, after)
     capsys.readouterr()
-    code, _, err = run(capsys, *words, tmp_path / "cut.json")
-    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "cut"))
+    code, _, err = run(capsys, *words, "--json", folder / "cut.json")
     assert code == 130 and err.startswith("saltus: interrupted; ") and err.count("\n") == 1
-    assert cut["impacts"] == whole["impacts"] and (cut["stages"] is None) == ("stages" in place)
+    return *(json.loads((folder / f"{name}.json").read_text()) for name in ("whole", "cut")), err
+
+
+@POSIX
+@pytest.mark.parametrize(
+    ("option", "place", "missing"),
+    [
+        ("--stages", "saltus.motion.simulation.with_stages", "stages"),
+        ("--stages", "saltus.motion.record.motion_record", None),
+        (None, "transitions.record.extents", "peaks"),
+        ("--locked", "transitions.sharing.lock", "locked"),
+    ],
+)
+def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, option, place, missing):
+    """Oracle: the impacts of an undisturbed run, which ends as before; null for what was to be computed from them."""
+    words = ["run", "--impulse", "0.5", "--duration", "8", *([option] if option else [])]
+    whole, cut, err = interrupted_run(capsys, tmp_path, monkeypatch, words, place)
+    assert cut["impacts"] == whole["impacts"] and cut["ended"] == whole["ended"]
+    assert (cut["stages"] is None) == (missing == "stages" or option != "--stages")
+    assert missing is None or cut[missing] is None
+    if option != "--stages":
+        assert err.startswith("saltus: interrupted; the motion is written")
+        assert cut["locked"] is None and (cut["peaks"] is None) == (missing == "peaks")
 
 
 @POSIX
@@ -205,58 +231,14 @@ def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, words):
 @POSIX
 def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, monkeypatch):
     """Oracle: the impacts of an undisturbed run, of which the first ones are there."""
-    from bvp.kernels import motion as kernels
-
-    words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80", "--json"]
-    assert main([*words, str(tmp_path / "whole.json")]) == 0
-    move, sent = kernels.move, []
-
-    def interrupted(*arguments):
-        status = move(*arguments)
-        if not sent:
-            sent.append(status)
-            signal.raise_signal(signal.SIGINT)
-        return status
-
     monkeypatch.setattr("saltus.processes.prepare_motion", lambda: None)
-    monkeypatch.setattr(kernels, "move", interrupted)
-    capsys.readouterr()
-    code, _, err = run(capsys, *words, tmp_path / "cut.json")
-    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "cut"))
-    assert code == 130 and err.startswith("saltus: interrupted; the motion is written") and err.count("\n") == 1
+    words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80"]
+    whole, cut, err = interrupted_run(capsys, tmp_path, monkeypatch, words, "bvp.kernels.motion.move", after=True)
+    assert err.startswith("saltus: interrupted; the motion is written")
     count = len(cut["impacts"])
     assert 100 < count < len(whole["impacts"]) and cut["impacts"] == whole["impacts"][:count]
     assert cut["ended"]["reason"] == "INTERRUPTED" and cut["energy_balance_error"] < 1e-12
     assert cut["duration"] <= whole["impacts"][count]["time"]
-
-
-def interrupting(monkeypatch, place):
-    """Let an interrupt come when a function is first called."""
-    module, name = place.rsplit(".", 1)
-    asked, sent = getattr(importlib.import_module(module), name), []
-
-    def interrupted(*arguments, **options):
-        if not sent:
-            sent.append(name)
-            signal.raise_signal(signal.SIGINT)
-        return asked(*arguments, **options)
-
-    monkeypatch.setattr(place, interrupted)
-
-
-@POSIX
-@pytest.mark.parametrize(("option", "place"), [("--json", "transitions.record.extents"), ("--locked", "transitions.sharing.lock")])
-def test_an_interrupt_after_the_motion_writes_it_without_what_is_not_yet_computed(capsys, tmp_path, monkeypatch, option, place):
-    """Oracle: the impacts of an undisturbed run, which ends as before; null for what was to be computed from them."""
-    words = ["run", "--impulse", "0.5", "--duration", "8", *([] if option == "--json" else [option]), "--json"]
-    assert main([*words, str(tmp_path / "whole.json")]) == 0
-    interrupting(monkeypatch, place)
-    capsys.readouterr()
-    code, _, err = run(capsys, *words, tmp_path / "cut.json")
-    whole, cut = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "cut"))
-    assert code == 130 and err.startswith("saltus: interrupted; the motion is written") and err.count("\n") == 1
-    assert cut["impacts"] == whole["impacts"] and cut["ended"] == whole["ended"] and cut["locked"] is None
-    assert (cut["peaks"] is None) == (option == "--json")
 
 
 @POSIX

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
+from branches.figures.style import new_figure
 from bvp.system import vibro_impact_nes
-from transitions.figures.section import has_images, robust_limits, section_figure
+from transitions.figures.section import ROOM, has_images, robust_limits, section_figure, with_room
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import Rotations, rotations
 from transitions.section.section import section
@@ -40,8 +41,8 @@ def test_each_motion_is_drawn_with_its_image():
 
 
 def test_motions_do_not_merge_into_solid_ink():
-    """Oracle: the dark part of the rendered axes of a section with four times the motions of the gallery's; what is left out is said."""
-    found = section(vibro_impact_nes(), 20.0, orbits=600, crossings=400)
+    """Oracle: the dark part of the rendered axes of a section with twice the motions of the gallery's; what is left out is said."""
+    found = section(vibro_impact_nes(), 20.0, orbits=300, crossings=400)
     figure = section_figure([SectionView(found), SectionView(found)])
     figure.savefig(io.BytesIO(), format="png")
     axes = figure.axes[0]
@@ -49,7 +50,7 @@ def test_motions_do_not_merge_into_solid_ink():
     shade = np.asarray(figure.canvas.buffer_rgba())[::-1][bottom:top, left:right, 0]
     assert 0.1 < np.mean(shade < 128) < 0.6
     words = axes.get_title().split("(")[2]
-    assert words.endswith("of 600 motions drawn)") and 20 < int(words.split()[0]) < 500
+    assert words.endswith("of 300 motions drawn)") and 20 < int(words.split()[0]) < 250
 
 
 def test_few_motions_are_all_drawn():
@@ -91,3 +92,47 @@ def test_names_on_points_have_a_ground_and_a_readable_sign():
     assert ground.get_alpha() >= 0.9 and 0.7 * name.get_fontsize() >= 6.0
     box, text = ground.get_window_extent(), name.get_window_extent()
     assert box.x0 < text.x0 and box.y1 > text.y1 and box.x1 > text.x1
+
+
+def axes_of_points():
+    """Axes whose data coordinates are points of type."""
+    figure = new_figure(3.0)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    width, height = 72.0 * figure.get_size_inches()
+    axes.set_xlim(0.0, width)
+    axes.set_ylim(0.0, height)
+    return axes
+
+
+def apart(one, other):
+    return np.hypot(*(one.points[:, None] - other.points[None]).T).min()
+
+
+def test_orbits_are_drawn_that_have_room_beside_those_before_them():
+    """Elliptic ones first, then by impacts; none is left out that no earlier one is in the way of."""
+    random = np.random.default_rng(3)
+    marks = [
+        Mark(f"f{k}", "", int(random.integers(-1, 2)), 1.0, int(random.integers(1, 30)), "own", random.uniform(0.0, 200.0, (1 + k % 3, 2)))
+        for k in range(400)
+    ]
+    drawn = with_room(axes_of_points(), marks)
+    assert 20 < len(drawn) < 200
+    assert min(apart(one, other) for k, one in enumerate(drawn) for other in drawn[:k]) >= ROOM * (1.0 - 1e-9)
+    rank = {mark.family: (mark.stable != 1, mark.impacts, len(mark.points)) for mark in marks}
+    assert [rank[mark.family] for mark in drawn] == sorted(rank[mark.family] for mark in drawn)
+    kept = {mark.family for mark in drawn}
+    for mark in marks:
+        if mark.family not in kept:
+            assert any(rank[other.family] <= rank[mark.family] and apart(mark, other) < ROOM * (1.0 + 1e-9) for other in drawn)
+
+
+def test_a_picture_says_how_many_orbits_it_marks():
+    """Two orbits at one place have room for one."""
+    found = section(vibro_impact_nes(), 0.3, orbits=2, crossings=3)
+    marks = tuple(Mark(f"f{k}", "", 1, 1.0, k, "own", np.array([[0.1 * (k % 2), 0.2]])) for k in range(3))
+    figure = section_figure([SectionView(found, marks)])
+    assert "2 of 3 orbits marked" in figure.legends[0].get_title().get_text() and "marked" not in figure.axes[0].get_xlabel()
+    plate = section_figure([SectionView(found, marks), SectionView(found, marks[:2])])
+    assert plate.axes[0].get_title().endswith("(2 of 3 orbits marked)") and "marked" not in plate.axes[1].get_title()
+    (circles,) = [line for line in plate.axes[0].lines if line.get_gid() == "section0-elliptic orbit"]
+    assert np.array_equal(circles.get_xydata(), [[0.0, 0.2], [0.1, 0.2]])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from branches.figures.atlas_data import atlas_of
 from branches.figures.room import short_name
 from bvp.forcing import Harmonic
 from bvp.simulate import simulate
-from tests.branches.test_diagram import ticks_outside
+from tests.branches.test_diagram import assert_texts_apart
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import families_of
@@ -80,20 +79,7 @@ def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn, long):
         figure = transition_figure(transition.with_stages(stages), atlas)
         figure.draw_without_rendering()
         assert [figure.axes[k].get_position().height * figure.get_figheight() for k in range(5)] == pytest.approx(panels, rel=0.05)
-    figure.draw_without_rendering()
-    renderer = figure.canvas.get_renderer()
-    whole = figure.bbox
-    boxes = []
-    outside = ticks_outside(figure)
-    for text in figure.findobj(lambda artist: isinstance(artist, Text) and artist.get_visible() and artist not in outside):
-        if text.get_text().strip() and not (text.axes and text.axes.get_label() == "<colorbar>"):
-            box = text.get_window_extent(renderer)
-            if box.width and box.height:
-                boxes.append((text.get_text(), box))
-    for text, box in boxes:
-        assert box.x0 >= whole.x0 and box.x1 <= whole.x1 and box.y0 >= whole.y0 and box.y1 <= whole.y1, text
-    for (one, a), (other, b) in itertools.combinations(boxes, 2):
-        assert min(a.x1, b.x1) - max(a.x0, b.x0) < 1.0 or min(a.y1, b.y1) - max(a.y0, b.y0) < 1.0, (one, other)
+    assert_texts_apart(figure, "png")
 
 
 @pytest.mark.rounding
