@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from branches.files import read_input, reason
 from saltus.errors import BadInput, nearest, one_line
-from saltus.scene.toml import TomlTable
+from saltus.scene.toml import FINITE, POSITIVE, TEXT, TomlTable
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -45,12 +45,12 @@ def read_loads(scene: TomlTable, system: ImpactSystem, folder: Path | Traversabl
         For what cannot be read, with the place in the scene or in the record.
     """
     loads: list[Force] = []
-    if "ground" in scene.keys():
+    if "ground" in scene.content:
         from bvp.forcing import ground_load
 
         ground = scene.table("ground")
         ground.only("direction", *_COURSE)
-        direction = ground.numbers("direction", system.degrees_of_freedom) if "direction" in ground.keys() else None
+        direction = ground.numbers("direction", system.degrees_of_freedom) if "direction" in ground.content else None
         loads.append(_course(ground, ground_load(system, direction).tolist(), "acceleration", folder))
     for force in scene.tables("forces"):
         force.only("on", "load", *_COURSE)
@@ -60,11 +60,11 @@ def read_loads(scene: TomlTable, system: ImpactSystem, folder: Path | Traversabl
 
 def _load(force: TomlTable, system: ImpactSystem) -> list[float]:
     """A force on each coordinate, for the value 1 of its course."""
-    if ("on" in force.keys()) == ("load" in force.keys()):
+    if ("on" in force.content) == ("load" in force.content):
         raise BadInput(f"{force.where}: a force acts on = \"{system.coordinates[0]}\", a coordinate, or has load, a force on each of them")
-    if "load" in force.keys():
+    if "load" in force.content:
         return list(force.numbers("load", system.degrees_of_freedom))
-    name = force.text("on")
+    name = force.get("on", TEXT)
     if name not in system.coordinates:
         raise force.wrong("on", name, f"one of the coordinates {', '.join(system.coordinates)}{nearest(name, system.coordinates)}")
     return [float(name == other) for other in system.coordinates]
@@ -74,22 +74,23 @@ def _course(table: TomlTable, load: Sequence[float], column: str, folder: Path |
     """The load whose course in time a table gives."""
     from bvp.forcing import Constant, Harmonic, Record
 
-    kinds = [key for key in ("record", "amplitude", "constant") if key in table.keys()]
+    kinds = [key for key in ("record", "amplitude", "constant") if key in table.content]
     if len(kinds) != 1:
         received = ", ".join(kinds) or "none"
         raise BadInput(f"{table.where}: the course of a load is record, amplitude (with frequency) or constant; received {received}")
     own = {"record": ("column", "scale"), "amplitude": ("frequency", "phase"), "constant": ()}[kinds[0]]
-    for key in table.keys():
+    for key in table.content:
         if key in _COURSE and key not in (kinds[0], *own):
             raise BadInput(f"{table.where}: {key} does not go with {kinds[0]}{'; expected ' + ', '.join(own) if own else ''}")
     if kinds[0] == "record":
-        scale = table.finite("scale", 1.0)
-        times, values = read_record(folder.joinpath(table.text("record")), table.text("column", column), table.where)
+        scale = table.get("scale", FINITE, 1.0)
+        times, values = read_record(folder.joinpath(table.get("record", TEXT)), table.get("column", TEXT, column), table.where)
         return Record([scale * entry for entry in load], times, values)  # type: ignore[arg-type]
-    value = table.finite(kinds[0])
+    value = table.get(kinds[0], FINITE)
     if kinds[0] == "constant":
         return Constant([value * entry for entry in load])  # type: ignore[arg-type]
-    frequency, phase = table.positive("frequency", "a number above 0, in radians a unit of time"), table.finite("phase", 0.0)
+    frequency = table.get("frequency", POSITIVE._replace(expected="a number above 0, in radians a unit of time"))
+    phase = table.get("phase", FINITE, 0.0)
     cosine = [value * math.cos(phase) * entry for entry in load]
     return Harmonic(frequency, cosine, [-value * math.sin(phase) * entry for entry in load])  # type: ignore[arg-type]
 

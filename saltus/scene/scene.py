@@ -28,7 +28,7 @@ from bvp.shown import shown
 from bvp.summary import brief
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene.loads import read_loads
-from saltus.scene.toml import TomlTable, parse_toml, read_toml
+from saltus.scene.toml import POSITIVE, TEXT, TEXTS, WHOLE, TomlTable, parse_toml, read_toml
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -226,15 +226,15 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path | Trav
         **bounds,
         pins={name: point for name, point in points.items() if point} if holds else {},
         names=tuple(points) if holds else (),
-        complete=_bounds(scene.table("complete")) if "complete" in scene.keys() else bounds,
+        complete=_bounds(scene.table("complete")) if "complete" in scene.content else bounds,
         sections=energies,
         cited_sections=cited if holds else (),
-        title=scene.text("title", ""),
-        source=scene.text("source", ""),
+        title=scene.get("title", TEXT, ""),
+        source=scene.get("source", TEXT, ""),
         nes=nes,
         lo=lo,
         forces=read_loads(scene, system, folder),
-        loads=tuple(name for name in LOADS if name in scene.keys()),
+        loads=tuple(name for name in LOADS if name in scene.content),
     )
 
 
@@ -243,8 +243,8 @@ def _bounds(bounds: TomlTable) -> dict[str, Any]:
     energy = bounds.numbers("energy", 2)
     if not 0.0 < energy[0] < energy[1] < math.inf:
         raise bounds.wrong("energy", list(energy), "[lowest, highest] with 0 < lowest < highest")
-    quarter_period = bounds.positive("quarter_period")
-    impacts = bounds.integer("impacts")
+    quarter_period = bounds.get("quarter_period", POSITIVE)
+    impacts = bounds.get("impacts", WHOLE)
     if impacts < 0:
         raise bounds.wrong("impacts", impacts, "a whole number, 0 or more")
     return {"energy": (energy[0], energy[1]), "quarter_period": quarter_period, "impacts": impacts}
@@ -252,12 +252,12 @@ def _bounds(bounds: TomlTable) -> dict[str, Any]:
 
 def _sections(sections: TomlTable) -> tuple[tuple[float, ...], tuple[float, ...]]:
     sections.only("energies", "cited")
-    if not sections.keys():
+    if not sections.content:
         return (), ()
     energies = sections.numbers("energies")
     if not energies or not all(0.0 < energy < math.inf for energy in energies) or list(energies) != sorted(set(energies)):
         raise sections.wrong("energies", list(energies), "rising energies above 0")
-    cited = sections.numbers("cited") if "cited" in sections.keys() else ()
+    cited = sections.numbers("cited") if "cited" in sections.content else ()
     for energy in cited:
         if energy not in energies:
             raise sections.wrong("cited", list(cited), "some of the energies")
@@ -269,14 +269,14 @@ def _names(names: TomlTable) -> dict[str, Mapping[str, float]]:
     from branches.naming.labels import parse_name
 
     points: dict[str, Mapping[str, float]] = {}
-    for name in names.keys():
+    for name in names.content:
         point = names.table(name)
         point.only("h", "alpha")
         try:
             parse_name(name)
         except ValueError as error:
             raise BadInput(f"{names.where}: {one_line(error)}") from error
-        points[name] = {key: point.positive(key) for key in point.keys()}
+        points[name] = {key: point.get(key, POSITIVE) for key in point.content}
     return points
 
 
@@ -285,13 +285,13 @@ def _system(scene: TomlTable, overrides: Mapping[str, float]) -> tuple[ImpactSys
     from bvp.system import MODELS, ImpactSystem
 
     system = scene.table("system")
-    description = system.content()
+    description = dict(system.content)
     if "model" in description:
         model = system.choice("model", tuple(MODELS))
         known = MODELS[model][1]
         system.only("model", *known)
         for other in ("stops", "coordinates"):
-            if other in scene.keys():
+            if other in scene.content:
                 raise BadInput(f"{scene.where}: [{other}] goes with matrices; model {model} brings its own")
         for name in overrides:
             if name not in known:
@@ -306,8 +306,8 @@ def _system(scene: TomlTable, overrides: Mapping[str, float]) -> tuple[ImpactSys
         raise BadInput(f"{name} is a parameter of a model, and {scene.where} gives matrices instead of a model")
     for required in ("mass", "stiffness"):
         system.matrix(required)
-    description["stops"] = [stop.content() for stop in _stops(scene)]
-    if "coordinates" in scene.keys():
+    description["stops"] = [stop.content for stop in _stops(scene)]
+    if "coordinates" in scene.content:
         description["coordinates"] = _coordinates_described(scene.table("coordinates"))
     system_of_scene = _described(description, scene.where)
     return system_of_scene, system_of_scene
@@ -326,9 +326,9 @@ def _stops(scene: TomlTable) -> list[TomlTable]:
 def _coordinates_described(coordinates: TomlTable) -> dict[str, object]:
     """The table ``[coordinates]`` as a system's description has it, where a list of several names is no one coordinate."""
     coordinates.only("names", *_ROLES)
-    found: dict[str, object] = {"names": list(coordinates.texts("names"))} if "names" in coordinates.keys() else {}
+    found: dict[str, object] = {"names": list(coordinates.get("names", TEXTS))} if "names" in coordinates.content else {}
     for key, role in _ROLES.items():
-        value = coordinates.content().get(key)
+        value = coordinates.content.get(key)
         if isinstance(value, list):
             value = value[0] if len(value) == 1 else None
         if value is not None:
@@ -347,9 +347,9 @@ def _marked_coordinates(coordinates: TomlTable, system: ImpactSystem) -> tuple[t
     marks = {"NES": system.absorber, "LO": system.primary}
     found: dict[str, tuple[int, ...]] = {key: () if index is None else (index,) for key, index in marks.items()}
     for key in found:
-        if not isinstance(coordinates.content().get(key), list):
+        if not isinstance(coordinates.content.get(key), list):
             continue
-        names = coordinates.texts(key)
+        names = coordinates.get(key, TEXTS)
         for name in names:
             if name not in system.coordinates:
                 listed = ", ".join(system.coordinates)

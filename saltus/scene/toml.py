@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from branches.files import read_input, reason
 from bvp.shown import shown
 from saltus.errors import BadInput, nearest, one_line
 
-__all__ = ["TomlTable", "parse_toml", "read_toml"]
+__all__ = ["FINITE", "NUMBER", "POSITIVE", "TEXT", "TEXTS", "WHOLE", "Kind", "TomlTable", "parse_toml", "read_toml"]
 
 _REQUIRED: Any = object()
 
@@ -57,7 +57,7 @@ def parse_toml(text: str, where: str) -> TomlTable:
 
     Examples
     --------
-    >>> parse_toml("mu = 0.1", "scene a.toml").number("mu")
+    >>> parse_toml("mu = 0.1", "scene a.toml").get("mu", NUMBER)
     0.1
     >>> parse_toml("mu = = 0.1", "scene a.toml")
     Traceback (most recent call last):
@@ -71,8 +71,33 @@ def parse_toml(text: str, where: str) -> TomlTable:
         raise BadInput(f"{where} is no TOML that can be read: its values are nested too deeply") from error
 
 
+class Kind(NamedTuple):
+    """What an entry has to be: the words of messages, a test, and what makes the value."""
+
+    expected: str
+    fits: Callable[[Any], bool]
+    read: Callable[[Any], Any] = lambda value: value
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number: a whole number is one too, NaN is none."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and float(value) == value
+
+
+NUMBER = Kind("a number", _is_number, float)
+FINITE = Kind("a finite number", lambda value: _is_number(value) and math.isfinite(value), float)
+POSITIVE = Kind("a number above 0", lambda value: _is_number(value) and 0.0 < value < math.inf, float)
+WHOLE = Kind("a whole number", lambda value: isinstance(value, int) and not isinstance(value, bool))
+TEXT = Kind("a string", lambda value: isinstance(value, str))
+TEXTS = Kind("a list of strings", lambda value: isinstance(value, list) and all(isinstance(entry, str) for entry in value), tuple)
+_MATRIX = Kind(
+    "a square matrix as a list of rows",
+    lambda rows: isinstance(rows, list) and bool(rows) and all(isinstance(row, list) and len(row) == len(rows) for row in rows),
+)
+
+
 class TomlTable:
-    """Reads entries of a mapping and says where they stand when they are not what was expected.
+    """Reads entries of a mapping. An error names the table and the key.
 
     Parameters
     ----------
@@ -83,120 +108,66 @@ class TomlTable:
 
     Examples
     --------
-    >>> TomlTable({"energy": "high"}, "scene a.toml [bounds]").number("energy")
+    >>> TomlTable({"energy": "high"}, "scene a.toml [bounds]").get("energy", NUMBER)
     Traceback (most recent call last):
     saltus.errors.BadInput: scene a.toml [bounds]: energy = 'high', expected a number
     """
 
     def __init__(self, content: Mapping[str, Any], where: str) -> None:
-        self._content = content
+        self.content = content
         self.where = where
 
-    def keys(self) -> list[str]:
-        """Return the names of the entries."""
-        return list(self._content)
-
-    def content(self) -> dict[str, Any]:
-        """Return the entries as they stand."""
-        return dict(self._content)
-
     def only(self, *known: str) -> None:
-        """Refuse an entry that is not known, naming the nearest that is."""
-        for key in self._content:
+        """Refuse an entry that is not known. The message suggests the nearest."""
+        for key in self.content:
             if key not in known:
                 hint = nearest(key, known) or "; known: " + ", ".join(known)
                 raise BadInput(f"{self.where}: unknown key {key!r}{hint}")
 
     def wrong(self, key: str, received: object, expected: str) -> BadInput:
-        """Return the error for an entry that is not what was expected."""
+        """The error for an entry that is not what was expected."""
         return BadInput(f"{self.where}: {key} = {shown(received)}, expected {expected}")
 
-    def _get(self, key: str, expected: str, default: Any = _REQUIRED) -> Any:
-        if key in self._content:
-            return self._content[key]
-        if default is _REQUIRED:
-            raise BadInput(f"{self.where}: {key} is missing, expected {expected}")
-        return default
+    def get(self, key: str, kind: Kind, default: Any = _REQUIRED) -> Any:
+        """An entry of a kind, or the default."""
+        if key not in self.content and default is not _REQUIRED:
+            return default
+        if key not in self.content:
+            raise BadInput(f"{self.where}: {key} is missing, expected {kind.expected}")
+        return self._checked(key, self.content[key], kind)
 
-    def number(self, key: str, default: float = _REQUIRED) -> float:
-        """Return a number; a whole number is one too, NaN is none."""
-        return self._number(key, self._get(key, "a number", default))
-
-    def _number(self, key: str, value: object) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
-            raise self.wrong(key, value, "a number")
+    def _checked(self, key: str, value: Any, kind: Kind) -> Any:
         try:
-            return float(value)
+            if kind.fits(value):
+                return kind.read(value)
         except OverflowError as error:
             raise self.wrong(key, value, "a number below 1.8e308") from error
-
-    def finite(self, key: str, default: float = _REQUIRED) -> float:
-        """Return a finite number."""
-        value = self.number(key, default)
-        if not math.isfinite(value):
-            raise self.wrong(key, value, "a finite number")
-        return value
-
-    def positive(self, key: str, expected: str = "a number above 0") -> float:
-        """Return a finite number above 0; `expected` describes it in the message."""
-        value = self.number(key)
-        if not 0.0 < value < math.inf:
-            raise self.wrong(key, value, expected)
-        return value
-
-    def integer(self, key: str) -> int:
-        """Return a whole number."""
-        value = self._get(key, "a whole number")
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise self.wrong(key, value, "a whole number")
-        return value
-
-    def text(self, key: str, default: str = _REQUIRED, expected: str = "a string") -> str:
-        """Return a string; `expected` says which, where it is missing."""
-        value = self._get(key, expected, default)
-        if not isinstance(value, str):
-            raise self.wrong(key, value, "a string")
-        return value
+        raise self.wrong(key, value, kind.expected)
 
     def choice(self, key: str, known: Sequence[str], default: str = _REQUIRED) -> str:
-        """Return one of several strings."""
-        value = self.text(key, default, expected=" or ".join(known))
+        """One of several strings."""
+        value = self.get(key, TEXT._replace(expected=" or ".join(known)), default)
         if value not in known:
             raise self.wrong(key, value, " or ".join(known) + nearest(value, known))
         return value
 
-    def texts(self, key: str) -> tuple[str, ...]:
-        """Return a list of strings."""
-        value = self._get(key, "a list of strings")
-        if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
-            raise self.wrong(key, value, "a list of strings")
-        return tuple(value)
-
     def numbers(self, key: str, count: int | None = None) -> tuple[float, ...]:
-        """Return a list of numbers, of a given length if `count` is given."""
+        """A list of numbers, of a given length if `count` is given."""
         expected = "a list of numbers" if count is None else f"a list of {count} numbers"
-        value = self._get(key, expected)
-        if not isinstance(value, list) or (count is not None and len(value) != count):
-            raise self.wrong(key, value, expected)
-        return tuple(self._number(f"{key}[{i}]", entry) for i, entry in enumerate(value))
+        values = self.get(key, Kind(expected, lambda value: isinstance(value, list) and count in (None, len(value))))
+        return tuple(self._checked(f"{key}[{i}]", entry, NUMBER) for i, entry in enumerate(values))
 
     def matrix(self, key: str) -> list[list[float]]:
-        """Return a square matrix, given as a list of rows."""
-        rows = self._get(key, "a square matrix as a list of rows")
-        if not isinstance(rows, list) or not rows or not all(isinstance(row, list) and len(row) == len(rows) for row in rows):
-            raise self.wrong(key, rows, "a square matrix as a list of rows")
-        return [[self._number(f"{key}[{i}][{j}]", entry) for j, entry in enumerate(row)] for i, row in enumerate(rows)]
+        """A square matrix, given as a list of rows."""
+        rows = self.get(key, _MATRIX)
+        return [[self._checked(f"{key}[{i}][{j}]", entry, NUMBER) for j, entry in enumerate(row)] for i, row in enumerate(rows)]
 
     def table(self, key: str, default: Mapping[str, Any] = _REQUIRED) -> TomlTable:
-        """Return the table of that name."""
-        value = self._get(key, f"a table [{key}]", default)
-        if not isinstance(value, Mapping):
-            raise self.wrong(key, value, f"a table [{key}]")
+        """The table with a name."""
+        value = self.get(key, Kind(f"a table [{key}]", lambda value: isinstance(value, Mapping)), default)
         return TomlTable(value, f"{self.where} [{key}]")
 
     def tables(self, key: str) -> list[TomlTable]:
-        """Return the list of tables of that name; none is an empty list."""
-        value = self._get(key, f"tables [[{key}]]", [])
-        if not isinstance(value, list) or not all(isinstance(entry, Mapping) for entry in value):
-            raise self.wrong(key, value, f"tables [[{key}]]")
-        return [TomlTable(entry, f"{self.where} [[{key}]] number {i}") for i, entry in enumerate(value, 1)]
+        """The list of tables with a name, which can be empty."""
+        are_tables = Kind(f"tables [[{key}]]", lambda value: isinstance(value, list) and all(isinstance(x, Mapping) for x in value))
+        return [TomlTable(entry, f"{self.where} [[{key}]] number {i}") for i, entry in enumerate(self.get(key, are_tables, []), 1)]

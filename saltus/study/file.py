@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import BadInput, nearest, one_line
-from saltus.scene.toml import TomlTable, parse_toml, read_toml
+from saltus.scene.toml import NUMBER, POSITIVE, TEXT, TEXTS, WHOLE, TomlTable, parse_toml, read_toml
 
 if TYPE_CHECKING:
     from saltus.scene import Scene
@@ -92,7 +92,7 @@ def _read(file: TomlTable, folder: Path) -> StudyFile:
         fixed={key: value for key, value in fixed.items() if key not in _OF_MODEL},
         design=design,
         units=units,
-        title=file.text("title", ""),
+        title=file.get("title", TEXT, ""),
         forces=scene.forces,
         **_numbers(file, design),
         **_run(file.table("run", {}), bool(scene.forces)),
@@ -105,7 +105,7 @@ def _read(file: TomlTable, folder: Path) -> StudyFile:
 
 
 def _scene(file: TomlTable, folder: Path, load_scene: Any, parameters: Mapping[str, float]) -> Scene:
-    name = file.text("scene", "") or None
+    name = file.get("scene", TEXT, "") or None
     # A scene's file stands beside the study's.
     if name is not None and (folder / name).exists():
         name = str(folder / name)
@@ -116,13 +116,13 @@ def _numbers(file: TomlTable, design: str) -> dict[str, int]:
     out = {}
     limits = (("runs", 2, MOST_RUNS, "hypercube"), ("seed", 0, 2**32 - 1, "hypercube"), ("block", 1, MOST_BLOCK, None))
     for key, least, most, only in limits:
-        if key not in file.keys():
+        if key not in file.content:
             if key == "runs" and design == "hypercube":
                 raise BadInput(f"{file.where}: runs is missing; a hypercube has as many runs as it says")
             continue
         if only is not None and design != only:
             raise BadInput(f"{file.where}: {key} goes with design = {only!r}; a grid has the points of its parameters")
-        value = file.integer(key)
+        value = file.get(key, WHOLE)
         if not least <= value <= most:
             raise file.wrong(key, value, f"a whole number from {least} to {most}")
         out[key] = value
@@ -134,20 +134,20 @@ def _run(run: TomlTable, forced: bool) -> dict[str, Any]:
 
     run.only("until", "longest", "impacts")
     out: dict[str, Any] = {}
-    until = run.content().get("until", CLEAR)
+    until = run.content.get("until", CLEAR)
     if until != CLEAR:
         expected = f'a duration above 0, or "{CLEAR}": until no impact is possible any more'
         if isinstance(until, str):
             raise run.wrong("until", until, expected + nearest(until, (CLEAR,)))
-        out["until"] = run.positive("until", expected)
+        out["until"] = run.get("until", POSITIVE._replace(expected=expected))
     elif forced:
         raise run.wrong("until", until, "a duration: the scene has loads, under which impacts stay possible")
-    if "longest" in run.keys():
+    if "longest" in run.content:
         if until != CLEAR:
             raise BadInput(f'{run.where}: longest goes with until = "{CLEAR}"; a duration is the longest time itself')
-        out["longest"] = run.positive("longest", "a time above 0")
-    if "impacts" in run.keys():
-        out["impacts"] = run.integer("impacts")
+        out["longest"] = run.get("longest", POSITIVE._replace(expected="a time above 0"))
+    if "impacts" in run.content:
+        out["impacts"] = run.get("impacts", WHOLE)
         if out["impacts"] < 1:
             raise run.wrong("impacts", out["impacts"], "a whole number above 0")
     return out
@@ -157,21 +157,21 @@ def _axes(vary: TomlTable, design: str) -> tuple[Axis, ...]:
     from transitions.study.plan import FAMILY, PARAMETERS, SCALES, Axis
 
     vary.only(*PARAMETERS)
-    if not vary.keys():
+    if not vary.content:
         raise BadInput(f"{vary.where}: nothing is varied; expected one or more of {', '.join(PARAMETERS)}")
     axes = []
-    for name in vary.keys():
+    for name in vary.content:
         axis = vary.table(name)
         axis.only("values", "from", "to", "scale", "points")
         if name == FAMILY:
             axis.only("values")
-            axes.append(Axis(name, _distinct(axis, axis.texts("values"))))
+            axes.append(Axis(name, _distinct(axis, axis.get("values", TEXTS))))
             continue
-        if "values" in axis.keys():
+        if "values" in axis.content:
             axis.only("values")
             axes.append(Axis(name, _distinct(axis, tuple(_in_range(axis, name, "values", x) for x in axis.numbers("values")))))
             continue
-        low, high = (_in_range(axis, name, key, axis.number(key)) for key in ("from", "to"))
+        low, high = (_in_range(axis, name, key, axis.get(key, NUMBER)) for key in ("from", "to"))
         if not low < high:
             raise axis.wrong("to", high, f"a number above from = {low:g}")
         scale = axis.choice("scale", SCALES, "linear")
@@ -179,10 +179,10 @@ def _axes(vary: TomlTable, design: str) -> tuple[Axis, ...]:
             raise axis.wrong("from", low, "a number above 0 on a logarithmic scale")
         points = 0
         if design == "grid":
-            points = axis.integer("points")
+            points = axis.get("points", WHOLE)
             if points < 2:
                 raise axis.wrong("points", points, "a whole number, 2 or more")
-        elif "points" in axis.keys():
+        elif "points" in axis.content:
             raise BadInput(f"{axis.where}: points goes with design = 'grid'; a hypercube has runs")
         axes.append(Axis(name, (), low, high, scale, points))
     return tuple(axes)
@@ -201,7 +201,9 @@ def _fixed(fixed: TomlTable) -> dict[str, Any]:
     from transitions.study.plan import FAMILY, PARAMETERS
 
     fixed.only(*PARAMETERS)
-    return {name: fixed.text(name) if name == FAMILY else _in_range(fixed, name, name, fixed.number(name)) for name in fixed.keys()}
+    return {
+        name: fixed.get(name, TEXT) if name == FAMILY else _in_range(fixed, name, name, fixed.get(name, NUMBER)) for name in fixed.content
+    }
 
 
 def _in_range(table: TomlTable, name: str, key: str, value: float) -> float:

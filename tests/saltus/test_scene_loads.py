@@ -102,7 +102,7 @@ WRONG = [
     ('[[forces]]\non = "roof"\n', ["record, amplitude", "constant; received none"]),
     ('[[forces]]\non = "roof"\nconstant = 1\namplitude = 1\n', ["record, amplitude", "amplitude, constant"]),
     ('[[forces]]\non = "roof"\namplitude = 1\n', ["frequency is missing, expected a number"]),
-    ('[[forces]]\non = "roof"\namplitude = 1\nfrequency = -2\n', ["frequency = -2.0", "above 0"]),
+    ('[[forces]]\non = "roof"\namplitude = 1\nfrequency = -2\n', ["frequency = -2,", "above 0"]),
     ('[[forces]]\non = "roof"\nconstant = 1\nscale = 2\n', ["scale does not go with constant"]),
     ('[[forces]]\non = "roof"\namplitud = 1\nfrequency = 2\n', ["unknown key 'amplitud'", "nearest: amplitude"]),
     ("[[forces]]\nload = [1, 1]\nconstant = 1\n", ["a list of 3 numbers"]),
