@@ -1,4 +1,4 @@
-"""Words of impacts: which stops a solved segment hits, in which order, and what its symmetries make of that.
+"""Impact sequences: which stops a solved segment hits, in which order, and what its symmetries make of that.
 
 A **sequence** is a tuple of contact letters, one for each impact strictly inside the segment, in order of time: `+` and `-` for
 the two sides of a single stop, `a+`, `a-`, `b+`, ... where there are several. The **ends** of the segment are kept apart from
@@ -23,30 +23,10 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 __all__ = [
-    "Ends",
-    "PERIODIC",
-    "ImpactSequence",
-    "SequenceSyntaxError",
-    "canonical_sequence",
-    "check_ends",
-    "end_letter",
-    "exchange",
-    "format_ends",
-    "format_sequence",
-    "full_sequence",
-    "impacts_per_period",
-    "join_family_id",
-    "mirror",
-    "mirror_ends",
-    "parity",
-    "parse_ends",
-    "parse_sequence",
-    "primitive",
-    "reverse",
-    "segments_per_period",
-    "split_family_id",
-    "unfold",
-]
+    "Ends", "PERIODIC", "ImpactSequence", "SequenceSyntaxError", "canonical_sequence", "check_ends", "format_ends", "format_sequence",
+    "full_sequence", "impacts_per_period", "join_family_id", "mirror", "mirror_ends", "parse_ends", "parse_sequence",
+    "segments_per_period", "split_family_id", "unfolded_sequence",
+]  # fmt: skip
 
 ImpactSequence = tuple[str, ...]
 Ends = tuple[str, str]
@@ -138,7 +118,6 @@ def format_ends(ends: Ends) -> str:
     >>> format_ends(("origin", "stop+"))
     'origin-stop+'
     """
-    check_ends(ends)
     return "periodic" if ends == PERIODIC else "-".join(ends)
 
 
@@ -172,9 +151,7 @@ def join_family_id(ends: Ends, sequence: Iterable[str], digest: str) -> str:
     >>> join_family_id(("origin", "origin"), ("+", "-"), "03fa9c1e")
     'origin-origin:+-:03fa9c1e'
     """
-    text = f"{format_ends(ends)}:{format_sequence(sequence)}:{digest}"
-    split_family_id(text)
-    return text
+    return f"{format_ends(ends)}:{''.join(sequence)}:{digest}"
 
 
 def check_ends(ends: Ends) -> None:
@@ -186,7 +163,8 @@ def check_ends(ends: Ends) -> None:
 _SWAP = {"+": "-", "-": "+"}
 
 
-def mirror(sequence: Iterable[str]) -> ImpactSequence:
+@lru_cache(maxsize=16384)
+def mirror(sequence: ImpactSequence) -> ImpactSequence:
     """The sequence of the mirrored orbit -u: each contact becomes the opposite side of its stop.
 
     Examples
@@ -194,22 +172,7 @@ def mirror(sequence: Iterable[str]) -> ImpactSequence:
     >>> mirror(("+", "+", "-"))
     ('-', '-', '+')
     """
-    return _mirrored(tuple(sequence))
-
-
-@lru_cache(maxsize=16384)
-def _mirrored(sequence: ImpactSequence) -> ImpactSequence:
     return tuple(letter[:-1] + _SWAP[letter[-1]] for letter in sequence)
-
-
-def reverse(sequence: Iterable[str]) -> ImpactSequence:
-    """The sequence of the orbit run backwards in time."""
-    return tuple(sequence)[::-1]
-
-
-def exchange(ends: Ends) -> Ends:
-    """The ends in the other order, as the reversed segment has them."""
-    return ends[1], ends[0]
 
 
 def mirror_ends(ends: Ends) -> Ends:
@@ -218,29 +181,20 @@ def mirror_ends(ends: Ends) -> Ends:
     return first, last
 
 
-def end_letter(end: str) -> str | None:
-    """The contact letter of a stop end, None for the other ends.
-
-    Examples
-    --------
-    >>> end_letter("stop+"), end_letter("stopb-"), end_letter("rest")
-    ('+', 'b-', None)
-    """
-    return end.removeprefix("stop") if end.startswith("stop") else None
-
-
+@lru_cache(maxsize=16384)
 def canonical_sequence(
-    sequence: Iterable[str], ends: Ends, *, odd_symmetry: bool = True, reversible: bool = True
+    sequence: ImpactSequence, ends: Ends, *, odd_symmetry: bool = True, reversible: bool = True
 ) -> tuple[ImpactSequence, Ends]:
     """The smallest image of sequence and ends under the symmetries of the equations.
 
     Ends are compared before sequences, in the order of their text (`origin` < `rest` < `stop+` < `stop-`; `+` < `-`), so a segment
-    with one origin end starts there and one with one stop end ends at its upper side.
+    with one origin end starts there and one with one stop end ends at its upper side. A search asks for the same sequences at each
+    energy, so results are cached.
 
     Parameters
     ----------
     sequence, ends
-        The segment; for periodic ends the sequence of the whole period, of which all rotations are images as well.
+        The segment; for periodic ends the sequence of the full period, of which all rotations are images as well.
     odd_symmetry
         Whether -u is a motion whenever u is (each stop two-sided with equal gaps, no constant load): allows the mirror.
     reversible
@@ -261,21 +215,15 @@ def canonical_sequence(
         raise ValueError("an origin end needs odd symmetry: each stop two-sided with equal gaps and no constant load")
     if ends != PERIODIC and not reversible:
         raise ValueError(f"ends {format_ends(ends)} need a reversible system (no damping, elastic stops), expected periodic")
-    return _smallest(tuple(sequence), (ends[0], ends[1]), odd_symmetry, reversible)
-
-
-@lru_cache(maxsize=16384)
-def _smallest(sequence: ImpactSequence, ends: Ends, odd_symmetry: bool, reversible: bool) -> tuple[ImpactSequence, Ends]:
-    """See `canonical_sequence`; a search asks for the same sequences at each energy."""
     images = [(ends, sequence)]
     if odd_symmetry:
-        images += [(mirror_ends(e), mirror(w)) for e, w in images]
+        images += [(mirror_ends(e), mirror(s)) for e, s in images]
     if reversible:
-        images += [(exchange(e), reverse(w)) for e, w in images]
+        images += [((e[1], e[0]), s[::-1]) for e, s in images]
     if ends == PERIODIC:
-        images = [(e, w[k:] + w[:k]) for e, w in images for k in range(max(len(w), 1))]
-    smallest_ends, smallest_word = min(images)
-    return smallest_word, smallest_ends
+        images = [(e, s[k:] + s[:k]) for e, s in images for k in range(max(len(s), 1))]
+    smallest_ends, smallest_sequence = min(images)
+    return smallest_sequence, smallest_ends
 
 
 def segments_per_period(ends: Ends) -> int:
@@ -286,26 +234,12 @@ def segments_per_period(ends: Ends) -> int:
     >>> segments_per_period(("origin", "stop+")), segments_per_period(("rest", "stop+"))
     (4, 2)
     """
-    check_ends(ends)
     if ends == PERIODIC:
         return 1
     return 4 if (ends[0] == "origin") != (ends[1] == "origin") else 2
 
 
-def parity(ends: Ends) -> str | None:
-    """The index E or O of a symmetric orbit with these ends (O: an impact at the quarter period), None for other orbits.
-
-    Examples
-    --------
-    >>> parity(("origin", "stop-")), parity(("rest", "origin")), parity(("origin", "origin"))
-    ('O', 'E', None)
-    """
-    if segments_per_period(ends) != 4:
-        return None
-    return "E" if "rest" in ends else "O"
-
-
-def unfold(sequence: Iterable[str], ends: Ends, count: int) -> tuple[ImpactSequence, Ends]:
+def unfolded_sequence(sequence: ImpactSequence, ends: Ends, count: int) -> tuple[ImpactSequence, Ends]:
     """The segment that `count` successive segments make together, continued by reversal at each end.
 
     Returns
@@ -320,33 +254,28 @@ def unfold(sequence: Iterable[str], ends: Ends, count: int) -> tuple[ImpactSeque
 
     Examples
     --------
-    >>> unfold((), ("origin", "stop+"), 3)
+    >>> unfolded_sequence((), ("origin", "stop+"), 3)
     (('+',), ('origin', 'stop-'))
     """
-    check_ends(ends)
     if ends == PERIODIC:
         raise ValueError("a segment with periodic ends has no reversal to continue by; repeat its sequence instead")
     if count < 1:
         raise ValueError(f"number of segments is {count}, expected 1 or more")
-    sequence = tuple(sequence)
     inside: list[str] = []
     mirrored = False
     for k in range(count):
-        piece = sequence if k % 2 == 0 else reverse(sequence)
+        piece = sequence if k % 2 == 0 else sequence[::-1]
         inside += mirror(piece) if mirrored else piece
-        last = ends[(k + 1) % 2]
-        if mirrored:
-            last = mirror_ends((last, last))[0]
+        last = (mirror_ends(ends) if mirrored else ends)[(k + 1) % 2]
         if k + 1 < count:
-            letter = end_letter(last)
-            if letter is not None:
-                inside.append(letter)
+            if last.startswith("stop"):
+                inside.append(last.removeprefix("stop"))
             mirrored ^= last == "origin"
     return tuple(inside), (ends[0], last)
 
 
-def full_sequence(sequence: Iterable[str], ends: Ends) -> ImpactSequence:
-    """The sequence of the whole period, from the first end on (whose own impact, if it is a stop, comes first).
+def full_sequence(sequence: ImpactSequence, ends: Ends) -> ImpactSequence:
+    """The sequence of the full period, from the first end on (whose own impact, if it is a stop, comes first).
 
     Examples
     --------
@@ -357,12 +286,11 @@ def full_sequence(sequence: Iterable[str], ends: Ends) -> ImpactSequence:
     """
     count = segments_per_period(ends)
     if count == 1:
-        return tuple(sequence)
-    letter = end_letter(ends[0])
-    return (() if letter is None else (letter,)) + unfold(sequence, ends, count)[0]
+        return sequence
+    return ((ends[0].removeprefix("stop"),) if ends[0].startswith("stop") else ()) + unfolded_sequence(sequence, ends, count)[0]
 
 
-def impacts_per_period(sequence: Iterable[str], ends: Ends) -> int:
+def impacts_per_period(sequence: ImpactSequence, ends: Ends) -> int:
     """The number of impacts in one period.
 
     Examples
@@ -371,24 +299,6 @@ def impacts_per_period(sequence: Iterable[str], ends: Ends) -> int:
     6
     """
     count = segments_per_period(ends)
-    at_ends = sum(end_letter(end) is not None for end in ends)
-    return count * len(tuple(sequence)) + count // 2 * at_ends
+    return count * len(sequence) + count // 2 * sum(end.startswith("stop") for end in ends)
 
 
-def primitive(sequence: Iterable[str]) -> tuple[ImpactSequence, int]:
-    """The shortest sequence whose repetition the cyclic sequence of a period is, and how often it is repeated.
-
-    One turn says that the orbit is run through once. More turns only allow a repetition: an orbit of twice the period can
-    repeat the sequence of the orbit that it doubled, so states decide where this gives more than 1.
-
-    Examples
-    --------
-    >>> primitive(("+", "-", "+", "-"))
-    (('+', '-'), 2)
-    """
-    sequence = tuple(sequence)
-    for length in range(1, len(sequence) + 1):
-        turns, rest = divmod(len(sequence), length)
-        if rest == 0 and sequence[:length] * turns == sequence:
-            return sequence[:length], turns
-    return (), 1

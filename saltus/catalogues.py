@@ -150,7 +150,7 @@ def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
         For a catalogue there that cannot be read, or belongs to another system.
     """
     from branches.naming.labels import LabelSyntaxError, parse_name
-    from branches.naming.reference_points import NameNotFound
+    from branches.naming.matching import NameNotFound
 
     id, at, suffix = text.partition("@")
     try:
@@ -303,7 +303,7 @@ def same_meeting(one: Edge, other: Edge) -> bool:
 
 def node_record(catalogue: Catalogue, id: str) -> dict[str, Any]:
     """A node of the graph in a few words: a family by its label and energies, another node by what it is."""
-    from branches.naming.labels import spelled
+    from branches.naming.matching import spelled
 
     if id in catalogue:
         row = catalogue.family(id)

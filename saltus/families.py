@@ -297,7 +297,8 @@ def _distinct(orbits: list[Orbit]) -> list[Orbit]:
 
 def has_label(orbit: Orbit, name: Name) -> bool:
     """Whether an orbit has the label of a name."""
-    from branches.naming.labels import matches, parse
+    from branches.naming.labels import parse
+    from branches.naming.matching import matches
 
     return name.label is not None and bool(orbit.label) and matches(name.label, parse(orbit.label))
 

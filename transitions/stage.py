@@ -340,7 +340,7 @@ def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float
     sign, k = candidates[near[0] if near else int(np.argmin(distances))]
     stops = [impact.stop for impact in orbit.impacts]
     times = np.mod([impact.time - begins[k] for impact in orbit.impacts], period)
-    return sorted(zip(times.tolist(), stops if sign > 0.0 else mirror(stops), strict=True))
+    return sorted(zip(times.tolist(), stops if sign > 0.0 else mirror(tuple(stops)), strict=True))
 
 
 def leaving(orbit: Sequence[tuple[float, str]], impacts: Sequence[tuple[float, str]]) -> Leaving | None:

@@ -111,7 +111,7 @@ def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
 
 def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:
     from branches.naming.families import resolve
-    from branches.naming.reference_points import AmbiguousName, NameNotFound
+    from branches.naming.matching import AmbiguousName, NameNotFound
 
     limits = Limits(plan.named.energy, plan.named.quarter_period, plan.named.impacts)
     try:

@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from branches.catalogue.database import CatalogueError, not_taken
 from branches.catalogue.rows import FamilyRow, crosses
-from branches.naming.labels import Label, LabelSyntaxError, Name, matches, nearest, nearest_labels, parse, parse_name
-from branches.naming.reference_points import (
+from branches.naming.labels import Label, LabelSyntaxError, Name, most_alike, parse, parse_name
+from branches.naming.matching import (
     AmbiguousName,
     NameNotFound,
     fits_otherwise,
+    matches,
     nearest_crossing,
-    note,
+    nearest_labels,
     reaches,
     reference_point_of,
+    remark_on_name,
     why_a_cover,
 )
 from bvp.shown import shown
@@ -188,7 +190,7 @@ def _family_of_id(catalogue: CatalogueStore, head: str) -> FamilyRow | None:
         found = [row for row in families if row.id.startswith(head) or row.id.rpartition(":")[2].startswith(head)]
     how = f"is shortened to {head!r}" if shortened else f"begins with {head!r}"
     if not found:
-        near = ", ".join(nearest(head, [row.id for row in families])) or "none, the catalogue is empty"
+        near = ", ".join(most_alike(head, [row.id for row in families])) or "none, the catalogue is empty"
         raise NameNotFound(f"{catalogue.path} has no family whose id {how}; nearest: {near}")
     if len(found) > 1:
         listed = " ".join(row.id for row in found[:8]) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
@@ -207,7 +209,7 @@ def _counted_otherwise(catalogue: CatalogueStore, name: Name, families: Sequence
     label = name.label
     assert label is not None
     fits = _fitting(lambda known: fits_otherwise(label, known))
-    return [match._replace(note=note(label, None)) for match in _select(catalogue, name, _having(families, fits), fits)]
+    return [match._replace(note=remark_on_name(label, None)) for match in _select(catalogue, name, _having(families, fits), fits)]
 
 
 def _suffixed(head: str, found: Sequence[NameMatch]) -> list[str]:

@@ -53,9 +53,9 @@ class CatalogueStore(CatalogueFile):
             raise not_taken("a family is named by its id, such as origin-stop+::44db5a75", id)
         for row in self._rows("families", "WHERE id = ?", (id,)):
             return FamilyRow(*row)
-        from branches.naming.labels import nearest
+        from branches.naming.labels import most_alike
 
-        near = ", ".join(nearest(id, [row.id for row in self._families])) or "none, it holds no family"
+        near = ", ".join(most_alike(id, [row.id for row in self._families])) or "none, it holds no family"
         raise CatalogueError(f"{self.path} has no family {shown(id)}; nearest: {near}")
 
     def __contains__(self, id: object) -> bool:

@@ -28,7 +28,7 @@ import numpy as np
 from branches.export.tables import Table, csv_text, plain_columns, write_binary
 from branches.figures.atlas_data import Atlas, Bound, Curve
 from branches.files import one_line, read_input, reason, replacing, write_text
-from branches.naming.labels import nearest
+from branches.naming.labels import most_alike
 
 if TYPE_CHECKING:
     from branches.figures.atlas_data import Atlas
@@ -97,7 +97,7 @@ def write_data(layout: Layout, about: Mapping[str, Any], columns: Mapping[str, n
     """
     kind = data_format(path)
     if kind is None:
-        near = nearest(Path(path).suffix[1:], DATA_FORMATS, 1)
+        near = most_alike(Path(path).suffix[1:], DATA_FORMATS, 1)
         raise ExportError(f"unknown format of {os.fspath(path)!r}: expected {', '.join(DATA_FORMATS)}; nearest: {near[0]}")
     head = json.dumps(about, allow_nan=False)
     table: Table = {name: columns[name] for name in (*layout.columns, *layout.wide)}

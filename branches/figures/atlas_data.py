@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.figures.titles import pinned_names
-from branches.naming.labels import spelled
+from branches.naming.matching import spelled
 from bvp.shown import shown
 from bvp.summary import brief
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.impulsive.manifold import Manifold
     from branches.impulsive.orbits import ImpulsiveOrbits
-    from branches.naming.reference_points import ReferencePoint
+    from branches.naming.matching import ReferencePoint
     from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.naming.label import Label
-from branches.naming.labels import matches, parse, parse_name
-from branches.naming.reference_points import REFERENCE_TOLERANCE, Track, fits_otherwise, nearest_crossing, reaches
+from branches.naming.labels import Label, parse, parse_name
+from branches.naming.matching import REFERENCE_TOLERANCE, Track, fits_otherwise, matches, nearest_crossing, reaches
 from branches.sequences import PERIODIC
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.naming.reference_points import ReferencePoint
+    from branches.naming.matching import ReferencePoint
 
 __all__ = ["PinnedName", "pinned_names"]
 

@@ -14,14 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.naming.labels import Label, Name, matches, parse, parse_name
-from branches.naming.reference_points import (
+from branches.naming.labels import Label, Name, parse, parse_name
+from branches.naming.matching import (
     REFERENCE_TOLERANCE,
     AmbiguousName,
     NameNotFound,
     fits_otherwise,
-    note,
+    matches,
     reference_point_of,
+    remark_on_name,
     why_a_cover,
 )
 from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, search_bounds
@@ -180,7 +181,7 @@ def trace_named(
         )
     if on_start is not None:
         problem = found.problem
-        remark = note(parse_name(name).label, found.label)
+        remark = remark_on_name(parse_name(name).label, found.label)
         on_start(
             f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, "
             f"sequence {''.join(problem.sequence) or '(no inner impact)'}, "

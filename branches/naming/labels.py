@@ -20,43 +20,109 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import itertools
 import math
+import re
 from collections.abc import Iterable
-from functools import lru_cache
+from dataclasses import dataclass
+from typing import NoReturn
 
-from branches.naming.label import (
-    ImpossibleLabelError,
-    Label,
-    LabelSyntaxError,
-    Name,
-    count_half_waves,
-    label_of,
-    parse,
-    parse_name,
-    pieces,
-    why_impossible,
-)
+from branches.sequences import SequenceSyntaxError, split_family_id
+from bvp.shown import shown
 
 __all__ = [
-    "ImpossibleLabelError",
-    "Label",
-    "LabelSyntaxError",
-    "Name",
-    "canonical_label",
-    "count_half_waves",
-    "label_of",
-    "latex",
-    "matches",
-    "nearest",
-    "nearest_labels",
-    "parse",
-    "parse_name",
-    "roots",
-    "spelled",
-    "cover_label",
+    "ImpossibleLabelError", "Label", "LabelSyntaxError", "Name", "canonical_label", "latex", "most_alike", "parse", "parse_name",
     "why_impossible",
-]
+]  # fmt: skip
+
+
+class ImpossibleLabelError(ValueError):
+    """A label that can be read, but that no periodic orbit with impacts (or linear mode) can have; the message says why."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """A label, or a pattern of labels where parity, p and q, or sign are None.
+
+    Parameters
+    ----------
+    kind
+        "S", "U" or "L".
+    m, n
+        Half-waves of absorber and primary in the half period.
+    parity
+        "E" or "O", symmetric labels only.
+    p, q
+        Impacts strictly inside the first and second quarter; both or none; none for linear modes.
+    sign
+        "+" or "-".
+
+    Raises
+    ------
+    ImpossibleLabelError
+        Where no orbit can have the label; `why_impossible` gives the rules.
+    ValueError
+        Where the fields make no label at all.
+    """
+
+    kind: str
+    m: int
+    n: int
+    parity: str | None = None
+    p: int | None = None
+    q: int | None = None
+    sign: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("S", "U", "L"):
+            raise ValueError(f"kind of a label is {self.kind!r}, expected S, U or L")
+        if self.parity is not None and (self.kind != "S" or self.parity not in ("E", "O")):
+            raise ValueError(f"parity of a {self.kind} label is {self.parity!r}, expected E or O for S, none for U and L")
+        if self.sign not in (None, "+", "-"):
+            raise ValueError(f"sign of a label is {self.sign!r}, expected + or -")
+        countable = self.kind == "U" or self.parity is not None
+        if (self.p is None) != (self.q is None) or (self.p is not None and not countable):
+            rule = "expected both or none, none for L, and for S only with E or O"
+            raise ValueError(f"impacts p, q of a {self.kind} label are {self.p}, {self.q}: {rule}")
+        for field in ("m", "n", "p", "q"):
+            value = getattr(self, field)
+            if value is not None and (not isinstance(value, int) or value < 0):
+                raise ValueError(f"{field} of a label is {value!r}, expected a whole number, 0 or more")
+        reason = why_impossible(self)
+        if reason is not None:
+            raise ImpossibleLabelError(f"{self} cannot be a periodic orbit: {reason}")
+
+    def __str__(self) -> str:
+        """The label as `parse` reads it."""
+        return "".join(pieces(self)) + (self.sign or "")
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is left open: one label, not a pattern of several."""
+        return self.sign is not None and (self.kind == "L" or self.p is not None)
+
+
+def why_impossible(label: Label) -> str | None:
+    """Why no orbit can have this label, in words; None where one can.
+
+    The displacements vanish at both ends of a half period, so each velocity changes sign in it. Over a half period a symmetric
+    orbit turns into its own negative, so its velocities change sign an odd number of times, and its quarters have equally many
+    impacts.
+    """
+    if label.m == 0 or label.n == 0:
+        body = "NES" if label.m == 0 else "LO"
+        return f"the {body} has 0 half-waves, but its velocity changes sign at least once in a half period (m, n >= 1)"
+    if label.kind == "L":
+        differ = f"m = {label.m} and n = {label.n} differ, but in a linear mode both bodies move alike (L11+, L11-)"
+        return differ if label.m != label.n else None
+    if label.kind == "S" and label.p != label.q:
+        return f"a symmetric orbit has as many impacts in its second quarter as in its first, here {label.p} and {label.q}"
+    if label.kind == "S" and (label.m % 2 == 0 or label.n % 2 == 0):
+        return f"a symmetric orbit reverses each velocity over a half period, so m and n are odd, here {label.m} and {label.n}"
+    if label.kind == "S" and label.parity == "E" and label.p == 0:
+        return "it has no impact at all (none inside a quarter, E: none at the quarter); the linear modes are L11+, L11-"
+    if label.kind == "U" and label.p == label.q == 0:
+        return "it has no impact at all (p = q = 0); the linear modes are L11+, L11-"
+    return None
 
 
 def canonical_label(label: Label) -> Label:
@@ -74,35 +140,10 @@ def canonical_label(label: Label) -> Label:
     return label
 
 
-def spelled(text: str, names: Iterable[str]) -> str:
-    """A label as it is printed where no start is printed with it: as one of the names has it, otherwise with p <= q.
-
-    Examples
-    --------
-    >>> spelled("U4502-", ["S31O11", "U4520-"]), spelled("U2210+", []), spelled("", [])
-    ('U4520-', 'U2201+', '')
-    """
-    if not text:
-        return text
-    label = canonical_label(parse(text))
-    return _spellings(tuple(names)).get(label) or str(label)
-
-
-@lru_cache(maxsize=8)
-def _spellings(names: tuple[str, ...]) -> dict[Label, str]:
-    return {canonical_label(parse(name)): name for name in reversed(names)}
-
-
-def matches(pattern: Label, label: Label) -> bool:
-    """Whether the label is one of the pattern's: equal in all that the pattern does not leave open, up to equivalence.
-
-    Examples
-    --------
-    >>> [matches(parse(pattern), parse("U8353-")) for pattern in ("U83", "U8335-", "U8353+")]
-    [True, True, False]
-    """
-    wanted, given = (dataclasses.astuple(canonical_label(item)) for item in (pattern, label))
-    return all(field is None or field == value for field, value in zip(wanted, given, strict=True))
+def pieces(label: Label) -> list[str]:
+    """The parts of the label's text, without the sign."""
+    numbers = [f"({value})" if value > 9 else str(value) for value in (label.m, label.n, label.p, label.q) if value is not None]
+    return [label.kind, *numbers[:2], label.parity or "", *numbers[2:]]
 
 
 def latex(label: Label, *, short: bool = False) -> str:
@@ -123,106 +164,203 @@ def latex(label: Label, *, short: bool = False) -> str:
     return rf"$\mathrm{{{body}}}" + (f"^{{{label.sign}}}$" if label.sign else "$")
 
 
-def nearest(text: str, candidates: Iterable[object], count: int = 3) -> tuple[str, ...]:
+def most_alike(text: str, candidates: Iterable[object], count: int = 3) -> tuple[str, ...]:
     """The `count` candidates whose text is most like the given one, the most alike first.
 
     Examples
     --------
-    >>> nearest("S73O3-", ["S73O33-", "S13O00+", "U8353-"], 1)
+    >>> most_alike("S73O3-", ["S73O33-", "S13O00+", "U8353-"], 1)
     ('S73O33-',)
     """
     return tuple(difflib.get_close_matches(text, dict.fromkeys(str(item) for item in candidates), n=count, cutoff=0.0))
 
 
-_IMPACT, _KIND = 3, 9
-"""Half-waves that an impact, and another symmetry, count for: half-waves and sign change along a family, impacts only at its grazings."""
+_SIGNS = dict.fromkeys("+\N{SUPERSCRIPT PLUS SIGN}", "+") | dict.fromkeys(
+    "-\N{MINUS SIGN}\N{EN DASH}\N{SUPERSCRIPT MINUS}", "-"
+)
+_DIGITS = "0123456789"
+_FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
-def nearest_labels(asked: Label, existing: Iterable[str], count: int = 3) -> tuple[str, ...]:
-    """The existing labels nearest to one that nothing has: `count` by their fields, and the one whose text is most alike.
+class LabelSyntaxError(ValueError):
+    """A label or name that does not parse; the message is one line that points at the character.
 
-    Parameters
+    Attributes
     ----------
-    asked : Label
-        What it leaves open makes no difference.
-    existing : iterable of str
-        Labels.
-    count : int
+    text : str
+        What was given.
+    position : int
+        The character, counted from 1, at which reading stopped; len(text) + 1 where the text ends too early.
+    expected : str
+        What could have stood there.
+    caret : str
+        Two lines: the text, and a caret below the character.
+    """
 
-    Returns
-    -------
-    tuple of str
-        The nearest first: by the sum of the differences of half-waves, impacts (three times) and sign; equally near ones by their text.
-        Of several equivalent labels the canonical one.
+    def __init__(self, text: str, position: int, expected: str):
+        self.text, self.position, self.expected = text, position, expected
+        self.caret = f"{text}\n{' ' * (position - 1)}^"
+        found = f'unexpected "{text[position - 1]}" at' if position <= len(text) else "it ends before"
+        super().__init__(f'label "{text}": {found} character {position}: expected {expected}')
+
+
+@dataclass(frozen=True)
+class Name:
+    """A label or a family id, with what selects among several orbits: energy h > 0, quarter period alpha > 0, or None."""
+
+    label: Label | None = None
+    family: str | None = None
+    h: float | None = None
+    alpha: float | None = None
+
+    def __str__(self) -> str:
+        """The name as `parse_name` reads it."""
+        suffix = ",".join(f"{key}={value!r}" for key, value in (("h", self.h), ("alpha", self.alpha)) if value is not None)
+        return (self.family or str(self.label)) + ("@" + suffix if suffix else "")
+
+
+def parse(text: str) -> Label:
+    """Read a label or a pattern of labels.
+
+    Raises
+    ------
+    LabelSyntaxError
+        Where the text does not follow the notation; it points at the character.
+    ImpossibleLabelError
+        Where it does, but no orbit can have the label.
 
     Examples
     --------
-    >>> nearest_labels(parse("U3401"), ["S13O00+", "U3411-", "U3201-", "U1101+", "U8353-"], 1)
-    ('U3201-', 'U3411-')
+    >>> parse("S73O33-")
+    Label(kind='S', m=7, n=3, parity='O', p=3, q=3, sign='-')
+    >>> str(parse("S13+")), str(parse("U(15)578-")), str(parse("U21"))
+    ('S13O00+', 'U(15)578-', 'U21')
     """
-    wanted = canonical_label(asked)
-    known = {str(label): label for label in (canonical_label(parse(text)) for text in existing)}
-    alike = nearest(str(wanted), known, max(1, len(known)))
-    near = sorted(alike, key=lambda text: _distance(wanted, known[text]))[:count]
-    return tuple(dict.fromkeys([*near, *alike[:1]]))
+    reader = _Reader(text)
+    fields = reader.fields()
+    if reader.here:
+        reader.fail(reader.after)
+    return Label(*fields)
 
 
-def _distance(asked: Label, label: Label) -> int:
-    pairs = [(1, asked.m, label.m), (1, asked.n, label.n), (_IMPACT, asked.p, label.p), (_IMPACT, asked.q, label.q)]
-    apart = sum(weight * abs(one - other) for weight, one, other in pairs if one is not None and other is not None)
-    marks = ((_KIND, asked.kind, label.kind), (_IMPACT, asked.parity, label.parity), (1, asked.sign, label.sign))
-    return apart + sum(weight for weight, one, other in marks if one is not None and one != other)
+def parse_name(text: str) -> Name:
+    """Read a name: a label or a family id, then `@h=..`, `@alpha=..` or both with a comma between.
 
-
-def cover_label(label: Label, count: int) -> Label:
-    """The label of the `count`-fold cover of the orbit that has the given complete label.
-
-    An even cover of a symmetric orbit is unsymmetric. The sign is left open where the cover starts its second half
-    in the middle of a half period's sequence (an even cover of an unsymmetric `-` orbit).
+    Raises
+    ------
+    LabelSyntaxError, ImpossibleLabelError
+        As in `parse`.
+    TypeError
+        For what is no text.
 
     Examples
     --------
-    >>> str(cover_label(parse("S13+"), 3)), str(cover_label(parse("U2101+"), 3))
-    ('S39O11+', 'U6321+')
+    >>> name = parse_name("U8353-@h=1.9458,alpha=4.9065")
+    >>> str(name.label), name.h, name.alpha
+    ('U8353-', 1.9458, 4.9065)
+    >>> parse_name("origin-stop+:+-:03fa9c1e").family
+    'origin-stop+:+-:03fa9c1e'
     """
-    if not label.is_complete or count < 1:
-        raise ValueError(f"the {count}-fold cover of {label}: expected a complete label and a cover of 1 or more")
-    if label.p is None or label.q is None:
-        return label
-    m, n, p, q = count * label.m, count * label.n, label.p, label.q
-    if label.kind == "S":
-        impacts = count * (2 * p + (label.parity == "O"))
-        if count % 2:
-            return dataclasses.replace(label, m=m, n=n, p=impacts // 2, q=impacts // 2)
-        return Label("U", m, n, None, impacts // 2, impacts // 2, label.sign)
-    quarters = ([p, q, q, p] * count)[: 2 * count]
-    sign = label.sign if count % 2 or label.sign == "+" else None
-    return Label("U", m, n, None, sum(quarters[:count]), sum(quarters[count:]), sign)
+    if not isinstance(text, str):
+        raise TypeError(f"a name is text such as S13O00+ or U8353-@h=1.9; received {shown(text)}")
+    reader = _Reader(text)
+    head = text.partition("@")[0]
+    family, fields = None, None
+    if ":" in head:
+        try:
+            split_family_id(head)
+        except SequenceSyntaxError as error:
+            raise LabelSyntaxError(text, 1, f"a label or a family id ({error})") from None
+        reader.at, family = len(head), head
+        reader.after = "@ or the end of the name"
+    else:
+        fields = reader.fields()
+        reader.after = reader.after.replace("the end of the label", "@ or the end of the name").replace("or @", "@")
+    chosen: dict[str, float] = {}
+    if reader.here == "@" or (family is None and reader.here == ","):
+        reader.at += 1
+        reader.condition(chosen)
+        while reader.here == "," and len(chosen) < 2:
+            reader.at += 1
+            reader.condition(chosen)
+        reader.after = "the end of the name" if len(chosen) == 2 else "a comma or the end of the name"
+    if reader.here:
+        reader.fail(reader.after)
+    return Name(Label(*fields) if fields else None, family, chosen.get("h"), chosen.get("alpha"))
 
 
-def roots(label: Label) -> tuple[tuple[Label, int], ...]:
-    """The labels and the numbers k, two or more, of whose k-fold cover the given complete label can be; p <= q.
+class _Reader:
+    """A place in a text, which moves on as parts are read and knows what could have stood where it stops."""
 
-    Examples
-    --------
-    >>> [(str(root), count) for root, count in roots(parse("S39O11+"))]
-    [('S13O00+', 3)]
-    """
-    if not label.is_complete or label.p is None or label.q is None:
-        return ()
-    found = []
-    impacts = label.p + label.q + (label.parity == "O")  # in the half period, which is `count` half periods of the root
-    for count in range(2, math.gcd(label.m, label.n, impacts) + 1):
-        if label.m % count or label.n % count or impacts % count:
-            continue
-        each = impacts // count
-        fields: list[tuple[str | None, int, int]] = [("O" if each % 2 else "E", each // 2, each // 2)]
-        fields += [(None, p, each - p) for p in range(each // 2 + 1)]
-        for (parity, p, q), sign in itertools.product(fields, "+-"):
-            try:
-                root = label_of(label.m // count, label.n // count, parity, p, q, sign)
-            except ImpossibleLabelError:
-                continue
-            if matches(cover_label(root, count), label):
-                found.append((root, count))
-    return tuple(found)
+    def __init__(self, text: str):
+        self.text, self.at = text, 0
+        self.after = ""
+
+    @property
+    def here(self) -> str:
+        return self.text[self.at : self.at + 1]
+
+    def fail(self, expected: str, back: int = 0) -> NoReturn:
+        raise LabelSyntaxError(self.text, self.at + 1 - back, expected)
+
+    def number(self, meaning: str) -> int:
+        """One digit, or several in parentheses."""
+        if self.here and self.here in _DIGITS:
+            self.at += 1
+            return int(self.text[self.at - 1])
+        if self.here != "(":
+            self.fail(f"{meaning}, a digit or a longer number in parentheses")
+        self.at += 1
+        start = self.at
+        while self.here and self.here in _DIGITS:
+            self.at += 1
+        digits = self.text[start : self.at]
+        if not digits:
+            self.fail("a digit")
+        if len(digits) > 1 and digits[0] == "0":
+            self.fail("a number without leading zeros", back=len(digits))
+        if len(digits) > 9:
+            self.fail("a number of at most 9 digits", back=len(digits) - 9)
+        if self.here != ")":
+            self.fail("a digit or )")
+        self.at += 1
+        return int(digits)
+
+    def fields(self) -> tuple[str, int, int, str | None, int | None, int | None, str | None]:
+        """The longest label from here on, as the fields of a Label."""
+        kind = self.here
+        if not kind or kind not in "SUL":
+            self.fail("S (symmetric), U (unsymmetric) or L (linear mode)")
+        self.at += 1
+        m, n = self.number("the half-waves m of the NES"), self.number("the half-waves n of the LO")
+        parity, p, q = None, None, None
+        more = {"S": "the letter O or E, ", "U": "the impacts p, ", "L": ""}[kind]
+        self.after = more + "a sign + or -, or the end of the label"
+        if kind == "S" and self.here and self.here in "EO":
+            parity = self.here
+            self.at += 1
+            self.after = "the impacts p, a sign + or -, or the end of the label"
+        if (kind == "U" or parity) and self.here and self.here in _DIGITS + "(":
+            p, q = self.number("the impacts p"), self.number("the impacts q")
+            self.after = "a sign + or -, or the end of the label"
+        sign = _SIGNS.get(self.here)
+        if sign:
+            self.at += 1
+            self.after = "the end of the label"
+            if kind == "S" and parity is None:
+                parity, p, q = "O", 0, 0
+        return kind, m, n, parity, p, q, sign
+
+    def condition(self, chosen: dict[str, float]) -> None:
+        """One `h=..` or `alpha=..`, added to those chosen."""
+        keys = [key for key in ("h", "alpha") if key not in chosen]
+        key = next((key for key in keys if self.text.startswith(key + "=", self.at)), None)
+        if key is None:
+            self.fail(" or ".join(f"{key}=.." for key in keys))
+        self.at += len(key) + 1
+        found = _FLOAT.match(self.text, self.at)
+        value = float(found.group()) if found else 0.0
+        if found is None or not 0.0 < value < math.inf:
+            self.fail(f"a positive number, the {'energy' if key == 'h' else 'quarter period'} {key}")
+        self.at = found.end()
+        chosen[key] = value

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.identity import same_orbit
-from branches.naming.labels import Label, Name, canonical_label, matches, nearest, nearest_labels, parse
-from branches.naming.reference_points import REFERENCE_TOLERANCE, NameNotFound, why_a_cover
+from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
+from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
 from branches.search.discovery import LONGEST, discover, fastest_turn
 from branches.search.orbits import Found, OrbitSearch, Problems, from_other_end
 from branches.search.sampling import Sampler
@@ -49,7 +49,7 @@ def search_bounds(bounds: Mapping[str, Any] | None) -> Limits:
     default = Limits()
     for key in bounds:
         if key not in default.__dataclass_fields__:
-            near = nearest(key, default.__dataclass_fields__, 1) or tuple(default.__dataclass_fields__)
+            near = most_alike(key, default.__dataclass_fields__, 1) or tuple(default.__dataclass_fields__)
             raise ValueError(f"unknown bound {key!r}; expected {', '.join(near)}")
     energy = bounds.get("energy", default.energy)
     return Limits(

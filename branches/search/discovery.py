@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.naming.labels import nearest
+from branches.naming.labels import most_alike
 from branches.orbit import Orbit
 from branches.search.intervals import Opening
 from branches.search.orbits import OrbitSearch, Unpolished, is_complete, kept_problems
@@ -214,7 +214,7 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
         raise ValueError(f"no ends are given, expected some of {', '.join(CLASSES)}")
     for name in ends:
         if name not in CLASSES:
-            near = nearest(shown(name), CLASSES, 1)
+            near = most_alike(shown(name), CLASSES, 1)
             raise ValueError(f"unknown ends {shown(name)}, expected some of {', '.join(CLASSES)}; nearest: {near[0]}")
         if name.startswith("origin") and not system.has_odd_symmetry:
             raise ValueError(

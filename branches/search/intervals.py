@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.search.starts import INSET, QUADRATIC, Curve, Path, Segment, curves
-from branches.sequences import mirror, mirror_ends, unfold
+from branches.sequences import mirror, mirror_ends, unfolded_sequence
 from bvp.interrupts import Pace
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
@@ -359,5 +359,5 @@ def _repeats(instant: float, sequence: tuple[str, ...], far: str, period: float,
     if count < 2 or abs(instant - count * period) > 1e-6 * period:
         return False
     inner, end = (first[:-1], far + first[-1]) if far == "stop" else (first, far)
-    expected = unfold(inner, (start, end), count)[0]
+    expected = unfolded_sequence(inner, (start, end), count)[0]
     return sequence[: len(expected)] == expected and len(sequence) - len(expected) in (0, 1)

@@ -54,7 +54,7 @@ class _Tree:
     """Every node hangs where it is reached with the fewest events; there it is opened, elsewhere it is only named."""
 
     def __init__(self, catalogue: Catalogue, root: str, depth: int) -> None:
-        from branches.naming.labels import spelled
+        from branches.naming.matching import spelled
 
         self.root = root
         self.words: dict[str, str] = {}

@@ -14,7 +14,7 @@ import saltus
 from branches.full_family import energy_scale
 from branches.identity import BORDER, FamilyMark, canonical_orbit, cover_of, digests, mark_of, same_orbit
 from branches.presentation import embed, solved, symmetries
-from branches.sequences import PERIODIC, canonical_sequence, exchange, mirror, mirror_ends
+from branches.sequences import PERIODIC, canonical_sequence, mirror, mirror_ends
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
@@ -29,7 +29,7 @@ def exchanged(problem, y):
     """The orbit solved from its far end, by hand: states before the impacts, turned round, in the other order."""
     flip = np.repeat([1.0, -1.0], problem.half)
     arrivals = problem.end_states(y) * flip
-    other = MultipointProblem(problem.system, exchange(problem.ends), problem.sequence[::-1])
+    other = MultipointProblem(problem.system, problem.ends[::-1], problem.sequence[::-1])
     return other, other.pack(arrivals[-1], arrivals[-2::-1], problem.flight_times(y)[::-1])
 
 

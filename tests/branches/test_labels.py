@@ -18,18 +18,19 @@ from branches.naming.labels import (
     LabelSyntaxError,
     Name,
     canonical_label,
-    count_half_waves,
-    cover_label,
-    label_of,
     latex,
-    matches,
-    nearest,
-    nearest_labels,
+    most_alike,
     parse,
     parse_name,
-    roots,
     why_impossible,
 )
+from branches.naming.matching import cover_label, matches, nearest_labels, roots
+
+
+def parity(ends):
+    """The letter O or E of a symmetric label: whether the quarter ends at an impact."""
+    return "E" if "rest" in ends else "O"
+
 
 HALF_WAVES = st.integers(1, 120)
 IMPACTS = st.integers(0, 120)
@@ -308,32 +309,17 @@ def test_latex_is_mathtext(label):
     assert MathTextParser("path").parse(latex(label)).width > 0
 
 
-@given(st.integers(0, 6), st.lists(st.integers(0, 3), min_size=7, max_size=7), SIGN)
-def test_half_waves_of_runs_separated_by_zeros(changes, zeros, first):
-    signs, sign = [], 1 if first == "+" else -1
-    for k in range(changes + 1):
-        signs += [0.0] * zeros[k] + [sign * 0.5] + [0.0] * zeros[-k - 1] + [sign * 2]
-        sign = -sign
-    assert count_half_waves(signs) == changes
-
-
-def test_half_waves_edge_cases():
-    assert count_half_waves([]) == count_half_waves([0, 0.0, -0.0]) == 0
-    with pytest.raises(ValueError, match="NaN"):
-        count_half_waves([1.0, float("nan")])
-
-
-def test_label_of():
-    assert str(label_of(15, 5, None, 8, 7, "-")) == "U(15)587-" and str(label_of(7, 3, "O", 3, 3, "-")) == "S73O33-"
+def test_a_label_from_counts():
+    assert str(Label("U", 15, 5, None, 8, 7, "-")) == "U(15)587-" and str(Label("S", 7, 3, "O", 3, 3, "-")) == "S73O33-"
     with pytest.raises(ImpossibleLabelError, match="odd"):
-        label_of(2, 3, "O", 0, 0, "+")
+        Label("S", 2, 3, "O", 0, 0, "+")
 
 
 def test_nearest():
     existing = [parse("S73O33-"), parse("S13O00+"), parse("U8353-")]
-    assert nearest("U8535-", existing, 1) == ("U8353-",)
-    assert nearest("S13E11+", existing)[0] == "S13O00+" and len(nearest("x", existing * 2)) == 3
-    assert nearest("S13", []) == ()
+    assert most_alike("U8535-", existing, 1) == ("U8353-",)
+    assert most_alike("S13E11+", existing)[0] == "S13O00+" and len(most_alike("x", existing * 2)) == 3
+    assert most_alike("S13", []) == ()
 
 
 @given(st.lists(st.sampled_from("+-"), max_size=5).map(tuple), st.sampled_from(["rest", "stop+"]), st.integers(1, 6))
@@ -341,13 +327,13 @@ def test_turns_of_symmetric_orbits_against_their_impacts(word, last, count):
     """The impacts in the two quarters of k turns, read off the sequence of the impacts of the orbit itself."""
     ends = ("origin", last)
     assume(word or last != "rest")
-    label = label_of(3, 5, words.parity(ends), len(word), len(word), "-")
+    label = Label("S", 3, 5, parity(ends), len(word), len(word), "-")
     longer = cover_label(label, count)
     if count % 2:
-        quarter, long_ends = words.unfold(word, ends, count)
-        assert (longer.kind, longer.parity, longer.p, longer.q) == ("S", words.parity(long_ends), len(quarter), len(quarter))
+        quarter, long_ends = words.unfolded_sequence(word, ends, count)
+        assert (longer.kind, longer.parity, longer.p, longer.q) == ("S", parity(long_ends), len(quarter), len(quarter))
     else:
-        quarter, _ = words.unfold(word, ends, count)
+        quarter, _ = words.unfolded_sequence(word, ends, count)
         assert (longer.kind, longer.p, longer.q) == ("U", len(quarter), len(quarter))
     assert (longer.m, longer.n, longer.sign) == (3 * count, 5 * count, "-")
 

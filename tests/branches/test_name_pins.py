@@ -6,7 +6,7 @@ Oracles: the equivalences of labels (p and q exchanged, short names), and what i
 import pytest
 
 from branches.naming.labels import parse
-from branches.naming.reference_points import fits_otherwise, note, reference_point_of
+from branches.naming.matching import fits_otherwise, reference_point_of, remark_on_name
 
 PINS = {name: {"h": float(i + 1), "alpha": 1.0} for i, name in enumerate(["U8353-", "S13+", "U21+", "U21-", "S73O33-", "U2201+", "U2201-"])}
 
@@ -61,5 +61,6 @@ def test_fits_otherwise(asked, label, expected):
 
 def test_note():
     """Oracle: words where the labels differ, none where they are equivalent or nothing was asked for."""
-    assert note(parse("U21+"), parse("U1101+")).startswith("U21+ is the scene's name")
-    assert note(parse("U8353-"), parse("U8335-")) == note(parse("U21"), parse("U2101-")) == note(None, parse("U1101+")) == ""
+    assert remark_on_name(parse("U21+"), parse("U1101+")).startswith("U21+ is the scene's name")
+    for asked, label in ((parse("U8353-"), "U8335-"), (parse("U21"), "U2101-"), (None, "U1101+")):
+        assert remark_on_name(asked, parse(label)) == ""

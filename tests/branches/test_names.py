@@ -10,7 +10,7 @@ import pytest
 
 import saltus
 from branches.naming.families import resolve
-from branches.naming.reference_points import AmbiguousName, NameNotFound
+from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.naming.search import Limits, passes, search_bounds
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.traced import traced

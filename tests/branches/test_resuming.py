@@ -11,7 +11,7 @@ import saltus
 from branches.search.discovery import CLASSES, discover, segment_limits
 from branches.search.intervals import resumed, scan
 from branches.search.starts import curves
-from branches.sequences import mirror, unfold
+from branches.sequences import mirror, unfolded_sequence
 from tests.bvp.high_precision import DIGITS, Exact
 
 SYSTEM = saltus.vibro_impact_nes()
@@ -114,7 +114,7 @@ def words_to_origin(found):
         quarter = ends[1] != "origin"
         for first in (word,) if quarter else (word, word[::-1]):
             for turns in range(2, 9, 2) if quarter else range(1, 5):
-                longer, _ = unfold(first, ends, turns)
+                longer, _ = unfolded_sequence(first, ends, turns)
                 for image in ("".join(longer), "".join(mirror(longer))):
                     out.setdefault(image, []).append(turns * orbit.alpha * (1.0 if quarter else 2.0))
     return out

@@ -11,7 +11,7 @@ import pytest
 
 import saltus
 from benchmarks.saltation import monodromy as saltation_monodromy
-from branches.naming.labels import label_of
+from branches.naming.labels import Label
 from branches.tracing import HIGHEST, follow_family
 from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
@@ -91,7 +91,7 @@ def test_labels_count_half_waves_and_impacts(branch):
         symmetric = branch.ends != ("origin", "origin")
         parity = ("O" if quarter else "E") if symmetric else None
         u, v = orbit.sample(np.zeros(1))
-        expected = label_of(m, n, parity, first, second, "+" if v[0, 0] * v[0, 1] > 0 else "-")
+        expected = Label("S" if parity else "U", m, n, parity, first, second, "+" if v[0, 0] * v[0, 1] > 0 else "-")
         assert orbit.label == str(expected) == branch.points["label"][i], (orbit.h, orbit.alpha)
 
 

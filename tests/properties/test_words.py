@@ -11,7 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import saltus
-from branches.naming.labels import matches, parse, parse_name
+from branches.naming.labels import parse, parse_name
+from branches.naming.matching import matches
 from branches.orbit import Orbit
 from branches.sequences import canonical_sequence
 from branches.tracing import follow_family

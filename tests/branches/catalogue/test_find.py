@@ -5,7 +5,7 @@ import pytest
 import saltus
 from branches.catalogue import Node
 from branches.naming.labels import LabelSyntaxError
-from branches.naming.reference_points import AmbiguousName, NameNotFound
+from branches.naming.matching import AmbiguousName, NameNotFound
 from tests.branches.catalogue.families import HIGH, real, renamed, scene
 
 
