@@ -1,7 +1,7 @@
 """The SQLite file of a catalogue: connections, tables, one writer at a time, and errors in the user's words.
 
-``docs/catalogue.md`` describes every column. Columns of numbers have no declared type, so SQLite keeps every float64 as it is, also the
-sign of a zero. NaN is stored as NULL.
+``docs/reference/catalogue.md`` describes every column. Columns of numbers have no declared type, so SQLite keeps every float64 as it is,
+also the sign of a zero. NaN is stored as NULL.
 """
 
 from __future__ import annotations

@@ -27,12 +27,14 @@ def test_all_code_is_installed_and_nothing_else():
     assert {name.partition(".")[0] for name in included} == top
 
 
-def test_each_dependency_has_its_reason_in_the_readme():
+def test_each_dependency_has_its_reason_in_the_readme_and_on_its_page():
     """Oracle: setup.cfg."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    for line in listed("options", "install_requires") + listed("options.extras_require", "test"):
-        name = re.match(r"[a-z-]+", line).group()
-        assert re.search(rf"^\| {name} \| \S.*\|$", readme, re.MULTILINE), name
+    lines = listed("options", "install_requires") + listed("options.extras_require", "test")
+    needed = {re.match(r"[a-z-]+", line).group() for line in lines}
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Dependencies")[2]
+    page = (ROOT / "docs" / "reference" / "dependencies.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"(?:^- |; )([a-z-]+): \w", readme, re.MULTILINE)) == needed
+    assert set(re.findall(r"^\| ([a-z-]+) \| .*\w.*\|$", page, re.MULTILINE)) - {"package"} == needed
 
 
 def test_the_entry_point_exists():

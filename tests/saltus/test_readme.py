@@ -1,22 +1,30 @@
-"""The README and the pages of docs/: every command and snippet runs as it stands there, and every link leads somewhere."""
+"""The README and the pages of docs/: every command and snippet runs as it is printed, and every link leads somewhere."""
 
 import re
 import shlex
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
 
 from saltus.__main__ import main
 from saltus.scene import load_scene
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
+NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FILES = ("--json", "--csv", "--npz", "--mat", "--graphml", "--dot", "--plot", "--catalogue", "--out")
+
+
+def text_of(page):
+    """Return the text of a page."""
+    return page.read_text(encoding="utf-8")
 
 
 def blocks(page):
     """Return the fenced blocks of a page: language and text."""
-    return FENCE.findall(page.read_text(encoding="utf-8"))
+    return FENCE.findall(text_of(page))
 
 
 def commands(page):
@@ -24,37 +32,57 @@ def commands(page):
     return [line for language, text in blocks(page) if language == "sh" for line in text.splitlines()]
 
 
-def programs():
-    """Return the blocks of commands that run as they stand: page and lines, which build on each other."""
-    found = [(page.name, text.splitlines()) for page in PAGES for language, text in blocks(page) if language == "sh"]
-    return [(page, lines) for page, lines in found if all(line.startswith("saltus ") for line in lines)]
+def bare(page):
+    """Return the text of a page without its blocks."""
+    return FENCE.sub("", text_of(page))
 
 
-def write_files(page, folder):
-    """Write the TOML blocks of a page whose first line names a file, as a comment."""
-    for language, text in blocks(page):
-        named = re.match(r"# (\S+\.toml)\n", text)
-        if language == "toml" and named:
-            (folder / named[1]).write_text(text, encoding="utf-8")
+def anchors(page):
+    """Return the anchors of the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", bare(page), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 SETUP = [line for line in commands(ROOT / "README.md") if not line.startswith("saltus ")]
 
 
-@pytest.mark.parametrize(("page", "lines"), programs(), ids=[f"{page}: {lines[0]}" for page, lines in programs()])
-def test_the_commands_of_a_block_run(page, lines, tmp_path, monkeypatch, capsys):
-    """Oracle: exit code 0, and the files that the commands name."""
+def run_command(line, folder, capsys):
+    """Run a command: exit code 0, and the files that it names."""
+    words = shlex.split(line)[1:]
+    capsys.readouterr()
+    assert main(words) == 0, line
+    out, err = capsys.readouterr()
+    assert out and ("-" in words or not err), line
+    for option, value in zip(words, words[1:], strict=False):
+        if option in FILES and value != "-":
+            assert (folder / value).stat().st_size > 0, line
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_page_runs(page, tmp_path, monkeypatch, capsys):
+    """Oracle: exit codes, files, and no error. The blocks of a page build on each other, as a reader types them."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-    write_files(next(path for path in PAGES if path.name == page), tmp_path)
-    for line in lines:
-        words = shlex.split(line)[1:]
-        assert main(words) == 0
-        out, err = capsys.readouterr()
-        assert out and ("-" in words or not err)
-        for option, value in zip(words, words[1:], strict=False):
-            if option in ("--json", "--csv", "--npz", "--mat", "--plot", "--orbit", "--catalogue", "--out") and value != "-":
-                assert (tmp_path / value).stat().st_size > 0
+    names = {}
+    for language, text in blocks(page):
+        if language == "toml":
+            named = re.match(r"# (\S+\.toml)\n", text)
+            file = tmp_path / (named[1] if named else "scene.toml")
+            file.write_text(text, encoding="utf-8")
+            assert "[vary" in text or load_scene(file).title
+        elif language == "python":
+            exec(compile(text, page.name, "exec"), names)
+        else:
+            for line in set(text.splitlines()) - set(SETUP):
+                assert line.startswith("saltus ")
+            for line in text.splitlines():
+                if line not in SETUP:
+                    run_command(line, tmp_path, capsys)
+    plt.close("all")
+    if "drift" in names:
+        assert names["drift"] < 1e-13
+    if "emanating" in names:
+        assert names["emanating"]
 
 
 def test_the_two_commands_do_all_the_set_up_in_one_line(tmp_path, monkeypatch):
@@ -74,68 +102,54 @@ def test_the_two_commands_do_all_the_set_up_in_one_line(tmp_path, monkeypatch):
 
 def test_continuous_integration_runs_the_test_command_of_the_readme():
     """Oracle: the script's own pattern finds the command, and only it; the script has no copy of it."""
-    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    script = text_of(ROOT / ".ci" / "run")
     pattern = re.search(r"grep -E '(.*)' README.md", script).group(1)
-    found = [line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if re.search(pattern, line)]
+    found = [line for line in text_of(ROOT / "README.md").splitlines() if re.search(pattern, line)]
     assert found == [SETUP[1]]
     assert "pip install" not in script
     assert (ROOT / ".ci" / "run").stat().st_mode & 0o111
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
-def test_the_python_and_toml_of_a_page_run(page, tmp_path, monkeypatch):
-    """Oracle: no error; the blocks of a page build on each other, as a reader would type them."""
-    monkeypatch.chdir(tmp_path)
-    names = {}
-    write_files(page, tmp_path)
-    for language, text in blocks(page):
-        if language == "toml" and not text.startswith("# "):
-            (tmp_path / "two-masses.toml").write_text(text, encoding="utf-8")
-            assert load_scene(tmp_path / "two-masses.toml").title
-        elif language == "python":
-            exec(compile(text, page.name, "exec"), names)
-    if "drift" in names:
-        assert names["drift"] < 1e-13
-    if "born" in names:
-        assert names["born"]
-
-
-def test_the_scene_of_the_how_to_is_followed(tmp_path, capsys):
-    """Oracle: exit code 0 for the command that the page gives in its text."""
-    page = ROOT / "docs" / "how-to" / "families.md"
-    line = re.search(r"`(saltus continue \S+ --scene two-masses.toml)`", page.read_text(encoding="utf-8")).group(1)
-    scene = tmp_path / "two-masses.toml"
-    scene.write_text(next(text for language, text in blocks(page) if language == "toml"), encoding="utf-8")
-    assert main(shlex.split(line.replace("two-masses.toml", str(scene)))[1:]) == 0
-    assert "start" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "tests" / "README.md"], ids=[*NAMES, "tests/README.md"])
 def test_links_lead_somewhere(page):
-    """Oracle: the files of the repository."""
-    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
-        assert target.startswith("https://") or (page.parent / target).exists(), target
+    """Oracle: the files of the repository, and the headings of their pages."""
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]+))?\)", bare(page)):
+        if target.startswith("https://"):
+            continue
+        file = (page.parent / target).resolve() if target else page
+        assert file.exists(), target
+        assert not anchor or anchor in anchors(file), f"{target}#{anchor}"
+
+
+def test_the_index_has_every_page():
+    """Oracle: the files of docs/."""
+    index = ROOT / "docs" / "index.md"
+    linked = {(index.parent / target).resolve() for target in re.findall(r"\]\(([^)#]+)", text_of(index))}
+    assert set((ROOT / "docs").rglob("*.md")) - {index} <= linked
 
 
 def test_every_block_is_one_that_the_tests_run():
-    """Oracle: the languages that the tests above run; the commands are those of `programs` and `SETUP`, which name each file."""
-    ran = [line for _, lines in programs() for line in lines] + SETUP
+    """Oracle: the languages that `test_a_page_runs` knows. A TOML file with a name is used by a command of its page."""
     for page in PAGES:
-        text = page.read_text(encoding="utf-8")
-        assert text.count("```") == 2 * len(blocks(page))
+        assert text_of(page).count("```") == 2 * len(blocks(page))
         assert {language for language, _ in blocks(page)} <= {"sh", "python", "toml"}
-        assert set(commands(page)) <= set(ran)
-        named = re.findall(r"^```toml\n# (.*)$", text, re.MULTILINE)
+        named = re.findall(r"^```toml\n# (.*)$", text_of(page), re.MULTILINE)
         assert all(any(name in shlex.split(line) for line in commands(page)) for name in named)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_the_commands_in_the_text_of_a_page_exist(page, capsys):
-    """Oracle: the help of each command that stands in a line of text, which has its options."""
-    text = FENCE.sub("", page.read_text(encoding="utf-8"))
-    for line in re.findall(r"`saltus ([a-z][^`]*)`", text):
+    """Oracle: the help of each command that is named in a line of text, which has its options."""
+    if page.name == "changes.md":
+        return
+    for line in re.findall(r"`saltus ([a-z][^`]*)`", bare(page)):
+        words = shlex.split(line)
         with pytest.raises(SystemExit) as ended:
-            main([shlex.split(line)[0], "--help"])
-        said = capsys.readouterr().out
+            main([*words[: 2 if words[0] == "export" and len(words) > 1 else 1], "--help"])
         assert ended.value.code == 0
-        assert set(re.findall(r"--[a-z-]+", line)) <= set(re.findall(r"--[a-z-]+", said)), line
+        assert set(re.findall(r"--[a-z-]+", line)) <= set(re.findall(r"--[a-z-]+", capsys.readouterr().out)), line
+
+
+def test_the_readme_is_short():
+    """Oracle: the limit of 120 lines."""
+    assert len(text_of(ROOT / "README.md").splitlines()) <= 120
