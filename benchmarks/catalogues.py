@@ -86,7 +86,7 @@ def build(workers: int, options: tuple[str, ...], folder: Path) -> Built:
     done = run_python("-c", BUILD, *words)
     main, worker = json.loads(done.output.strip().rpartition("\n")[2])
     found = json.loads(report.read_text())
-    return Built(workers, done.seconds, found["families"], found["points"], found["settled"], main, worker, path.stat().st_size)
+    return Built(workers, done.seconds, found["families"], found["points"], found["complete"], main, worker, path.stat().st_size)
 
 
 def table(builds: list[Built]) -> Table:

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.building.frontier import Frontier
-from branches.building.plan import Plan, energies_of, open_ranges
-from branches.building.seeds import Answer, KnownGrazings, Link, Seed, plain_seed, read_seed
+from branches.building.plan import Answer, KnownGrazings, Link, Plan, Seed, energies_of, open_ranges, plain_seed, read_seed
 from branches.building.work import work
 from branches.catalogue.database import CatalogueError, readable
 from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, event_orbit, orbit_of_event, unknowns_of
@@ -93,10 +92,10 @@ def build(
     Returns
     -------
     dict
-        ``families``, ``points``, ``events``, ``edges``, ``levels`` (energies searched and families new at each), ``settled`` (whether the
-        last level found nothing new, and no range of energies is open), ``open`` (ranges (low, high) in which no search settled: see
-        `branches.building.plan.open_ranges`), ``unsettled`` (energies at which a search did not settle), ``beyond`` (neighbours outside
-        the limits), ``halves`` (families of which one side of a branch point was followed, the other being its image), ``lost``
+        ``families``, ``points``, ``events``, ``edges``, ``levels`` (energies searched and families new at each), ``complete`` (whether
+        the last level found nothing new, and no range of energies is open), ``open`` (ranges (low, high) without a complete search: see
+        `branches.building.plan.open_ranges`), ``incomplete`` (energies at which a search is not complete), ``beyond`` (neighbours outside
+        the bounds), ``halves`` (families of which one side of a branch point was followed, the other being its image), ``lost``
         (bifurcations at which no new family was found, in words), ``digits`` (``orbits`` solved in fifty digits to decide their stability,
         and the ``seconds`` that it took), ``missed`` (events that a family needs and does not have, in words), ``failed`` (what could not
         be done, in words).
@@ -151,7 +150,7 @@ class _Build:
         self.points = self.events = 0
         begun = {"level": -1, "families": 0}
         self.report: dict[str, Any] = {
-            "beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun,
+            "beyond": 0, "failed": [], "halves": 0, "lost": [], "incomplete": [], "levels": [], "begun": begun,
             "digits": DigitWork()._asdict(), "missed": [],
         }  # fmt: skip
         description = json.dumps(self.system.describe(), sort_keys=True)
@@ -178,11 +177,11 @@ class _Build:
             levels.append({"energies": len(energies), "new": len(self.known) - self.report["begun"]["families"]})
             self._note()
         self._connect_last()
-        still_open = open_ranges(len(levels), self.plan.bounds.energy, self.report["unsettled"])
+        still_open = open_ranges(len(levels), self.plan.bounds.energy, self.report["incomplete"])
         report = {name: value for name, value in self.report.items() if name != "begun"}
         report = {
             "families": len(self.known), "points": self.points, "events": self.events, "edges": len(self.catalogue.edges()),
-            "settled": levels[-1]["new"] == 0 and not still_open, "open": still_open, **report,
+            "complete": levels[-1]["new"] == 0 and not still_open, "open": still_open, **report,
         }  # fmt: skip
         self.catalogue.note("built", report)
         return report
@@ -232,7 +231,7 @@ class _Build:
         if not refuse_other_plan(self.catalogue, self.plan):
             return False
         with readable(self.catalogue.path, "what its build has come to"):
-            noted = self.catalogue.progress("told")
+            noted = self.catalogue.progress("report")
             # a build that an older version began lacks what that version did not count
             whole = {name: value for name, value in self.report.items() if name in _COUNTED_LATER} | noted
             if {name: type(value) for name, value in whole.items()} != {name: type(value) for name, value in self.report.items()}:
@@ -302,7 +301,7 @@ class _Build:
             self._note()
 
     def _note(self) -> None:
-        self.catalogue.note("told", self.report)
+        self.catalogue.note("report", self.report)
 
     # -- one seed -------------------------------------------------------------------------------------------------------------
 
@@ -344,12 +343,12 @@ class _Build:
             assert place is not None
             self._connect(seed.link, place.id)
             return
-        if answer.beyond or answer.failed or answer.halves or answer.lost or answer.unsettled:
+        if answer.beyond or answer.failed or answer.halves or answer.lost or answer.incomplete:
             self.report["beyond"] += answer.beyond
             self.report["halves"] += answer.halves
             self.report["lost"] += answer.lost
             self.report["failed"] += answer.failed
-            self.report["unsettled"] += answer.unsettled
+            self.report["incomplete"] += answer.incomplete
             self._note()
         if answer.branch is not None and answer.branch.digit_work.orbits:
             self.report["digits"] = (DigitWork(**self.report["digits"]) + answer.branch.digit_work)._asdict()

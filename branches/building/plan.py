@@ -1,19 +1,26 @@
-"""The plan of a build: its limits, its names, and the energies at which it searches, level by level."""
+"""The plan of a build - its bounds, names and energies, level by level - and its pieces of work, as objects and as JSON values."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["Bounds", "Plan", "energies_of", "open_ranges"]
+from branches.catalogue.rows import EventOrbit
+from branches.sequences import PERIODIC
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.catalogue.packing import PackedFamily
+    from branches.presentation import Presentation
+
+__all__ = ["Answer", "Bounds", "Grazing", "KnownGrazings", "Link", "Plan", "Seed", "energies_of", "open_ranges", "plain_seed", "read_seed"]
 
 GENERATIONS = 0
-"""Families without a reversal that come of such a family, and of those again, so many times. Nothing bounds their number: where they graze,
-others of their kind meet them."""
+"""How often families without a reversal give rise to further ones. Nothing bounds their number: where they graze, they meet others."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +85,9 @@ class Plan:
     bounds : Bounds
         In which everything is followed.
     named : Bounds
-        Wider ones, in which the families that have names are followed, and their direct neighbours.
+        Wider ones, in which families with names and their direct neighbours are followed.
     names : tuple of str
-    pins : mapping
+    reference_points : mapping
         Cited points that choose among the matches of a name.
     generations : int
         How often families without a reversal give rise to further ones.
@@ -89,12 +96,13 @@ class Plan:
     bounds: Bounds
     named: Bounds
     names: tuple[str, ...] = ()
-    pins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    reference_points: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     generations: int = GENERATIONS
 
     def __post_init__(self) -> None:
         # Seeds carry their plan to other processes, so it is plain data.
-        object.__setattr__(self, "pins", {name: dict(pin) for name, pin in self.pins.items()})
+        points = {name: dict(point) for name, point in self.reference_points.items()}
+        object.__setattr__(self, "reference_points", points)
 
     @classmethod
     def within(cls, bounds: Bounds) -> Plan:
@@ -107,7 +115,7 @@ class Plan:
             "bounds": self.bounds.plain(),
             "named": self.named.plain(),
             "names": list(self.names),
-            "pins": dict(self.pins),
+            "reference_points": dict(self.reference_points),
             "generations": self.generations,
         }
 
@@ -116,15 +124,16 @@ COARSE = 0.5
 """Step in log h of the first energies searched."""
 
 GAPS = 4
-"""Steps of the last level between energies at which searches settled, from which on what is between them counts as open."""
+"""Steps of the last level between energies with complete searches. If there are more, the range between them is open."""
 
 INSIDE = 1e-6
-"""Part of the range of log h by which the outermost energies are inside the bounds."""
+"""Distance of the outermost energies from the bounds, as a part of the range of log h."""
 
 
 def energies_of(level: int, energy: tuple[float, float]) -> list[float]:
-    """Energies of a level: those of all levels together are even in log h. The first has two just inside the bounds, too: they meet
-    all the families that lie across these, however little of them is inside.
+    """Energies of a level. Those of all levels together are even in log h.
+
+    The first level also has two energies just inside the bounds. They meet every family that crosses a bound.
 
     Examples
     --------
@@ -142,7 +151,7 @@ def energies_of(level: int, energy: tuple[float, float]) -> list[float]:
 
 
 def open_ranges(levels: int, energy: tuple[float, float], without: Collection[float]) -> list[tuple[float, float]]:
-    """Where neighbours among all levels' energies, some left out, are more than `GAPS` steps of the last level apart.
+    """Ranges between neighbouring energies of all levels, some left out, that are more than `GAPS` steps of the last level apart.
 
     Examples
     --------
@@ -161,3 +170,174 @@ def open_ranges(levels: int, energy: tuple[float, float], without: Collection[fl
 
 def _count(energy: tuple[float, float]) -> int:
     return max(2, math.ceil(math.log(energy[1] / energy[0]) / COARSE))
+
+
+class Seed(NamedTuple):
+    """A piece of work.
+
+    kind: "energy", "mode", "name", "orbit" or "grazing". value: the energy; (index of the mode, k of its k-fold cover); the name; the orbit
+    as an `EventOrbit`; or a `Grazing`. plan: of the whole build. wide: whether the wider bounds of the plan hold for the family and its
+    neighbours. further: how many more generations of neighbours it gives, None without a limit. Below 0 the family is not followed, only
+    connected if it is known in the end. link: how the orbit's family was reached, None if it was found by itself. images: the orbit's
+    presentations (`branches.identity.presentations`), by which it is recognised; may be empty.
+    """
+
+    kind: str
+    value: Any
+    plan: Plan
+    wide: bool = False
+    further: int | None = None
+    link: Link | None = None
+    images: tuple[Presentation, ...] = ()
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it is of a family without a reversal."""
+        orbit = self.value.orbit if self.kind == "grazing" else self.value
+        return isinstance(orbit, EventOrbit) and orbit.ends == PERIODIC
+
+    @property
+    def bounds(self) -> Bounds:
+        """The limits in which the family is followed."""
+        return self.plan.named if self.wide else self.plan.bounds
+
+
+class Grazing(NamedTuple):
+    """A grazing orbit, to be unfolded once for all the families that meet there.
+
+    orbit: as the family has it that it was reached on. rising: whether that family leaves it upward in energy. mark: numbers that it has
+    for each of the families (`Touching.mark`), None where it is unfolded for each of them.
+    """
+
+    orbit: EventOrbit
+    rising: bool
+    mark: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class Link:
+    """An edge of the graph before the family on its other side is known.
+
+    source: id of the family or linear mode. event, type: of the event there. kind: of the edge. note: in words. target: id of the node on
+    the other side, if it is known without a search. here, there: the event's orbit as the two families have it. width: of the event's
+    bracket.
+    """
+
+    source: str
+    event: str
+    type: str
+    kind: str
+    h: float
+    alpha: float
+    stop: str | None = None
+    note: str | None = None
+    target: str | None = None
+    here: EventOrbit | None = None
+    there: EventOrbit | None = None
+    width: float = 0.0
+
+
+class Answer(NamedTuple):
+    """The result of a seed.
+
+    seeds: the next ones. branch: the family that was followed, with its `full_family` known. packed: its rows for the catalogue. ends:
+    links without a family on the other side, with the reason as their note. beyond: how many neighbours are outside the bounds. failed:
+    what could not be done, in words. halves: 1 for a family of which one side of a branch point was followed because the other is its
+    image (`is_half`). lost: bifurcations at which no new family was found, in words. incomplete: energies at which the search is not
+    complete. missed: events that the family needs and does not have, in words (`branches.missed`).
+    """
+
+    seeds: tuple[Seed, ...]
+    branch: Branch | None = None
+    packed: PackedFamily | None = None
+    ends: tuple[Link, ...] = ()
+    beyond: int = 0
+    failed: tuple[str, ...] = ()
+    halves: int = 0
+    lost: tuple[str, ...] = ()
+    incomplete: tuple[float, ...] = ()
+    missed: tuple[str, ...] = ()
+
+
+def plain_seed(seed: Seed) -> dict[str, Any]:
+    """A seed as JSON values, without its plan, which is that of the build, and its images, which follow from its orbit."""
+    return {
+        "kind": seed.kind,
+        "value": _plain(seed.value),
+        "wide": seed.wide,
+        "further": seed.further,
+        "link": None if seed.link is None else asdict(seed.link),
+    }
+
+
+def read_seed(plain: dict[str, Any], plan: Plan) -> Seed:
+    """The inverse of `plain_seed`."""
+    kind, value, link = plain["kind"], plain["value"], plain["link"]
+    if kind == "orbit":
+        value = _kept(value)
+    elif kind == "grazing":
+        value = Grazing(_kept(value["orbit"]), value["rising"], None if value["mark"] is None else tuple(value["mark"]))
+    elif kind == "mode":
+        value = tuple(value)
+    if link is not None:
+        link = replace(Link(**link), here=_orbit(link["here"]), there=_orbit(link["there"]))
+    return Seed(kind, value, plan, plain["wide"], plain["further"], link)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Grazing):
+        return {"orbit": asdict(value.orbit), "rising": value.rising, "mark": value.mark}
+    return asdict(value) if isinstance(value, EventOrbit) else value
+
+
+def _orbit(plain: dict[str, Any] | None) -> EventOrbit | None:
+    return None if plain is None else _kept(plain)
+
+
+def _kept(plain: dict[str, Any]) -> EventOrbit:
+    return EventOrbit(tuple(plain["ends"]), plain["sequence"], tuple(plain["start"]), tuple(plain["flight_times"]))
+
+
+Mark = tuple[float, float, float]
+
+SAME = 1e-7
+"""Largest relative difference of energies, quarter periods and patterns of one grazing orbit. Events are located to 1e-10."""
+
+
+class KnownGrazings:
+    """The grazing orbits that were unfolded, with how many generations of families without a reversal were asked for there.
+
+    Examples
+    --------
+    >>> known = KnownGrazings()
+    >>> known.add((0.5, 1.7, 3.2), (False, 0))
+    >>> known.has((0.5 + 1e-12, 1.7, 3.2), (False, 0)), known.has((0.5, 1.7, 3.2), (False, 1)), known.has((0.5, 1.7, 3.2), (True, 0))
+    (True, False, False)
+    >>> known.add((0.6, 1.7, 3.2), (True, 0))
+    >>> known.has((0.6, 1.7, 3.2), (False, 0))
+    True
+    """
+
+    def __init__(self) -> None:
+        self._marks: dict[tuple[bool, int], list[tuple[Mark, int]]] = {}
+
+    def add(self, mark: Mark | None, asked: tuple[bool, int]) -> None:
+        """Remember the `Touching.mark` of an unfolded grazing orbit: whether in the wide bounds, and how many generations further."""
+        if mark is not None:
+            self._marks.setdefault((asked[0], _cell(mark)), []).append((mark, asked[1]))
+
+    def has(self, mark: Mark | None, asked: tuple[bool, int]) -> bool:
+        """Whether it was unfolded in those bounds or in wider ones, for at least as many generations. Never without a mark."""
+        if mark is None:
+            return False
+        cell = _cell(mark)
+        return any(
+            further >= asked[1] and all(abs(a - b) <= SAME * b for a, b in zip(mark, other, strict=True))
+            for wide in {asked[0], True}
+            for near in (cell - 1, cell, cell + 1)
+            for other, further in self._marks.get((wide, near), ())
+        )
+
+
+def _cell(mark: Mark) -> int:
+    return int(mark[1] * 1e4)

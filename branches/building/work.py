@@ -16,8 +16,7 @@ import numpy as np
 
 from branches.between_events import missed_events
 from branches.branch import Branch, BranchEvent
-from branches.building.plan import Plan
-from branches.building.seeds import Answer, Grazing, Link, Seed
+from branches.building.plan import Answer, Grazing, Link, Plan, Seed
 from branches.catalogue.members import kept_orbit, orbit_of_event, presented, unknowns_of
 from branches.catalogue.packing import pack_family
 from branches.catalogue.rows import EventOrbit
@@ -106,7 +105,7 @@ def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
         seeds += [_seed_of(system, some, plan) for some in images]
         if found.complete:
             break
-    return Answer(tuple(seeds), unsettled=() if found.complete else (energy,))
+    return Answer(tuple(seeds), incomplete=() if found.complete else (energy,))
 
 
 def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:
@@ -115,7 +114,7 @@ def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:
 
     limits = Limits(plan.named.energy, plan.named.quarter_period, plan.named.impacts)
     try:
-        found, _ = resolve(name, system, reference_points=plan.pins, limits=limits, energy=limits.energy)
+        found, _ = resolve(name, system, reference_points=plan.reference_points, limits=limits, energy=limits.energy)
     except (NameNotFound, AmbiguousName) as error:
         return Answer((), failed=(str(error),))
     return Answer((_seed(found.problem, found.solution.y, plan)._replace(wide=True, further=1),))

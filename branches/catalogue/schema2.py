@@ -35,6 +35,10 @@ _EDGE = "source, source_event, type, kind, target, target_event, h, alpha, stop,
 _ORBITS = "source_problem, source_states, source_crc, target_problem, target_states, target_crc"
 
 _KEY = "CASE key WHEN 'pins' THEN 'reference_points' ELSE key END"
+_NOTE = "CASE key WHEN 'told' THEN 'report' ELSE key END"
+_NOTED = "value"
+for _old, _new in (("pins", "reference_points"), ("unsettled", "incomplete"), ("settled", "complete")):
+    _NOTED = f"replace({_NOTED}, '\"{_old}\":', '\"{_new}\":')"
 _WORK = "replace(payload, '\"word\":', '\"sequence\":')"
 
 _VIEWS = {
@@ -48,9 +52,9 @@ _VIEWS = {
     f"CASE WHEN crc = checksum({_EVENT}, more) THEN checksum(family, position, {_EVENT}) END FROM main.events",
     "edges": f"SELECT {_EDGE}, here, there, CASE WHEN crc = checksum({_EDGE}, {_ORBITS}) THEN checksum({_EDGE}, here, there) END FROM "
     "(SELECT *, orbit(source_problem, source_states) AS here, orbit(target_problem, target_states) AS there FROM main.edges)",
-    # Older files have no checksums of these rows. Unfinished work names impact sequences by their old key.
+    # Older files have no checksums of these rows. Unfinished work and the report of a build have old keys.
     "work": f"SELECT key, {_WORK} AS value, checksum(key, {_WORK}) FROM main.work",
-    "progress": "SELECT key, value, checksum(key, value) FROM main.progress",
+    "progress": f"SELECT {_NOTE} AS key, {_NOTED} AS value, checksum({_NOTE}, {_NOTED}) FROM main.progress",
 }
 
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["add_arguments", "run"]
 
+SCHEMA = 2
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
@@ -85,7 +87,7 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: Plan, execut
             return INTERRUPTED
     files.report(f"FAILS  {text}" for text in report["failed"])
     files.report(_summary(report, scene, bounds))
-    code = files.write({"json": lambda: outputs.json_text({"schema": outputs.SCHEMA, "bounds": bounds.plain(), **report})})
+    code = files.write({"json": lambda: outputs.json_text({"schema": SCHEMA, "bounds": bounds.plain(), **report})})
     return max(code, FAILED if report["failed"] else DONE)
 
 
@@ -103,8 +105,8 @@ def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
         f"       energies searched: {searched}; {complete}",
         "       with a reversal every family within the bounds is looked for; without one, those that meet one with a reversal",
     ]
-    if report["unsettled"]:
-        energies = ", ".join(f"{energy:.6g}" for energy in sorted(report["unsettled"]))
+    if report["incomplete"]:
+        energies = ", ".join(f"{energy:.6g}" for energy in sorted(report["incomplete"]))
         lines.append(f"       starts a rounding error apart part at h = {energies}: there the list may lack an orbit")
     if report["halves"]:
         lines.append(f"       of {counted(report['halves'], 'family')} one side of a branch point was followed; the other is its image")

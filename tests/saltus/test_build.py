@@ -23,7 +23,7 @@ def test_a_small_build_is_browsed(tmp_path, capsys):
     code, out, err = said(f"build {SMALL} --workers 2 --catalogue {path} --json {tmp_path}/report.json", capsys)
     assert (code, err) == (0, "") and "complete" in out
     report = json.loads((tmp_path / "report.json").read_text())
-    assert report["settled"] and report["bounds"]["quarter_period"] == 1.9 and report["failed"] == []
+    assert report["complete"] and report["bounds"]["quarter_period"] == 1.9 and report["failed"] == []
     code, out, err = said(f"list --catalogue {path}", capsys)
     assert code == 0 and "S13O00+" in out and "S11O00-" in out
     assert said(f"check {path}", capsys)[0] == 0

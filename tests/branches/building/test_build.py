@@ -48,10 +48,10 @@ def content(path):
         return families, points, catalogue.edges(), catalogue.nodes
 
 
-def test_it_is_settled_and_holds_what_must_be_there(small_scene):
+def test_it_is_complete_and_holds_what_must_be_there(small_scene):
     """Oracle: the backbones of Lee et al. 2009 and the two families that the first one's symmetry breaking gives."""
     path, report = small_scene
-    assert report["settled"] and not report["failed"]
+    assert report["complete"] and not report["failed"]
     with Catalogue(path) as catalogue:
         labels = {row.label for row in catalogue.families()}
         assert {"S13O00+", "S11O00-"} <= labels
@@ -193,7 +193,7 @@ def test_a_killed_build_goes_on(tiny, tmp_path):
 
 
 @pytest.mark.parametrize("value", ["[]", "null", "{}", "3", '"x"'])
-@pytest.mark.parametrize("place", ["told", "plan", "unfolded 0000001", "work"])
+@pytest.mark.parametrize("place", ["report", "plan", "unfolded 0000001", "work"])
 def test_a_build_that_cannot_be_gone_on_with_says_so(tmp_path, place, value):
     """Oracle: one line that names the file, whatever stands in place of what a build had noted; with a checksum that fits, as the rows of
     catalogues from before there were any get."""
@@ -201,7 +201,7 @@ def test_a_build_that_cannot_be_gone_on_with_says_so(tmp_path, place, value):
     with Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
         catalogue.note("plan", plan.plain())
         begun = {"level": 0, "families": 0}
-        catalogue.note("told", {"beyond": 0, "failed": [], "halves": 0, "lost": [], "unsettled": [], "levels": [], "begun": begun})
+        catalogue.note("report", {"beyond": 0, "failed": [], "halves": 0, "lost": [], "incomplete": [], "levels": [], "begun": begun})
         catalogue.note("unfolded 0000001", [None, False, 2])
         catalogue.add_work([("0000002", {"kind": "name", "value": "S13+", "wide": False, "further": None, "link": None})])
         table, key = ("work", "0000002") if place == "work" else ("progress", place)

@@ -1,4 +1,4 @@
-"""The work of one seed, where a search does not settle and where a family is cut."""
+"""The work of one seed, where a search is not complete and where a family is cut."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -17,13 +17,13 @@ def test_energies_beside_the_outermost_are_inside_the_bounds(place, monkeypatch)
     energy = energies_of(0, bounds.energy)[place]
     asked = []
 
-    def unsettled(system, energy, **limits):
+    def incomplete(system, energy, **limits):
         asked.append(energy)
         return SimpleNamespace(orbits=(), complete=False)
 
-    monkeypatch.setattr(module, "discover", unsettled)
+    monkeypatch.setattr(module, "discover", incomplete)
     answer = module._at_energy(system, energy, Plan.within(bounds))
-    assert answer.unsettled == (energy,) and asked[0] == energy
+    assert answer.incomplete == (energy,) and asked[0] == energy
     assert len(asked) == 2 and all(bounds.energy[0] <= h <= bounds.energy[1] for h in asked)
 
 

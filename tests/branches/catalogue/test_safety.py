@@ -467,8 +467,8 @@ WORK = {
     "UPDATE work SET value = 'null' WHERE key = 'b'": "'b' of the table work does not fit its checksum",
     "UPDATE work SET key = 'c' WHERE key = 'b'": "'c' of the table work does not fit its checksum",
     "UPDATE work SET crc = 0 WHERE key = 'b'": "'b' of the table work does not fit its checksum",
-    "UPDATE progress SET value = '[]' WHERE key = 'told'": "'told' of the table progress does not fit its checksum",
-    "UPDATE progress SET value = 'null' WHERE key = 'told'": "'told' of the table progress does not fit its checksum",
+    "UPDATE progress SET value = '[]' WHERE key = 'report'": "'report' of the table progress does not fit its checksum",
+    "UPDATE progress SET value = 'null' WHERE key = 'report'": "'report' of the table progress does not fit its checksum",
 }
 
 
@@ -479,13 +479,13 @@ def unfinished(path):
         catalogue.add_work([("a", 7)])
         catalogue.finish("c")
         catalogue.note("plan", {"names": []})
-        catalogue.note("told", {"beyond": 1})
-        catalogue.note("told", {"beyond": 2})
+        catalogue.note("report", {"beyond": 1})
+        catalogue.note("report", {"beyond": 2})
 
 
 def read_work(path):
     with saltus.Catalogue(path) as catalogue:
-        return catalogue.work(), catalogue.progress("plan"), catalogue.progress("told"), catalogue.notes("t")
+        return catalogue.work(), catalogue.progress("plan"), catalogue.progress("report"), catalogue.notes("t")
 
 
 @pytest.mark.parametrize("change", WORK)

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.building.plan import Bounds, Plan
-from branches.building.seeds import read_seed
+from branches.building.plan import Bounds, Plan, read_seed
 from branches.catalogue import Catalogue, CatalogueDamaged, CatalogueError, CatalogueInUse
 from branches.catalogue.check import check_catalogue
 from tests.branches.catalogue.families import same_columns, scene
