@@ -485,7 +485,7 @@ def unfinished(path):
 
 def read_work(path):
     with saltus.Catalogue(path) as catalogue:
-        return catalogue.work(), catalogue.progress("plan"), catalogue.progress("report"), catalogue.notes("t")
+        return catalogue.work(), catalogue.progress("plan"), catalogue.progress("report"), catalogue.notes("r")
 
 
 @pytest.mark.parametrize("change", WORK)
