@@ -47,7 +47,7 @@ class BareFamily(Family):
 
     def __init__(self, problem: MultipointProblem) -> None:
         super().__init__(problem)
-        self._tests = (TestFunction("SN", "crossing", False, "fold in the energy", True),)
+        self.tests = (TestFunction("SN", "crossing", False, "fold in the energy", True),)
         self._computed = 1
         self._full = False
 

@@ -14,7 +14,6 @@ import numpy as np
 from branches.events import BranchEvent, DigitWork, Ended
 from branches.full_family import FullFamily, Piece, full_family
 from branches.orbit import Orbit
-from branches.sequences import format_sequence
 from bvp.checks import Frozen, real
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.shown import shown
@@ -104,7 +103,7 @@ class Branch:
     @property
     def sequence(self) -> str:
         """Contacts hit inside each solved segment."""
-        return format_sequence(self.problem.sequence)
+        return "".join(self.problem.sequence)
 
     @cached_property
     def label(self) -> str:

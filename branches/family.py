@@ -176,6 +176,13 @@ class Family:
         The family ends at this quarter period.
     ends_only : bool
         Watch only for folds, branch points and ends.
+
+    Attributes
+    ----------
+    tests : tuple of TestFunction
+        In the order of their values in each step.
+    advance : callable or None
+        Takes blocks of steps; None if there are more than two degrees of freedom.
     """
 
     def __init__(
@@ -226,17 +233,13 @@ class Family:
         if self._two_dof:
             tests += [TestFunction("RT", "crossing", False, f"{p}:{q} resonance") for p, q, _ in self._resonant]
         self._computed = len(tests)
-        self._tests = tuple(tests[:ENDS_AND_FOLDS] if ends_only else tests)
+        self.tests = tuple(tests[:ENDS_AND_FOLDS] if ends_only else tests)
+        self.advance: Callable[..., Advance] | None = self._advance if self._two_dof else None
         low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
         high = math.log(energy[1]) if energy[1] < math.inf else math.inf
         longest = math.log(quarter_period) if quarter_period < math.inf else math.inf
         self._limits = (low, high, longest)
         self._targets = [level for _, _, level in self._resonant]
-
-    @property
-    def tests(self) -> tuple[TestFunction, ...]:
-        """The test functions, in the order of their values in each step."""
-        return self._tests
 
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""
@@ -264,12 +267,7 @@ class Family:
             two_dof_tests(result, self.problem.quarters, self._targets, tests)
         else:
             tests[COMMON:] = self._general(solution)
-        return _step_of(solution, result, tests[: len(self._tests)])
-
-    @property
-    def advance(self) -> Callable[..., Advance] | None:
-        """See `continuation.Problem`; None where there are more than two degrees of freedom."""
-        return self._advance if self._two_dof else None
+        return _step_of(solution, result, tests[: len(self.tests)])
 
     def _advance(
         self, step: Step, tests: list[float], older: list[float], oldest: list[float], before: float, first: float, ds: float, goal: Any,
@@ -288,7 +286,7 @@ class Family:
             np.empty((rows, 2)),
         )
         count, tried, ds = problem.compiled(
-            advance_block, control, np.array(kinds_of(self._tests)), np.array([test.singular for test in self._tests]),
+            advance_block, control, np.array(kinds_of(self.tests)), np.array([test.singular for test in self.tests]),
             np.array(self._limits), np.array(self._targets), step.y, step.tangent, np.array(step.position),
             np.array(tests), np.array(older), np.array(oldest), np.asarray(goal),
             np.full(size + 2, math.nan) if direction is None else direction,
@@ -302,7 +300,7 @@ class Family:
                 Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
             )
         taken = Block(*(array[:count] for array in block))
-        taken = taken._replace(tests=taken.tests[:, : len(self._tests)])
+        taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
 
     def _general(self, solution: Solution) -> list[float]:
@@ -377,7 +375,7 @@ class Family:
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is, in the terms of the record."""
-        test = self._tests[index]
+        test = self.tests[index]
         solution: Solution = at.extra
         if location.kind in ("pole", "jump") and test.kind == "crossing":
             return None
@@ -392,7 +390,7 @@ class Family:
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
         elif code == "RT":
-            data["p_q"] = list(self._resonant[index - len(self._tests)][:2])
+            data["p_q"] = list(self._resonant[index - len(self.tests)][:2])
         elif code == "LB":
             data["sides"] = self._side(counted), self._side(location.high.extra)
             if data["sides"][0] == data["sides"][1]:

@@ -286,7 +286,9 @@ def full_family(branch: Followed, wider: Followed | None = None) -> FullFamily:
     lowest = float(branch.points["h"].min())
     # A branch that is all above the window is followed down into it.
     window = (WINDOW[0] * scale, WINDOW[1] * scale if lowest < WINDOW[1] * scale else 2.0 * lowest)
-    inside = [i for i in _plain(branch) if branch.points["h"][i] < window[1]] or [int(np.argmin(branch.points["h"]))]
+    located = {event.point for event in branch.events}
+    plain = [i for i in range(len(branch.points["h"])) if i not in located] or range(len(branch.points["h"]))
+    inside = [i for i in plain if branch.points["h"][i] < window[1]] or [int(np.argmin(branch.points["h"]))]
     problem, y = _primitive(branch, inside)
     uncut = (_known(one) for one in (branch, wider) if one is not None and problem is one.problem and one.points["h"].max() <= window[1])
     curve = next((one for one in uncut if one is not None), None)
@@ -301,12 +303,6 @@ def full_family(branch: Followed, wider: Followed | None = None) -> FullFamily:
 def _runs(inside: np.ndarray) -> int:
     """How many unbroken runs of true there are."""
     return int(np.sum(inside[1:] & ~inside[:-1])) + int(inside[0])
-
-
-def _plain(branch: Followed) -> list[int]:
-    """Points that are no events; all where there are no others."""
-    located = {event.point for event in branch.events}
-    return [i for i in range(len(branch.points["h"])) if i not in located] or list(range(len(branch.points["h"])))
 
 
 def _primitive(branch: Followed, points: list[int]) -> tuple[MultipointProblem, np.ndarray]:

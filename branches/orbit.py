@@ -234,27 +234,24 @@ def orbit_columns(
     """
     rows = solutions if isinstance(solutions, Solution) else stacked(solutions)
     count, n, size = len(rows.y), problem.half, problem.size
-
-    def entry(name: str) -> np.ndarray:
-        return rows.result[:, RESULT_INDEX[name]]
-
+    entry = dict(zip(RESULT_INDEX, rows.result.T, strict=True))
     starts = rows.y[:, : problem.parameters] @ problem.segment.start_map.T + problem.segment.start_offset
     physical = starts @ problem.modes.to_state.T
     last = problem.parameters + problem.inner * (size + 1) + 1
-    waves = np.maximum(entry("waves_absorber").astype(int), 1)
-    frequency = 2.0 * np.pi / (4.0 * entry("quarter_period"))
+    waves = np.maximum(entry["waves_absorber"].astype(int), 1)
+    frequency = 2.0 * np.pi / (4.0 * entry["quarter_period"])
     speeds = impact_speeds(problem, starts, rows.ends)
     slowest = np.min(np.abs(speeds), axis=1) if speeds.shape[1] else np.full(count, np.inf)
-    grazing = slowest < GRAZING * np.sqrt(2.0 * entry("energy"))
+    grazing = slowest < GRAZING * np.sqrt(2.0 * entry["energy"])
     columns = {
-        "h": entry("energy"),
-        "alpha": entry("quarter_period"),
+        "h": entry["energy"],
+        "alpha": entry["quarter_period"],
         "frequency": frequency,
-        "frequency_index": waves * 2.0 * np.pi / (4.0 * entry("quarter_period")),
+        "frequency_index": waves * 2.0 * np.pi / (4.0 * entry["quarter_period"]),
         "arclength": np.zeros(count) if arclength is None else np.asarray(arclength, float),
         "label": np.array([label_text(problem, result) for result in rows.result]),
         "half_waves": waves,
-        "residual": entry("residual"),
+        "residual": entry["residual"],
         "start_u": physical[:, :n],
         "start_v": physical[:, n:],
         "velocities": physical[:, n:].copy() if problem.kinds[0] == kernel.ORIGIN else np.full((count, n), np.nan),
@@ -295,20 +292,17 @@ def _two_dof_stability(
     problem: MultipointProblem, results: np.ndarray, grazing: np.ndarray, states: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Two degrees of freedom: everything is in the results; the states (N, k + 2, 4) give the units of the half map."""
-
-    def entry(name: str) -> np.ndarray:
-        return results[:, RESULT_INDEX[name]]
-
-    a, b, c, d = (entry(name) for name in "abcd")
-    trace, trivial = entry("trace"), entry("trivial")
+    entry = dict(zip(RESULT_INDEX, results.T, strict=True))
+    a, b, c, d = (entry[name] for name in "abcd")
+    trace, trivial = entry["trace"], entry["trivial"]
     multipliers = np.empty((len(results), 2), complex)
-    multipliers[:, 0] = entry("larger_real") + 1j * entry("larger_imaginary")
-    multipliers[:, 1] = entry("smaller_real") + 1j * entry("smaller_imaginary")
-    pairing = np.abs(entry("determinant") - 1.0)
+    multipliers[:, 0] = entry["larger_real"] + 1j * entry["larger_imaginary"]
+    multipliers[:, 1] = entry["smaller_real"] + 1j * entry["smaller_imaginary"]
+    pairing = np.abs(entry["determinant"] - 1.0)
     tau_half = np.full(len(results), np.nan)
     if problem.quarters == 4:
         tau = trace
-        error = roundings(problem.inner, entry("branching")) * (1.0 + np.abs(trace)) + trivial + pairing
+        error = roundings(problem.inner, entry["branching"]) * (1.0 + np.abs(trace)) + trivial + pairing
         stable = np.where(np.abs(tau) < 2.0 - error, 1, np.where(np.abs(tau) > 2.0 + error, 0, -1))
         agreed = np.ones(len(results), bool)
     else:
@@ -318,7 +312,7 @@ def _two_dof_stability(
         sizes = np.max(np.abs(states), axis=1)
         rate = np.max(sizes[:, 2:], axis=1) / np.max(sizes[:, :2], axis=1)
         a, b, c, d = (value * factor for value, factor in zip((a, b, c, d), balance(problem, rate), strict=True))
-        stable = decide(a, b, c, d, entry("magnified"), problem.inner, entry("branching"))
+        stable = decide(a, b, c, d, entry["magnified"], problem.inner, entry["branching"])
         agreed = np.abs(tau - trace) <= AGREED * (1.0 + np.abs(tau))
         stable = np.where((stable < 0) & agreed & (np.abs(tau) > FAR), 0, stable)
     bounded = ~grazing & np.isfinite(trace)

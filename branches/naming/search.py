@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.identity import same_orbit
+from branches.identity import same_segment
 from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
 from branches.search.discovery import LONGEST, discover, fastest_turn
@@ -224,12 +224,12 @@ def _canonical(orbit: Found) -> tuple[tuple[str, ...], tuple[str, str]]:
 
 
 def passes(branch: Branch, orbit: Found) -> bool:
-    """Whether a branch passes through an orbit, in whatever presentation."""
+    """Whether a branch passes through an orbit, in whatever presentation; both are solved between neighbouring reversals."""
     mine, other = branch.problem, orbit.problem
     if canonical_sequence(mine.sequence, mine.ends, odd_symmetry=mine.system.has_odd_symmetry) != _canonical(orbit):
         return False
     return any(
-        abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7 and same_orbit((mine, candidate.solution.y), (other, orbit.solution.y))
+        abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7 and same_segment((mine, candidate.solution.y), (other, orbit.solution.y))
         for candidate in branch.orbits_at(energy=orbit.h)
     )
 
