@@ -245,7 +245,8 @@ def _range(h: tuple[float, float]) -> str:
     return f"h = {h[0]:.10g}:{h[1]:.10g}"
 
 
-SCHEMA = 1
+SCHEMA = 2
+"""Of the records of families. Schema 1 has `word` in place of `sequence`."""
 
 
 def family_record(row: FamilyRow) -> dict[str, Any]:
@@ -254,7 +255,7 @@ def family_record(row: FamilyRow) -> dict[str, Any]:
         "id": row.id,
         "label": row.label,
         "ends": row.ends,
-        "word": row.sequence,
+        "sequence": row.sequence,
         "impacts": row.impacts,
         "h": list(row.h),
         "alpha": list(row.alpha),

@@ -47,7 +47,7 @@ def trace(
     on_end: Callable[[Ended], object] | None = None,
     on_point: Callable[[int], object] | None = None,
     settings: Settings | None = None,
-    pins: Mapping[str, Mapping[str, float]] | None = None,
+    reference_points: Mapping[str, Mapping[str, float]] | None = None,
     bounds: Mapping[str, Any] | None = None,
 ) -> Branch:
     """Follow a family of periodic orbits, given by its name or by one of its orbits.
@@ -78,7 +78,7 @@ def trace(
         Called with a line about the start, each event, each end, and the number of points so far.
     settings : continuation.Settings, optional
         Step sizes and tolerances.
-    pins : mapping of names to {"h", "alpha"}, optional
+    reference_points : mapping of names to {"h", "alpha"}, optional
         More reference points, which choose among several families with a name.
     bounds : mapping, optional
         ``energy`` (two values of h), ``quarter_period`` (time) and ``impacts`` (in half a period) in place of the scene's: where a name is
@@ -125,22 +125,22 @@ def trace(
         scene.require_used("saltus.trace")
         system = scene.system
     require_system(system)
-    for option, value in (("pins", pins), ("bounds", bounds)):
+    for option, value in (("reference_points", reference_points), ("bounds", bounds)):
         if value is not None and not isinstance(value, Mapping):
             raise BadInput(f"{option} = {shown(value)}: expected a mapping")
-    pins = {**scene.pins_for(system), **(pins or {})}
+    reference_points = {**scene.reference_points_for(system), **(reference_points or {})}
     bounds = {**scene.bounds, **(bounds or {})}
     if catalogue is not None:
         catalogue.require_system(system.describe())
-        return _follow_kept(name, catalogue, energy, pins, on_start, **options)
-    return trace_named(name, system, energy=energy, reference_points=pins, bounds=bounds, on_start=on_start, **options)
+        return _follow_kept(name, catalogue, energy, reference_points, on_start, **options)
+    return trace_named(name, system, energy=energy, reference_points=reference_points, bounds=bounds, on_start=on_start, **options)
 
 
 def _follow_kept(
     name: str,
     catalogue: Catalogue,
     energy: tuple[float, float],
-    pins: Mapping[str, Mapping[str, float]],
+    reference_points: Mapping[str, Mapping[str, float]],
     on_start: Callable[..., object] | None = None,
     **options: Any,
 ) -> Branch:
@@ -149,7 +149,7 @@ def _follow_kept(
 
     from branches.tracing import extend
 
-    match = catalogue.find(name, reference_points=pins)
+    match = catalogue.find(name, reference_points=reference_points)
     if match.kind != "family":
         raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
     branch = catalogue.branch(match.id)

@@ -335,7 +335,7 @@ class SceneRecord:
         if hasattr(scene, "describe"):
             return cls(scene.describe())
         bounds = {key: list(value) if isinstance(value, tuple) else value for key, value in scene.bounds.items()}
-        points = {name: dict(point) for name, point in scene.pins.items()}
+        points = {name: dict(point) for name, point in scene.reference_points.items()}
         return cls(scene.system.describe(), bounds, points, scene.title, scene.source, getattr(scene, "text", ""))
 
 

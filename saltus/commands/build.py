@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.max_impacts or complete["impacts"],
     )
     if arguments.energy is None and arguments.max_quarter_period is None and arguments.max_impacts is None:
-        plan = Plan(bounds, Bounds(bounds.energy, scene.quarter_period, scene.impacts), scene.names, scene.pins)
+        plan = Plan(bounds, Bounds(bounds.energy, scene.quarter_period, scene.impacts), scene.names, scene.reference_points)
     else:
         plan = Plan.within(bounds)
     check(scene.system, bounds.energy[0], bounds.quarter_period, bounds.impacts, ends_of(scene.system))

@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         yield from table_lines(head, rows, width=terminal_width(sys.stdout), columns="lirllrrrt")
         yield f"{len(families)} of {counted(total, 'family')}"
 
-    record = {"filters": options.given_filters(filters)}
+    record = {"schema": catalogues.SCHEMA, "filters": options.given_filters(filters)}
     return files.finish(
         lines(), lambda: {**record, "families": [family_record(row) for row in families]}, table=lambda: family_table(families)
     )
@@ -63,7 +63,7 @@ def family_table(families: Sequence[FamilyRow]) -> Table:
     from saltus.catalogues import family_record
 
     records = [family_record(row) for row in families]
-    texts = ("id", "label", "ends", "word")
+    texts = ("id", "label", "ends", "sequence")
     numbers = ("impacts", "h", "alpha", "points", "events", "stable_fraction")
     table: Table = {name: np.array([record[name] for record in records], dtype=str) for name in texts}
     return table | {name: np.array([record[name] for record in records]) for name in numbers}

@@ -47,14 +47,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
     """All that there is to say, as plain data."""
-    from saltus.catalogues import event_record, family_record, node_record
+    from saltus.catalogues import SCHEMA, event_record, family_record, node_record
 
     neighbours = [_neighbour(catalogue, edge, match.id) for edge in catalogue.edges(match.id)]
     if match.kind != "family":
-        return {"node": node_record(catalogue, match.id), "neighbours": neighbours}
+        return {"schema": SCHEMA, "node": node_record(catalogue, match.id), "neighbours": neighbours}
     row = catalogue.family(match.id)
     events = [event_record(event) for event in catalogue.events(row.id)]
-    return {"family": family_record(row), "model": _model(catalogue, row), "events": events, "neighbours": neighbours}
+    family = {"schema": SCHEMA, "family": family_record(row)}
+    return {**family, "model": _model(catalogue, row), "events": events, "neighbours": neighbours}
 
 
 def _model(catalogue: Catalogue, row: FamilyRow) -> list[str]:

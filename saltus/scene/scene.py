@@ -1,12 +1,15 @@
-"""A scene: a system, the bounds inside which its orbits are looked for, and the names that its literature uses.
+"""A scene: a system, the bounds of the search for its orbits, and the names that its literature uses.
 
-A scene is a TOML file. ``[system]`` is ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``, or the matrices
-``mass``, ``damping``, ``stiffness`` with ``[[stops]]`` (``c``, ``lower``, ``upper``, ``restitution``, ``name``) and
-``[coordinates]`` (``names``, ``LO``, ``NES``; each of the two a name or a list of them). ``[ground]`` and ``[[forces]]`` are loads
-(`saltus.scene.loads`). ``[bounds]`` holds ``energy``, ``quarter_period`` and ``impacts``: where names are
-searched; ``[complete]`` the same three: where every family is found by a build. ``[sections]`` holds the ``energies`` of panels of
-Poincare sections, and those among them that are ``cited``. ``[names]`` pins bare names to cited points, ``{}`` where a name needs
-none. What is not known is refused.
+A scene is a TOML file. Unknown keys are refused.
+
+- ``[system]``: ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``; or matrices ``mass``, ``damping``, ``stiffness``.
+- ``[[stops]]``, with matrices: ``c``, ``lower``, ``upper``, ``restitution``, ``name``.
+- ``[coordinates]``, with matrices: ``names``, ``LO``, ``NES``; each of the last two is a name or a list of names.
+- ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.loads`).
+- ``[bounds]``: ``energy``, ``quarter_period`` and ``impacts``, where names are searched.
+- ``[complete]``: the same three, up to which a build finds every family.
+- ``[sections]``: ``energies`` of panels of Poincare sections; ``cited``, those that the source gives.
+- ``[names]``: the reference point of each name, ``{}`` where a name needs none.
 """
 
 from __future__ import annotations
@@ -57,10 +60,10 @@ class Scene:
         Longest quarter period alpha that is searched.
     impacts : int
         Most impacts inside the solved part of an orbit that are searched.
-    pins : mapping of str to mapping of str to float
+    reference_points : mapping of str to mapping of str to float
         Bare names with the point, ``h`` and ``alpha``, that the literature shows; used only to choose among matches.
     names : tuple of str
-        Names whose families a build follows beyond its bounds: those with a pin, and others that need none.
+        Names whose families a build follows beyond its bounds: those with a reference point, and others that need none.
     complete : mapping
         ``energy``, ``quarter_period`` and ``impacts`` (in half a period) up to which a build finds every family; by default those of
         the search.
@@ -82,7 +85,7 @@ class Scene:
     energy: tuple[float, float]
     quarter_period: float
     impacts: int
-    pins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    reference_points: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     complete: Mapping[str, Any] = field(default_factory=dict)
     sections: tuple[float, ...] = ()
@@ -95,8 +98,8 @@ class Scene:
     loads: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        pins = {name: Frozen(point) for name, point in self.pins.items()}
-        object.__setattr__(self, "pins", Frozen(pins))
+        reference_points = {name: Frozen(point) for name, point in self.reference_points.items()}
+        object.__setattr__(self, "reference_points", Frozen(reference_points))
         object.__setattr__(self, "complete", Frozen(self.complete))
 
     def __eq__(self, other: object) -> bool:
@@ -140,8 +143,8 @@ class Scene:
         """The bounds of a search for names: ``energy``, ``quarter_period``, ``impacts``."""
         return {"energy": self.energy, "quarter_period": self.quarter_period, "impacts": self.impacts}
 
-    def pins_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
-        """Return the pins that hold for a system.
+    def reference_points_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
+        """Return the reference points that hold for a system.
 
         Parameters
         ----------
@@ -150,16 +153,17 @@ class Scene:
         Returns
         -------
         dict
-            `pins` if `system` is the one of the scene, else empty.
+            `reference_points` if `system` is the one of the scene, else empty.
         """
         if system.describe() != self.system.describe():
             return {}
-        return {name: dict(point) for name, point in self.pins.items()}
+        return {name: dict(point) for name, point in self.reference_points.items()}
 
     def names_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
-        """Return all names that hold for a system, with their points as `pins_for`, or ``{}`` where a name needs none."""
-        pins = self.pins_for(system)
-        return {name: pins[name] if name in pins else {} for name in self.names} if system.describe() == self.system.describe() else {}
+        """Return all names that hold for a system, with their points as `reference_points_for`, or ``{}`` where a name needs none."""
+        if system.describe() != self.system.describe():
+            return {}
+        return {name: dict(self.reference_points.get(name, {})) for name in self.names}
 
 
 def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) -> Scene:
@@ -184,7 +188,7 @@ def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) 
     Examples
     --------
     >>> scene = load_scene()
-    >>> scene.energy, sorted(scene.pins)[:2]
+    >>> scene.energy, sorted(scene.reference_points)[:2]
     ((0.05, 10000.0), ['S31O11-', 'S55O11-'])
     >>> load_scene(mu=0.37, sigma=0.81).system.describe()["mu"]
     0.37
@@ -224,7 +228,7 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path | Trav
     return Scene(
         system=system,
         **bounds,
-        pins={name: point for name, point in points.items() if point} if holds else {},
+        reference_points={name: point for name, point in points.items() if point} if holds else {},
         names=tuple(points) if holds else (),
         complete=_bounds(scene.table("complete")) if "complete" in scene.content else bounds,
         sections=energies,

@@ -111,8 +111,8 @@ class FamilySeed(NamedTuple):
         The run of each.
     bounds : dict
         Of the scene's search for names.
-    pins : dict
-        The scene's pinned names, where they hold for the system.
+    reference_points : dict
+        The scene's reference points, where they hold for the system.
     """
 
     system: str
@@ -120,7 +120,7 @@ class FamilySeed(NamedTuple):
     energies: tuple[float, ...]
     runs: tuple[int, ...]
     bounds: dict[str, Any]
-    pins: dict[str, dict[str, float]]
+    reference_points: dict[str, dict[str, float]]
 
 
 class FamilyStarts(NamedTuple):
@@ -157,8 +157,8 @@ def family_seeds(plan: Plan, scene: Scene) -> list[FamilySeed]:
             continue
         described = {**plan.system, **dict(zip(varied, map(float, row[1:]), strict=True))}
         system = ImpactSystem.from_description(described).underlying
-        wanted, pins = tuple(energies[runs].tolist()), scene.underlying.pins_for(system)
-        seeds.append(FamilySeed(json.dumps(system.describe()), name, wanted, tuple(runs.tolist()), scene.bounds, pins))
+        wanted, reference_points = tuple(energies[runs].tolist()), scene.underlying.reference_points_for(system)
+        seeds.append(FamilySeed(json.dumps(system.describe()), name, wanted, tuple(runs.tolist()), scene.bounds, reference_points))
     return seeds
 
 
@@ -178,7 +178,7 @@ def find_starts(seed: FamilySeed) -> FamilyStarts:
     name = parse_name(seed.name)
     lowest, highest = seed.bounds["energy"]
     low, high = min(lowest, 0.9 * min(seed.energies)), max(highest, 1.1 * max(seed.energies))
-    scene = Scene(system=system, pins=seed.pins, **seed.bounds)
+    scene = Scene(system=system, reference_points=seed.reference_points, **seed.bounds)
     try:
         branch = trace(seed.name, scene=scene, energy=(low, high))
     except (ValueError, RuntimeError) as failure:

@@ -41,7 +41,7 @@ NAMES = {
 @cache
 def found(name):
     """The orbit that a name resolves to in the shipped scene."""
-    orbit, _ = resolve(name, SYSTEM, reference_points=SCENE.pins, limits=search_bounds(SCENE.bounds), energy=SCENE.energy)
+    orbit, _ = resolve(name, SYSTEM, reference_points=SCENE.reference_points, limits=search_bounds(SCENE.bounds), energy=SCENE.energy)
     return orbit
 
 

@@ -88,10 +88,10 @@ def test_orbits_and_families_agree_one_to_one(families, energy):
     families.agree(SCENE.system, energy, COMPLETE["quarter_period"], COMPLETE["impacts"])
 
 
-@pytest.mark.parametrize("name", SCENE.pins)
+@pytest.mark.parametrize("name", SCENE.reference_points)
 def test_the_named_families_are_there(built, name):
     """Oracle: the cited point of the scene lies on the family that the name stands for."""
-    pin = SCENE.pins[name]
+    pin = SCENE.reference_points[name]
     with Catalogue(built[0]) as catalogue:
         branch = catalogue.branch(catalogue.find(name).id)
     assert min(abs(orbit.alpha / pin["alpha"] - 1.0) for orbit in branch.orbits_at(energy=pin["h"])) < 1e-3

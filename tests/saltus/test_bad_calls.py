@@ -132,7 +132,7 @@ CALLS = [
     (lambda branch: saltus.trace("S13O00+", points=2.5), "points = 2.5: expected a whole number, at least 1"),
     (lambda branch: saltus.trace("S13O00+", stop_when=3), "stop_when = 3: expected a function of an orbit"),
     (lambda branch: saltus.trace("S13O00+", stop_wen=len), "unexpected keyword argument 'stop_wen'"),
-    (lambda branch: saltus.trace("S13O00+", pins=3), "pins = 3: expected a mapping"),
+    (lambda branch: saltus.trace("S13O00+", reference_points=3), "reference_points = 3: expected a mapping"),
     (lambda branch: saltus.trace("S13O00+", bounds=3), "bounds = 3: expected a mapping"),
     (lambda branch: saltus.trace("S13O00+", stop_at="QQ"), "expected one of SN"),
     (lambda branch: saltus.trace("S13O00+", bounds={"impcts": 3}), "unknown bound 'impcts'; expected impacts"),
@@ -234,7 +234,7 @@ def test_scenes_and_branches_can_be_copied(branch, twin):
     """Oracle: what the copy computes."""
     scene = saltus.load_scene()
     copied = twin(scene)
-    assert copied == scene and copied.pins == scene.pins and copied.system.describe() == scene.system.describe()
+    assert copied == scene and copied.reference_points == scene.reference_points and copied.system.describe() == scene.system.describe()
     assert saltus.trace("S13O00+", scene=copied, energy=(0.3, 0.5)).points["h"].tolist() == branch.points["h"].tolist()
     assert twin(branch).points["h"].tolist() == branch.points["h"].tolist() and twin(branch).id == branch.id
 
@@ -248,7 +248,8 @@ def test_scenes_with_the_same_content_are_equal():
     """Oracle: the same file read twice; one number that differs, in each part."""
     scene = saltus.load_scene()
     assert saltus.load_scene() == scene and shaken() == shaken() and scene != "lee2009"
-    others = [saltus.load_scene(mu=0.2), shaken(), dataclasses.replace(scene, pins={}), dataclasses.replace(scene, energy=(0.1, 1.0))]
+    bare, narrow = dataclasses.replace(scene, reference_points={}), dataclasses.replace(scene, energy=(0.1, 1.0))
+    others = [saltus.load_scene(mu=0.2), shaken(), bare, narrow]
     assert not any(other == scene for other in others) and shaken(0.6) != shaken()
 
 
@@ -299,7 +300,7 @@ def test_what_objects_hand_out_cannot_be_changed(branch, tmp_path):
         assert lent(values), name
     assert motion.impacts > 0
     scene = saltus.load_scene()
-    for mapping in (branch.points, scene.pins, scene.complete, next(iter(scene.pins.values()))):
+    for mapping in (branch.points, scene.reference_points, scene.complete, next(iter(scene.reference_points.values()))):
         for change in (
             lambda mapping: mapping.__setitem__("h", 1.0), lambda mapping: mapping.update(h=1.0), lambda mapping: mapping.pop("h"),
             lambda mapping: mapping.clear(), lambda mapping: mapping.setdefault("x", 1.0), lambda mapping: mapping.__ior__({"h": 1.0}),

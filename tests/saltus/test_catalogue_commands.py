@@ -46,7 +46,7 @@ def test_list_filters(catalogue, capsys, words, kept):
     """Oracle: the families by hand; S13O00+ is stable only above its symmetry breaking at h = 0.4556."""
     code, out, _ = run(capsys, "list", "--catalogue", catalogue, "--json", "-", *words)
     record = json.loads(out)
-    assert code == 0 and record["schema"] == 1
+    assert code == 0 and record["schema"] == 2 and all("sequence" in family for family in record["families"])
     assert {family["id"] for family in record["families"]} == {real()[k].id for k in kept}
 
 

@@ -54,8 +54,8 @@ def test_the_default_scene_is_the_reference_system(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = load_scene()
     assert scene.system.describe() == vibro_impact_nes(0.1, 0.1, 0.0, 1.0).describe()
-    assert scene.pins["S73O33-"] == {"h": 7.3348, "alpha": 1.6459}
-    assert scene.pins["U8353-"] == {"h": 1.9458, "alpha": 4.9065}
+    assert scene.reference_points["S73O33-"] == {"h": 7.3348, "alpha": 1.6459}
+    assert scene.reference_points["U8353-"] == {"h": 1.9458, "alpha": 4.9065}
     assert "Physica D 238 (2009) 1868" in scene.source
     assert load_scene("lee2009").system.describe() == scene.system.describe()
 
@@ -67,7 +67,7 @@ def test_each_shipped_scene_loads_and_cites_its_source():
     for name in names:
         scene = load_scene(name.removesuffix(".toml"))
         assert scene.title and scene.source
-        for pin in scene.pins:
+        for pin in scene.reference_points:
             assert parse(pin)
 
 
@@ -83,10 +83,10 @@ def test_parameters_replace_those_of_the_model_and_drop_its_pins():
     """Oracle: the system made directly; a cited point says nothing about another system."""
     scene = load_scene(mu=0.37, sigma=0.81)
     assert scene.system.describe() == vibro_impact_nes(0.37, 0.81).describe()
-    assert dict(scene.pins) == {}
-    assert "U8353-" in load_scene(mu=0.1).pins
-    assert load_scene().pins_for(vibro_impact_nes(0.2, 0.1)) == {}
-    assert "U8353-" in load_scene().pins_for(vibro_impact_nes(0.1, 0.1))
+    assert dict(scene.reference_points) == {}
+    assert "U8353-" in load_scene(mu=0.1).reference_points
+    assert load_scene().reference_points_for(vibro_impact_nes(0.2, 0.1)) == {}
+    assert "U8353-" in load_scene().reference_points_for(vibro_impact_nes(0.1, 0.1))
 
 
 def test_a_scene_with_matrices(tmp_path):
@@ -103,7 +103,7 @@ def test_a_scene_with_matrices(tmp_path):
     )
     assert scene.system.describe() == expected.describe()
     assert scene.energy == (0.1, 10.0) and scene.quarter_period == 8.0 and scene.impacts == 6
-    assert scene.pins == {"S13+": {"h": 1.5}}
+    assert scene.reference_points == {"S13+": {"h": 1.5}}
     assert scene.bounds == {"energy": (0.1, 10.0), "quarter_period": 8.0, "impacts": 6}
 
 

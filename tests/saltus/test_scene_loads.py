@@ -87,8 +87,8 @@ def test_the_underlying_scene_is_conservative_and_keeps_the_names(tmp_path):
     """Oracle: the reference scene without its damping; matrices without theirs."""
     damped = load_scene(rho=0.7, lam=0.01)
     assert damped.underlying.system.describe() == load_scene().system.describe()
-    assert damped.underlying.pins_for(damped.underlying.system) == load_scene().pins_for(load_scene().system) != {}
-    assert dict(load_scene(mu=0.2, rho=0.7).pins) == {}
+    assert damped.underlying.reference_points_for(damped.underlying.system) == load_scene().reference_points_for(load_scene().system) != {}
+    assert dict(load_scene(mu=0.2, rho=0.7).reference_points) == {}
     scene = scene_of(tmp_path, '[[forces]]\non = "floor"\nconstant = 1.0\n').underlying
     assert scene.system.is_conservative and scene.forces == () and scene.system.absorber == 2
     np.testing.assert_array_equal(scene.system.stiffness[1], [-1.0, 2.0, -1.0])
