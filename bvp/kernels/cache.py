@@ -29,7 +29,7 @@ _KEPT_DAYS = 30.0
 
 config: Any = numba.core.config
 _SOURCES = Path(__file__).resolve().parents[2]
-_IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+) import (\w+)", re.MULTILINE)
+_IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+) import \(?\s*(\w+)", re.MULTILINE)
 
 
 def cache_of(function: Any) -> Any:
