@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.checks import changeable, reals
-from bvp.kernels.flight import flow_state, sample_flights
+from bvp.kernels.flight import sample_flights
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, count_impacts, unfold_impacts
 from bvp.shown import shown
 
@@ -254,25 +254,6 @@ class Cycle:
         sample_flights(modes.flight, begins, flights, np.mod(times, self.period), states)
         physical = states @ modes.to_state.T
         return physical[:, :n], physical[:, n:]
-
-    def cut(self, pieces: int) -> Cycle:
-        """The same orbit with each flight cut into `pieces` of equal duration by plain nodes (contact -1)."""
-        if pieces == 1:
-            return self
-        modes = self.system.modes
-        count, size = self.after.shape
-        before = np.empty((count * pieces, size))
-        after = np.empty((count * pieces, size))
-        duration = np.repeat(self.duration / pieces, pieces)
-        contact = np.full(count * pieces, -1, dtype=np.int64)
-        for i in range(count):
-            at = i * pieces
-            contact[at] = self.contact[i]
-            before[at], after[at] = self.before[i], self.after[i]
-            for j in range(1, pieces):
-                flow_state(modes.flight, self.after[i], float(j * duration[at]), after[at + j])
-                before[at + j] = after[at + j]
-        return Cycle(self.system, before, after, duration, contact, self.lead)
 
 
 def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:

@@ -212,8 +212,8 @@ def _free_acceleration(
 def _snapped(matrix: np.ndarray) -> np.ndarray:
     """Entries that are 0 or 1 to rounding, exactly: a motion that goes through the modal coordinates and back in the mode without stops
     held is the same one."""
-    whole = np.round(matrix)
-    return np.where((np.abs(matrix - whole) <= 16.0 * len(matrix) * EPSILON) & (np.abs(whole) <= 1.0), whole, matrix)
+    nearest = np.round(matrix)
+    return np.where((np.abs(matrix - nearest) <= 16.0 * len(matrix) * EPSILON) & (np.abs(nearest) <= 1.0), nearest, matrix)
 
 
 def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:
@@ -237,10 +237,6 @@ class ContactModeTable:
         """Make one more mode."""
         self.modes.append(contact_mode_of(self.system, held, self.forcing, self.terms))
         self.__dict__.pop("stacked", None)
-
-    def index(self, held: int) -> int:
-        """Its index, or -1."""
-        return next((k for k, mode in enumerate(self.modes) if mode.held == held), -1)
 
     @cached_property
     def stacked(self) -> ContactModes:
@@ -338,30 +334,30 @@ def join(
         if joined:
             ratios = _ratios(own)
             own = own * ratios[:, None] / ratios
-        whole = np.zeros((len(index) + 2 * len(joined),) * 2)
-        whole[: len(index), : len(index)] = own
+        joint = np.zeros((len(index) + 2 * len(joined),) * 2)
+        joint[: len(index), : len(index)] = own
         units = []
         for k, g in enumerate(joined):
-            # A block's load is told in units, powers of two, in which it moves the block at its own rates: bounds of a flight go with the
-            # largest entry.
+            # The units of a block's load are powers of two, in which it moves the block at its own rates: bounds of a flight grow with
+            # the largest entry.
             rate = max(np.abs(own).max(), np.abs(_generator(frequency[g])).max())
             drive = ratios[:, None] * drives[g][index]
             units.append(2.0 ** float(np.round(np.log2(np.abs(drive).max() / rate))))
             at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
-            whole[: len(index), at] = drive / units[k]
-            whole[at, at] = _generator(frequency[g])
-        pieces.append((index, ratios, joined, units, whole))
+            joint[: len(index), at] = drive / units[k]
+            joint[at, at] = _generator(frequency[g])
+        pieces.append((index, ratios, joined, units, joint))
     pieces += [([], np.ones(0), [g], [1.0], _generator(frequency[g])) for g in range(count)]
     plain = not count
     size = sum(len(piece[-1]) for piece in pieces)
     matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
     states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
     pairs, masters, start = [], [], 0
-    for index, ratios, joined, units, whole in pieces:
-        width = len(whole)
+    for index, ratios, joined, units, joint in pieces:
+        width = len(joint)
         place = np.array(index) if plain else np.arange(start, start + width)
         pairs.append((place[0], place[1] if width == 2 else -width))
-        matrix[np.ix_(place, place)] = whole
+        matrix[np.ix_(place, place)] = joint
         inside[index, place[: len(index)]] = 1.0 / ratios
         states[place[: len(index)], index] = ratios
         into[place[: len(index)]] = -ratios[:, None] * particular[index]

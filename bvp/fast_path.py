@@ -83,7 +83,7 @@ def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = 
     ----------
     system : ImpactSystem
     dampers : mapping of str to (2, 2) array_like, optional
-        The two parts of the damping matrix that are told apart; by default those of `bvp.forcing.split_damping`.
+        The two parts of the damping matrix whose dissipation is reported; by default those of `bvp.forcing.split_damping`.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = 
     """
     parts = split_damping(system) if dampers is None else checked_damper(system.damping, dampers)
     if len(parts) != 2:
-        raise ValueError(f"two parts of the damping matrix are told apart here; received {len(parts)}: {', '.join(parts)}")
+        raise ValueError(f"the fast path reports two parts of the damping matrix; received {len(parts)}: {', '.join(parts)}")
     if system.degrees_of_freedom != 2 or len(system.stops) != 1:
         return None
     stop = system.stops[0]

@@ -119,7 +119,7 @@ def ground_load(system: ImpactSystem, direction: Any = None) -> np.ndarray:
     ----------
     system : ImpactSystem
     direction : (n,) array_like, optional
-        r, what each coordinate moves by where the whole structure moves by 1; ones by default.
+        r, what each coordinate moves by where the structure moves by 1; ones by default.
 
     Examples
     --------

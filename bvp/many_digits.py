@@ -1,6 +1,6 @@
 """Periodic orbits in fifty digits, from the multipoint equations: for what double precision leaves undecided, and as a reference.
 
-The modes are computed anew from the system's matrices. The equations are those of `bvp.kernels.multipoint`, with the whole start state
+The modes are computed anew from the system's matrices. The equations are those of `bvp.kernels.multipoint`, with the full start state
 as an unknown and the start's end as equations of their own. They are evaluated in fifty digits and corrected with the pseudo-inverse of
 their Jacobian in double precision: near the orbit each round gains about as many digits as double precision has. The residual that is
 left bounds the error of the orbit.
@@ -75,7 +75,7 @@ class DigitModes:
                 [mp.fsum(mp.mpf(float(c)) * self.shapes[i, k] for i, c in enumerate(stop.gap)) for k in range(self.size)]
                 for stop in system.stops
             ]
-            self.lengths = [dot(row, row) for row in self.gaps]
+            self.lengths = [_dot(row, row) for row in self.gaps]
 
     def state(self, displacements: Any, velocities: Any) -> list[Any]:
         """Modal state with displacements and velocities (n,)."""
@@ -114,11 +114,11 @@ class DigitModes:
 
     def gap(self, stop: int, z: list[Any]) -> Any:
         """The gap coordinate."""
-        return dot(self.gaps[stop], z)
+        return _dot(self.gaps[stop], z)
 
     def speed(self, stop: int, z: list[Any]) -> Any:
         """The rate of the gap coordinate."""
-        return dot(self.gaps[stop], z[self.size :])
+        return _dot(self.gaps[stop], z[self.size :])
 
     def impact(self, stop: int, z: list[Any]) -> list[Any]:
         """The state after an elastic impact."""
@@ -127,7 +127,7 @@ class DigitModes:
         return z[:n] + [p - push * x for p, x in zip(z[n:], b, strict=True)]
 
 
-def dot(a: list[Any], b: list[Any]) -> Any:
+def _dot(a: list[Any], b: list[Any]) -> Any:
     """Sum of products, as far as the shorter list goes."""
     return sum((x * y for x, y in zip(a, b, strict=False)), mp.mpf(0))
 
@@ -188,7 +188,7 @@ class DigitOrbit:
             For a periodic closure, which has no ends.
         """
         if self.problem.periodic:
-            raise ValueError("a periodic closure has no half map; its trace tells its stability")
+            raise ValueError("a periodic closure has no half map; its trace decides its stability")
         with mp.workdps(DIGITS):
             return self._half_map()
 
@@ -249,11 +249,11 @@ class DigitOrbit:
             stop = int(stops[problem.contacts[-1]])
             speed = modes.speed(stop, z)
             for column, x in zip(columns, first, strict=False):
-                column[n:] = [dot(modes.rate(z)[n:], x) / speed * b for b in modes.gaps[stop]]
+                column[n:] = [_dot(modes.rate(z)[n:], x) / speed * b for b in modes.gaps[stop]]
         phi = mp.zeros(2 * (n - 1))
         for j, x in enumerate(self._carried(columns)):
             for i, row in enumerate(last):
-                displacement, velocity = dot(row, x), dot(row, x[n:])
+                displacement, velocity = _dot(row, x), _dot(row, x[n:])
                 phi[i, j], phi[n - 1 + i, j] = (velocity, -displacement) if end == ORIGIN else (displacement, velocity)
         return phi
 
@@ -349,7 +349,7 @@ class _Equations:
         """The start's end holds, each flight ends on the next node, each node is on its stop, the far end holds."""
         modes, inner = self.modes, self.problem.inner
         states, times = self.parts()
-        out = [dot(row, states[0]) - value for row, value in self.first]
+        out = [_dot(row, states[0]) - value for row, value in self.first]
         for i in range(inner):
             landed = modes.impact(self.stops[i], modes.flow(states[i], modes.flight(times[i])))
             out += [a - b for a, b in zip(landed, states[i + 1], strict=True)]
@@ -358,7 +358,7 @@ class _Equations:
         if self.problem.periodic:
             landed = modes.impact(self.stops[inner], end)
             out += [a - b for k, (a, b) in enumerate(zip(landed, states[0], strict=True)) if k != self.left_out]
-        out += [dot(row, end) - value for row, value in self.last]
+        out += [_dot(row, end) - value for row, value in self.last]
         if self.quarter_period is not None:
             out.append(mp.fsum(times) - self.problem.quarters * self.quarter_period)
         return out
@@ -458,7 +458,7 @@ def _across(x: list[Any]) -> list[list[Any]]:
         vector = [mp.mpf(j == k) for j in range(len(x))]
         for _ in range(2):
             for other in found:
-                part = dot(other, vector)
+                part = _dot(other, vector)
                 vector = [a - part * b for a, b in zip(vector, other, strict=True)]
         size = mp.norm(vector)
         found.append([a / size for a in vector])

@@ -32,7 +32,7 @@ __all__ = ["STATUS", "Batch", "EventKind", "EnergyMark", "Motion", "MotionStatus
 
 
 class MotionStatus(Enum):
-    """How a motion ended; the value says it in words."""
+    """How a motion ended. The value is a text for the user."""
 
     DURATION_REACHED = "the duration was reached"
     IMPACTS_FULL = "the most impacts allowed have happened; allow more impacts to run on"
@@ -42,7 +42,7 @@ class MotionStatus(Enum):
     INTERRUPTED = "the run was interrupted; run on from the final state"
     OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
     PIERCED = (
-        "rounding has carried a gap beyond its stop by more than the contact tolerance; what is told holds up to there, and a start from "
+        "rounding has carried a gap beyond its stop by more than the contact tolerance; the results hold up to there, and a start from "
         "that state moved into its bounds goes on"
     )
     UNDECIDED = "contacts are made and lost again without time passing; change the state at which the motion stopped a little"
@@ -86,7 +86,7 @@ class EnergyMark:
 
 @dataclass(frozen=True)
 class ContactInterval:
-    """A part of the motion with the same contacts held: begin, end, and their letters (none in free flight)."""
+    """A part of the motion in one contact mode: begin, end, and the letters of the contacts that stick (none in free flight)."""
 
     begin: float
     end: float
@@ -116,7 +116,7 @@ class Motion:
     sums : (k, D + S + 1) ndarray
         Up to each event: energy dissipated by each of D dampers and S stops, work done by the loads.
     totals : (D + S + 1,) ndarray
-        The same over the whole motion.
+        The same over the full motion.
     parts : tuple of D + S str
         Names of the dampers, then "stop a", "stop b", ...
     impacts, touches : int
@@ -125,7 +125,7 @@ class Motion:
     clear_from : float or None
         Time from which it is proven that no impact is possible any more; None where it is not.
     sticking_time : float
-        Time with a contact held.
+        Time with a sticking contact.
     switch_error : float
         Largest error, in time, of the ends of chattering.
     initial_energy, energy : float
@@ -247,7 +247,7 @@ class Motion:
 
     @cached_property
     def contact_intervals(self) -> tuple[ContactInterval, ...]:
-        """The motion as intervals of free flights and of contacts held."""
+        """The motion as intervals of free flight and of sticking."""
         letters = self.system.modes.contact_letters
         held = np.asarray(self.contact_modes.held)[self.numbers[:, 2]]
         for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):

@@ -99,7 +99,7 @@ class Multipliers:
         return float(np.real(np.sum(self.values)))
 
 
-def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
+def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     """Multipliers from the saddle-point matrix, by orthogonal sweeps round its product pencil.
 
     Small multipliers keep their digits beside large ones, and nothing divides by the speed of an impact before the last step.
@@ -108,8 +108,6 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
     ----------
     cycle : Cycle
         With at least one impact; plain cuts of flights (contact -1) are allowed anywhere.
-    pieces : int
-        Cut each flight into so many pieces first; the multipliers do not depend on it.
 
     Returns
     -------
@@ -118,7 +116,7 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
     Raises
     ------
     ValueError
-        For a cycle without impacts, or pieces < 1.
+        For a cycle without impacts.
 
     Notes
     -----
@@ -126,9 +124,7 @@ def saddle_point_multipliers(cycle: Cycle, *, pieces: int = 1) -> Multipliers:
     (2001) 2389. A sweep gives M Q = Q+ R with R the product of triangular factors, graded; in the frame Q the map is W R,
     W = Q^T Q+ orthogonal and, as the sweeps go on, block diagonal: its eigenvalues are those of the diagonal blocks of W R.
     """
-    if pieces < 1:
-        raise ValueError(f"a flight is cut into 1 or more pieces; received {pieces}")
-    cycle = _from_impact(cycle).cut(pieces)
+    cycle = _from_impact(cycle)
     modes = cycle.system.modes
     conservative = cycle.system.is_conservative
     (before, after, duration, row, scale, weights), nodes, size = scaled_arguments(cycle)

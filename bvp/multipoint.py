@@ -166,7 +166,7 @@ class MultipointProblem:
         return {name: value for name, value in self.__dict__.items() if name != "addresses"}
 
     def refuse_drift(self) -> None:
-        """Refuse ends that do not hold the place of a system which can move as a whole: an orbit between them is not determined.
+        """Refuse ends that do not hold the place of a system that can drift: an orbit between them is not determined.
 
         Raises
         ------

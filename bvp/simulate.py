@@ -138,7 +138,7 @@ class Simulator:
         counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
         counts[places.LEAVING] = counts[places.CONTACT] = contact
         clock[places.INITIAL] = initial
-        turns = np.zeros((len(self.forcing.loads), 2))
+        load_states = np.zeros((len(self.forcing.loads), 2))
         sums, marked = np.zeros((parts + 1, 2)), np.zeros((len(fractions) if initial > 0.0 else 0, parts + 3))
         marked[:, 0] = fractions[: len(marked)]
         x = np.concatenate([start, np.zeros(2 * len(self.forcing.loads))])
@@ -155,7 +155,7 @@ class Simulator:
             counts[places.EVENTS], counts[places.PASSES] = 0, pace.passes
             with pace:
                 status = kernels.move(
-                    modes, float(duration), int(max_impacts), z, x, counts, clock, turns, sums, marked, no_peaks, log, scratch,
+                    modes, float(duration), int(max_impacts), z, x, counts, clock, load_states, sums, marked, no_peaks, log, scratch,
                 )  # fmt: skip
             pieces.append(places.Log(*(array[: counts[places.EVENTS]].copy() for array in log)))
             if on_progress is not None:
@@ -259,7 +259,7 @@ class Simulator:
         summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2) + n))
         summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
         counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
-        turns, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
+        load_states, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
         modal = np.zeros_like(starts)
         x, peaks, first = np.zeros(2 * n + 2 * len(self.forcing.loads)), np.zeros(n if with_peaks else 0), 0
         marked, log, reason, pace = np.zeros((len(fractions), parts + 3)), self.log(0), kernels.NEW_MODE, Pace()
@@ -270,8 +270,8 @@ class Simulator:
             counts[places.PASSES] = pace.passes
             with pace:
                 reason, first = many(
-                    modes, starts, float(duration), int(max_impacts), first, fractions, z, x, counts, clock, turns, sums, marked, peaks,
-                    log, scratch, summary, modal,
+                    modes, starts, float(duration), int(max_impacts), first, fractions, z, x, counts, clock, load_states, sums, marked,
+                    peaks, log, scratch, summary, modal,
                 )  # fmt: skip
             if reason == kernels.NEW_MODE:
                 self.table.add(int(counts[places.PENDING]))
@@ -327,11 +327,11 @@ def simulate(
         Most impacts; the motion ends there.
     leaving : str, optional
         Letter of the contact that the start is on exactly, after its impact. A start within the contact tolerance of a stop
-        is on it without being told.
+        is on it in any case.
     forces : Constant, Harmonic, Record or a list of them, optional
         Loads f(t) (`bvp.forcing`).
     dampers : mapping of str to (n, n) array_like, optional
-        Named parts that sum to the damping matrix, whose dissipation is told apart; by default those across gaps and the rest.
+        Named parts that sum to the damping matrix, whose dissipation is reported apart; by default those across gaps and the rest.
     marks : sequence of float
         Fractions of the initial energy: the time at which that much is dissipated is found.
     on_progress : callable, optional

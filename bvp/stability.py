@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from bvp.checks import changeable
+from bvp.checks import EPSILON, changeable
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ORIGIN
 from bvp.kernels.stability import half_map, half_map_scratch
@@ -22,8 +22,6 @@ from bvp.multipliers import nearest_grazing, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
 
 __all__ = ["DECISION", "ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "roundings", "stability", "verdict"]
-
-EPSILON = float(np.finfo(float).eps)
 
 ERROR_FACTOR = 64.0
 """Rounding errors, in units of eps, that one flight with its impact, and the solution itself, add to an entry of the half map."""
@@ -201,7 +199,7 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
         For a periodic closure, which has no ends.
     """
     if problem.periodic:
-        raise ValueError("a periodic closure has no half map; its multipliers tell its stability")
+        raise ValueError("a periodic closure has no half map; its multipliers decide its stability")
     if problem.half == 2 and math.isfinite(solution["magnified"]):
         entries = [[solution["a"], solution["b"]], [solution["c"], solution["d"]]]
         return np.array(entries), solution["magnified"]
@@ -290,7 +288,7 @@ def _krein(form: np.ndarray, vectors: np.ndarray, nu: np.ndarray, error: float) 
 
 
 def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
-    """By the multipliers of the whole period."""
+    """By the multipliers of the full period."""
     m = problem.half - 1
     cycle = cycle_of(problem, solution.y)
     multipliers = saddle_point_multipliers(cycle)

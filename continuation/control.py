@@ -35,16 +35,16 @@ __all__ = [
 ]
 
 ACCEPTED, TURNED, SLOW, JUMPED = 0, 1, 2, 3
-"""What `refusal` says of a step."""
+"""Verdicts of `refusal` on a step."""
 
 NEAR_BRANCH_POINT = 0.1
-"""Part of its size nearby to which a test function for branch points falls beside one."""
+"""A test function for branch points falls below this part of its size before, if a branch point is near."""
 
 BLOCK = 64
 """Most steps that a problem is asked to advance before the engine looks up: an interruption loses no more than these."""
 
 NEAR_GOAL = 2.0
-"""A point that has just passed the goal, nearer to it than this many chords, is looked at for the closure of the family."""
+"""A point that has just passed the goal, nearer to it than this many chords, may be the goal itself: the family may close."""
 
 _LONG_CHORD = 2.0  # a chord longer than this many times its step did not come from following the curve
 _CROSSING, _GUARD, _TERMINAL_GUARD, _CHANGE = 0, 1, 2, 3

@@ -1,7 +1,7 @@
 """Following a family by pseudo-arclength: step control, refusal of steps, events as they come, and the reason for the end.
 
 Plain points come in blocks from a problem that can advance by itself, or one by one; both ways use the same functions of
-`continuation.control`. Everything else - event location, refused steps, closure - is done here, where it is met.
+`continuation.control`. Everything else - event location, refused steps, a family that closes - is done here.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ def follow_in_blocks(
     condition has to be asked of each.
 
     It gives an `End` with reason POINTS whenever the allowance is used up; an allowance that can be raised lets it go on when
-    it is asked for more. Every other `End` is its last word. The family is closed when it comes back to the `goal`, a point
+    it is asked for more. Every other `End` is the last item. The family is closed when it comes back to the `goal`, a point
     with the direction in which the run would pass it; the start, if not given.
     """
     take = problem.step
@@ -197,7 +197,7 @@ def follow_in_blocks(
     older = oldest = finder.undefined
     length_old = length_older = 0.0
     ds = settings.initial_step
-    closure = None if goal is None else ReturnWatch(problem, settings, *goal)
+    return_watch = None if goal is None else ReturnWatch(problem, settings, *goal)
     met: list[float] = []  # the parameter at the branch points so far
     fallback = 0.0  # length of the next try if a leap fails; inf when it has failed
     trial: Step | None = None  # the step of length ds where it was tried already
@@ -209,15 +209,15 @@ def follow_in_blocks(
                 return
         if trial is None and advance is not None:
             room = min(allowance.points, BLOCK)
-            way = None if closure is None else closure.direction
+            way = None if return_watch is None else return_watch.direction
             taken = advance(step, values, older, oldest, length_old, length_older, ds, origin, way, room, control)
             ds, trial = taken.ds, taken.trial
             steps = taken.steps
             count = len(steps)
             if count:
                 fallback = 0.0
-                if closure is None:
-                    closure = ReturnWatch(problem, settings, first, np.asarray(steps[0].position) - np.asarray(first.position))
+                if return_watch is None:
+                    return_watch = ReturnWatch(problem, settings, first, np.asarray(steps[0].position) - np.asarray(first.position))
                 arclengths = np.cumsum([arclength, *taken.lengths])[1:]
                 plain = PlainPoints(index + 1, arclengths, taken.strides, steps)
                 if stop_when is None:
@@ -268,8 +268,8 @@ def follow_in_blocks(
             jumped += 1
             cause = f"the corrector goes {chord:.3g} away in a step of {ds:.3g}"
         else:
-            if closure is not None and distance(new.position, origin) <= NEAR_GOAL * chord:
-                landing = closure.landing(point, new, ds)
+            if return_watch is not None and distance(new.position, origin) <= NEAR_GOAL * chord:
+                landing = return_watch.landing(point, new, ds)
                 if landing is not None:
                     ds, new = landing
                     chord = distance(position, new.position)
@@ -364,8 +364,8 @@ def follow_in_blocks(
         if closed:
             yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(accepted, not_converged, slow, turned, jumped))
             return
-        if closure is None:
-            closure = ReturnWatch(problem, settings, first, np.asarray(new.position) - np.asarray(first.position))
+        if return_watch is None:
+            return_watch = ReturnWatch(problem, settings, first, np.asarray(new.position) - np.asarray(first.position))
         step = new
         position = new.position
         oldest, older, values = older, values, tests
@@ -374,7 +374,7 @@ def follow_in_blocks(
 
 
 def _stopped(stop_when: StopWhen | None, point: Point) -> str | None:
-    """The words with which a condition ends the family at a point, "" where it has none; None where the family goes on."""
+    """The text with which a condition ends the family at a point ("" if it gives none); None if the family goes on."""
     answer = stop_when(point) if stop_when is not None else False
     return (answer if isinstance(answer, str) else "") if answer else None
 

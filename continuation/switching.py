@@ -232,11 +232,11 @@ def refine_branch_point(
             matrix[n : 2 * n + 1, : n + 1] = _bend(equations, place, psi, scale, jacobian)
         matrix[n : 2 * n + 1, n + 1 : -1] = jacobian.T
         matrix[-1, n + 1 : -1] = psi
-        miss = np.concatenate(
+        residual = np.concatenate(
             [np.asarray(equations.residual(place)) + excess * psi, jacobian.T @ psi, [0.5 * (float(psi @ psi) - 1.0)]]
         )
         try:
-            step = np.linalg.solve(matrix, -miss)
+            step = np.linalg.solve(matrix, -residual)
         except np.linalg.LinAlgError:
             return None
         place = place + scale * step[: n + 1]
@@ -262,12 +262,12 @@ def _bend(equations: Equations, place: np.ndarray, psi: np.ndarray, scale: np.nd
 
 
 def tripling_direction(equations: Equations, y: np.ndarray, known: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Direction in which the branch of tripled solutions crosses the one that is known.
+    """Direction in which the branch of period-tripled solutions crosses the known branch at a 1:3 resonance.
 
-    Where a pair of multipliers passes exp(+-2 pi i/3), the equations of three turns have two left null vectors psi, and the null space of
-    the Jacobian is spanned by the known tangent a and two more vectors. Directions v solve psi . F''[v, v] = 0 for both: two conics, which
-    meet in a and in three points more, images of each other under a turn. With v = x a + z that is x A z + Q(z) = 0 for z in the plane of
-    the two, so that z is a root of the cubic det(A z, Q(z)).
+    There a pair of multipliers passes exp(+-2 pi i/3). The equations of the 3-fold cover have two left null vectors psi, and the null
+    space of the Jacobian is spanned by the known tangent a and two more vectors. Directions v solve psi . F''[v, v] = 0 for both: two conics. They
+    meet in a and in three other points, which are images of each other under a shift by one period. With v = x a + z that is
+    x A z + Q(z) = 0 for z in the plane of the two vectors, so z is a root of the cubic det(A z, Q(z)).
 
     Parameters
     ----------

@@ -37,7 +37,13 @@ TAYLOR_TERMS = 18
 
 
 class Flight(NamedTuple):
-    """B of free flight in blocks: the layout above."""
+    """B of free flight in blocks, in the layout above.
+
+    This is the seam between flights and what uses them: state and time -> end state (`flow_state`), its derivative by the state
+    (`flow_matrix`) and by time (`block_product` with B), and a bound of |w''| for each gap (`bvp.kernels.bounds.amplitudes`). Loads and
+    the gaps of sticking stops are states of their own (`bvp.contact_modes`), so a derivative by their size is one by the state. Another
+    kind of flight provides the same.
+    """
 
     pairs: np.ndarray  # (P, 2) int64
     mean: np.ndarray  # (P,)

@@ -6,6 +6,8 @@ from functools import cache
 import numpy as np
 
 from benchmarks import backbone
+from bvp.closures import Cycle
+from bvp.kernels.flight import flow_state
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
@@ -197,3 +199,18 @@ def backbone_segment(system, alpha, impacts=0):
     word = tuple("+-"[i % 2] for i in range(impacts))
     problem = MultipointProblem(system, ("origin", "origin"), word)
     return problem, problem.pack(start, nodes, [alpha] + [2.0 * alpha] * (impacts - 1) + [alpha])
+
+
+def cut(cycle, pieces):
+    """The same orbit with each flight cut into `pieces` of equal duration by plain nodes (contact -1)."""
+    count, size = cycle.after.shape
+    before, after = np.empty((count * pieces, size)), np.empty((count * pieces, size))
+    duration = np.repeat(cycle.duration / pieces, pieces)
+    contact = np.full(count * pieces, -1, dtype=np.int64)
+    for i in range(count):
+        at = i * pieces
+        contact[at], before[at], after[at] = cycle.contact[i], cycle.before[i], cycle.after[i]
+        for j in range(1, pieces):
+            flow_state(cycle.system.modes.flight, cycle.after[i], float(j * duration[at]), after[at + j])
+            before[at + j] = after[at + j]
+    return Cycle(cycle.system, before, after, duration, contact, cycle.lead)

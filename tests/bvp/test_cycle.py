@@ -12,7 +12,7 @@ from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
-from tests.bvp.orbits import backbone_segment, chains, collection
+from tests.bvp.orbits import backbone_segment, chains, collection, cut
 
 EPS = np.finfo(float).eps
 OTHER = {"+": "-", "-": "+"}
@@ -135,14 +135,14 @@ def test_samples_agree_with_the_run_and_are_right_continuous():
 def test_cut_cycles_are_the_same_orbit(pieces):
     orbit = collection()[3]
     cycle = cycle_of(orbit.problem, orbit.solution.y)
-    cut = cycle.cut(pieces)
-    assert len(cut.contact) == pieces * len(cycle.contact)
-    assert list(cut.contact[cut.contact >= 0]) == list(cycle.contact)
-    assert abs(cut.period - cycle.period) < 1e-13
+    pieced = cut(cycle, pieces)
+    assert len(pieced.contact) == pieces * len(cycle.contact)
+    assert list(pieced.contact[pieced.contact >= 0]) == list(cycle.contact)
+    assert abs(pieced.period - cycle.period) < 1e-13
     twin = Twin(orbit.problem.system)
-    after, before = physical(orbit, cut.after), physical(orbit, cut.before)
-    for i in range(len(cut.contact) - 1):
-        assert np.max(np.abs(twin.flow(after[i], cut.duration[i]) - before[i + 1])) < 1e-14 * np.max(np.abs(before)) * 50
+    after, before = physical(orbit, pieced.after), physical(orbit, pieced.before)
+    for i in range(len(pieced.contact) - 1):
+        assert np.max(np.abs(twin.flow(after[i], pieced.duration[i]) - before[i + 1])) < 1e-14 * np.max(np.abs(before)) * 50
 
 
 def test_mirrored_contacts_of_two_stops():

@@ -13,7 +13,7 @@ from bvp.multipliers import saddle_point_multipliers
 from bvp.system import vibro_impact_nes
 from saltus.commands.orbit import orbit_lines
 from tests.branches.traced import traced
-from tests.bvp.orbits import backbone_segment, chain, chains, collection
+from tests.bvp.orbits import backbone_segment, chain, chains, collection, cut
 from tests.bvp.test_multipliers import separation
 from tests.hard.cases import hard, largest
 from tests.hard.digits import Closed
@@ -33,11 +33,11 @@ def test_cuts_change_nothing(pieces):
     worst, compared = 0.0, 0
     for orbit in collection() + chains():
         cycle = cycle_of(orbit.problem, orbit.solution.y)
-        whole, cut = saddle_point_multipliers(cycle), saddle_point_multipliers(cycle, pieces=pieces)
-        assert cut.values.shape == whole.values.shape and cut.quality.reliable, orbit.name
-        worst = largest(worst, abs(cut.trace - whole.trace) / np.max(np.abs(whole.values)), cut.quality.pairing)
-        if separation(whole.values) > 1e-2:
-            worst = largest(worst, np.max(np.abs(cut.values / whole.values - 1.0)))
+        full, pieced = saddle_point_multipliers(cycle), saddle_point_multipliers(cut(cycle, pieces))
+        assert pieced.values.shape == full.values.shape and pieced.quality.reliable, orbit.name
+        worst = largest(worst, abs(pieced.trace - full.trace) / np.max(np.abs(full.values)), pieced.quality.pairing)
+        if separation(full.values) > 1e-2:
+            worst = largest(worst, np.max(np.abs(pieced.values / full.values - 1.0)))
             compared += 1
     assert compared > 30
     return worst
