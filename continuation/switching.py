@@ -265,9 +265,9 @@ def tripling_direction(equations: Equations, y: np.ndarray, known: np.ndarray, s
     """Direction in which the branch of period-tripled solutions crosses the known branch at a 1:3 resonance.
 
     There a pair of multipliers passes exp(+-2 pi i/3). The equations of the 3-fold cover have two left null vectors psi, and the null
-    space of the Jacobian is spanned by the known tangent a and two more vectors. Directions v solve psi . F''[v, v] = 0 for both: two conics. They
-    meet in a and in three other points, which are images of each other under a shift by one period. With v = x a + z that is
-    x A z + Q(z) = 0 for z in the plane of the two vectors, so z is a root of the cubic det(A z, Q(z)).
+    space of the Jacobian is spanned by the known tangent a and two more vectors. Directions v solve psi . F''[v, v] = 0 for both: two
+    conics. They meet in a and in three other points, which are images of each other under a shift by one period. With v = x a + z that
+    is x A z + Q(z) = 0 for z in the plane of the two vectors, so z is a root of the cubic det(A z, Q(z)).
 
     Parameters
     ----------
