@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from branches.grazing.candidates import candidate
 from branches.grazing.following import Neighbour, meet
-from branches.grazing.touching import EVERY, Touching
+from branches.grazing.touching import EVERY, Touching, candidate
 from branches.linear_modes import LinearMode
 from branches.tracing import follow_family
 from bvp.options import takes_options_of

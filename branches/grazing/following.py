@@ -10,8 +10,7 @@ import numpy as np
 
 from branches.branch import Branch, BranchEvent
 from branches.family import Family
-from branches.grazing.candidates import Candidate, CannotMerge, candidate, merged
-from branches.grazing.touching import Touching, touching
+from branches.grazing.touching import Candidate, Touching, candidate, touching
 from branches.identity import is_solved_as_it_is
 from branches.linear_modes import mode_of
 from branches.sequences import Ends, format_sequence, impacts_per_period
@@ -25,7 +24,7 @@ from continuation.switching import SwitchError, branch_directions
 if TYPE_CHECKING:
     from continuation.problem import Step
 
-__all__ = ["Closure", "Neighbour", "leaves_upward", "meet", "meetings", "meetings_at", "neighbours"]
+__all__ = ["CannotMerge", "Neighbour", "SolvedProblem", "leaves_upward", "meet", "meetings_at", "merged", "neighbours"]
 
 PROBES = (1e-5, 1e-4, 1e-3, 1e-2)
 """Arclengths from the grazing orbit at which a candidate has to be an orbit. The nearest decides; the family is followed from the last."""
@@ -40,11 +39,19 @@ _MOVED = 1e-7
 """A correction by more than this, in scales of the orbit, leads to another orbit."""
 
 _STRAIGHT = 0.9
+"""Least cosine of the turn of the tangent in a step to a probe."""
+
+_SHORT = 1e-8
+"""Duration of a flight that has vanished, as a part of the segment."""
+
+_SAME_AFTER = 1e-8
+"""Difference of states, relative to their size, after two impacts whose order does not matter."""
 
 _SAME_EVENT = 1e-8
+"""Relative difference of energies and quarter periods of one grazing on two families."""
 
 
-class Closure(NamedTuple):
+class SolvedProblem(NamedTuple):
     """A problem with the unknowns y by which the grazing orbit solves it, and the scaled residual."""
 
     problem: MultipointProblem
@@ -80,9 +87,9 @@ class Neighbour:
         The neighbour, followed both ways from an orbit next to the grazing one; None before it is.
     event : BranchEvent or None
         The same grazing on the neighbour; None where it was not reached within the options.
-    here, there : Closure or None
+    here, there : SolvedProblem or None
         The grazing orbit as a solution of the problem of the family that it was reached on, and of the neighbour's.
-    beside : Closure or None
+    beside : SolvedProblem or None
         An orbit of the neighbour next to the grazing one; None where there are no admissible ones.
     """
 
@@ -98,22 +105,19 @@ class Neighbour:
     reason: str = ""
     branch: Branch | None = None
     event: BranchEvent | None = None
-    here: Closure | None = None
-    there: Closure | None = None
-    beside: Closure | None = None
+    here: SolvedProblem | None = None
+    there: SolvedProblem | None = None
+    beside: SolvedProblem | None = None
 
     def followed(self, **options: Any) -> Neighbour:
-        """The same with its family followed, where there is one.
-
-        Parameters
-        ----------
-        **options
-            As for `branches.tracing.follow_family`.
-        """
+        """The same with its family followed, if there is one; options as for `branches.tracing.follow_family`."""
         if self.beside is None or self.there is None:
             return self
         branch = follow_family(self.beside.problem, self.beside.y, direction="both", **options)
-        return replace(self, label=branch.label, branch=branch, event=_same_event(branch, self.there.problem, self.there.y))
+        h, alpha = self.there.problem.energy(self.there.y), self.there.problem.quarter_period(self.there.y)
+        grazings = (event for event in branch.events if event.type == "GR")
+        same = (event for event in grazings if abs(event.h / h - 1.0) < _SAME_EVENT and abs(event.alpha / alpha - 1.0) < _SAME_EVENT)
+        return replace(self, label=branch.label, branch=branch, event=next(same, None))
 
 
 @takes_options_of(follow_family)
@@ -150,35 +154,15 @@ def neighbours(branch: Branch, event: BranchEvent | str, *, cover: int = 1, **op
     >>> [(item.kind, item.label) for item in neighbours(branch, "GR2", points=60) if item.label]
     [('fold', 'U1302+'), ('fold', 'S13O11+')]
     """
-    return [item.followed(**options) for item in meetings(branch, event, cover=cover)]
-
-
-def meetings(
-    branch: Branch, event: BranchEvent | str, *, cover: int = 1, accept: Callable[[float, int], bool] | None = None
-) -> list[Neighbour]:
-    """The same as `neighbours`, each with the first orbit `beside` the grazing one, and not followed.
-
-    Parameters
-    ----------
-    branch, event, cover
-        As for `neighbours`.
-    accept : callable, optional
-        (quarter period at the grazing orbit, impacts in a period) -> whether such neighbours are asked for; others are left out unsolved.
-
-    Raises
-    ------
-    ValueError
-        As `neighbours` does.
-    """
     event = branch.event(event)
     if event.type != "GR":
         raise ValueError(f"{event.id} is of type {event.type}; neighbours at grazing are those of a GR")
     if cover < 1:
         raise ValueError(f"cover is {cover}, expected 1 or more")
     solution = branch.orbit(event.point).solution
-    here = Closure(branch.problem, solution.y, solution["residual"])
-    found = meetings_at(branch.problem, solution.y, leaves_upward(branch, event.point), cover=cover, accept=accept)
-    return [replace(item, here=here) for item in found]
+    here = SolvedProblem(branch.problem, solution.y, solution["residual"])
+    found = meetings_at(branch.problem, solution.y, leaves_upward(branch, event.point), cover=cover)
+    return [replace(item, here=here).followed(**options) for item in found]
 
 
 def meetings_at(
@@ -190,7 +174,7 @@ def meetings_at(
     accept: Callable[[float, int], bool] | None = None,
     energy: tuple[float, float] = (0.0, np.inf),
 ) -> list[Neighbour]:
-    """`meetings` of the grazing orbit y of a problem, without `here`.
+    """`neighbours` at the grazing orbit y of a problem, each with an orbit `beside` it, and not followed.
 
     Parameters
     ----------
@@ -198,10 +182,12 @@ def meetings_at(
     y : (u,) float
     rising : bool
         Whether the family that it was reached on leaves it upward in energy.
-    cover, accept
-        As for `meetings`.
+    cover : int
+        As for `neighbours`.
+    accept : callable, optional
+        (quarter period at the grazing orbit, impacts in a period) -> whether such neighbours are solved; others are left out.
     energy : (float, float)
-        Where the orbits `beside` the grazing one are; what leaves it beyond has none.
+        Range of the orbits `beside` the grazing one.
     """
     try:
         swapped = merged(problem, y)
@@ -226,20 +212,10 @@ def meetings_at(
 
 
 def meet(orbit: Touching, choice: Candidate, rising: bool, energy: tuple[float, float] = (0.0, np.inf)) -> Neighbour:
-    """The family of a candidate at a grazing orbit, not followed yet.
-
-    Parameters
-    ----------
-    orbit : Touching
-    choice : Candidate
-    rising : bool
-        Whether the family that it is reached from leaves the grazing orbit upward in energy.
-    energy : (float, float)
-        As for `meetings_at`.
-    """
+    """The family of a candidate at a grazing orbit, not followed; `rising` and `energy` as for `meetings_at`."""
     if not choice.impacts:
         return _linear(orbit)
-    problem = choice.problem(orbit)
+    problem = MultipointProblem(orbit.system, choice.ends, choice.sequence)
     y = problem.pack(choice.start, choice.nodes, choice.times)
     return _meet(problem, y, orbit.stops, choice.impacts, choice.cover, rising, energy)
 
@@ -262,14 +238,14 @@ def _meet(
     y, residual, directions = _solve(problem, y)
     if not residual < 1e-12:
         return neighbour("dead end", reason="the grazing orbit does not solve this problem")
-    there = Closure(problem, y, residual)
+    there = SolvedProblem(problem, y, residual)
     family = Family(problem)
     sides: list[str] = []
     for direction in directions:
         steps = _first(family, y, direction, sides)
         if steps:
             kind = "fold" if (steps[0].parameter > problem.energy(y)) == rising else "passage"
-            inside = [Closure(problem, step.y, step.extra["residual"]) for step in steps if energy[0] <= step.parameter <= energy[1]]
+            inside = [SolvedProblem(problem, step.y, step.extra["residual"]) for step in steps if energy[0] <= step.parameter <= energy[1]]
             # The corrector can fall from a far probe onto a multiple cover of a shorter orbit, or one of more symmetry, that is near.
             own = [closure for closure in inside if is_solved_as_it_is(problem, closure.y)] or inside
             return neighbour(kind, there=there, beside=own[-1] if own else None)
@@ -357,15 +333,6 @@ def _why(problem: MultipointProblem, solution: Solution) -> str:
     return ""
 
 
-def _same_event(branch: Branch, problem: MultipointProblem, y: np.ndarray) -> BranchEvent | None:
-    """The grazing of the branch that is the orbit y."""
-    energy, alpha = problem.energy(y), problem.quarter_period(y)
-    for event in branch.events:
-        if event.type == "GR" and abs(event.h / energy - 1.0) < _SAME_EVENT and abs(event.alpha / alpha - 1.0) < _SAME_EVENT:
-            return event
-    return None
-
-
 def leaves_upward(branch: Branch, point: int) -> bool:
     """Whether a branch that ends at a point leaves it upward in energy: by its tangent there, as a fold may be next to it."""
     inside = point + 1 if point + 1 < len(branch) else point - 1
@@ -376,6 +343,51 @@ def leaves_upward(branch: Branch, point: int) -> bool:
         return bool(branch.points["h"][max(inside, 0)] > branch.points["h"][point])
     tangent = at.tangent[: problem.unknowns]
     return bool(at["slope"] * float(tangent @ (branch.unknowns(inside) - y)) > 0.0)
+
+
+class CannotMerge(ValueError):
+    """Impacts that merge without a family behind; the message says why."""
+
+
+def merged(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray, tuple[str, str]] | None:
+    """The family behind a flight that has vanished: the problem with its two impacts in the other order, its solution, the two contacts.
+
+    None if no flight has vanished between impacts at different contacts. Raises `CannotMerge` if the order matters, because the impulse of
+    one stop changes the speed at the other, or if an impact comes to an end of the segment."""
+    times = problem.flight_times(y)
+    flight = int(np.argmin(times))
+    if times[flight] > _SHORT * float(np.sum(times)):
+        return None
+    sequence, states, start = list(problem.sequence), problem.nodes(y), problem.start(y)
+    if problem.periodic:
+        # Impacts are numbered from the start, and turned so that the start is another one than the two.
+        turned = [(i + flight - 1) % len(sequence) for i in range(len(sequence))]
+        sequence, states, times = [sequence[i] for i in turned], np.vstack([start, states])[turned], times[turned]
+        i = 1
+    else:
+        i = flight - 1
+    if i < 0 or i + 1 >= len(sequence):
+        raise CannotMerge("an impact comes to an end of the solved segment: it and its image cannot change their order")
+    here, there = sequence[i], sequence[i + 1]
+    if here == there:
+        return None
+    before = _after_impact(problem, here, states[i])
+    between = _after_impact(problem, there, before)
+    if not np.allclose(_after_impact(problem, here, between), states[i + 1], rtol=0.0, atol=_SAME_AFTER * float(np.max(np.abs(states)))):
+        raise CannotMerge(f"impacts at {here} and {there} act on each other, so that at one instant their order would matter")
+    states = states.copy()
+    states[i] = between
+    sequence[i], sequence[i + 1] = there, here
+    other = MultipointProblem(problem.system, problem.ends, sequence)
+    y = other.pack(states[0], states[1:], times) if problem.periodic else other.pack(start, states, times)
+    return other, y, (here, there)
+
+
+def _after_impact(problem: MultipointProblem, letter: str, z: np.ndarray) -> np.ndarray:
+    """The state after an elastic impact, from the one before it or the other way round."""
+    modes = problem.modes
+    c = modes.contact_letters.index(letter)
+    return z - (1.0 + modes.contact_restitution[c]) * modes.contact_push[c] * float(modes.contact_rate[c] @ z)
 
 
 def _linear(orbit: Touching) -> Neighbour:

@@ -1,7 +1,7 @@
-"""A grazing orbit over its whole period: every impact, every instant at which it only touches a stop, and its symmetries.
+"""A grazing orbit over its full period: every impact, every touch of a stop, its symmetries, and the problems that it solves.
 
-At grazing, an impact of zero speed and a touch are the same motion: each grazing instant may count as an impact or not. What an orbit
-keeps of the symmetries depends on which of them do.
+At grazing, an impact of zero speed and a touch are the same motion: each grazing instant may count as an impact or not. Each choice keeps
+some of the symmetries. It gives a candidate: the multipoint problem of a family that may meet others at the orbit.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.identity import pattern_of
+from branches.sequences import PERIODIC, Ends, ImpactSequence
 from bvp.closures import cycle_of
 from bvp.kernels.extrema import crossing_times
 from bvp.kernels.flight import flow_state
@@ -22,11 +23,11 @@ from bvp.multipoint import MultipointProblem
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["EVERY", "Symmetry", "Touching", "stabiliser", "touching"]
+__all__ = ["EVERY", "Candidate", "Symmetry", "Touching", "candidate", "touching"]
 
 CONTACT = 1e-8
-"""A turning point nearer to a stop than this part of the largest gap is a touch, an impact slower than this part of sqrt(2h) one of zero
-speed. Events are located far better, and other turning points are far away."""
+"""Largest distance of a touch from its stop, as a part of the largest gap, and largest speed of an impact of zero speed, as a part of
+sqrt(2h). Events are located far better, and other turning points are far away."""
 
 _SAME = 1e-7
 """States, as parts of the largest, and times, as parts of the period, that are the same."""
@@ -34,12 +35,18 @@ _SAME = 1e-7
 _TURNS = 4096
 
 EVERY = 12
-"""Grazing instants, or pairs of them, of which all sets are looked at."""
+"""Most grazing instants, or pairs of them, of which all sets are tried."""
+
+_APART = 1e-7
+"""Difference of instants, as a part of the period, that are different."""
 
 
 class Symmetry(NamedTuple):
-    """A symmetry of a grazing orbit: to which instant each of them goes, and the axis of a reversal in [0, T/2) (the other is half a
-    period later) with its kind, "origin" or "rest"; None for a shift in time, whose `time` is the shift."""
+    """A symmetry of a grazing orbit.
+
+    image: the instant to which each instant goes. axis: "origin" or "rest" of a reversal, None for a shift in time. time: of the axis in
+    [0, T/2), with the other one half a period later; or the shift.
+    """
 
     image: tuple[int, ...]
     axis: str | None
@@ -86,7 +93,7 @@ class Touching:
 
     @property
     def hard(self) -> int:
-        """Bit mask of the impacts that have a speed."""
+        """Bit mask of the impacts with nonzero approach speed."""
         return sum(1 << i for i in np.flatnonzero(~self.grazing).tolist())
 
     @cached_property
@@ -107,9 +114,10 @@ class Touching:
         return float(0.5 * np.sum(weights * self.after[0] ** 2))
 
     def mark(self) -> tuple[float, float, float] | None:
-        """Energy, quarter period and pattern of all instants (`branches.identity.pattern_of`): the same for every family that reaches
-        the orbit with this period. None where not all choices of the grazing instants are looked at, and for linear motion, which
-        every family that begins there tells of by itself."""
+        """Energy, quarter period and pattern of all instants (`branches.identity.pattern_of`).
+
+        They are the same for every family that reaches the orbit with this period. None if not all choices of the grazing instants are
+        tried, and for linear motion, because each family that begins there is connected to it by itself."""
         if np.sum(self.grazing) > EVERY or not self.hard:
             return None
         return self.h, 0.25 * self.period, pattern_of(self.system, self.times / self.period, self.contact)
@@ -178,8 +186,8 @@ class Touching:
     def choices(self) -> Iterator[int]:
         """Sets of instants that may count as impacts, one of each class under the symmetries: all hard impacts, and any grazing instants.
 
-        Where more than `EVERY` instants graze, only sets that keep a reversal; where one leaves more than `EVERY` images apart, only
-        those that differ from the set kept in at most two of them.
+        If more than `EVERY` instants graze, only sets that keep a reversal are tried. If a reversal leaves more than `EVERY` pairs, only
+        sets that differ from the set kept in at most two of them.
         """
         free = np.flatnonzero(self.grazing).tolist()
         if len(free) <= EVERY:
@@ -285,6 +293,77 @@ def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: fl
                 yield contact, time, state.copy()
 
 
-def stabiliser(orbit: Touching, mask: int) -> tuple[Symmetry, ...]:
-    """The symmetries that a set of instants keeps."""
-    return tuple(symmetry for symmetry in orbit.symmetries if symmetry.move(mask) == mask)
+class Candidate(NamedTuple):
+    """A multipoint problem that the grazing orbit solves: ends and sequence, and the orbit as its solution.
+
+    impacts: in a period of the candidate. cover: the given grazing orbit is the cover-fold cover of the candidate.
+    """
+
+    ends: Ends
+    sequence: ImpactSequence
+    start: np.ndarray
+    nodes: np.ndarray
+    times: np.ndarray
+    impacts: int
+    cover: int
+
+def candidate(orbit: Touching, mask: int) -> Candidate:
+    """The problem in which the instants of a set count as impacts, on the shortest segment that its symmetries leave.
+
+    Raises ValueError for an orbit without impacts and without reversals."""
+    kept = tuple(symmetry for symmetry in orbit.symmetries if symmetry.move(mask) == mask)
+    cover = sum(symmetry.axis is None and not symmetry.mirrored for symmetry in kept)
+    impacts = bin(mask).count("1") // cover
+    axes = _axes(orbit, kept)
+    if axes:
+        return _segment(orbit, mask, axes, impacts, cover)
+    inside = [i for i in range(len(orbit.times)) if mask >> i & 1]
+    if not inside:
+        raise ValueError("an orbit without impacts and without a reversal is no solution of a multipoint problem")
+    # A hard impact is the better start.
+    begin = next((i for i in inside if not orbit.grazing[i]), inside[0])
+    at = inside.index(begin)
+    chosen = [inside[(at + j) % len(inside)] for j in range(impacts)]
+    period = orbit.period / cover
+    stamps = np.array([(orbit.times[i] - orbit.times[begin]) % orbit.period for i in chosen] + [period])
+    sequence = tuple(orbit.letters[i] for i in chosen)
+    return Candidate(PERIODIC, sequence, orbit.after[begin], orbit.after[chosen[1:]], np.diff(stamps), impacts, cover)
+
+
+def _axes(orbit: Touching, kept: tuple[Symmetry, ...]) -> list[tuple[float, str]]:
+    """Axes of reversal over the period, (time, kind), ascending."""
+    out = []
+    for symmetry in kept:
+        if symmetry.axis is not None:
+            out += [(symmetry.time, symmetry.axis), (symmetry.time + 0.5 * orbit.period, symmetry.axis)]
+    return sorted(out)
+
+
+def _segment(orbit: Touching, mask: int, axes: list[tuple[float, str]], impacts: int, cover: int) -> Candidate:
+    """Between two neighbouring axes, from an origin if there is one, near the start of the orbit as it was given."""
+    period = orbit.period
+
+    def late(axis: tuple[float, str]) -> float:
+        return (axis[0] + _APART * period) % period
+
+    origins = [axis for axis in axes if axis[1] == "origin"]
+    first = min(origins or axes, key=late)
+    place = axes.index(first)
+    last = axes[(place + 1) % len(axes)]
+    length = (last[0] - first[0]) % period
+    if length < _APART * period:
+        length = period
+    slack = _APART * period
+    ends, instants = [], []
+    for time, kind in (first, last):
+        i = orbit.at(time)
+        counts = i is not None and mask >> i & 1 == 1
+        ends.append("stop" + orbit.letters[i] if i is not None and counts and kind == "rest" else kind)
+        instants.append(i if counts else None)
+    offsets = (orbit.times - first[0]) % period
+    inner = sorted((i for i in range(len(offsets)) if mask >> i & 1 and slack < offsets[i] < length - slack), key=lambda i: offsets[i])
+    begin = instants[0]
+    start = orbit.state(first[0]) if begin is None else orbit.after[begin]
+    stamps = np.concatenate([[0.0], offsets[inner], [length]])
+    sequence = tuple(orbit.letters[i] for i in inner)
+    return Candidate((ends[0], ends[1]), sequence, start, orbit.after[inner], np.diff(stamps), impacts, cover)

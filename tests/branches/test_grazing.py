@@ -9,9 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.grazing.candidates import CannotMerge, candidate, merged
-from branches.grazing.following import neighbours
-from branches.grazing.touching import touching
+from branches.grazing.following import CannotMerge, merged, neighbours
+from branches.grazing.touching import candidate, touching
 from branches.orbit import Orbit
 from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
