@@ -30,7 +30,7 @@ from saltus.options import whole_above_zero
 from saltus.processes import open_executor
 from saltus.study.execution import carry_out
 from transitions.section.plane import SectionPlane
-from transitions.study.plan import Axis, Plan
+from transitions.study.plan import Axis, StudyPlan
 from transitions.study.study import Study, write_plan
 
 __all__ = [
@@ -212,11 +212,11 @@ class Integrated:
     median: float
 
 
-def plan(runs: int) -> Plan:
+def plan(runs: int) -> StudyPlan:
     """The study: energies log-uniform in 0.06 to 10, impulsive starts, until no further impact is possible."""
     system = vibro_impact_nes(MU, SIGMA, LAM, RHO)
     energy = Axis("energy", low=0.06, high=10.0, scale="log")
-    return Plan(system.describe(), (0,), (1,), (energy,), {}, "hypercube", runs=runs, seed=1)
+    return StudyPlan(system.describe(), (0,), (1,), (energy,), {}, "hypercube", runs=runs, seed=1)
 
 
 def study(runs: int, workers: int) -> Studied:
@@ -255,7 +255,7 @@ def _worker(_: int) -> tuple[int, float]:
     return os.getpid(), time.process_time()
 
 
-def _warm(plan: Plan) -> None:
+def _warm(plan: StudyPlan) -> None:
     from transitions.study.runs import run_block
 
     run_block(plan, plan.values(0, plan.count))

@@ -13,7 +13,7 @@ import numpy as np
 from bvp.shown import shown
 from bvp.summary import brief
 
-__all__ = ["Modes", "NotInstalled", "decompose", "orthogonality_index", "sifting"]
+__all__ = ["IntrinsicModes", "NotInstalled", "decompose", "orthogonality_index", "sifting"]
 
 
 class NotInstalled(ImportError):
@@ -22,7 +22,7 @@ class NotInstalled(ImportError):
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Modes:
+class IntrinsicModes:
     """A signal as a sum of intrinsic mode functions and a residue.
 
     Parameters
@@ -70,7 +70,7 @@ def sifting() -> Any:
     return EMD()
 
 
-def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None) -> Modes:
+def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None) -> IntrinsicModes:
     """Decompose a signal into intrinsic mode functions.
 
     Parameters
@@ -113,7 +113,7 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
     analytic = hilbert(functions, axis=1) if len(functions) else np.zeros((0, len(times)), dtype=complex)
     phase = np.unwrap(np.angle(analytic), axis=1)
     frequencies = np.gradient(phase, step, axis=1) if len(functions) else np.zeros((0, len(times)))
-    return Modes(times, functions, residue, frequencies, np.abs(analytic), orthogonality_index(functions, residue))
+    return IntrinsicModes(times, functions, residue, frequencies, np.abs(analytic), orthogonality_index(functions, residue))
 
 
 def orthogonality_index(functions: np.ndarray, residue: np.ndarray | None = None) -> float:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
-__all__ = ["NEAR", "Families", "Family", "Meeting", "families_of", "harmonics", "modes_of", "relative"]
+__all__ = ["NEAR", "Families", "FamilyHarmonics", "Meeting", "families_of", "harmonics", "modes_of", "relative"]
 
 NEAR = 0.05
 """Largest distance of a ridge from a harmonic, in octaves."""
@@ -39,7 +39,7 @@ class Meeting(NamedTuple):
 
     Attributes
     ----------
-    family : Family
+    family : FamilyHarmonics
     harmonic : int
     deviation : (j,) ndarray
         In octaves, positive if the ridge is above; NaN if the ridge is not there.
@@ -49,7 +49,7 @@ class Meeting(NamedTuple):
         Place of the orbit on the family.
     """
 
-    family: Family
+    family: FamilyHarmonics
     harmonic: int
     deviation: np.ndarray
     share: np.ndarray
@@ -87,7 +87,7 @@ def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Family:
+class FamilyHarmonics:
     """A family, or a linear mode.
 
     Parameters
@@ -223,11 +223,11 @@ class Families:
 
     Parameters
     ----------
-    members : sequence of Family
+    members : sequence of FamilyHarmonics
     gap : tuple of n floats
     """
 
-    members: Sequence[Family]
+    members: Sequence[FamilyHarmonics]
     gap: tuple[float, ...]
 
     def meet(self, energies: np.ndarray, frequencies: np.ndarray) -> list[Meeting]:
@@ -282,19 +282,19 @@ def relative(system: ImpactSystem) -> tuple[float, ...]:
     return tuple(row.tolist())
 
 
-def _of_catalogue(catalogue: Catalogue) -> list[Family]:
+def _of_catalogue(catalogue: Catalogue) -> list[FamilyHarmonics]:
     out = []
     for row in catalogue.families():
         h, alpha, labels = zip(*catalogue.track(row), strict=True)
         impacts = round(2.0 * row.impacts)
-        out.append(Family(row.id, np.array(h), np.array(alpha), np.array(labels), impacts, partial(catalogue.branch, row.id)))
+        out.append(FamilyHarmonics(row.id, np.array(h), np.array(alpha), np.array(labels), impacts, partial(catalogue.branch, row.id)))
     return out
 
 
-def _of_branches(branches: Iterable[Branch]) -> tuple[list[Family], ImpactSystem]:
+def _of_branches(branches: Iterable[Branch]) -> tuple[list[FamilyHarmonics], ImpactSystem]:
     from branches.sequences import impacts_per_period
 
-    out: list[Family] = []
+    out: list[FamilyHarmonics] = []
     system = None
     for branch in branches:
         if system is not None and branch.system.describe() != system.describe():
@@ -302,7 +302,7 @@ def _of_branches(branches: Iterable[Branch]) -> tuple[list[Family], ImpactSystem
         system = branch.system
         points = branch.points
         impacts = round(impacts_per_period(branch.problem.sequence, branch.ends))
-        out.append(Family(branch.id, points["h"], points["alpha"], points["label"].astype(str), impacts, partial(_itself, branch)))
+        out.append(FamilyHarmonics(branch.id, points["h"], points["alpha"], points["label"].astype(str), impacts, partial(_itself, branch)))
     if system is None:
         raise ValueError("there is no family to follow; expected one branch or more")
     return out, system
@@ -312,9 +312,10 @@ def _itself(branch: Branch) -> Branch:
     return branch
 
 
-def _modes(system: ImpactSystem) -> list[Family]:
+def _modes(system: ImpactSystem) -> list[FamilyHarmonics]:
     from branches.linear_modes import linear_modes
 
     return [
-        Family(mode.name, np.array(mode.energies), np.full(2, mode.alpha), np.array([mode.name] * 2), 0) for mode in linear_modes(system)
+        FamilyHarmonics(mode.name, np.array(mode.energies), np.full(2, mode.alpha), np.array([mode.name] * 2), 0)
+        for mode in linear_modes(system)
     ]

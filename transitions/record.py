@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
     from transitions.sharing import Sharing
 
-__all__ = ["PER_PERIOD", "Extents", "Record", "drift_rows", "extents", "sampled", "samples_of"]
+__all__ = ["PER_PERIOD", "Extents", "SampledMotion", "drift_rows", "extents", "sampled", "samples_of"]
 
 PER_PERIOD = 256
 """Samples in the shortest period of free vibration. Impacts excite harmonics far above its frequency."""
@@ -35,7 +35,7 @@ _REST = 1e-13  # of the largest displacement and velocity; smaller values at the
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Record:
+class SampledMotion:
     """A motion sampled at m uniform times, in natural units (time 1/sqrt(k/M), lengths in clearances).
 
     Parameters
@@ -158,7 +158,7 @@ def samples_of(motion: Motion, span: float) -> int:
     return 2 + int(PER_PERIOD * (1.0 + span * fastest / (2.0 * math.pi)))
 
 
-def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: float | None = None) -> Record:
+def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: float | None = None) -> SampledMotion:
     """The record of a motion at uniform times, in the units of its system.
 
     Parameters
@@ -200,7 +200,7 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
     by_nes, by_lo, _ = sharing.dissipated(motion, times)
     u, v = motion.sample(times)
     impacts = motion.times[motion.kinds == EventKind.IMPACT.value]
-    return Record(times, u, v, energy, nes, lo, by_nes, by_lo, impacts[impacts <= span])
+    return SampledMotion(times, u, v, energy, nes, lo, by_nes, by_lo, impacts[impacts <= span])
 
 
 @brief

@@ -14,7 +14,7 @@ from transitions.ridges import LEAST_PERIODS, SHARE
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
-    from transitions.record import Record
+    from transitions.record import SampledMotion
 
 __all__ = [
     "Change", "Companion", "Follows", "Leaving", "Stage", "StartFamily", "changes", "counted_label", "family_name", "impacts_from",
@@ -409,7 +409,7 @@ def start_from_data(data: dict[str, Any] | None) -> StartFamily | None:
 def why_another(
     start: StartFamily,
     families: Families,
-    record: Record,
+    record: SampledMotion,
     stage: Stage,
     times: np.ndarray,
     pitch: np.ndarray,
@@ -422,7 +422,7 @@ def why_another(
     start : StartFamily
     families : Families
         The reason is "" if the family of the start is not among them.
-    record : Record
+    record : SampledMotion
     stage : Stage
         A stage that does not follow the family.
     times, pitch : (j,) float

@@ -11,7 +11,7 @@ import numpy as np
 
 from transitions.families import Families, Meeting
 from transitions.following import EQUAL_SHARE, Around, Match, best_of, family_intervals, lasting, lines_of, partner, steady, unlike
-from transitions.record import Record
+from transitions.record import SampledMotion
 from transitions.ridges import LEAST_PERIODS, SHARE, Ridge, RidgeInterval, amplitude_of_motion, beside, periods, ridge_intervals, ridges
 from transitions.spectrum import Spectrum, morlet_spectrum
 from transitions.stage import Companion, Follows, Stage, StartFamily, why_another
@@ -23,12 +23,12 @@ _MOST_PLACES = 4000
 _NOTHING = 1e-300  # in place of an energy or amplitude of 0, so that its logarithm and quotients exist
 
 
-def spectrum_of(record: Record, gap: Sequence[float], **options: Any) -> Spectrum:
+def spectrum_of(record: SampledMotion, gap: Sequence[float], **options: Any) -> Spectrum:
     """The wavelet spectrum of a gap coordinate of a record.
 
     Parameters
     ----------
-    record : Record
+    record : SampledMotion
     gap : (n,) float
         (1, -1) for u1 - u2.
     **options
@@ -39,7 +39,7 @@ def spectrum_of(record: Record, gap: Sequence[float], **options: Any) -> Spectru
 
 
 def stages_of(
-    record: Record,
+    record: SampledMotion,
     gap: Sequence[float],
     families: Families | None = None,
     *,
@@ -56,7 +56,7 @@ def stages_of(
 
     Parameters
     ----------
-    record : Record
+    record : SampledMotion
     gap : (n,) float
         (1, -1) for u1 - u2.
     families : Families, optional
@@ -131,7 +131,7 @@ class _Part:
 
 
 def _parts(
-    record: Record, w: np.ndarray, spectrum: Spectrum, found: Sequence[Ridge], interval: RidgeInterval, families: Families | None
+    record: SampledMotion, w: np.ndarray, spectrum: Spectrum, found: Sequence[Ridge], interval: RidgeInterval, families: Families | None
 ) -> list[_Part]:
     """The interval, cut at each change of the family that it follows, or of the family's harmonics that it shows."""
     if families is None:
@@ -180,7 +180,7 @@ def _parts(
     return _joined(cut, places, cycles)
 
 
-def _impacts_around(record: Record, times: np.ndarray, around: Around, length: float) -> np.ndarray:
+def _impacts_around(record: SampledMotion, times: np.ndarray, around: Around, length: float) -> np.ndarray:
     """Number of impacts (j,) in windows of `length` periods around the places.
 
     The count is interpolated between impacts, so that it does not jump if an impact passes the edge of a window. At the ends of the ridge
@@ -207,7 +207,7 @@ def _joined(cut: Sequence[_Part], places: np.ndarray, cycles: np.ndarray) -> lis
     return out
 
 
-def _where_it_can(meeting: Meeting, record: Record, times: np.ndarray, pitch: np.ndarray) -> Meeting:
+def _where_it_can(meeting: Meeting, record: SampledMotion, times: np.ndarray, pitch: np.ndarray) -> Meeting:
     """The meeting without the places at which only one of motion and family has impacts."""
     period = 2.0 * math.pi * meeting.harmonic / pitch
     impacts = record.impacts
@@ -221,7 +221,7 @@ def _where_it_can(meeting: Meeting, record: Record, times: np.ndarray, pitch: np
     return meeting._replace(deviation=np.where(near == (meeting.family.impacts > 0), meeting.deviation, np.nan))
 
 
-def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Part) -> Stage:
+def _stage(record: SampledMotion, spectrum: Spectrum, found: Sequence[Ridge], part: _Part) -> Stage:
     ridge = part.interval
     start, end = float(spectrum.times[ridge.first]), float(spectrum.times[ridge.last])
     pitch = ridge.frequencies
@@ -261,7 +261,7 @@ def _stage(record: Record, spectrum: Spectrum, found: Sequence[Ridge], part: _Pa
     )
 
 
-def _beside_start(stage: Stage, start: StartFamily, families: Families, record: Record, spectrum: Spectrum, part: _Part) -> Stage:
+def _beside_start(stage: Stage, start: StartFamily, families: Families, record: SampledMotion, spectrum: Spectrum, part: _Part) -> Stage:
     """The stage with the name of the family that the motion starts on, or with the reason why it does not follow that family."""
     if stage.follows is not None and stage.follows.family == start.family:
         return replace(stage, follows=replace(stage.follows, name=start.name))
@@ -270,7 +270,7 @@ def _beside_start(stage: Stage, start: StartFamily, families: Families, record: 
     return replace(stage, why=why_another(start, families, record, stage, times, ridge.frequencies, part.unlike(start.family)))
 
 
-def _impacts(record: Record, start: float, end: float) -> int:
+def _impacts(record: SampledMotion, start: float, end: float) -> int:
     return int(np.searchsorted(record.impacts, end, "right") - np.searchsorted(record.impacts, start))
 
 

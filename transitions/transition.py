@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.export.figure_data import Layout, read_data, told, write_data
+from branches.export.figure_data import Layout, read_figure_data, reporting, write_figure_data
 from bvp.summary import brief
 from bvp.system import ImpactSystem
-from transitions.record import Record
+from transitions.record import SampledMotion
 from transitions.spectrum import Spectrum, Wavelet
 from transitions.stage import Stage, StartFamily, stage_from_data, stages_as_data, start_from_data
 from transitions.stages import spectrum_of
@@ -45,7 +45,7 @@ class Transition:
     ----------
     system : ImpactSystem
         With its dampers and restitution.
-    record : Record
+    record : SampledMotion
     gap : tuple of n floats
         The relative displacement: (1, -1) for u1 - u2.
     stages : sequence of Stage
@@ -57,7 +57,7 @@ class Transition:
     """
 
     system: ImpactSystem
-    record: Record
+    record: SampledMotion
     gap: tuple[float, ...]
     stages: Sequence[Stage] = ()
     wavelet: Wavelet = Wavelet()
@@ -98,13 +98,13 @@ def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
     rows = [row for row in catalogue.families() if row.impacts <= BACKBONE or row.id in followed]
     branches = [catalogue.branch(row.id) for row in rows]
     # Families that are followed are named first.
-    pinned: dict[str, dict[str, float]] = {
+    reference_points: dict[str, dict[str, float]] = {
         stage.follows.label: {} for stage in transition.stages if stage.follows is not None and stage.follows.impacts
     }
-    pinned.pop("", None)
+    reference_points.pop("", None)
     energy = transition.record.energy[transition.record.energy > 0.0]
     low, high = (float(energy.min()), float(energy.max())) if len(energy) else (0.0, math.inf)
-    return atlas_of(catalogue.system, branches, pinned=pinned, energy=(0.5 * low, 2.0 * high))
+    return atlas_of(catalogue.system, branches, reference_points=reference_points, energy=(0.5 * low, 2.0 * high))
 
 
 def require_same(undamped: ImpactSystem, moving: ImpactSystem) -> None:
@@ -150,7 +150,7 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
         "stages": stages_as_data(transition.stages),
         "start": None if transition.start is None else asdict(transition.start),
     }
-    write_data(_LAYOUT, about, {name: getattr(record, name) for name in (*_SINGLE, *_WIDE)}, path)
+    write_figure_data(_LAYOUT, about, {name: getattr(record, name) for name in (*_SINGLE, *_WIDE)}, path)
 
 
 def read_transition(path: str | os.PathLike[str]) -> Transition:
@@ -166,12 +166,12 @@ def read_transition(path: str | os.PathLike[str]) -> Transition:
     branches.export.figure_data.ExportError
         With one line: the file cannot be read, or something is missing in it.
     """
-    about, columns = read_data(_LAYOUT, path)
-    with told(os.fspath(path)):
+    about, columns = read_figure_data(_LAYOUT, path)
+    with reporting(os.fspath(path)):
         band = about["frequencies"]
         return Transition(
             ImpactSystem.from_description(about["system"]),
-            Record(**{name: columns[name] for name in (*_SINGLE, *_WIDE)}, impacts=about["impacts"]),
+            SampledMotion(**{name: columns[name] for name in (*_SINGLE, *_WIDE)}, impacts=about["impacts"]),
             tuple(float(x) for x in about["gap"]),
             tuple(stage_from_data(item) for item in about["stages"]),
             Wavelet(float(about["wavelet"]["bandwidth"]), float(about["wavelet"]["centre"])),

@@ -88,6 +88,12 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
         if on_family is not None:
             on_family(counts["families"])
     nodes = {Node.of(row).id for row in _intact(catalogue, "nodes", failures)}
+    try:
+        found, expected = catalogue.counts()["edges"], catalogue.recorded_edges()
+        if found != expected:
+            failures.append(Failure("edges", f"the catalogue has {found} edges, expected {expected}"))
+    except CatalogueDamaged as damage:
+        failures.append(Failure("edges", str(damage)))
     for edge in map(Edge.of, _intact(catalogue, "edges", failures)):
         counts["edges"] += 1
         where = f"{edge.source} {edge.source_event or edge.type} > {edge.target}"

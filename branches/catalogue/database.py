@@ -226,7 +226,7 @@ SCHEMA = 3
 APPLICATION = int.from_bytes(b"SLTS", "big")
 """SQLite's application_id of a catalogue."""
 
-KEYED = ("scene", "provenance", "work", "progress")
+KEYED = ("scene", "provenance", "work", "progress", "counts")
 """Tables of JSON values by key."""
 
 _BUSY = 5.0

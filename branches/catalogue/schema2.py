@@ -55,6 +55,7 @@ _VIEWS = {
     # Older files have no checksums of these rows. Unfinished work and the report of a build have old keys.
     "work": f"SELECT key, {_WORK} AS value, checksum(key, {_WORK}) FROM main.work",
     "progress": f"SELECT {_NOTE} AS key, {_NOTED} AS value, checksum({_NOTE}, {_NOTED}) FROM main.progress",
+    "counts": "SELECT 'edges', '' || count(*), checksum('edges', '' || count(*)) FROM main.edges",
 }
 
 

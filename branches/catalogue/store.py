@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from branches.catalogue import schema2
-from branches.catalogue.database import KEYED, CatalogueDamaged, CatalogueError, not_taken
+from branches.catalogue.database import CatalogueDamaged, CatalogueError, not_taken
 from branches.catalogue.file import CatalogueFile
 from branches.catalogue.rows import Edge, FamilyRow, Node, dead_end_id, event_from_row
 from bvp.shown import shown
@@ -139,7 +139,8 @@ class CatalogueStore(CatalogueFile):
         """Remove a family, with its points and events and the edges at it."""
         row = self.family(id)
         with self.transaction():
-            self._connection.execute("DELETE FROM edges WHERE source = ? OR target = ?", (id, id))
+            removed = self._connection.execute("DELETE FROM edges WHERE source = ? OR target = ?", (id, id)).rowcount
+            self._count_edges(-removed)
             self._connection.execute("DELETE FROM families WHERE number = ?", (row.number,))
 
     # -- the graph ------------------------------------------------------------------------------------------------------------
@@ -178,8 +179,17 @@ class CatalogueStore(CatalogueFile):
             if edge.target is None:
                 edge = replace(edge, target=dead_end_id(edge.source, edge.source_event))
                 self.add_node(Node(str(edge.target), "dead end", note=edge.note or "no admissible neighbour was found"))
-            self._insert("edges", edge.values(), _IGNORE)
+            self._count_edges(self._insert("edges", edge.values(), _IGNORE))
         return edge
+
+    def _count_edges(self, change: int) -> None:
+        # No other row shows that an edge is missing, so `check` compares their number.
+        if change:
+            self._insert("counts", ("edges", json.dumps(self.recorded_edges() + change)), "INSERT OR REPLACE")
+
+    def recorded_edges(self) -> int:
+        """The number of edges by the record that `connect` and `remove` keep."""
+        return int(self._values("counts").get("edges", 0))
 
     # -- the work of a build --------------------------------------------------------------------------------------------------
 
@@ -229,7 +239,7 @@ class CatalogueStore(CatalogueFile):
             other.add_node(node)
         for edge in self.edges():
             other.connect(edge)
-        for table in KEYED[2:]:
+        for table in ("work", "progress"):
             for values in self._rows(table):
                 other._insert(table, values)
 

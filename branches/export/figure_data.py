@@ -19,14 +19,14 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.export.tables import Table, csv_text, plain_columns, write_binary
-from branches.figures.atlas_data import Atlas, Bound, Curve
+from branches.figures.atlas_data import Atlas, AtlasCurve, Bound
 from branches.files import one_line, read_input, reason, replacing, write_text
 from branches.naming.labels import most_alike
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COLUMNS", "DATA_FORMATS", "DATA_FORMATS", "KINDS", "TEXTS", "ExportError", "ExportError", "Layout", "data_format", "data_format",
-    "from_table", "read_atlas", "read_data", "to_table", "told", "write_atlas", "write_data",
+    "from_table", "read_atlas", "read_figure_data", "to_table", "reporting", "write_atlas", "write_figure_data",
 ]  # fmt: skip
 
 DATA_FORMATS = ("csv", "json", "npz", "mat")
@@ -47,30 +47,43 @@ class ExportError(ValueError):
 
 @dataclass(frozen=True)
 class Layout:
-    """What a file holds.
+    """The columns of a file.
 
-    Parameters
+    Attributes
     ----------
     content : str
         Its kind, as ``about`` says it.
     columns : tuple of str
         Names of the columns with one entry in a row, in order.
     wide : tuple of str
-        Names of those with several, which stand behind.
-    texts, whole : tuple of str
-        Those of `columns` that hold texts, and whole numbers; the others hold numbers, NaN where there is none.
+        Names of those with several, which follow.
+    texts, integers : tuple of str
+        Those of `columns` that hold texts, and integers. The others hold numbers, NaN for none.
+    schema : int
+    renamed : dict of str to str
+        Names of columns in older schemas, by their names today.
     """
 
     content: str
     columns: tuple[str, ...]
     wide: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
-    whole: tuple[str, ...] = ()
+    integers: tuple[str, ...] = ()
+    schema: int = 1
+    renamed: Mapping[str, str] = field(default_factory=dict)
 
-    @property
-    def named(self) -> str:
-        """The kind with its article."""
-        return f"{'an' if self.content[0] in 'aeiou' else 'a'} {self.content}"
+    def about(self, about: Any) -> dict[str, Any]:
+        """The head of a file, if it is of this kind and of a schema that can be read."""
+        if not isinstance(about, dict) or about.get("content") != self.content:
+            raise ValueError(f"it does not say that it holds {'an' if self.content[0] in 'aeiou' else 'a'} {self.content}")
+        if about.get("schema") not in range(1, self.schema + 1):
+            raise ValueError(f"its schema is {about.get('schema')!r}, expected {' or '.join(map(str, range(1, self.schema + 1)))}")
+        return about
+
+    def stored(self, about: Mapping[str, Any]) -> dict[str, str]:
+        """The names of all columns in a file with this head, by their names today."""
+        older = self.renamed if about["schema"] < self.schema else {}
+        return {name: older.get(name, name) for name in (*self.columns, *self.wide)}
 
 
 def data_format(path: str | os.PathLike[str]) -> str | None:
@@ -85,7 +98,7 @@ def data_format(path: str | os.PathLike[str]) -> str | None:
     return suffix if suffix in DATA_FORMATS else None
 
 
-def write_data(layout: Layout, about: Mapping[str, Any], columns: Mapping[str, np.ndarray], path: str | os.PathLike[str]) -> None:
+def write_figure_data(layout: Layout, about: Mapping[str, Any], columns: Mapping[str, np.ndarray], path: str | os.PathLike[str]) -> None:
     """Write csv, json, npz or mat, as the file's name ends.
 
     Raises
@@ -112,8 +125,8 @@ def write_data(layout: Layout, about: Mapping[str, Any], columns: Mapping[str, n
             write_binary(dict(columns), kind, file, about=head, cells=False)
 
 
-def read_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Read what `write_data` wrote.
+def read_figure_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read what `write_figure_data` wrote.
 
     Raises
     ------
@@ -123,36 +136,27 @@ def read_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict[str, A
     kind = data_format(path)
     name = os.fspath(path)
     if kind is None:
-        raise ExportError(f"{name} is no file of a picture's data: expected one that ends in {', '.join(DATA_FORMATS)}")
+        raise ExportError(f"{name} is no file of a figure's data: expected one that ends in {', '.join(DATA_FORMATS)}")
     try:
         content = read_input(path)
     except OSError as error:
         raise ExportError(f"cannot read {name}: {reason(error)}") from error
     reader = {"csv": _from_csv, "json": _from_json, "npz": _from_npz, "mat": _from_mat}[kind]
-    with told(name):
+    with reporting(name):
         about, columns = reader(layout, content)
         _check(layout, columns)
         return about, columns
 
 
 @contextmanager
-def told(name: str) -> Iterator[None]:
-    """Within it, what is wrong with the content of a file is told as an `ExportError` that names the file."""
+def reporting(name: str) -> Iterator[None]:
+    """Within the block, an error in the content of a file becomes an `ExportError` that names the file."""
     try:
         yield
     except KeyError as error:
-        raise ExportError(f"{name} is no file of a picture's data: it lacks {error.args[0]!r}") from error
+        raise ExportError(f"{name} is no file of a figure's data: it lacks {error.args[0]!r}") from error
     except (ValueError, TypeError, EOFError, IndexError, zipfile.BadZipFile, NotImplementedError) as error:
-        raise ExportError(f"{name} is no file of a picture's data that can be read: {one_line(error)}") from error
-
-
-def _about(layout: Layout, about: Any) -> dict[str, Any]:
-    """What holds for all rows, when it is of the kind and schema that are read."""
-    if not isinstance(about, dict) or about.get("content") != layout.content:
-        raise ValueError(f"it does not say that it holds {layout.named}")
-    if about.get("schema") != 1:
-        raise ValueError(f"its schema is {about.get('schema')!r}, expected 1")
-    return about
+        raise ExportError(f"{name} is no file of a figure's data that can be read: {one_line(error)}") from error
 
 
 def _check(layout: Layout, columns: Mapping[str, np.ndarray]) -> None:
@@ -163,7 +167,7 @@ def _check(layout: Layout, columns: Mapping[str, np.ndarray]) -> None:
     if len(lengths) != 1:
         raise ValueError(f"its columns have different lengths, {', '.join(map(str, sorted(lengths)))}")
     for name in (*layout.columns, *layout.wide):
-        if name not in (*layout.texts, *layout.whole) and not np.issubdtype(columns[name].dtype, np.number):
+        if name not in (*layout.texts, *layout.integers) and not np.issubdtype(columns[name].dtype, np.number):
             raise ValueError(f"the column {name} holds what is no number")
 
 
@@ -171,17 +175,18 @@ def _from_csv(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
     head, _, rest = content.decode("utf-8").partition("\n")
     if not head.startswith("# {"):
         raise ValueError("its first line is not # {...}")
-    about = _about(layout, json.loads(head[2:]))
+    about = layout.about(json.loads(head[2:]))
     rows = list(csv.reader(io.StringIO(rest)))
     if len({len(row) for row in rows}) != 1:
         raise ValueError("its rows have different numbers of cells, or there are none")
     cells = dict(zip(rows[0], zip(*rows[1:], strict=True), strict=True)) if len(rows) > 1 else {}
     columns: dict[str, np.ndarray] = {}
+    stored = layout.stored(about)
     for name in layout.columns:
-        values = cells[name]
+        values = cells[stored[name]]
         if name in layout.texts:
             columns[name] = np.array(values)
-        elif name in layout.whole:
+        elif name in layout.integers:
             columns[name] = np.array([int(value) for value in values])
         else:
             columns[name] = np.array([float(value) if value else math.nan for value in values])
@@ -192,16 +197,17 @@ def _from_csv(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
 
 
 def _from_json(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    record = _about(layout, json.loads(content))
-    kinds: dict[str, Any] = {**dict.fromkeys(layout.texts, str), **dict.fromkeys(layout.whole, int)}
-    columns = {name: np.array(values, dtype=kinds.get(name, float)) for name, values in record.pop("columns").items()}
-    return record, columns
+    record = layout.about(json.loads(content))
+    kinds: dict[str, Any] = {**dict.fromkeys(layout.texts, str), **dict.fromkeys(layout.integers, int)}
+    today = {old: name for name, old in layout.stored(record).items()}
+    found = {today.get(name, name): values for name, values in record.pop("columns").items()}
+    return record, {name: np.array(values, dtype=kinds.get(name, float)) for name, values in found.items()}
 
 
 def _from_npz(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        about = _about(layout, json.loads(str(file["about"])))
-        return about, {name: file[name] for name in file.files if name != "about"}
+        about = layout.about(json.loads(str(file["about"])))
+        return about, {name: file[old] for name, old in layout.stored(about).items()}
 
 
 def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -212,15 +218,15 @@ def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
         file = loadmat(io.BytesIO(content), chars_as_strings=True)
     except (MatReadError, zlib.error, OSError) as error:
         raise ValueError(str(error)) from error
-    about = _about(layout, json.loads(str(file["about"][0])))
+    about = layout.about(json.loads(str(file["about"][0])))
     columns = {}
-    for name in (*layout.columns, *layout.wide):
-        values = file[name]
+    for name, old in layout.stored(about).items():
+        values = file[old]
         if name in layout.texts:
             columns[name] = np.array([str(cell).rstrip() for cell in values])
         else:
             columns[name] = values if name in layout.wide else values[:, 0]
-        if name in layout.whole:
+        if name in layout.integers:
             columns[name] = columns[name].astype(int)
     return about, columns
 
@@ -228,10 +234,10 @@ def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
 KINDS = ("family", "manifold", "impulsive")
 
 TEXTS = ("kind", "family", "name", "label", "event")
-WHOLE = ("curve", "pinned", "half_waves", "stable", "joined")
+INTEGERS = ("curve", "cited", "half_waves", "stable", "joined")
 NUMBERS = ("h", "alpha", "frequency", "frequency_index")
-COLUMNS = ("kind", "curve", "family", "name", "pinned", "label", *NUMBERS, "half_waves", "stable", "joined", "event")
-"""Columns, besides `velocities`: name is what the family is called there, pinned is 1 where a scene pins that, label is that of the point;
+COLUMNS = ("kind", "curve", "family", "name", "cited", "label", *NUMBERS, "half_waves", "stable", "joined", "event")
+"""Columns, besides `velocities`: name is what the family is called there, cited is 1 where a scene cites that, label is that of the point;
 stable is 1, 0, or -1 where it is undecided; joined is 1 where the manifold goes on to the next row; event is the type of the special point
 there. NaN: does not exist."""
 
@@ -239,7 +245,7 @@ there. NaN: does not exist."""
 def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """What holds for all, as plain data, and the columns, all of one length; `velocities` has a column for each coordinate."""
     about = {
-        "schema": 1,
+        "schema": _LAYOUT.schema,
         "content": "atlas",
         "system": atlas.system.describe(),
         "clearance": atlas.clearance,
@@ -252,7 +258,7 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     count = len(atlas.manifold_h)
     if count:
         nowhere = np.full(count, np.nan)
-        curve = Curve(
+        curve = AtlasCurve(
             "", np.full(count, ""), np.zeros(count, dtype=bool),
             h=atlas.manifold_h, alpha=nowhere, frequency=atlas.manifold_frequency, frequency_index=nowhere,
             half_waves=np.zeros(count, dtype=int), stable=np.full(count, -1), velocities=atlas.manifold_velocities,
@@ -266,14 +272,14 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return about, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _rows(kind: str, number: int, curve: Curve) -> dict[str, np.ndarray]:
+def _rows(kind: str, number: int, curve: AtlasCurve) -> dict[str, np.ndarray]:
     count = len(curve.h)
     return {
         "kind": np.full(count, kind),
         "curve": np.full(count, number),
         "family": np.full(count, curve.family),
         "name": curve.names.astype(str),
-        "pinned": curve.pinned.astype(int),
+        "cited": curve.cited.astype(int),
         "label": curve.labels.astype(str),
         **{name: np.asarray(getattr(curve, name), dtype=float) for name in NUMBERS},
         "half_waves": np.asarray(curve.half_waves, dtype=int),
@@ -319,12 +325,12 @@ def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> A
     )
 
 
-def _curve(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> Curve:
+def _curve(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> AtlasCurve:
     numbers = {name: columns[name][rows] for name in NUMBERS}
-    return Curve(
+    return AtlasCurve(
         str(columns["family"][rows[0]]),
         columns["name"][rows].astype(str),
-        columns["pinned"][rows] == 1,
+        columns["cited"][rows] == 1,
         half_waves=columns["half_waves"][rows],
         stable=columns["stable"][rows],
         velocities=columns["velocities"][rows],
@@ -334,7 +340,7 @@ def _curve(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> Curve:
     )
 
 
-_LAYOUT = Layout("atlas", COLUMNS, ("velocities",), TEXTS, WHOLE)
+_LAYOUT = Layout("atlas", COLUMNS, ("velocities",), TEXTS, INTEGERS, schema=2, renamed={"cited": "pinned"})
 
 
 def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
@@ -353,7 +359,7 @@ def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
     branches.files.WriteFailure
         If the file cannot be written; an old file is then unchanged.
     """
-    write_data(_LAYOUT, *to_table(atlas), path)
+    write_figure_data(_LAYOUT, *to_table(atlas), path)
 
 
 def read_atlas(path: str | os.PathLike[str]) -> Atlas:
@@ -369,6 +375,6 @@ def read_atlas(path: str | os.PathLike[str]) -> Atlas:
     ExportError
         In one line: the file cannot be read, or what it lacks.
     """
-    about, columns = read_data(_LAYOUT, path)
-    with told(os.fspath(path)):
+    about, columns = read_figure_data(_LAYOUT, path)
+    with reporting(os.fspath(path)):
         return from_table(about, columns)

@@ -21,15 +21,15 @@ from branches.figures.style import (
     ORANGE,
     SMALL,
     YELLOW,
-    draw,
     legend_below,
     limits_of,
     new_figure,
     picture_settings,
     set_axis,
     settle_layout,
+    write_figure,
 )
-from branches.figures.titles import system_text, velocity_symbol
+from branches.figures.titles import symbol_of, system_text
 from bvp.options import takes_options_of
 from bvp.shown import shown as in_words
 
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
 
-    from branches.figures.atlas_data import Atlas, Curve
+    from branches.figures.atlas_data import Atlas, AtlasCurve
 
 __all__ = [
-    "MOST_NAMES", "atlas_figure", "draw_atlas", "draw_modes", "draw_velocities", "frequency_curve", "mode_names", "runs_of",
+    "MOST_NAMES", "atlas_figure", "draw_atlas", "draw_modes", "frequency_curve", "mode_names", "runs_of",
     "velocities_figure",
 ]  # fmt: skip
 
@@ -158,12 +158,7 @@ def draw_atlas(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *
     **options
         As for `atlas_figure`.
     """
-    draw(lambda: atlas_figure(atlas, **options), path_or_file, format)
-
-
-def draw_velocities(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any) -> None:
-    """Write the start velocities of many families against energy to a png, pdf or svg file: as for `draw_atlas`."""
-    draw(lambda: velocities_figure(atlas, **options), path_or_file, format)
+    write_figure(atlas_figure, path_or_file, atlas, format=format, **options)
 
 
 def velocities_figure(atlas: Atlas, *, names: int = MOST_VELOCITY_NAMES) -> Figure:
@@ -203,7 +198,7 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_VELOCITY_NAMES) -> Figu
             axes.set_label(f"velocity{k}")
             _energy_axis(axes, atlas, limits_of(energies, 0.04, log=True))
             values = np.concatenate([*(curve.y for curve in named), manifold[:, 1], stars[:, 1]])
-            symbol = f"{velocity_symbol(system.coordinates[k])}(0)"
+            symbol = f"{symbol_of(system.coordinates[k], velocity=True)}(0)"
             set_axis(axes, "y", limits_of(values, 0.05), 6, "start velocity", symbol)
             drawn.append((axes, named, runs_of(named), manifold, stars))
         for axes in panels[:-1]:
@@ -259,7 +254,7 @@ def _frequency_axis(axes: Axes, atlas: Atlas, frequency: str, values: np.ndarray
     set_axis(axes, "y", limits_of(values, 0.04, log=log), 7, words, symbol, log=log)
 
 
-def frequency_curve(curve: Curve, frequency: str) -> Named:
+def frequency_curve(curve: AtlasCurve, frequency: str) -> Named:
     """The curve of a family over its frequency, "index" or "fundamental"; the former is broken where m changes."""
     if frequency == "fundamental":
         return Named(curve, curve.h, curve.frequency)
@@ -267,7 +262,7 @@ def frequency_curve(curve: Curve, frequency: str) -> Named:
     return Named(curve, curve.h, curve.frequency_index, np.diff(curve.half_waves) != 0)
 
 
-def _with_both_ends(curve: Curve) -> Curve:
+def _with_both_ends(curve: AtlasCurve) -> AtlasCurve:
     """The curve where each piece of one m begins with the last point of the piece before it, so that no piece is a point alone.
 
     A first piece of one point ends with the point behind it.
@@ -285,7 +280,7 @@ def _with_both_ends(curve: Curve) -> Curve:
     return replace(
         curve,
         **{name: getattr(curve, name)[point] for name in ("h", "alpha", "frequency", "stable", "velocities")},
-        **{name: getattr(curve, name)[of_piece] for name in ("names", "pinned", "labels", "half_waves")},
+        **{name: getattr(curve, name)[of_piece] for name in ("names", "cited", "labels", "half_waves")},
         frequency_index=np.where(own, curve.frequency_index[point], turned),
         events=np.where(own, curve.events[point], ""),
     )

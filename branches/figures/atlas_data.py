@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.figures.titles import pinned_names
+from branches.figures.titles import cited_names
 from branches.naming.matching import spelled
 from bvp.shown import shown
 from bvp.summary import brief
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
-__all__ = ["EVENTS", "Atlas", "Bound", "Curve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
+__all__ = ["EVENTS", "Atlas", "Bound", "AtlasCurve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
 
-_NO_PINS: Mapping[str, ReferencePoint] = MappingProxyType({})
+_NO_POINTS: Mapping[str, ReferencePoint] = MappingProxyType({})
 
 COLUMNS = ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable")
 """Columns of numbers of a family, besides `velocities` and `label`; named as in the files of a branch."""
@@ -39,10 +39,10 @@ EVENTS = ("SN", "SB", "PD", "GR")
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Curve:
+class AtlasCurve:
     """A family: its id, and columns of length N.
 
-    names : (N,) str, what the family is called at each point: its label, or a name that a scene pins. pinned : (N,) bool, where it is
+    names : (N,) str, what the family is called at each point: its label, or a name that a scene cites. cited : (N,) bool, where it is
     that. h, alpha, frequency, frequency_index : (N,) float. half_waves : (N,) int. stable : (N,) int, 1, 0, or -1 where it is undecided.
     velocities : (N, n), NaN where the start is not at the origin. labels : (N,) str. events : (N,) str, the type of the special point
     there, one of `EVENTS`, or "".
@@ -50,7 +50,7 @@ class Curve:
 
     family: str
     names: np.ndarray
-    pinned: np.ndarray
+    cited: np.ndarray
     h: np.ndarray
     alpha: np.ndarray
     frequency: np.ndarray
@@ -63,8 +63,8 @@ class Curve:
 
     @property
     def label(self) -> str:
-        """What it is called where no name is pinned; "" where one is everywhere."""
-        return str(self.names[np.argmin(self.pinned)]) if len(self.names) and not self.pinned.all() else ""
+        """What it is called where no name is cited; "" where one is everywhere."""
+        return str(self.names[np.argmin(self.cited)]) if len(self.names) and not self.cited.all() else ""
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,13 @@ class Atlas:
     """
 
     system: ImpactSystem
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[AtlasCurve, ...] = ()
     manifold_h: np.ndarray = field(default_factory=lambda: np.zeros(0))
     manifold_frequency: np.ndarray = field(default_factory=lambda: np.zeros(0))
     manifold_joined: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     manifold_window: str = ""
     manifold_periods: int = 0
-    impulsive: Curve | None = None
+    impulsive: AtlasCurve | None = None
     bounds: tuple[Bound, ...] = ()
     clearance: float = 1.0
     natural_frequency: float = 1.0
@@ -152,7 +152,7 @@ def atlas_of(
     system: ImpactSystem,
     branches: Iterable[Branch],
     *,
-    pinned: Mapping[str, ReferencePoint] = _NO_PINS,
+    reference_points: Mapping[str, ReferencePoint] = _NO_POINTS,
     manifold: Manifold | None = None,
     impulsive: ImpulsiveOrbits | None = None,
     bounds: Sequence[Bound] = (),
@@ -165,8 +165,8 @@ def atlas_of(
     system : ImpactSystem
     branches : iterable of Branch
         Of this system.
-    pinned : mapping of names to {"h", "alpha"}
-        Names that are written first where there is no room for all; see `branches.figures.titles.pinned_names`.
+    reference_points : mapping of names to {"h", "alpha"}
+        Names that are written first where there is no room for all; see `branches.figures.titles.cited_names`.
     manifold, impulsive : as `branches.impulsive` makes them, optional
     bounds : sequence of Bound
         Bounds of regimes, as from `regime_bounds`.
@@ -179,7 +179,7 @@ def atlas_of(
         For a branch of another system.
     """
     branches = list(branches)
-    named = pinned_names(branches, pinned)
+    named = cited_names(branches, reference_points)
     curves = []
     for branch in branches:
         if branch.system.describe() != system.describe():
@@ -188,12 +188,12 @@ def atlas_of(
             labels = piece["label"]
             label = branch.label if branch.label in labels else str(labels[len(labels) // 2])
             columns = {name: piece[name] for name in COLUMNS}
-            names, marked = np.full(len(labels), spelled(label, pinned), dtype=object), np.zeros(len(labels), dtype=bool)
+            names, marked = np.full(len(labels), spelled(label, reference_points), dtype=object), np.zeros(len(labels), dtype=bool)
             for name in named.get(branch.id, ()):
                 mine = name.points(columns["h"], columns["alpha"], labels.tolist())
                 names[mine], marked[mine] = name.text, True
-            columns |= {"names": names.astype(str), "pinned": marked, "labels": labels.astype(str), "events": _events(branch, piece)}
-            curves.append(Curve(branch.id, velocities=piece["velocities"], **columns))
+            columns |= {"names": names.astype(str), "cited": marked, "labels": labels.astype(str), "events": _events(branch, piece)}
+            curves.append(AtlasCurve(branch.id, velocities=piece["velocities"], **columns))
     atlas = Atlas(system, tuple(curves), bounds=tuple(bounds), energy=energy)
     if manifold is not None:
         kept = np.isfinite(manifold.frequency)
@@ -291,16 +291,16 @@ def _events(branch: Branch, piece: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.array([known.get(place, "") for place in places], dtype="<U2")
 
 
-def _impulsive_curve(found: ImpulsiveOrbits) -> Curve:
+def _impulsive_curve(found: ImpulsiveOrbits) -> AtlasCurve:
     from branches.naming.labels import parse
 
     labels = [orbit.label for orbit in found.orbits]
     waves = np.array([parse(label).m if label else 1 for label in labels])
     frequency = np.array([0.5 * math.pi / orbit.alpha for orbit in found.orbits])
-    return Curve(
+    return AtlasCurve(
         "",
         names=np.full(len(labels), ""),
-        pinned=np.zeros(len(labels), dtype=bool),
+        cited=np.zeros(len(labels), dtype=bool),
         h=np.array([orbit.h for orbit in found.orbits]),
         alpha=np.array([orbit.alpha for orbit in found.orbits]),
         frequency=frequency,
@@ -367,7 +367,7 @@ def rescaled(atlas: Atlas, clearance: float = 1.0, natural_frequency: float = 1.
         raise ValueError(f"the data have a clearance of {atlas.clearance:g} already; scale dimensionless data")
     speed = clearance * natural_frequency
 
-    def scale(curve: Curve) -> Curve:
+    def scale(curve: AtlasCurve) -> AtlasCurve:
         changed: dict[str, Any] = {
             "h": curve.h * speed**2,
             "alpha": curve.alpha / natural_frequency,

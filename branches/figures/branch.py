@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from branches.figures.curves import DrawnCurve, curve_runs, draw_curve, draw_events, legend_entries, smooth, visible_codes
 from branches.figures.room import Room
-from branches.figures.style import draw, event_style, legend_below, limits_of, new_figure, picture_settings, set_axis, settle_layout
-from branches.figures.titles import family_text, symbol_of, system_text, velocity_symbol
+from branches.figures.style import event_look, legend_below, limits_of, new_figure, picture_settings, set_axis, settle_layout
+from branches.figures.titles import family_text, symbol_of, system_text
 from bvp.shown import shown as in_words
 
 if TYPE_CHECKING:
@@ -27,8 +25,7 @@ _CROWD, _CROWD_STEP = 5, 2.5  # this many points, each this near to the one befo
 _LETTERS = 24  # in a line of a text for several points
 
 
-@dataclass(frozen=True, eq=False)
-class _Panel:
+class _Panel(NamedTuple):
     """One panel's data: values (N,) over the points and (E,) over the events, where the curve breaks, and the axis text."""
 
     name: str
@@ -40,35 +37,8 @@ class _Panel:
     note: str = ""
 
 
-def draw_branch(
-    branch: Any, path_or_file: str | os.PathLike[str] | IO[bytes], *, frequency: str = "index", format: str | None = None
-) -> None:
-    """Write the picture of a branch to a png, pdf or svg file.
-
-    Parameters
-    ----------
-    branch : Branch
-    path_or_file : path, or binary file open for writing
-    frequency : "index" (m 2 pi/T, the paper's axis, broken where m changes) or "fundamental" (2 pi/T)
-    format : "png", "pdf" or "svg"; by default what the file's name ends with
-
-    Raises
-    ------
-    ValueError
-        For another format or frequency, and for energies that a logarithmic axis cannot show.
-    OSError
-        When the file cannot be written.
-
-    Notes
-    -----
-    The frequency-energy plot and its index are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009)
-    1868, Figs. 6 and 8.
-    """
-    draw(lambda: branch_figure(branch, frequency=frequency), path_or_file, format)
-
-
 def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
-    """The picture of a branch as a matplotlib figure.
+    """The figure of a branch (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 6 and 8).
 
     Parameters
     ----------
@@ -141,7 +111,7 @@ def write_events(room: Room, names: Sequence[str], kinds: Sequence[str], places:
     places : (E, 2) in data coordinates; those that are not finite are left out
     """
     shown = np.flatnonzero(np.isfinite(places).all(axis=1)).tolist()
-    radii = np.array([0.5 * event_style(kinds[i]).size + 0.5 for i in shown])
+    radii = np.array([0.5 * event_look(kinds[i])["markersize"] + 0.5 for i in shown])
     room.take_around(places[shown], radii)
     texts = crowds([names[i] for i in shown], [kinds[i] for i in shown], room.to_page(places[shown]))
     rows = [row for row, _ in texts]
@@ -197,7 +167,7 @@ def panel_curve(branch: Any, panel: _Panel, *, wide: bool) -> DrawnCurve:
     return smooth(DrawnCurve(x, y, stable, breaks), arclength, _WIDE if wide else _NARROW)
 
 
-def _along(branch: Any, values: np.ndarray) -> np.ndarray:
+def _at_events(branch: Any, values: np.ndarray) -> np.ndarray:
     """The values (N,) of a quantity at the branch's events: linear in arclength, so a marker is on the drawn curve."""
     arclength = np.asarray(branch.points["arclength"], dtype=float)
     at = np.array([event.arclength for event in branch.events], dtype=float)
@@ -211,31 +181,30 @@ def _along(branch: Any, values: np.ndarray) -> np.ndarray:
 
 
 def frequency_panel(branch: Any, frequency: str) -> _Panel:
-    points = branch.points
-    turns = np.asarray(points["half_waves"])
-    fundamental = np.asarray(points["frequency"], dtype=float)
-    nearest = np.array([event.point for event in branch.events], dtype=int)
-    at_events = _along(branch, fundamental)
+    """The data of the frequency-energy plot."""
+    half_waves = np.asarray(branch.points["half_waves"])
+    values = np.asarray(branch.points["frequency"], dtype=float)
+    at_events = _at_events(branch, values)
     if frequency == "fundamental":
-        return _Panel("frequency", fundamental, at_events, np.zeros(len(turns) - 1, dtype=bool), "frequency", r"2\pi/T")
-    index = np.asarray(points["frequency_index"], dtype=float)
-    return _Panel("frequency", index, turns[nearest] * at_events, np.diff(turns) != 0, "frequency index", r"m\,2\pi/T")
+        return _Panel("frequency", values, at_events, np.zeros(len(half_waves) - 1, dtype=bool), "frequency", r"2\pi/T")
+    index = np.asarray(branch.points["frequency_index"], dtype=float)
+    at_events = half_waves[np.array([event.point for event in branch.events], dtype=int)] * at_events
+    return _Panel("frequency", index, at_events, np.diff(half_waves) != 0, "frequency index", r"m\,2\pi/T")
 
 
 def _start_panels(branch: Any) -> list[_Panel]:
-    """Panels of the absorber's and the primary's start velocities; of the start displacements if no start is at u = 0."""
-    system = branch.system
+    """The data of the start velocities of absorber and primary; of their start displacements if no start is at u = 0."""
+    points, system = branch.points, branch.system
     chosen = [system.absorber, system.primary]
     if None in chosen:
         chosen = list(range(min(2, len(system.coordinates))))
-    values, words, note = np.asarray(branch.points["velocities"], dtype=float), "start velocity", ""
-    symbol = velocity_symbol
-    if not np.isfinite(values).any():
-        values, words = np.asarray(branch.points["start_u"], dtype=float), "start displacement"
-        symbol = symbol_of
-        note = "\n(no start has zero displacement)"
-    unbroken = np.zeros(len(values) - 1, dtype=bool)
-    return [
-        _Panel(f"start{k}", values[:, k], _along(branch, values[:, k]), unbroken, words, f"{symbol(name)}(0)", note)
-        for k, name in ((k, system.coordinates[k]) for k in chosen)
-    ]
+    values, words, note = np.asarray(points["velocities"], dtype=float), "start velocity", ""
+    moving = bool(np.isfinite(values).any())
+    if not moving:
+        values, words, note = np.asarray(points["start_u"], dtype=float), "start displacement", "\n(no start has zero displacement)"
+    panels = []
+    for k in chosen:
+        symbol = f"{symbol_of(system.coordinates[k], velocity=moving)}(0)"
+        unbroken = np.zeros(len(values) - 1, dtype=bool)
+        panels.append(_Panel(f"start{k}", values[:, k], _at_events(branch, values[:, k]), unbroken, words, symbol, note))
+    return panels

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.figures.room import Room, even_points, one_in_cell
-from branches.figures.style import BLACK, BLUE, EVENT_STYLES, GREY, VERMILION, event_style
+from branches.figures.style import BLUE, EVENT_STYLES, GREY, VERMILION, event_look
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,51 +74,35 @@ def smooth(curve: DrawnCurve, arclength: np.ndarray, size: tuple[float, float]) 
         All points of `curve` in their order, with places between those that stand far apart; nothing before the first point of
         a piece and nothing behind its last.
     """
-    count = len(curve.x)
+    from scipy.interpolate import PchipInterpolator
+
     kinds = segment_kinds(curve.stable)
-    level = np.log(curve.x)
-    finite = np.isfinite(curve.y) & np.isfinite(level)
+    columns = np.stack([np.log(curve.x), curve.y], axis=1)
+    finite = np.isfinite(columns).all(axis=1)
     joined = ~curve.breaks & finite[:-1] & finite[1:] & (np.diff(arclength) > 0.0)
-    columns = np.stack([level, curve.y], axis=1)
     extent = np.array([np.ptp(column[finite]) if finite.any() else 0.0 for column in columns.T])
     scale = np.array(size) / np.where(extent > 0.0, extent, np.inf)
     steps = np.hypot(*(np.diff(columns, axis=0) * scale).T)
     added = np.where(joined, np.clip(np.ceil(np.where(joined, steps, 0.0) / _SPACING) - 1, 0, _MOST), 0).astype(int)
-    pieces = np.split(np.arange(count), np.flatnonzero(~joined) + 1)
-    for piece in pieces:
-        if len(piece) == 2:
-            added[piece[0]] = 0  # a straight line needs no places
+    # A straight line needs no places.
+    added &= -(np.append(False, joined[:-1]) | np.append(joined[1:], False)).astype(int)
     if not added.any():
         return curve
-    parts: list[np.ndarray] = []
-    stable: list[np.ndarray] = []
-    for piece in pieces:
-        parts.append(_places(piece, columns, arclength, added))
-        codes = [curve.stable[piece[:1]]]
-        for i in piece[:-1]:
-            codes += [np.full(added[i], kinds[i]), curve.stable[i + 1 : i + 2]]
-        stable.append(np.concatenate(codes))
-    breaks = np.concatenate([np.append(np.zeros(len(part) - 1, dtype=bool), True) for part in parts])[:-1]
-    whole = np.concatenate(parts)
-    given = np.cumsum(np.concatenate([[0], 1 + added]))
-    x = np.exp(whole[:, 0])
-    x[given] = curve.x  # to the bit
-    return DrawnCurve(x, whole[:, 1], np.concatenate(stable), breaks)
-
-
-def _places(piece: np.ndarray, columns: np.ndarray, arclength: np.ndarray, added: np.ndarray) -> np.ndarray:
-    """Rows (log x, y) of one piece, with the places added between its points."""
-    if not added[piece[:-1]].any():
-        return columns[piece]
-    from scipy.interpolate import PchipInterpolator
-
-    s = arclength[piece]
-    at = [s[:1]]
-    for i, j in zip(piece, piece[1:], strict=False):
-        at.append(np.linspace(arclength[i], arclength[j], added[i] + 2)[1:])
-    places = PchipInterpolator(s, columns[piece])(np.concatenate(at))
-    places[np.cumsum(np.concatenate([[0], 1 + added[piece[:-1]]]))] = columns[piece]
-    return places
+    given = np.cumsum(np.append(0, 1 + added))
+    # Places (i, part): after point i, this part of the way to the next.
+    i = np.repeat(np.arange(len(curve.x)), np.append(1 + added, 1))
+    part = (np.arange(len(i)) - given[i]) / np.append(1 + added, 1)[i]
+    out = columns[i]
+    for piece in np.split(np.arange(len(curve.x)), np.flatnonzero(~joined) + 1):
+        new = np.flatnonzero((i >= piece[0]) & (i < piece[-1]) & (part > 0.0))
+        if len(new):
+            at = arclength[i[new]] + part[new] * (arclength[i[new] + 1] - arclength[i[new]])
+            out[new] = PchipInterpolator(arclength[piece], columns[piece])(at)
+    x, stable = np.exp(out[:, 0]), np.append(kinds, 0)[i]
+    x[given], stable[given] = curve.x, curve.stable
+    breaks = np.zeros(len(x) - 1, dtype=bool)
+    breaks[given[1:][~joined] - 1] = True
+    return DrawnCurve(x, out[:, 1], stable, breaks)
 
 
 def curve_runs(stable: np.ndarray, x: np.ndarray, y: np.ndarray, breaks: np.ndarray) -> dict[int, np.ndarray]:
@@ -157,10 +141,6 @@ def curve_runs(stable: np.ndarray, x: np.ndarray, y: np.ndarray, breaks: np.ndar
     return runs
 
 
-def _pieces(run: np.ndarray) -> list[np.ndarray]:
-    return np.split(run, np.flatnonzero(np.isnan(run[:, 0])))
-
-
 def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str, fine: float = 1.0) -> None:
     """Draw runs from `curve_runs`: stable solid, unstable thin with crosses, undecided dotted grey.
 
@@ -168,7 +148,8 @@ def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str, fine: flo
     to_points = 72 / axes.figure.dpi
     for code, run in runs.items():
         marker, size = _DOT[code]
-        pieces = [piece[np.isfinite(piece[:, 0])] for piece in _pieces(run)]
+        breaks = np.flatnonzero(np.isnan(run[:, 0]))
+        pieces = [piece[np.isfinite(piece[:, 0])] for piece in np.split(run, breaks)]
         single = [piece for piece in pieces if len(piece) == 1]
         look = {**_LINE[code], "linewidth": fine * _LINE[code]["linewidth"]}
         (line,) = axes.plot(run[:, 0], run[:, 1], zorder=2 + (code == 1) * 0.1, **look)
@@ -192,19 +173,6 @@ def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str, fine: flo
                 marks.set_gid(f"{panel}-unstable-crosses")
 
 
-def _marker(kind: str, scale: float = 1.0) -> dict[str, Any]:
-    """How matplotlib draws the marker of an event."""
-    style = event_style(kind)
-    return {
-        "marker": style.marker,
-        "markersize": scale * style.size,
-        "markerfacecolor": style.colour,
-        "markeredgecolor": BLACK,
-        "markeredgewidth": 0.6,
-        "linestyle": "none",
-    }
-
-
 def draw_events(axes: Axes, kinds: Sequence[str], places: np.ndarray, panel: str, **look: Any) -> None:
     """Draw a marker at the place (2,) of each event, with one line object for each type.
 
@@ -219,7 +187,7 @@ def draw_events(axes: Axes, kinds: Sequence[str], places: np.ndarray, panel: str
     """
     for kind in dict.fromkeys(kinds):
         x, y = places[[k == kind for k in kinds]].T
-        (marks,) = axes.plot(x, y, **{"zorder": _BELOW.get(kind, 4.0), **_marker(kind), **look})
+        (marks,) = axes.plot(x, y, **{"zorder": _BELOW.get(kind, 4.0), **event_look(kind), **look})
         marks.set_gid(f"{panel}-events-{kind}")
 
 
@@ -244,9 +212,9 @@ def draw_events_with_room(room: Room, kinds: Sequence[str], places: np.ndarray, 
     for kind in dict.fromkeys(kinds):
         mine = [i for i in chosen if kinds[i] == kind]
         if mine:
-            look = _marker(kind, _SMALLER)
-            draw_events(room.axes, [kind] * len(mine), places[mine], panel, zorder=3.8, markersize=look["markersize"])
-            room.take_around(places[mine], 0.5 * look["markersize"] + 0.5)
+            size = _SMALLER * event_look(kind)["markersize"]
+            draw_events(room.axes, [kind] * len(mine), places[mine], panel, zorder=3.8, markersize=size)
+            room.take_around(places[mine], 0.5 * size + 0.5)
 
 
 def thinned(points: np.ndarray, spacing: float) -> np.ndarray:
@@ -261,39 +229,33 @@ def thinned(points: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def visible_codes(panels: Iterable[tuple[Axes, Mapping[int, np.ndarray]]]) -> set[int]:
-    """Stability codes that a legend of panels needs: those of the runs from `curve_runs` that are visible within the limits.
+    """The stability codes that a legend needs: those of the runs that are visible in their panels.
 
     A short undecided run does not count: the marker of its event hides it."""
     codes = set()
     for axes, runs in panels:
-        corners = np.sort(axes.transAxes.transform([(0.0, 0.0), (1.0, 1.0)]), axis=0)
-        codes |= {code for code, run in runs.items() if any(_in_sight(axes, corners, piece, code < 0) for piece in _pieces(run))}
+        low, high = np.array(axes.bbox.extents).reshape(2, 2)
+        for code, run in runs.items():
+            points = axes.transData.transform(run)
+            whole = np.isfinite(points).all(axis=1)
+            # Segments from each point to the next. A point without a neighbour in its run is drawn as a dot.
+            first = np.flatnonzero(whole & np.append(whole[1:], False))
+            alone = np.flatnonzero(whole & ~np.append(whole[1:], False) & ~np.append(False, whole[:-1]))
+            begin, end = points[np.append(first, alone)], points[np.append(first + 1, alone)]
+            seen = ((np.maximum(begin, end) >= low) & (np.minimum(begin, end) <= high)).all(axis=1)
+            lengths = np.hypot(*(np.clip(end, low, high) - np.clip(begin, low, high)).T) * 72 / axes.figure.dpi
+            lengths[len(first) :] = np.inf
+            of_pieces = np.bincount(np.cumsum(~whole)[np.append(first, alone)][seen], lengths[seen])
+            if seen.any() and (code >= 0 or of_pieces.max() > _SEEN):
+                codes.add(code)
     return codes
-
-
-def _in_sight(axes: Axes, corners: np.ndarray, piece: np.ndarray, long: bool) -> bool:
-    """Whether a piece of a run is visible between two corners (2, 2) of a panel in pixels, or, `long`, visible at some length."""
-    points = axes.transData.transform(piece[np.isfinite(piece).all(axis=1)])
-    low, high = corners
-    # Of one point, the dot that is drawn for it; else the lines from one to the next.
-    begin, end = (points, points) if len(points) == 1 else (points[:-1], points[1:])
-    inside = ((np.maximum(begin, end) >= low) & (np.minimum(begin, end) <= high)).all(axis=1)
-    if not inside.any():
-        return False
-    shown = np.clip(np.concatenate([begin[inside], end[inside]]), low, high)
-    return not long or len(points) == 1 or bool(np.max(np.ptp(shown, axis=0)) * 72 / axes.figure.dpi > _SEEN)
 
 
 def legend_entries(codes: Collection[int], kinds: Sequence[str]) -> list[Line2D]:
     """Legend entries for the stabilities with these codes and for types of events, in the order of `EVENT_STYLES`."""
     from matplotlib.lines import Line2D
 
-    entries = []
-    for code, name in STABILITY.items():
-        if code in codes:
-            cross = {"marker": "x", **_CROSS} if code == 0 else {}
-            entries.append(Line2D([], [], label=name, **{**_LINE[code], **cross}))
-    for kind in [k for k in EVENT_STYLES if k in kinds] + [k for k in dict.fromkeys(kinds) if k not in EVENT_STYLES]:
-        name = event_style(kind).name
-        entries.append(Line2D([], [], label=f"{kind} {name}" if name != kind else kind, **_marker(kind)))
-    return entries
+    cross = {"marker": "x", **_CROSS}
+    looks = [{"label": name, **_LINE[code], **(cross if code == 0 else {})} for code, name in STABILITY.items() if code in codes]
+    looks += [event_look(kind) for kind in dict.fromkeys([*EVENT_STYLES, *kinds]) if kind in kinds]
+    return [Line2D([], [], **look) for look in looks]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,14 +14,13 @@ from branches.figures.style import (
     PALE,
     SMALL,
     VERMILION,
-    draw,
     limits_of,
     new_figure,
     picture_settings,
     set_axis,
     settle_layout,
 )
-from branches.figures.titles import family_text, gap_symbol, symbol_of, system_text, velocity_symbol
+from branches.figures.titles import family_text, gap_symbol, symbol_of, system_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,31 +33,8 @@ _IMPACT: dict[str, Any] = {"marker": "o", "markersize": 3.6, "mfc": "white", "me
 _ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False, "borderaxespad": 0.2}
 
 
-def draw_orbit(orbit: Any, path_or_file: str | os.PathLike[str] | IO[bytes], format: str | None = None) -> None:
-    """Write the picture of an orbit to a png, pdf or svg file.
-
-    Parameters
-    ----------
-    orbit : Orbit
-    path_or_file : path, or binary file open for writing
-    format : "png", "pdf" or "svg"; by default what the file's name ends with
-
-    Raises
-    ------
-    ValueError
-        For another format.
-    OSError
-        When the file cannot be written.
-
-    Notes
-    -----
-    The panels are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 7 and 9.
-    """
-    draw(lambda: orbit_figure(orbit), path_or_file, format)
-
-
 def orbit_figure(orbit: Any) -> Figure:
-    """The picture of an orbit as a matplotlib figure.
+    """The figure of an orbit (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 7 and 9).
 
     Parameters
     ----------
@@ -182,7 +157,7 @@ def _draw_plane(figure: Figure, axes: Axes, system: Any, u: np.ndarray, v: np.nd
     (start,) = axes.plot(x[:1], y[:1], "D", markersize=4.2, color=VERMILION, zorder=5, label="start", linestyle="none")
     start.set_gid("plane-start")
     axes.legend(**_ABOVE)
-    names = symbol_of(system.coordinates[i]), (velocity_symbol if n == 1 else symbol_of)(system.coordinates[j])
+    names = symbol_of(system.coordinates[i]), symbol_of(system.coordinates[j], velocity=n == 1)
     limits = [limits_of(x, 0.12), limits_of(y, 0.12)]
     for _ in range(2):  # the frame's size depends on its tick texts, and the limits for one scale on the frame's size
         set_axis(axes, "x", limits[0], 5, "", names[0])

@@ -21,14 +21,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.text import Text
 
-    from branches.figures.atlas_data import Curve
+    from branches.figures.atlas_data import AtlasCurve
 
 __all__ = ["Named", "Room", "even_points", "names_of", "one_in_cell", "overlapping", "short_name", "write_names"]
 
 _CELL, _COARSE = 1.0, 3.0  # two points of curves in one cell count once; names need coarser cells
 _GRID = 3.0  # a box is kept free by points that are so far apart, less than any text is high
 _EDGE = 3.0  # names keep off the ticks inside the frame
-_MARGIN, _GAP = 1.0, 2.0  # least distance of a name from anything, and from its own point
+_MARGIN = 1.0  # least distance of a name from anything
+_GAPS = (2.0, 20.0, 40.0)  # least distances of names from their points; leaders may cross at the larger ones
 _LONGEST = 100.0  # nothing further away from the place of a name than this hinders it
 _ROUNDS = 3  # times that a name is tried whose leader would cross another name
 _CANDIDATES = 500  # places that are tried for a name
@@ -152,61 +153,55 @@ class Room:
         list of Text or None
             None for a name without room. Names cover neither each other nor their leaders nor anything that is taken.
         """
-        if not len(texts):
-            return []
         from scipy.spatial import cKDTree
 
         radii = np.broadcast_to(radii, len(texts))
         frame = self.frame + np.array([_EDGE, _EDGE, -_EDGE, -_EDGE])
         curves = np.empty((0, 2)) if over_curves else one_in_cell(self.ink, _COARSE)
-        near = cKDTree(at)
+        scale, to_data = self.axes.figure.dpi / 72, self.axes.transData.inverted()
         written: list[Text | None] = [None] * len(texts)
         waiting = list(range(len(texts)))
-        for _ in range(_ROUNDS):
-            if not waiting:
-                break
+        for _ in range(_ROUNDS if len(texts) else 0):
             obstacles = np.concatenate([curves, self._taken])
             if len(obstacles):
-                obstacles = obstacles[near.query(obstacles, p=np.inf)[0] <= radii.max() + far + _LONGEST]
-            corners = _allocate([texts[i] for i in waiting], at[waiting], radii[waiting], obstacles, frame, far, font)
-            found = [(i, corner) for i, corner in zip(waiting, corners, strict=True) if corner is not None]
-            waiting = []
-            for i, corner in found:
-                if most is not None and sum(text is not None for text in written) >= most:
+                obstacles = obstacles[cKDTree(at).query(obstacles, p=np.inf)[0] <= radii.max() + far + _LONGEST]
+            corners: dict[int, np.ndarray] = {}
+            # textalloc places each name as near as it can. Near names surround a crowd, so that those behind find no way out.
+            for gap in _GAPS if most is None else _GAPS[:1]:
+                found = _allocate([texts[i] for i in waiting], at[waiting], radii[waiting], obstacles, frame, gap, far, font)
+                corners = found if len(found) > len(corners) else corners
+                if len(corners) == len(waiting):
+                    break
+            tried, waiting = [(waiting[k], corner) for k, corner in sorted(corners.items())], []
+            for i, corner in tried:
+                if most is not None and len(texts) - written.count(None) >= most:
                     return written
-                written[i] = self._write_at(texts[i], at[i], corner, radii[i] + beside, font)
-                if written[i] is None:  # next time this place is not free
+                x, y = to_data.transform(corner * scale)
+                name = self.axes.text(x, y, texts[i], fontsize=font, color=BLACK, ha="left", va="bottom", zorder=6)
+                box = np.array(name.get_window_extent().extents) / scale
+                leader = np.array([np.clip(at[i], box[:2], box[2:]), at[i]])
+                # textalloc keeps leaders off the names of the same call only. Next time this place is not free.
+                if _count(self._names, even_points(leader, _CELL)).any():
+                    name.remove()
                     curves = np.concatenate([curves, [corner + 1.0 + font / 2]])
                     waiting.append(i)
+                    continue
+                if np.hypot(*np.diff(leader, axis=0)[0]) > radii[i] + beside:
+                    ends = to_data.transform(leader * scale)
+                    self.axes.plot(*ends.T, color=GREY, linewidth=0.4, zorder=3, gid="leader")
+                    self.take_path(ends)
+                self.take(box)
+                self._names = np.concatenate([self._names, box[None]])
+                written[i] = name
+            if not waiting:
+                break
         return written
-
-    def _write_at(self, text: str, point: np.ndarray, corner: np.ndarray, beside: float, font: float) -> Text | None:
-        """Write a name at a lower left corner, with its leader. None if the leader crosses a name.
-
-        textalloc keeps leaders off the names of the same call only.
-        """
-        scale = self.axes.figure.dpi / 72
-        to_data = self.axes.transData.inverted()
-        x, y = to_data.transform(corner * scale)
-        name = self.axes.text(x, y, text, fontsize=font, color=BLACK, ha="left", va="bottom", zorder=6)
-        box = np.array(name.get_window_extent().extents) / scale
-        leader = np.array([np.clip(point, box[:2], box[2:]), point])
-        if _count(self._names, even_points(leader, _CELL)).any():
-            name.remove()
-            return None
-        if np.hypot(*np.diff(leader, axis=0)[0]) > beside:
-            ends = to_data.transform(leader * scale)
-            self.axes.plot(*ends.T, color=GREY, linewidth=0.4, zorder=3, gid="leader")
-            self.take_path(ends)
-        self.take(box)
-        self._names = np.concatenate([self._names, box[None]])
-        return name
 
 
 def _allocate(
-    texts: Sequence[str], at: np.ndarray, radii: np.ndarray, obstacles: np.ndarray, frame: np.ndarray, far: float, font: float
-) -> list[np.ndarray | None]:
-    """The lower left corners of texts as textalloc places them, in points of the page; None for a text without room.
+    texts: Sequence[str], at: np.ndarray, radii: np.ndarray, obstacles: np.ndarray, frame: np.ndarray, gap: float, far: float, font: float
+) -> dict[int, np.ndarray]:
+    """The lower left corners of the texts that have room, by their index, as textalloc places them, in points of the page.
 
     Its distances are parts of a figure's sides. In a figure of the frame's size, whose coordinates are points, they are the same in all
     directions.
@@ -223,10 +218,10 @@ def _allocate(
     with redirect_stdout(io.StringIO()):  # it prints a line if no text has room
         corners, *_ = allocate(
             axes, x, y, list(texts), x_scatter=x_taken, y_scatter=y_taken, text_scatter_sizes=radii.tolist(), textsize=font, draw_all=False,
-            nbr_candidates=_CANDIDATES, margin=_MARGIN / width, min_distance=_GAP / width, max_distance=far / width,
-            avoid_label_lines_overlap=True, avoid_crossing_label_lines=True, auto_ha=False, va="bottom",
+            nbr_candidates=_CANDIDATES, margin=_MARGIN / width, min_distance=gap / width, max_distance=far / width,
+            avoid_label_lines_overlap=True, avoid_crossing_label_lines=gap == _GAPS[0], auto_ha=False, va="bottom",
         )  # fmt: skip
-    return [None if corner is None else frame[:2] + np.array(corner[:2]) for corner in corners]
+    return {k: frame[:2] + np.array(corner[:2]) for k, corner in enumerate(corners) if corner is not None}
 
 
 def one_in_cell(points: np.ndarray, cell: float) -> np.ndarray:
@@ -262,7 +257,7 @@ class Named:
     """
 
     def __init__(
-        self, curve: Curve | None, x: np.ndarray, y: np.ndarray, breaks: np.ndarray | None = None, text: str = "", cited: bool = False
+        self, curve: AtlasCurve | None, x: np.ndarray, y: np.ndarray, breaks: np.ndarray | None = None, text: str = "", cited: bool = False
     ):
         self.curve = curve
         self.x = np.asarray(x, dtype=float)
@@ -295,16 +290,16 @@ class Named:
 
     def names(self) -> list[Named]:
         """The same curve with each of its cited names; itself if it has none."""
-        if self.curve is None or not self.curve.pinned.any():
+        if self.curve is None or not self.curve.cited.any():
             return [self]
-        texts = dict.fromkeys(self.curve.names[self.curve.pinned].tolist())
+        texts = dict.fromkeys(self.curve.names[self.curve.cited].tolist())
         return [Named(self.curve, self.x, self.y, self.breaks, text, True) for text in texts]
 
     def spots(self, room: Room) -> np.ndarray:
         """Places (k, 2) on the page inside the frame, along the part of the curve that has this name."""
         points = np.stack([self.x, self.y], axis=1)
         if self.curve is not None:
-            mine = self.curve.pinned & (self.curve.names == self.text) if self.cited else self.curve.labels == self.text
+            mine = self.curve.cited & (self.curve.names == self.text) if self.cited else self.curve.labels == self.text
             if mine.any():
                 points[~mine] = np.nan
         path = room.to_page(points)

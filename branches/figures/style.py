@@ -6,8 +6,7 @@ import io
 import os
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
-    from matplotlib.ticker import Formatter, Locator
 
 PAGE_WIDTH = 7.2  # inches: both columns of a journal page
 SMALL, NORMAL = 7.0, 8.0  # font sizes in points; nothing is smaller in print
@@ -28,9 +26,8 @@ GREY, PALE = "#7F7F7F", "#DDDDDD"
 LINES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 
 
-@dataclass(frozen=True)
-class EventStyle:
-    """How one type of special point is marked: matplotlib marker, size in points, fill colour, and its name in the legend."""
+class EventStyle(NamedTuple):
+    """The marker of one type of special point: matplotlib marker, size in points, fill colour, and its name in the legend."""
 
     marker: str
     size: float
@@ -52,9 +49,13 @@ EVENT_STYLES = {
 }
 
 
-def event_style(kind: str) -> EventStyle:
-    """The style of an event type; a type that is not in the table gets a plain marker and its own code as name."""
-    return EVENT_STYLES.get(kind, EventStyle("P", 5.6, GREY, kind))
+def event_look(kind: str) -> dict[str, Any]:
+    """The marker of an event type for matplotlib, with its text in the legend. An unknown type gets a plain marker."""
+    style = EVENT_STYLES.get(kind, EventStyle("P", 5.6, GREY, ""))
+    return {
+        "label": f"{kind} {style.name}".strip(), "marker": style.marker, "markersize": style.size, "markerfacecolor": style.colour,
+        "markeredgecolor": BLACK, "markeredgewidth": 0.6, "linestyle": "none",
+    }  # fmt: skip
 
 
 _SETTINGS: dict[str, Any] = {
@@ -172,7 +173,9 @@ def limits_of(values: np.ndarray, margin: float = 0.06, *, log: bool = False) ->
 def set_axis(
     axes: Axes, which: str, limits: tuple[float, float], count: int, words: str, symbol: str, *, log: bool = False
 ) -> None:
-    """Give an axis its limits, at most about `count` ticks, and its text.
+    """Set the limits of an axis, at most about `count` ticks, and its text.
+
+    Ticks of a logarithmic axis are at decades, at 1, 2 and 5 if there are few decades, and as on a linear axis if there are none.
 
     Parameters
     ----------
@@ -182,46 +185,45 @@ def set_axis(
     words, symbol : text of the axis, and its symbol in mathematics
     log : whether the axis is logarithmic
     """
-    from matplotlib.ticker import NullFormatter
+    from matplotlib import ticker
 
     label = f"{words}{' ' if words and not words.endswith(chr(10)) else ''}${symbol}$"
     axes.set(**{f"{which}scale": "log" if log else "linear", f"{which}lim": limits, f"{which}label": label})
     axis = axes.xaxis if which == "x" else axes.yaxis
-    major, minor, texts = _logarithmic_ticks(*limits, count) if log else _linear_ticks(count)
-    axis.set_major_locator(major)
-    axis.set_minor_locator(minor)
-    axis.set_major_formatter(texts)
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _linear_ticks(count: int) -> tuple[Locator, Locator, Formatter]:
-    from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
-
-    texts = ScalarFormatter(useMathText=True)
-    texts.set_powerlimits((-3, 4))
-    return MaxNLocator(count, steps=[1, 2, 5, 10], min_n_ticks=min(count, 3)), NullLocator(), texts
-
-
-def _logarithmic_ticks(low: float, high: float, count: int) -> tuple[Locator, Locator, Formatter]:
-    """Ticks at decades; at 1, 2 and 5 if there are few decades; as on a linear axis if there are none."""
-    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, StrMethodFormatter
-
-    decades = np.arange(np.floor(np.log10(low)), np.log10(high) + 1.0)
-    few = np.outer(10.0**decades, (1.0, 2.0, 5.0))
-    few = few[(few >= low) & (few <= high)]
+    axis.set_minor_formatter(ticker.NullFormatter())
+    few: np.ndarray = np.zeros(0)
+    if log:
+        few = np.outer(10.0 ** np.arange(np.floor(np.log10(limits[0])), np.log10(limits[1]) + 1.0), (1.0, 2.0, 5.0))
+        few = few[(few >= limits[0]) & (few <= limits[1])]
     if len(few) < 3:
-        return _linear_ticks(count)
-    subs = (1.0,) if len(few) > min(2 * count, 8) else (1.0, 2.0, 5.0)
-    plain = low > 1e-5 and high < 1e6
-    texts = StrMethodFormatter("{x:g}") if plain else LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
-    return LogLocator(subs=subs, numticks=count + 1), LogLocator(subs=range(2, 10), numticks=count + 1), texts
+        texts = ticker.ScalarFormatter(useMathText=True)
+        texts.set_powerlimits((-3, 4))
+        axis.set_major_formatter(texts)
+        axis.set_major_locator(ticker.MaxNLocator(count, steps=[1, 2, 5, 10], min_n_ticks=min(count, 3)))
+        axis.set_minor_locator(ticker.NullLocator())
+        return
+    plain = limits[0] > 1e-5 and limits[1] < 1e6
+    axis.set_major_formatter(
+        ticker.StrMethodFormatter("{x:g}") if plain else ticker.LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))
+    )
+    axis.set_major_locator(ticker.LogLocator(subs=(1.0,) if len(few) > min(2 * count, 8) else (1.0, 2.0, 5.0), numticks=count + 1))
+    axis.set_minor_locator(ticker.LogLocator(subs=range(2, 10), numticks=count + 1))
 
 
 _UNDATED: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 
 
-def draw(make: Callable[[], Figure], path_or_file: str | os.PathLike[str] | IO[bytes], format: str | None = None) -> None:
-    """Make a figure and write it without a date, both with the settings of figures. The format is checked first.
+def write_figure(
+    make: Callable[..., Figure], path: str | os.PathLike[str] | IO[bytes], *arguments: Any, format: str | None = None, **options: Any
+) -> None:
+    """Make a figure and write it to a png, pdf or svg file, without a date. The format is checked first.
+
+    Parameters
+    ----------
+    make : callable
+        Returns the figure for `arguments` and `options`.
+    path : path, or binary file open for writing
+    format : "png", "pdf" or "svg"; by default the suffix of the file
 
     Raises
     ------
@@ -230,12 +232,12 @@ def draw(make: Callable[[], Figure], path_or_file: str | os.PathLike[str] | IO[b
     WriteFailure
         If the file cannot be written. An old file is then unchanged.
     """
-    kind = picture_format(path_or_file, format)
+    kind = picture_format(path, format)
     picture = io.BytesIO()
     with picture_settings():
-        make().savefig(picture, format=kind, metadata=_UNDATED[kind])
-    if hasattr(path_or_file, "write"):
-        path_or_file.write(picture.getvalue())
+        make(*arguments, **options).savefig(picture, format=kind, metadata=_UNDATED[kind])
+    if hasattr(path, "write"):
+        path.write(picture.getvalue())
         return
-    with replacing(path_or_file) as beside:
+    with replacing(path) as beside:
         beside.write_bytes(picture.getvalue())

@@ -18,40 +18,24 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.naming.matching import ReferencePoint
 
-__all__ = ["PinnedName", "pinned_names"]
-
 _GREEK = {"mu": r"\mu", "sigma": r"\sigma", "lam": r"\lambda", "rho": r"\rho", "alpha": r"\alpha"}
 
 
-def _letter_and_number(name: str) -> tuple[str, str] | None:
-    parts = re.fullmatch(r"([A-Za-z]|mu|sigma|lam|rho|alpha)_?(\d*)", name)
-    return (_GREEK.get(parts[1], parts[1]), f"_{{{parts[2]}}}" if parts[2] else "") if parts else None
-
-
-def symbol_of(name: str) -> str:
-    """Math symbol of a coordinate or a parameter: a letter or Greek name with a number becomes an index.
+def symbol_of(name: str, *, velocity: bool = False) -> str:
+    """Math symbol of a coordinate, of its velocity, or of a parameter. A letter or Greek name with a number becomes an index.
 
     Examples
     --------
     >>> symbol_of("u12"), symbol_of("sigma"), symbol_of("hull_x")
     ('u_{12}', '\\\\sigma', '\\\\mathrm{hull\\\\_x}')
-    """
-    parts = _letter_and_number(name)
-    if parts:
-        return "".join(parts)
-    return r"\mathrm{" + re.sub(r"[\\^~]|([$#%&_{} ])", lambda m: "\\" + m[1] if m[1] else "", name) + "}"
-
-
-def velocity_symbol(name: str) -> str:
-    """Math symbol of a coordinate's velocity.
-
-    Examples
-    --------
-    >>> velocity_symbol("u1"), velocity_symbol("hull")
+    >>> symbol_of("u1", velocity=True), symbol_of("hull", velocity=True)
     ('\\\\dot{u}_{1}', "\\\\mathrm{hull}'")
     """
-    parts = _letter_and_number(name)
-    return rf"\dot{{{parts[0]}}}{parts[1]}" if parts else symbol_of(name) + "'"
+    parts = re.fullmatch(r"([A-Za-z]|mu|sigma|lam|rho|alpha)_?(\d*)", name)
+    if not parts:
+        return r"\mathrm{" + re.sub(r"[\\^~]|([$#%&_{} ])", lambda m: "\\" + m[1] if m[1] else "", name) + "}" + "'" * velocity
+    letter = _GREEK.get(parts[1], parts[1])
+    return (rf"\dot{{{letter}}}" if velocity else letter) + (f"_{{{parts[2]}}}" if parts[2] else "")
 
 
 def system_text(system: Any) -> str:
@@ -121,9 +105,9 @@ def gap_symbol(gap: tuple[float, ...], coordinates: tuple[str, ...]) -> str:
     return text
 
 
-class PinnedName(NamedTuple):
+class CitedName(NamedTuple):
     """A name that a family goes by: at the points whose label it is, or, where the half-waves are counted otherwise, at the energy and
-    quarter period of the pin."""
+    quarter period of the reference point."""
 
     text: str
     label: Label
@@ -141,24 +125,19 @@ class PinnedName(NamedTuple):
         return mine
 
 
-def pinned_names(branches: Iterable[Branch], pins: Mapping[str, ReferencePoint]) -> dict[str, list[PinnedName]]:
-    """The pinned names of families, by their ids.
+def cited_names(branches: Iterable[Branch], points: Mapping[str, ReferencePoint]) -> dict[str, list[CitedName]]:
+    """The names that a scene cites for families, by their ids.
 
-    A pin with energy and quarter period is for the one family that has the orbit: of those with the label, or else of those that have
-    its impacts. Another one is for every family with the label.
-
-    Parameters
-    ----------
-    branches : iterable of Branch
-    pins : mapping of names to {"h", "alpha"}, both, one or none of them
+    `points` are the reference points {"h", "alpha"} by name, with both, one or none of the values. One with both is for the single family
+    that has the orbit: of those with the label, or else of those that have its impacts. Another one is for every family with the label.
     """
     families = [_Family.of(branch) for branch in branches]
-    out: dict[str, list[PinnedName]] = {}
-    for text, pin in pins.items():
+    out: dict[str, list[CitedName]] = {}
+    for text, point in points.items():
         label = parse_name(text).label
         if label is None:
             continue
-        h, alpha = pin.get("h"), pin.get("alpha")
+        h, alpha = point.get("h"), point.get("alpha")
         near = [family for family in families if family.reaches(h, alpha)]
         for id, name in _named(near, text, label, h, alpha):
             out.setdefault(id, []).append(name)
@@ -166,7 +145,7 @@ def pinned_names(branches: Iterable[Branch], pins: Mapping[str, ReferencePoint])
 
 
 class _Family(NamedTuple):
-    """What tells quickly that a pin is elsewhere: the ranges and labels of a family."""
+    """The ranges and labels of a family, which show quickly that a reference point is elsewhere."""
 
     branch: Branch
     h: tuple[float, float]
@@ -180,7 +159,7 @@ class _Family(NamedTuple):
         return cls(branch, (float(h.min()), float(h.max())), (float(alpha.min()), float(alpha.max())), labels)
 
     def reaches(self, h: float | None, alpha: float | None) -> bool:
-        """Whether an orbit at a pin can be on it; its quarter period is known to `REFERENCE_TOLERANCE`."""
+        """Whether an orbit at a reference point can be on it; its quarter period is known to `REFERENCE_TOLERANCE`."""
         if h is not None and not reaches(self.h, h):
             return False
         slack = 0.0 if h is None else REFERENCE_TOLERANCE
@@ -193,19 +172,19 @@ class _Family(NamedTuple):
 
 def _named(
     families: Sequence[_Family], text: str, label: Label, h: float | None, alpha: float | None
-) -> list[tuple[str, PinnedName]]:
+) -> list[tuple[str, CitedName]]:
     for same in (matches, fits_otherwise):
         fits = _test(same, label)
         having = [family for family in families if any(map(fits, family.labels))]
         if h is None and alpha is None:
-            return [(family.branch.id, PinnedName(text, label)) for family in having]
+            return [(family.branch.id, CitedName(text, label)) for family in having]
         found = {family.branch.id: nearest_crossing(family.track(), h, alpha, fits) for family in having}
-        misses = {id: crossing[0] for id, crossing in found.items() if crossing is not None}
+        distances = {id: crossing[0] for id, crossing in found.items() if crossing is not None}
         if h is None or alpha is None:
-            return [(id, PinnedName(text, label)) for id in misses]
-        if misses:
-            id = min(misses, key=lambda id: misses[id])
-            return [(id, PinnedName(text, label) if same is matches else PinnedName(text, label, h, alpha))]
+            return [(id, CitedName(text, label)) for id in distances]
+        if distances:
+            id = min(distances, key=lambda id: distances[id])
+            return [(id, CitedName(text, label) if same is matches else CitedName(text, label, h, alpha))]
     return []
 
 

@@ -187,8 +187,9 @@ def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:
         return json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False)
 
     def plot(path: Path) -> None:
-        from branches.figures.branch import draw_branch
+        from branches.figures.branch import branch_figure
+        from branches.figures.style import write_figure
 
-        draw_branch(branch, path, frequency=frequency)
+        write_figure(branch_figure, path, branch, frequency=frequency)
 
     return files.write({"json": lambda: to_json(branch), "csv": lambda: to_csv(branch)}, table=table, about=about, plot=plot)

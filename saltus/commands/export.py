@@ -213,11 +213,12 @@ def _picture(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
         write_atlas(atlas, path)
 
     def plot(path: Path) -> None:
-        from branches.figures.atlas import draw_atlas, draw_velocities
+        from branches.figures.atlas import draw_atlas, velocities_figure
+        from branches.figures.style import write_figure
 
         names = {} if arguments.names is None else {"names": arguments.names}
         if arguments.what == "velocities":
-            draw_velocities(atlas, path, **names)
+            write_figure(velocities_figure, path, atlas, **names)
         else:
             draw_atlas(atlas, path, frequency=arguments.frequency, insets=insets, **names)
 
@@ -270,7 +271,8 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
         bounds, missing = regime_bounds(system, everything)
         for text in missing:
             print(f"note   no bound {text}", flush=True)
-    atlas = atlas_of(system, branches, pinned=scene.names_for(system), manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
+    points = scene.names_for(system)
+    atlas = atlas_of(system, branches, reference_points=points, manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
     return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
 
 

@@ -54,9 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.record import orbit_to_csv, orbit_to_json
 
     def plot(path: Path) -> None:
-        from branches.figures.orbit import draw_orbit
+        from branches.figures.orbit import orbit_figure
+        from branches.figures.style import write_figure
 
-        draw_orbit(orbit, path)
+        write_figure(orbit_figure, path, orbit)
 
     texts = {"json": lambda: orbit_to_json(orbit), "csv": lambda: orbit_to_csv(orbit)}
     return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), plot=plot)

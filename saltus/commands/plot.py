@@ -59,9 +59,10 @@ def run(arguments: argparse.Namespace) -> int:
     files.report(best_lines(study, study.best(best), best))
 
     def plot(path: Path) -> None:
-        from transitions.figures.study import draw_study
+        from branches.figures.style import write_figure
+        from transitions.figures import study as figures
 
-        draw_study(study, path, view, **options)
+        write_figure(getattr(figures, f"{view}_figure"), path, study, **options)
 
     return files.write(plot=plot)
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from saltus.motion.start import Start
     from saltus.scene import Scene
     from saltus.terminal import ProgressBar
-    from transitions.empirical import Modes
+    from transitions.empirical import IntrinsicModes
     from transitions.transition import Transition
 
 __all__ = ["add_arguments", "run"]
@@ -114,7 +114,7 @@ def _write(
     start: Start,
     report: MotionReport,
     locked: MotionReport | None,
-    modes: Modes | None,
+    modes: IntrinsicModes | None,
     hurry: Callable[[], bool],
 ) -> int:
     """Print and write what was computed; return the exit code."""

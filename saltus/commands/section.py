@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from transitions.section.plane import SectionPlane
     from transitions.section.rotation import Rotations
     from transitions.section.section import Section
-    from transitions.section.view import Mark, SectionView
+    from transitions.section.view import OrbitMark, SectionView
 
 __all__ = ["add_arguments", "run"]
 
@@ -102,10 +102,11 @@ def run(arguments: argparse.Namespace) -> int:
         files.report([f"note   {caption}"])
 
     def plot(path: Path) -> None:
-        from transitions.figures.section import draw_sections
+        from branches.figures.style import write_figure
+        from transitions.figures.section import section_figure
 
         names = {} if arguments.names is None else {"names": arguments.names}
-        draw_sections(views, path, colour=arguments.colour, caption=caption, **names)
+        write_figure(section_figure, path, views, colour=arguments.colour, caption=caption, **names)
 
     from transitions.section.view import views_table
 
@@ -170,10 +171,10 @@ def _compile(plane: SectionPlane) -> None:
     """Have the kernels compiled before time is measured."""
     from saltus.processes import report_compiling
     from transitions.kernels.section import follow_section
-    from transitions.section.section import follow
+    from transitions.section.section import follow_crossings
 
     report_compiling(follow_section)
-    follow(plane, plane.starts(1), 2)
+    follow_crossings(plane, plane.starts(1), 2)
 
 
 def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalogue | None) -> tuple[SectionView, float]:
@@ -194,7 +195,7 @@ def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalog
             on_orbits=bar.update,
         )
         seconds = time.perf_counter() - begun
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[OrbitMark, ...] = ()
     if catalogue is not None:
         from transitions.section.view import catalogue_marks
 

@@ -37,10 +37,11 @@ def run(arguments: argparse.Namespace) -> int:
         orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
 
     def plot(path: Path) -> None:
-        from branches.figures.orbit import draw_orbit
+        from branches.figures.orbit import orbit_figure
+        from branches.figures.style import write_figure
 
         assert orbit is not None
-        draw_orbit(orbit, path)
+        write_figure(orbit_figure, path, orbit)
 
     return files.finish(lines, lambda: record, plot=plot, notes={"plot": f"the orbit {name}"})
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from saltus.motion.simulation import ImpactTable, MotionReport
     from saltus.motion.start import Start
     from saltus.scene import Scene
-    from transitions.empirical import Modes
+    from transitions.empirical import IntrinsicModes
 
 __all__ = ["motion_json", "mode_table", "motion_record", "sample_table"]
 
@@ -33,7 +33,7 @@ PATIENCE = 2.0
 
 
 def motion_record(
-    report: MotionReport, scene: Scene, start: Start, units: Units, locked: MotionReport | None = None, modes: Modes | None = None
+    report: MotionReport, scene: Scene, start: Start, units: Units, locked: MotionReport | None = None, modes: IntrinsicModes | None = None
 ) -> dict[str, Any]:
     """The motion as JSON has it; its impacts are in `saltus.motion.simulation.impact_table`."""
     from transitions.stage import stages_as_data
@@ -227,7 +227,7 @@ def _in_units(stage: dict[str, Any], units: Units) -> dict[str, Any]:
     return out
 
 
-def modes_record(modes: Modes | None, units: Units) -> dict[str, Any] | None:
+def modes_record(modes: IntrinsicModes | None, units: Units) -> dict[str, Any] | None:
     """The modes as JSON has them: of each its mean frequency, weighted by its squared amplitude (None where it has none), and the root
     mean square of itself."""
     if modes is None:
@@ -241,7 +241,7 @@ def modes_record(modes: Modes | None, units: Units) -> dict[str, Any] | None:
     }
 
 
-def mode_table(modes: Modes | None, units: Units) -> Table:
+def mode_table(modes: IntrinsicModes | None, units: Units) -> Table:
     """The modes over time, with amplitude and frequency by the Hilbert transform, (m, k) each; nothing where there are none."""
     if modes is None:
         return {}

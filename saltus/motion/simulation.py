@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from saltus.motion.start import Start
     from saltus.options import Units
     from saltus.scene import Scene
-    from transitions.empirical import Modes
+    from transitions.empirical import IntrinsicModes
     from transitions.record import Extents
     from transitions.sharing import Sharing
     from transitions.stage import Stage, StartFamily
@@ -289,7 +289,7 @@ def require_sifting() -> None:
         raise BadInput(str(error)) from error
 
 
-def modes_of_motion(report: MotionReport) -> Modes | None:
+def modes_of_motion(report: MotionReport) -> IntrinsicModes | None:
     """The empirical modes of the relative displacement over the record that the stages are computed from; None where there is no record."""
     from transitions.empirical import decompose
 

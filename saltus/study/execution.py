@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
     from saltus.scene import Scene
     from saltus.study.file import StudyFile
-    from transitions.study.plan import Plan
+    from transitions.study.plan import StudyPlan
     from transitions.study.runs import Starts
 
 __all__ = ["carry_out", "check_folder", "family_seeds", "find_all_starts", "find_starts", "keep_starts", "kept_starts"]
@@ -36,7 +36,7 @@ _OF_ORBITS = ("mu", "sigma")
 """Parameters that orbits of the undamped elastic system depend on."""
 
 
-def check_folder(folder: Path, plan: Plan, kind: str) -> None:
+def check_folder(folder: Path, plan: StudyPlan, kind: str) -> None:
     """Refuse a folder that holds another study, or something else.
 
     Raises
@@ -69,7 +69,7 @@ def _is_own(name: str) -> bool:
     return name.startswith(("block-", "starts.", ".saltus-", "study.json"))
 
 
-def _difference(other: Plan, plan: Plan) -> str:
+def _difference(other: StudyPlan, plan: StudyPlan) -> str:
     """The first thing in which two plans differ."""
     theirs, ours = other.plain(), plan.plain()
     for key in ours:
@@ -131,7 +131,7 @@ class FamilyStarts(NamedTuple):
     error: str = ""
 
 
-def family_seeds(plan: Plan, scene: Scene) -> list[FamilySeed]:
+def family_seeds(plan: StudyPlan, scene: Scene) -> list[FamilySeed]:
     """The families of a plan of a scene, with the energies of their runs."""
     from bvp.system import ImpactSystem
     from transitions.study.plan import IMPULSIVE
@@ -243,7 +243,7 @@ def find_all_starts(study: StudyFile, executor: Executor) -> Starts | None:
     return Starts(states, leaving)
 
 
-def _family_error(plan: Plan, seed: FamilySeed, error: str) -> str:
+def _family_error(plan: StudyPlan, seed: FamilySeed, error: str) -> str:
     """What was wrong with a family, and in which system, where that is varied."""
     described: dict[str, Any] = json.loads(seed.system)
     where = ", ".join(f"{name} = {described[name]:.6g}" for name in _OF_ORBITS if name in plan.names)
@@ -265,7 +265,7 @@ class _Block(NamedTuple):
     starts: Starts | None
 
 
-def _work(plan: Plan, block: _Block) -> dict[str, np.ndarray]:
+def _work(plan: StudyPlan, block: _Block) -> dict[str, np.ndarray]:
     """Run a block: in any process, from plain data."""
     from transitions.study.runs import run_block
 
@@ -273,7 +273,7 @@ def _work(plan: Plan, block: _Block) -> dict[str, np.ndarray]:
 
 
 def carry_out(
-    plan: Plan, starts: Starts | None, folder: Path, kind: str, finished: set[int], executor: Executor, workers: int,
+    plan: StudyPlan, starts: Starts | None, folder: Path, kind: str, finished: set[int], executor: Executor, workers: int,
     on_progress: Callable[[int], None],
 ) -> None:  # fmt: skip
     """Run the blocks of a plan that are not finished, and write each.

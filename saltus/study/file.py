@@ -14,7 +14,7 @@ from saltus.scene.toml import NUMBER, POSITIVE, TEXT, TEXTS, WHOLE, TomlTable, p
 
 if TYPE_CHECKING:
     from saltus.scene import Scene
-    from transitions.study.plan import Axis, Plan
+    from transitions.study.plan import Axis, StudyPlan
 
 __all__ = ["StudyFile", "read_study_file"]
 
@@ -40,11 +40,11 @@ class StudyFile:
     ----------
     scene : saltus.Scene
         With the fixed parameters of its model.
-    plan : Plan
+    plan : StudyPlan
     """
 
     scene: Scene
-    plan: Plan
+    plan: StudyPlan
 
 
 def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
@@ -60,7 +60,7 @@ def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
 
 def _read(file: TomlTable, folder: Path) -> StudyFile:
     from saltus.scene import load_scene
-    from transitions.study.plan import FAMILY, Plan
+    from transitions.study.plan import FAMILY, StudyPlan
 
     file.only("title", "scene", "design", "runs", "seed", "units", "block", "vary", "fixed", "run")
     design = file.choice("design", ("grid", "hypercube"))
@@ -84,7 +84,7 @@ def _read(file: TomlTable, folder: Path) -> StudyFile:
         raise BadInput(f"{file.where}: how does a run start? expected energy or impulse under [vary] or [fixed]")
     if FAMILY in start and given != ["energy"]:
         raise BadInput(f"{file.where}: a family's orbit is chosen by its energy; expected energy under [vary] or [fixed]")
-    plan = Plan(
+    plan = StudyPlan(
         system=scene.system.describe(),
         nes=scene.nes,
         lo=scene.lo,

@@ -41,5 +41,5 @@ def atlas():
     bounds, missing = regime_bounds(SYSTEM, families())
     assert not missing
     return atlas_of(
-        SYSTEM, families(), pinned=PINS, manifold=curve(), impulsive=impulsive(), bounds=bounds, energy=ENERGY
+        SYSTEM, families(), reference_points=PINS, manifold=curve(), impulsive=impulsive(), bounds=bounds, energy=ENERGY
     )

@@ -13,12 +13,13 @@ from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 
 from benchmarks import backbone
+from branches.export import figure_data
 from branches.export.figure_data import ExportError, read_atlas, write_atlas
-from branches.figures.atlas import atlas_figure, draw_atlas, draw_velocities, velocities_figure
+from branches.figures.atlas import atlas_figure, draw_atlas, velocities_figure
 from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescaled, thresholds_of
 from branches.figures.insets import parse_inset
 from branches.figures.room import even_points, overlapping, short_name
-from branches.figures.style import legend_below
+from branches.figures.style import legend_below, write_figure
 from branches.naming.labels import canonical_label, parse
 from tests.branches import atlas_families as real
 from tests.branches.test_diagram import assert_texts_apart, by_gid, panels_of, text_boxes
@@ -136,7 +137,7 @@ def test_the_manifold_is_dots_joined_where_it_does_not_jump():
 
 
 def test_names_are_counted_and_pinned_ones_come_first():
-    """Oracle: the texts in the picture; with room for three, both pinned families and the one with the longest range of energies."""
+    """Oracle: the texts in the picture; with room for three, both cited families and the one with the longest range of energies."""
     data = real.atlas()
     total = len({curve.family for curve in data.curves})
     for most in (3, 1000):
@@ -148,7 +149,7 @@ def test_names_are_counted_and_pinned_ones_come_first():
         assert f"of {total} families named" in note and "named" not in axes.get_xlabel()
         assert count == len(texts) <= most
         if most == 3:
-            others = [curve for curve in data.curves if not curve.pinned.any()]
+            others = [curve for curve in data.curves if not curve.cited.any()]
             widest = max(others, key=lambda curve: curve.h.max() / curve.h.min())
             assert count == 3 and {r"$\mathrm{S13}^{+}$", r"$\mathrm{S31O11}^{+}$"} < texts
             assert widest.label in ("S11O00-",) and r"$\mathrm{S11}^{-}$" in texts
@@ -168,10 +169,10 @@ PINS = {
 def test_a_pin_marks_its_family_at_its_place():
     """Oracle: the scene's own pins. U11+ and U21- are labels of the family that leaves S13+, U21+ is the literature's name of a point
     that counts as U1101+; S31O11- counts as S33O11- there; a pin of a family that is not there, and one where no orbit is, mark nothing."""
-    data = atlas_of(real.SYSTEM, real.families(), pinned=PINS)
+    data = atlas_of(real.SYSTEM, real.families(), reference_points=PINS)
     marked = {}
     for curve in data.curves:
-        for name in dict.fromkeys(curve.names[curve.pinned].tolist()):
+        for name in dict.fromkeys(curve.names[curve.cited].tolist()):
             assert name not in marked
             marked[name] = curve
     assert set(marked) == {"U11+", "U21+", "U21-", "S31O11-", "S11-"}
@@ -179,7 +180,7 @@ def test_a_pin_marks_its_family_at_its_place():
     assert born is marked["U21+"] is marked["U21-"] and "U1101+" in born.labels
     for name, label in (("U11+", "U1101+"), ("U21-", "U2101-"), ("S11-", "S11O00-")):
         curve = marked[name]
-        here = set(curve.labels[(curve.names == name) & curve.pinned].tolist())
+        here = set(curve.labels[(curve.names == name) & curve.cited].tolist())
         assert {str(canonical_label(parse(text))) for text in here} == {label}
     for name, label in (("U21+", "U1101+"), ("S31O11-", "S33O11-")):
         curve = marked[name]
@@ -190,9 +191,10 @@ def test_a_pin_marks_its_family_at_its_place():
 
 
 @pytest.mark.parametrize("figure", [atlas_figure, velocities_figure])
-def test_pinned_names_are_written_as_the_scene_writes_them(figure):
+def test_cited_names_are_written_as_the_scene_writes_them(figure):
     """Oracle: the texts of the picture; three names of one family count as one family."""
-    data = atlas_of(real.SYSTEM, real.families()[:2] + tuple(b for b in real.families() if "U1101+" in b.points["label"]), pinned=PINS)
+    families = real.families()[:2] + tuple(b for b in real.families() if "U1101+" in b.points["label"])
+    data = atlas_of(real.SYSTEM, families, reference_points=PINS)
     drawn = figure(data)
     texts = {text.get_text() for axes in drawn.axes for text in axes.texts}
     note = drawn.legends[0].get_title().get_text()
@@ -202,8 +204,8 @@ def test_pinned_names_are_written_as_the_scene_writes_them(figure):
 
 def test_a_pin_outside_the_energies_shown_marks_nothing():
     """Oracle: the range."""
-    data = atlas_of(real.SYSTEM, real.families(), pinned=PINS, energy=(0.56, 1.4))
-    assert {name for curve in data.curves for name in curve.names[curve.pinned]} == {"U21-", "S11-"}
+    data = atlas_of(real.SYSTEM, real.families(), reference_points=PINS, energy=(0.56, 1.4))
+    assert {name for curve in data.curves for name in curve.names[curve.cited]} == {"U21-", "S11-"}
 
 
 def test_insets_show_what_their_frames_frame_and_cover_nothing_but_empty_ground():
@@ -334,7 +336,7 @@ def test_equal_names_are_told_apart_and_families_without_a_label_have_a_short_id
     data = real.atlas()
     blank = np.full(len(data.curves[0].h), "")
     some = [
-        replace(data.curves[0], family=f"rest-stop+::{hash}", h=10.0**k * data.curves[0].h, pinned=blank == "x", **names)
+        replace(data.curves[0], family=f"rest-stop+::{hash}", h=10.0**k * data.curves[0].h, cited=blank == "x", **names)
         for k, (hash, names) in enumerate(
             [("aaaa1111", {}), ("bbbb2222", {}), ("bbbb2333", {}), ("cccc4444", {"names": blank, "labels": blank})]
         )
@@ -415,14 +417,14 @@ def test_each_name_has_a_leader_to_its_curve():
         assert box.x0 - 1 <= tip[0] <= box.x1 + 1 and box.y0 - 1 <= tip[1] <= box.y1 + 1
 
 
-def test_pinned_names_hide_no_curve_where_there_is_room():
+def test_cited_names_hide_no_curve_where_there_is_room():
     """Oracle: the drawn lines, half a point at a time, in the renderer's box of each name; at these energies all have room."""
-    data = atlas_of(real.SYSTEM, real.families(), pinned=PINS, energy=(0.05, 1.0))
+    data = atlas_of(real.SYSTEM, real.families(), reference_points=PINS, energy=(0.05, 1.0))
     axes = panels_of(atlas_figure(data))["frequency"]
     axes.figure.draw_without_rendering()
-    pinned = {short_name(name) for name in PINS}
-    assert sum(text.get_text() in pinned for text in axes.texts) >= 4
-    assert_names_off(along(line for line in axes.get_lines() if line.get_linestyle() != "None"), axes, pinned)
+    cited = {short_name(name) for name in PINS}
+    assert sum(text.get_text() in cited for text in axes.texts) >= 4
+    assert_names_off(along(line for line in axes.get_lines() if line.get_linestyle() != "None"), axes, cited)
 
 
 def test_names_in_insets_count():
@@ -593,6 +595,10 @@ def test_a_picture_drawn_from_its_exported_data_is_the_same(kind, tmp_path):
     """Oracle: the bytes of the pictures drawn from the families and from the file, of both kinds, scaled and not."""
     some = replace(real.atlas(), curves=real.atlas().curves[:8])
     ranged = rescaled(atlas_of(real.SYSTEM, real.families()[:3], energy=(0.5, 2.0)), 2.0)
+
+    def draw_velocities(data, path, **options):
+        write_figure(velocities_figure, path, data, **options)
+
     for data, draw in ((some, draw_atlas), (rescaled(some, 0.013, 7.7), draw_velocities), (ranged, draw_atlas)):
         path = tmp_path / f"data.{kind}"
         write_atlas(data, path)
@@ -600,7 +606,7 @@ def test_a_picture_drawn_from_its_exported_data_is_the_same(kind, tmp_path):
         assert picture(again, draw) == picture(data, draw)
         for before, after in zip(data.curves, again.curves, strict=True):
             assert (after.family, after.label) == (before.family, before.label)
-            for name in ("names", "pinned", "h", "alpha", "frequency", "frequency_index", "half_waves", "stable", "velocities", "labels"):
+            for name in ("names", "cited", "h", "alpha", "frequency", "frequency_index", "half_waves", "stable", "velocities", "labels"):
                 np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
 
 
@@ -620,6 +626,18 @@ def test_tables_can_be_read_without_this_program(tmp_path):
     mat = loadmat(tmp_path / "data.mat")
     np.testing.assert_array_equal(mat["h"][: len(data.curves[0].h), 0], data.curves[0].h)
     assert mat["name"][0].rstrip() == data.curves[0].names[0]
+
+
+@pytest.mark.parametrize("kind", ["csv", "json", "npz", "mat"])
+def test_files_of_schema_1_are_read(kind, tmp_path):
+    """Oracle: the same atlas from a file of today. In schema 1 the column `cited` was called `pinned`."""
+    layout = replace(figure_data._LAYOUT, columns=tuple(name.replace("cited", "pinned") for name in figure_data.COLUMNS))
+    data = replace(real.atlas(), curves=real.atlas().curves[:8])
+    about, columns = figure_data.to_table(data)
+    columns = {name.replace("cited", "pinned"): values for name, values in columns.items()}
+    figure_data.write_figure_data(layout, {**about, "schema": 1}, columns, tmp_path / f"old.{kind}")
+    for before, after in zip(data.curves, read_atlas(tmp_path / f"old.{kind}").curves, strict=True):
+        np.testing.assert_array_equal(before.cited, after.cited)
 
 
 def test_files_that_cannot_be_read(tmp_path):

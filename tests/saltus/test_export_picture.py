@@ -125,5 +125,5 @@ def test_the_names_of_the_scene_come_first(folder, tmp_path):
     code, _, err = told(f"export fep --branches {folder}/0.json {folder}/1.json --json {tmp_path}/a.json")
     assert code == 0, err
     columns = json.loads((tmp_path / "a.json").read_text())["columns"]
-    names = {(name, label) for name, label, pinned in zip(columns["name"], columns["label"], columns["pinned"], strict=True) if pinned}
+    names = {(name, label) for name, label, cited in zip(columns["name"], columns["label"], columns["cited"], strict=True) if cited}
     assert names == {("S13+", "S13O00+"), ("S11-", "S11O00-")}

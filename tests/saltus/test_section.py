@@ -102,10 +102,8 @@ def test_rotation_numbers_say_about_which_point(tmp_path):
 
 def test_a_system_that_loses_energy_is_told_as_one(tmp_path, monkeypatch):
     """Oracle: the words; the energies of the file fall, and colour the picture unless another colour is given."""
-    from transitions.figures import section_picture
-
     colours = []
-    monkeypatch.setattr(section_picture, "draw_sections", lambda views, path, **options: colours.append(options["colour"]))
+    monkeypatch.setattr("branches.figures.style.write_figure", lambda make, path, views, **options: colours.append(options["colour"]))
     for more in ("--rho 0.7", "--rho 0.7 --colour none", ""):
         told(f"section --energy 0.5 {SMALL} {more} --plot {tmp_path}/b.png")
     assert colours == ["energy", "none", "none"]
@@ -146,7 +144,7 @@ def test_an_interruption_keeps_what_was_followed(tmp_path, monkeypatch):
     """Oracle: exit code 130 and the orbits of the first batch."""
     import transitions.section.section as module
 
-    follow, calls = module.follow, []
+    follow, calls = module.follow_crossings, []
 
     def interrupted(plane, starts, *arguments, **options):
         calls.append(len(starts))
@@ -154,7 +152,7 @@ def test_an_interruption_keeps_what_was_followed(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return follow(plane, starts, *arguments, **options)
 
-    monkeypatch.setattr(module, "follow", interrupted)
+    monkeypatch.setattr(module, "follow_crossings", interrupted)
     code, _, err = told(f"section --energy 0.06 --orbits 100 --crossings 5 --json {tmp_path}/a.json")
     assert code == 130 and "interrupted" in err
     assert len(json.loads((tmp_path / "a.json").read_text())["sections"][0]["orbits"]) == 32

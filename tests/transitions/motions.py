@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bvp.simulate import simulate
-from transitions.record import Record, sampled
+from transitions.record import SampledMotion, sampled
 from transitions.sharing import sharing_of
 
 
@@ -15,7 +15,7 @@ def synthetic(times, signal, rate, energy=None, impacts=()):
     energy = np.ones(len(times)) if energy is None else energy
     u, v = (np.stack([values, still], axis=1) for values in (signal, rate))
     lost = energy[0] - energy
-    return Record(times, u, v, energy, energy, still, 0.75 * lost, 0.25 * lost, impacts)
+    return SampledMotion(times, u, v, energy, energy, still, 0.75 * lost, 0.25 * lost, impacts)
 
 
 def of_run(system, u, v, duration, step=0.02):

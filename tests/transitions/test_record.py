@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from transitions.record import Record
+from transitions.record import SampledMotion
 
 
 def columns(**changed):
@@ -23,7 +23,7 @@ def columns(**changed):
 def test_columns_are_kept_and_cannot_be_changed():
     """Oracle: the columns given."""
     u = np.arange(8.0).reshape(4, 2)
-    record = Record(**columns(displacements=u, velocities=2.0 * u))
+    record = SampledMotion(**columns(displacements=u, velocities=2.0 * u))
     w, rate = record.along((1.0, -1.0))
     assert record.step == 0.5 and record.duration == 1.5 and record.degrees_of_freedom == 2
     np.testing.assert_array_equal(w, [-1.0] * 4)
@@ -44,12 +44,13 @@ def test_rest_is_a_state_that_is_rounding_of_the_motion(name, start, rest):
     for values in moving.values():
         values[0] = 0.0
     moving[name][0, 1] = start
-    assert Record(**columns(**moving, energy=[1e-33, 1.0, 1.0, 1.0])).from_rest is rest
+    assert SampledMotion(**columns(**moving, energy=[1e-33, 1.0, 1.0, 1.0])).from_rest is rest
 
 
 def test_a_translation_without_energy_is_rest():
     """Oracle: by definition; there is no energy to refer to."""
-    assert Record(**columns(displacements=np.ones((4, 2)), velocities=[[0, 0], [1, 1], [1, 1], [1, 1]], energy=[0, 1, 1, 1])).from_rest
+    rising = columns(displacements=np.ones((4, 2)), velocities=[[0, 0], [1, 1], [1, 1], [1, 1]], energy=[0, 1, 1, 1])
+    assert SampledMotion(**rising).from_rest
 
 
 @pytest.mark.parametrize(
@@ -71,11 +72,11 @@ def test_a_translation_without_energy_is_rest():
 def test_what_does_not_fit_is_refused_in_one_line(changed, said):
     """Oracle: the words."""
     with pytest.raises(ValueError, match=said) as caught:
-        Record(**columns(**changed))
+        SampledMotion(**columns(**changed))
     assert "\n" not in str(caught.value)
 
 
 def test_a_gap_coordinate_of_another_system_is_refused():
     """Oracle: the number of entries."""
     with pytest.raises(ValueError, match="3 entries; the record has 2"):
-        Record(**columns()).along((1.0, -1.0, 0.0))
+        SampledMotion(**columns()).along((1.0, -1.0, 0.0))

@@ -12,7 +12,7 @@ from tests.branches.traced import traced
 from transitions.kernels import section as kernels
 from transitions.section import section as section_module
 from transitions.section.plane import SectionPlane
-from transitions.section.section import SectionEnd, follow, section
+from transitions.section.section import SectionEnd, follow_crossings, section
 
 
 def uncoupled(stiffness=0.0, coordinates=("a", "b"), order=(0, 1)):
@@ -61,7 +61,7 @@ def test_uncoupled_motion_has_a_known_map():
     for order in ((0, 1), (1, 0)):
         plane = SectionPlane(uncoupled(order=order), 0.5)
         starts = plane.starts(12)
-        found = follow(plane, starts, 500)
+        found = follow_crossings(plane, starts, 500)
         times = 2.0 * math.pi * np.arange(500)
         assert np.abs(found.times - times).max() < 2e-12 * times[-1]
         folded = (starts[:, :1] + starts[:, 1:] * times + 1.0) % 4.0
@@ -79,7 +79,7 @@ def test_the_derivative_of_the_map_of_uncoupled_motion_grows_linearly():
     plane = SectionPlane(uncoupled(), 0.5)
     starts = plane.starts(10)
     for direction, image in (([1.0, 0.0], [1.0, 0.0]), ([0.0, 1.0], [2.0 * math.pi * 30, 1.0])):
-        found = follow(plane, starts, 31, directions=np.tile(direction, (10, 1)))
+        found = follow_crossings(plane, starts, 31, directions=np.tile(direction, (10, 1)))
         changes = np.exp(found.growths[:, 30, None]) * found.tangents[:, 30]
         assert np.abs(np.abs(changes) - image).max() < 1e-9 * np.max(image)
 
@@ -90,7 +90,7 @@ def test_a_crossing_at_an_impact_counts_once(ulps):
     plane = SectionPlane(uncoupled(), 0.5)
     speed = 1.0 / (2.0 * math.pi)
     speed += ulps * np.spacing(speed)
-    found = follow(plane, np.array([[0.0, speed]]), 60)
+    found = follow_crossings(plane, np.array([[0.0, speed]]), 60)
     assert np.abs(found.times[0] - 2.0 * math.pi * np.arange(60)).max() < 1e-11
     assert found.impacts[0] >= 28
 
@@ -163,7 +163,7 @@ def test_crossings_have_the_times_of_fifty_digits(mu, sigma, energy, start):
     plane = SectionPlane(system, energy)
     starts = plane.starts(8)[start : start + 1]
     u, v = plane.states(starts)
-    found = follow(plane, starts, 9)
+    found = follow_crossings(plane, starts, 9)
     exact = fine_motion(system, np.concatenate([u[0], v[0]]), 8)
     assert found.impacts[0] > 3
     for k, (time, x, y) in enumerate(exact, 1):
@@ -178,7 +178,7 @@ def test_dense_sampling_finds_no_crossing_that_was_missed(system):
     as many up to pairs closer than the grid."""
     plane = SectionPlane(system, 0.7)
     starts = plane.starts(6)
-    found = follow(plane, starts, 25)
+    found = follow_crossings(plane, starts, 25)
     u, v = plane.states(starts)
     for m in range(6):
         count = int(found.counts[m])
@@ -216,7 +216,7 @@ def test_the_map_keeps_areas():
         starts = plane.starts(30)
         columns = []
         for direction in ([1.0, 0.0], [0.0, 1.0]):
-            found = follow(plane, starts, 3, directions=np.tile(direction, (30, 1)))
+            found = follow_crossings(plane, starts, 3, directions=np.tile(direction, (30, 1)))
             columns.append(np.exp(found.growths[:, 2, None]) * found.tangents[:, 2])
         derivative = np.stack(columns, axis=-1)
         size = np.abs(derivative).max(axis=(1, 2)) ** 2
@@ -229,8 +229,8 @@ def test_the_derivative_is_that_of_differences():
     starts = plane.starts(40)
     step = 1e-6
     for direction in np.eye(2):
-        here = follow(plane, starts, 2, directions=np.tile(direction, (40, 1)))
-        sides = [follow(plane, starts + sign * step * direction, 2) for sign in (1.0, -1.0)]
+        here = follow_crossings(plane, starts, 2, directions=np.tile(direction, (40, 1)))
+        sides = [follow_crossings(plane, starts + sign * step * direction, 2) for sign in (1.0, -1.0)]
         kept = (sides[0].impacts == sides[1].impacts) & (sides[0].impacts == here.impacts)
         change = np.exp(here.growths[:, 1, None]) * here.tangents[:, 1]
         difference = (sides[0].points[:, 1] - sides[1].points[:, 1]) / (2.0 * step)
@@ -250,7 +250,7 @@ def test_a_periodic_orbit_closes_and_parts_at_its_multiplier():
     u, v = orbit.sample(np.zeros(1))
     if v[0, 1] < 0.0:
         u, v = -u, -v
-    found = follow(plane, plane.coordinates(u, v), 6)
+    found = follow_crossings(plane, plane.coordinates(u, v), 6)
     assert np.abs(found.times[0, 1] - orbit.period) < 1e-11
     assert np.abs(found.points[0] - found.points[0, 0]).max() < 1e-13 * abs(orbit.multipliers).max() ** 6
     # Later the orbit has left for good: its multiplier is 160. Before, the perturbation still turns.
@@ -265,7 +265,7 @@ def test_the_exponent_leaves_out_how_the_perturbation_turns_at_the_start(energy,
     (orbit,) = traced("S13O00+", low=0.05, high=5.0).orbits_at(energy=energy)
     plane = SectionPlane(vibro_impact_nes(), energy)
     u, v = orbit.sample(np.zeros(1))
-    found = follow(plane, plane.coordinates(u, v), 12)
+    found = follow_crossings(plane, plane.coordinates(u, v), 12)
     rate = math.log(abs(orbit.multipliers).max()) / orbit.period
     assert found.exponents[0] == pytest.approx(rate, rel=close)
     assert found.growths[0, -1] / found.times[0, -1] != pytest.approx(rate, rel=4.0 * close)

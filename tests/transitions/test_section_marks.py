@@ -13,7 +13,7 @@ from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import FixedPoint, about_point, fixed_points, return_map, rotations
-from transitions.section.section import follow, section
+from transitions.section.section import follow_crossings, section
 from transitions.section.view import IMAGES, branch_marks, crossings_of, mode_marks, orbit_marks
 
 
@@ -97,7 +97,7 @@ def test_close_to_an_elliptic_point_the_rotation_number_is_that_of_its_trace():
     centres = [centre for centre in fixed_points(plane) if centre.elliptic and centre.trace < 1.9]
     assert len(centres) >= 4
     for centre in centres:
-        near = follow(plane, np.array([[centre.x + 1e-4, centre.y]]), 600)
+        near = follow_crossings(plane, np.array([[centre.x + 1e-4, centre.y]]), 600)
         assert near.impacts[0] > 500
         number = rotations(near, [centre]).numbers[0]
         assert 2.0 * math.cos(2.0 * math.pi * number) == pytest.approx(centre.trace, abs=1e-4)

@@ -12,7 +12,7 @@ from transitions.figures.section import ROOM, has_images, robust_limits, section
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import Rotations, rotations
 from transitions.section.section import section
-from transitions.section.view import Mark, SectionView
+from transitions.section.view import OrbitMark, SectionView
 
 
 def by_gid(axes, name):
@@ -85,7 +85,7 @@ def test_a_section_that_loses_energy_is_coloured_by_energy():
 def test_names_on_points_have_a_ground_and_a_readable_sign():
     """Oracle: the renderer's extents: the ground covers the raised sign too, which is at least 6 points large; seven tenths of a name."""
     found = section(vibro_impact_nes(), 0.3, orbits=60, crossings=200)
-    figure = section_figure([SectionView(found, (Mark("f", "S13O00+", 1, 1.0, 2, "own", np.array([[0.1, 0.2]])),))])
+    figure = section_figure([SectionView(found, (OrbitMark("f", "S13O00+", 1, 1.0, 2, "own", np.array([[0.1, 0.2]])),))])
     (name,) = [text for text in figure.axes[0].findobj(Text) if "S13" in text.get_text()]
     figure.draw_without_rendering()
     ground = name.get_bbox_patch()
@@ -112,7 +112,9 @@ def test_orbits_are_drawn_that_have_room_beside_those_before_them():
     """Elliptic ones first, then by impacts; none is left out that no earlier one is in the way of."""
     random = np.random.default_rng(3)
     marks = [
-        Mark(f"f{k}", "", int(random.integers(-1, 2)), 1.0, int(random.integers(1, 30)), "own", random.uniform(0.0, 200.0, (1 + k % 3, 2)))
+        OrbitMark(
+            f"f{k}", "", int(random.integers(-1, 2)), 1.0, int(random.integers(1, 30)), "own", random.uniform(0.0, 200.0, (1 + k % 3, 2))
+        )
         for k in range(400)
     ]
     drawn = with_room(axes_of_points(), marks)
@@ -129,7 +131,7 @@ def test_orbits_are_drawn_that_have_room_beside_those_before_them():
 def test_a_picture_says_how_many_orbits_it_marks():
     """Two orbits at one place have room for one."""
     found = section(vibro_impact_nes(), 0.3, orbits=2, crossings=3)
-    marks = tuple(Mark(f"f{k}", "", 1, 1.0, k, "own", np.array([[0.1 * (k % 2), 0.2]])) for k in range(3))
+    marks = tuple(OrbitMark(f"f{k}", "", 1, 1.0, k, "own", np.array([[0.1 * (k % 2), 0.2]])) for k in range(3))
     figure = section_figure([SectionView(found, marks)])
     assert "2 of 3 orbits marked" in figure.legends[0].get_title().get_text() and "marked" not in figure.axes[0].get_xlabel()
     plate = section_figure([SectionView(found, marks), SectionView(found, marks[:2])])

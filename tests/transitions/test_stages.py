@@ -14,7 +14,7 @@ from benchmarks import backbone
 from branches.catalogue import Catalogue
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
-from transitions.families import NEAR, Family, Meeting, families_of, harmonics
+from transitions.families import NEAR, FamilyHarmonics, Meeting, families_of, harmonics
 from transitions.following import Match, family_intervals, partner, unlike
 from transitions.ridges import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
 from transitions.spectrum import Wavelet, morlet_spectrum
@@ -347,7 +347,7 @@ def test_families_of_another_gap_coordinate_or_system_are_refused(scenes):
 
 def meeting(name, deviation):
     """A meeting of a family without orbits."""
-    family = Family(name, np.ones(2), np.ones(2), np.array(["", ""]), 2)
+    family = FamilyHarmonics(name, np.ones(2), np.ones(2), np.array(["", ""]), 2)
     deviation = np.array(deviation)
     return Meeting(family, 1, deviation, np.ones(len(deviation)), np.zeros(len(deviation)))
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from transitions.study.plan import Axis, Plan
+from transitions.study.plan import Axis, StudyPlan
 from transitions.study.runs import block_columns
 from transitions.study.study import DamagedBlock, ForeignBlock, Study, bins_of, block_path, read_block, write_block, write_plan
 
@@ -15,7 +15,7 @@ SYSTEM = {"model": "vibro_impact_nes", "mu": 0.1, "sigma": 0.1, "lam": 0.01, "rh
 
 
 def plan_of(axes, **more):
-    return Plan(**{"system": SYSTEM, "nes": (0,), "lo": (1,), "axes": tuple(axes), "fixed": {}, "design": "grid", **more})
+    return StudyPlan(**{"system": SYSTEM, "nes": (0,), "lo": (1,), "axes": tuple(axes), "fixed": {}, "design": "grid", **more})
 
 
 def test_a_grid_has_every_combination_once_the_last_axis_fastest():
@@ -56,7 +56,7 @@ def test_a_hypercube_shares_listed_values_equally():
 def test_a_plan_is_told_by_its_digest_and_read_back():
     """Oracle: equality; every field changes it, but for the title."""
     plan = plan_of([Axis("energy", low=0.1, high=1.0, points=3)], title="one")
-    assert Plan.from_plain(json.loads(json.dumps(plan.plain()))) == plan
+    assert StudyPlan.from_plain(json.loads(json.dumps(plan.plain()))) == plan
     assert plan_of(plan.axes, title="two").digest == plan.digest
     for change in ({"until": 3.0}, {"block": 7}, {"units": "physical"}, {"fixed": {"clearance": 2.0}}, {"system": {**SYSTEM, "mu": 0.2}}):
         assert plan_of(plan.axes, **change).digest != plan.digest

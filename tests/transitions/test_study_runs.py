@@ -7,7 +7,7 @@ from bvp.forcing import Harmonic
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from transitions.study import runs as module
-from transitions.study.plan import CLEAR, Axis, Plan
+from transitions.study.plan import CLEAR, Axis, StudyPlan
 from transitions.study.runs import Ending, Starts, block_columns, run_block, spent_to_rest
 
 ENERGY = Axis("energy", low=0.06, high=10.0, scale="log", points=9)
@@ -16,7 +16,7 @@ RHO = Axis("rho", low=0.5, high=0.9, points=3)
 
 def plan_of(system=None, axes=(ENERGY,), **more):
     system = vibro_impact_nes(lam=0.01, rho=0.7) if system is None else system
-    return Plan(**{"system": system.describe(), "nes": (0,), "lo": (1,), "axes": axes, "fixed": {}, "design": "grid", **more})
+    return StudyPlan(**{"system": system.describe(), "nes": (0,), "lo": (1,), "axes": axes, "fixed": {}, "design": "grid", **more})
 
 
 def results(plan, starts=None):

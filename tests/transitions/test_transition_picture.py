@@ -20,7 +20,7 @@ from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import families_of
 from transitions.figures.transition import draw_transition, gradual_energy, over_energy, shown_spectrum, transition_figure
-from transitions.record import Record, sampled
+from transitions.record import SampledMotion, sampled
 from transitions.sharing import sharing_of
 from transitions.spectrum import Wavelet
 from transitions.stage import Leaving, StartFamily
@@ -283,10 +283,10 @@ def test_the_gradual_energy():
     energy = 0.5 ** np.searchsorted(impacts, times)
     still = np.zeros_like(times)
     columns = (times, np.stack([np.cos(times)] * 2, 1), np.stack([-np.sin(times)] * 2, 1), energy, still, energy, still, still)
-    record = Record(*columns, impacts)
+    record = SampledMotion(*columns, impacts)
     at = np.linspace(5.5, 34.5, 777)
     np.testing.assert_allclose(np.log2(gradual_energy(record, at)), np.clip(-(at - 5.005) / 10.0, -3.0, 0.0), atol=2e-3)
-    np.testing.assert_allclose(gradual_energy(Record(*columns, []), times), energy, rtol=1e-12)
+    np.testing.assert_allclose(gradual_energy(SampledMotion(*columns, []), times), energy, rtol=1e-12)
 
 
 def test_a_system_without_a_sink_has_none_in_its_picture():
@@ -312,7 +312,7 @@ def test_a_family_without_a_label_has_a_short_id_below_and_over_the_spectrum(dra
     curve = next(curve for curve in atlas.curves if curve.family == followed.family)
     raw = "rest-stop+::2c49f5ff"
     blank = np.full(len(curve.h), "")
-    other = replace(curve, family=raw, names=blank, labels=blank, pinned=np.zeros(len(blank), dtype=bool))
+    other = replace(curve, family=raw, names=blank, labels=blank, cited=np.zeros(len(blank), dtype=bool))
     name = replace(followed, label="", family=raw)
     figure = transition_figure(
         transition.with_stages([replace(stage, follows=name) for stage in transition.stages]), replace(atlas, curves=(other,))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
 import textwrap
 from collections.abc import Sequence
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from branches.figures.style import (
     ORANGE,
     SMALL,
     VERMILION,
-    draw,
     legend_below,
     limits_of,
     new_figure,
@@ -27,19 +25,19 @@ from branches.figures.style import (
     set_axis,
     settle_layout,
 )
-from branches.figures.titles import symbol_of, system_text, velocity_symbol
+from branches.figures.titles import symbol_of, system_text
 from bvp.shown import shown
 from transitions.section.plane import SectionPlane
-from transitions.section.view import COLOURS, Mark, SectionView
+from transitions.section.view import COLOURS, OrbitMark, SectionView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
-    from transitions.section.view import Mark
+    from transitions.section.view import OrbitMark
 
-__all__ = ["ROOM", "draw_sections", "has_images", "robust_limits", "section_figure", "with_ink_left", "with_room"]
+__all__ = ["ROOM", "has_images", "robust_limits", "section_figure", "with_ink_left", "with_room"]
 
 ROOM = 6.5
 """Points (of type) from the middle of a mark to the next: one and a half times the width of a mark, so that what is below stays visible."""
@@ -105,7 +103,7 @@ def robust_limits(values: np.ndarray) -> tuple[float, float]:
     return float(kept.min()), float(kept.max())
 
 
-def with_room(axes: Axes, marks: Sequence[Mark]) -> list[Mark]:
+def with_room(axes: Axes, marks: Sequence[OrbitMark]) -> list[OrbitMark]:
     """The marks that are drawn.
 
     Parameters
@@ -115,7 +113,7 @@ def with_room(axes: Axes, marks: Sequence[Mark]) -> list[Mark]:
 
     Returns
     -------
-    list of Mark
+    list of OrbitMark
         Elliptic orbits first, and those with the fewest impacts, then with the fewest crossings: each that has room at all of its crossings
         beside those before it.
     """
@@ -149,23 +147,6 @@ _KINDS = {1: "elliptic orbit", 0: "hyperbolic orbit", -1: "orbit of undecided st
 _CENTRE: dict[str, Any] = {"marker": "+", "markersize": 5.0, "markeredgecolor": VERMILION, "markeredgewidth": 1.0}
 _EDGE: dict[str, Any] = {"color": BLACK, "linewidth": 0.7}
 _WALL: dict[str, Any] = {"color": BLACK, "linewidth": 1.8, "solid_capstyle": "butt"}
-
-
-def draw_sections(
-    views: Sequence[SectionView], path_or_file: str | os.PathLike[str] | IO[bytes], *, format: str | None = None, **options: Any
-) -> None:
-    """Write the picture of sections to a png, pdf or svg file.
-
-    Parameters
-    ----------
-    views : sequence of SectionView
-        Each gets a panel.
-    path_or_file : path, or binary file open for writing
-    format : "png", "pdf" or "svg"; by default what the file's name ends with
-    **options
-        As for `section_figure`.
-    """
-    draw(lambda: section_figure(views, **options), path_or_file, format)
 
 
 def section_figure(views: Sequence[SectionView], *, colour: str = "none", caption: str = "", names: int = MOST_NAMES) -> Figure:
@@ -247,7 +228,7 @@ def _title(views: Sequence[SectionView], several: bool) -> str:
     plane = views[0].section.plane
     name = plane.system.coordinates[plane.primary]
     energy = "" if several else rf"$h = {plane.energy:.8g}$,  "
-    return rf"{energy}section ${symbol_of(name)} = 0$, ${velocity_symbol(name)} > 0$   ({system_text(plane.system)})"
+    return rf"{energy}section ${symbol_of(name)} = 0$, ${symbol_of(name, velocity=True)} > 0$   ({system_text(plane.system)})"
 
 
 def _shown_values(view: SectionView, colour: str) -> np.ndarray:
@@ -327,7 +308,7 @@ def _frame(axes: Axes, view: SectionView, colour: str, name: str) -> None:
     set_axis(axes, "y", limits_of(everything[:, 1], 0.05), 6, "", _velocity(plane))
 
 
-def _mark(axes: Axes, marks: Sequence[Mark], name: str) -> None:
+def _mark(axes: Axes, marks: Sequence[OrbitMark], name: str) -> None:
     for stable, look in _MARKS.items():
         spots = [mark.points for mark in marks if mark.stable == stable]
         if spots:
@@ -337,7 +318,7 @@ def _mark(axes: Axes, marks: Sequence[Mark], name: str) -> None:
 
 def _velocity(plane: SectionPlane) -> str:
     name = plane.system.coordinates[plane.other]
-    return rf"p_{{{symbol_of(name)}}}/m" if plane.momentum else velocity_symbol(name)
+    return rf"p_{{{symbol_of(name)}}}/m" if plane.momentum else symbol_of(name, velocity=True)
 
 
 _MEANING = {"lyapunov": ("largest Lyapunov exponent", r"\Lambda"), "rotation": ("rotation number", "r"), "energy": ("energy", "h")}
@@ -361,7 +342,7 @@ def _legend(views: Sequence[SectionView]) -> list[Any]:
 
     plane = views[0].section.plane
     conservative = plane.system.is_conservative
-    symbol = velocity_symbol(plane.system.coordinates[plane.primary])
+    symbol = symbol_of(plane.system.coordinates[plane.primary], velocity=True)
     entries = [Line2D([], [], label=rf"bounding curve, ${symbol} = 0$" + ("" if conservative else ", of the starts"), **_EDGE)]
     if any(set(view.section.plane.walls) & set(view.section.plane.reach) for view in views):
         entries.append(Line2D([], [], label="stop", **_WALL))
@@ -372,7 +353,7 @@ def _legend(views: Sequence[SectionView]) -> list[Any]:
     return entries
 
 
-def _name(axes: Axes, view: SectionView, marks: Sequence[Mark], names: int) -> list[str]:
+def _name(axes: Axes, view: SectionView, marks: Sequence[OrbitMark], names: int) -> list[str]:
     """Name the periodic orbits that are drawn, those first that found room first, each once; what there is to say about the number."""
     room = Room(axes, [view.section.plane.boundary()])
     chosen: dict[str, Named] = {}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from branches.figures.style import (
     LINES,
     PALE,
     VERMILION,
-    draw,
     legend_below,
     limits_of,
     new_figure,
@@ -31,9 +29,7 @@ if TYPE_CHECKING:
 
     from transitions.study.study import Best, Study
 
-__all__ = ["VIEWS", "best_figure", "draw_study", "lines_figure", "map_figure"]
-
-VIEWS = ("map", "lines", "best")
+__all__ = ["best_figure", "lines_figure", "map_figure"]
 
 _WORDS = {
     "nes_share": ("share dissipated by the NES", ""), "lo_share": ("share dissipated by the LO", ""), "left_share": ("share left", ""),
@@ -53,24 +49,6 @@ def words_of(name: str, natural: bool = False) -> tuple[str, str]:
     if name.startswith("peak_"):
         return "peak", rf"|{symbol_of(name[5:])}|"
     return _WORDS[name]
-
-
-def draw_study(
-    study: Study, path_or_file: str | os.PathLike[str] | IO[bytes], view: str = "lines", *, format: str | None = None, **options: Any
-) -> None:
-    """Write a picture of a study to a png, pdf or svg file.
-
-    Parameters
-    ----------
-    study : Study
-    path_or_file : path, or binary file open for writing
-    view : {"map", "lines", "best"}
-    format : "png", "pdf" or "svg"; by default what the file's name ends with.
-    **options
-        Of `map_figure`, `lines_figure` or `best_figure`.
-    """
-    make = {"map": map_figure, "lines": lines_figure, "best": best_figure}[view]
-    draw(lambda: make(study, **options), path_or_file, format)
 
 
 def map_figure(study: Study, value: str = "nes_share", best: str = "nes_share", axes: tuple[str, str] | None = None) -> Figure:

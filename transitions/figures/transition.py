@@ -20,13 +20,13 @@ from branches.figures.style import (
     LINES,
     NORMAL,
     SMALL,
-    draw,
     legend_below,
     limits_of,
     new_figure,
     picture_settings,
     set_axis,
     settle_layout,
+    write_figure,
 )
 from branches.figures.titles import gap_symbol, short_ids, symbol_of, system_text
 from transitions.ridges import SHARE
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from branches.figures.atlas_data import Atlas, Curve
-    from transitions.record import Record
+    from branches.figures.atlas_data import Atlas, AtlasCurve
+    from transitions.record import SampledMotion
     from transitions.stage import Stage, StartFamily
     from transitions.transition import Transition
 
@@ -85,7 +85,7 @@ def band(spectrum: Spectrum) -> tuple[float, float]:
     return max(float(spectrum.frequencies[0]), low - 0.1 * (high - low)), high
 
 
-def gradual_energy(record: Record, times: np.ndarray) -> np.ndarray:
+def gradual_energy(record: SampledMotion, times: np.ndarray) -> np.ndarray:
     """The energy at some times (m,) as it falls where no impact took it at once: each jump, in the logarithm of the energy, is spread over
     half of the shorter flight beside the impact, before it and behind it.
 
@@ -182,7 +182,7 @@ def draw_transition(
     -----
     The panels are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 11 to 20.
     """
-    draw(lambda: transition_figure(transition, atlas, caption), path_or_file, format)
+    write_figure(transition_figure, path_or_file, transition, atlas, caption, format=format)
 
 
 def transition_figure(transition: Transition, atlas: Atlas | None = None, caption: str = "") -> Figure:
@@ -411,10 +411,10 @@ def _with_name(atlas: Atlas, start: StartFamily | None) -> Atlas:
     if start is None or not start.name:
         return atlas
 
-    def named(curve: Curve) -> Curve:
+    def named(curve: AtlasCurve) -> AtlasCurve:
         if curve.family != start.family:
             return curve
-        return replace(curve, names=np.full(len(curve.h), start.name), pinned=np.ones(len(curve.h), dtype=bool))
+        return replace(curve, names=np.full(len(curve.h), start.name), cited=np.ones(len(curve.h), dtype=bool))
 
     return replace(atlas, curves=tuple(named(curve) for curve in atlas.curves))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from transitions.section.plane import SectionPlane, checked_points
-from transitions.section.section import Section, follow
+from transitions.section.section import Section, follow_crossings
 
 __all__ = ["FixedPoint", "Rotations", "about_point", "fixed_points", "return_map", "rotations"]
 
@@ -66,7 +66,7 @@ def return_map(plane: SectionPlane, points: np.ndarray) -> tuple[np.ndarray, np.
     NaN for a motion that does not return."""
     columns = []
     for direction in np.eye(2):
-        found = follow(plane, points, 2, directions=np.tile(direction, (len(points), 1)))
+        found = follow_crossings(plane, points, 2, directions=np.tile(direction, (len(points), 1)))
         columns.append(np.exp(found.growths[:, 1, None]) * found.tangents[:, 1])
     return found.points[:, 1], np.stack(columns, axis=-1), found.times[:, 1]
 

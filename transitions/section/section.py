@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from bvp.kernels.contact_mode import ContactModes
     from bvp.system import ImpactSystem
 
-__all__ = ["Section", "SectionEnd", "follow", "section"]
+__all__ = ["Section", "SectionEnd", "follow_crossings", "section"]
 
 SETTLING = 0.1
 """Fraction of an orbit's crossings that its Lyapunov exponent leaves out. There the perturbation turns to its fastest direction."""
@@ -193,7 +193,7 @@ def section(
     interrupted = False
     try:
         for first in range(0, len(points), _BATCH):
-            parts.append(follow(plane, points[first : first + _BATCH], crossings, longest=longest))
+            parts.append(follow_crossings(plane, points[first : first + _BATCH], crossings, longest=longest))
             if on_orbits is not None:
                 on_orbits(min(first + _BATCH, len(points)))
     except KeyboardInterrupt:
@@ -204,7 +204,9 @@ def section(
     return Section(plane, **arrays, ends=tuple(end for part in parts for end in part.ends), interrupted=interrupted)
 
 
-def follow(plane: SectionPlane, starts: np.ndarray, crossings: int, *, directions: Any = None, longest: float | None = None) -> Section:
+def follow_crossings(
+    plane: SectionPlane, starts: np.ndarray, crossings: int, *, directions: Any = None, longest: float | None = None
+) -> Section:
     """Follow starts (m, 2) of a plane to so many crossings, with a perturbation of each along one of `directions` (m, 2).
 
     By default the perturbations point along the diagonal of the section's extent. `longest` as in `section`."""

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from bvp.closures import Cycle
 
 __all__ = [
-    "COLOURS", "IMAGES", "SCHEMA", "Mark", "SectionView", "branch_marks", "catalogue_marks", "crossings_of", "mode_marks",
+    "COLOURS", "IMAGES", "SCHEMA", "OrbitMark", "SectionView", "branch_marks", "catalogue_marks", "crossings_of", "mode_marks",
     "orbit_marks", "view_record", "views_table",
 ]  # fmt: skip
 
@@ -37,7 +37,7 @@ _SAME = 1e-9  # distance of two crossings of one orbit that is computed twice
 
 
 @dataclass(frozen=True, eq=False)
-class Mark:
+class OrbitMark:
     """A periodic orbit on a section.
 
     Attributes
@@ -103,7 +103,7 @@ def _rises(plane: SectionPlane, cycle: Cycle, functional: np.ndarray, rows: np.n
     return np.array(points).reshape(-1, 2)
 
 
-def orbit_marks(plane: SectionPlane, orbit: Orbit, family: str) -> list[Mark]:
+def orbit_marks(plane: SectionPlane, orbit: Orbit, family: str) -> list[OrbitMark]:
     """The marks of one orbit and of its images that are other orbits; none if it does not cross the section."""
     up, down = crossings_of(plane, orbit.cycle)
     flip, reverse = np.array([-1.0, -1.0]), np.array([1.0, -1.0])
@@ -111,13 +111,13 @@ def orbit_marks(plane: SectionPlane, orbit: Orbit, family: str) -> list[Mark]:
     images = {"own": up, "reversed": reverse * down}
     if plane.system.has_odd_symmetry:
         images |= {"mirrored": flip * down, "mirrored and reversed": flip * reverse * up}
-    out: list[Mark] = []
+    out: list[OrbitMark] = []
     stable = {True: 1, False: 0, None: -1}[orbit.stable]
     for image in IMAGES:
         points = images.get(image)
         if points is None or not len(points) or any(_same(points, other.points) for other in out):
             continue
-        out.append(Mark(family, orbit.label, stable, orbit.period, len(orbit.cycle.times), image, points))
+        out.append(OrbitMark(family, orbit.label, stable, orbit.period, len(orbit.cycle.times), image, points))
     return out
 
 
@@ -129,7 +129,7 @@ def _same(points: np.ndarray, others: np.ndarray) -> bool:
     return bool((apart.min(axis=1) < _SAME).all())
 
 
-def mode_marks(plane: SectionPlane) -> list[Mark]:
+def mode_marks(plane: SectionPlane) -> list[OrbitMark]:
     """The marks of the linear modes that reach no stop at the energy of the plane. Linear motion beside them is stable."""
     from branches.linear_modes import linear_modes
 
@@ -141,16 +141,16 @@ def mode_marks(plane: SectionPlane) -> list[Mark]:
             continue
         velocity = np.sign(shape[plane.primary]) * math.sqrt(2.0 * plane.energy) * shape
         point = plane.coordinates(np.zeros((1, 2)), velocity[None])
-        out.append(Mark(mode.name, mode.name, 1, 4.0 * mode.alpha, 0, "own", point))
+        out.append(OrbitMark(mode.name, mode.name, 1, 4.0 * mode.alpha, 0, "own", point))
     return out
 
 
-def branch_marks(plane: SectionPlane, branch: Branch) -> list[Mark]:
+def branch_marks(plane: SectionPlane, branch: Branch) -> list[OrbitMark]:
     """The marks of all orbits that a branch has at the energy of the plane."""
     return [mark for orbit in branch.orbits_at(energy=plane.energy) for mark in orbit_marks(plane, orbit, branch.id)]
 
 
-def catalogue_marks(plane: SectionPlane, catalogue: Catalogue) -> list[Mark]:
+def catalogue_marks(plane: SectionPlane, catalogue: Catalogue) -> list[OrbitMark]:
     """The marks of the linear modes that reach no stop, and of all orbits that a catalogue has at the energy of the plane. Marks with few
     crossings come first.
 
@@ -173,7 +173,7 @@ class SectionView:
     """A section, the periodic orbits marked on it, and the rotation numbers of its orbits (None if nobody asked for them)."""
 
     section: Section
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[OrbitMark, ...] = ()
     rotations: Rotations | None = None
 
     def values(self, colour: str) -> np.ndarray | None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["CLEAR", "FAMILY", "FRACTIONS", "IMPULSIVE", "PARAMETERS", "SCALES", "Axis", "Plan"]
+__all__ = ["CLEAR", "FAMILY", "FRACTIONS", "IMPULSIVE", "PARAMETERS", "SCALES", "Axis", "StudyPlan"]
 
 FAMILY = "family"
 
@@ -102,7 +102,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """A study before it is run.
 
     Attributes
@@ -208,7 +208,7 @@ class Plan:
         return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
 
     @classmethod
-    def from_plain(cls, plain: Mapping[str, Any]) -> Plan:
+    def from_plain(cls, plain: Mapping[str, Any]) -> StudyPlan:
         """The inverse of `plain`, without the loads: a plan that is read back is not run."""
         known = {**plain, "axes": tuple(map(Axis.from_plain, plain["axes"])), "forces": ()}
         return cls(**{**known, "nes": tuple(plain["nes"]), "lo": tuple(plain["lo"])})

@@ -17,7 +17,7 @@ from bvp.motion import MotionStatus
 from bvp.simulate import BeyondStop, Simulator
 from bvp.system import ImpactSystem
 from transitions.sharing import Sharing, sharing_of
-from transitions.study.plan import CLEAR, FRACTIONS, IMPULSIVE, Plan
+from transitions.study.plan import CLEAR, FRACTIONS, IMPULSIVE, StudyPlan
 
 __all__ = ["Ending", "Starts", "block_columns", "results_of", "run_block", "spent_to_rest"]
 
@@ -62,7 +62,7 @@ class Starts(NamedTuple):
     leaving: np.ndarray
 
 
-def results_of(plan: Plan) -> tuple[str, ...]:
+def results_of(plan: StudyPlan) -> tuple[str, ...]:
     """The names of the results of each run, in natural units.
 
     h; nes_share and lo_share, of the initial energy; time_50, .. (NaN: not reached); impacts; last_impact (NaN: none); a peak for each
@@ -74,17 +74,17 @@ def results_of(plan: Plan) -> tuple[str, ...]:
     return ("h", "nes_share", "lo_share", *times, "impacts", "last_impact", *peaks, "sticking_time", "duration", "balance_error", "ended")
 
 
-def block_columns(plan: Plan) -> tuple[str, ...]:
+def block_columns(plan: StudyPlan) -> tuple[str, ...]:
     """The columns of a block: the varied parameters as "given.NAME", then the results."""
     return (*(f"given.{name}" for name in plan.names), *results_of(plan))
 
 
-def run_block(plan: Plan, given: Mapping[str, np.ndarray], starts: Starts | None = None) -> dict[str, np.ndarray]:
+def run_block(plan: StudyPlan, given: Mapping[str, np.ndarray], starts: Starts | None = None) -> dict[str, np.ndarray]:
     """Run some of the runs of a plan.
 
     Parameters
     ----------
-    plan : Plan
+    plan : StudyPlan
     given : mapping of str to (b,) ndarray
         The varied parameters of each run (`Plan.values`).
     starts : Starts, optional
@@ -141,7 +141,7 @@ class _Runs:
 
     Attributes
     ----------
-    plan : Plan
+    plan : StudyPlan
     systems : list of _System
     which : (b,) int ndarray
         The system of each run, apart from its restitution.
@@ -153,7 +153,7 @@ class _Runs:
         The results, in the order of `results_of`.
     """
 
-    plan: Plan
+    plan: StudyPlan
     systems: list[_System]
     which: np.ndarray
     rho: np.ndarray | None
@@ -169,7 +169,7 @@ class _Runs:
 
 
 def _states(
-    plan: Plan, given: Mapping[str, np.ndarray], systems: list[_System], which: np.ndarray, starts: Starts | None
+    plan: StudyPlan, given: Mapping[str, np.ndarray], systems: list[_System], which: np.ndarray, starts: Starts | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The start of each run, (b, 2n), its energy, and the contact that it has just left."""
     count, n = len(which), systems[0].system.degrees_of_freedom
@@ -302,7 +302,7 @@ def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, 
     runs.write(b, *shares, *times, run.impacts, last_impact, *run.peaks, run.sticking_time, duration, error, ended.code)
 
 
-def _ending(plan: Plan, run: _Result) -> Ending:
+def _ending(plan: StudyPlan, run: _Result) -> Ending:
     if run.status is not MotionStatus.DURATION_REACHED:
         return Ending[run.status.name]
     if plan.until != CLEAR:

@@ -20,7 +20,7 @@ import numpy as np
 from branches.files import one_line, reason, replacing, write_text
 from bvp.shown import shown
 from bvp.summary import brief, listed
-from transitions.study.plan import Axis, Plan
+from transitions.study.plan import Axis, StudyPlan
 from transitions.study.runs import Ending, block_columns, results_of
 
 __all__ = [
@@ -45,14 +45,14 @@ class ForeignBlock(ValueError):
     """An intact block of another study."""
 
 
-def write_plan(folder: Path, plan: Plan, kind: str, version: str) -> None:
+def write_plan(folder: Path, plan: StudyPlan, kind: str, version: str) -> None:
     """Write the plan of a study beside its blocks, which have the format `kind`."""
     about = {"schema": SCHEMA, "saltus": version, "digest": plan.digest, "format": kind}
     about |= {"columns": list(block_columns(plan)), "plan": plan.plain()}
     write_text(folder / PLAN, json.dumps(about, indent=1) + "\n")
 
 
-def read_plan(folder: Path) -> tuple[Plan, str, str]:
+def read_plan(folder: Path) -> tuple[StudyPlan, str, str]:
     """(plan, digest, format) of a study's folder.
 
     Raises
@@ -62,7 +62,7 @@ def read_plan(folder: Path) -> tuple[Plan, str, str]:
     """
     try:
         about = json.loads((folder / PLAN).read_text(encoding="utf-8"))
-        return Plan.from_plain(about["plan"]), str(about["digest"]), str(about["format"])
+        return StudyPlan.from_plain(about["plan"]), str(about["digest"]), str(about["format"])
     except FileNotFoundError:
         raise NoStudy(f"{folder} holds no study; expected a folder that saltus study has made, with {PLAN} in it") from None
     except OSError as error:
@@ -173,7 +173,7 @@ def _crc(columns: Mapping[str, np.ndarray]) -> int:
 
 
 def _blocks(
-    folder: Path, plan: Plan, digest: str, kind: str, damaged: Callable[[DamagedBlock], object]
+    folder: Path, plan: StudyPlan, digest: str, kind: str, damaged: Callable[[DamagedBlock], object]
 ) -> Iterator[tuple[int, dict[str, np.ndarray]]]:
     """The numbers and columns of the intact blocks on disk; `damaged` is called with the error of each other block."""
     for number in range(plan.blocks):
@@ -187,7 +187,7 @@ def _blocks(
             damaged(error)
 
 
-def finished_blocks(folder: Path, plan: Plan, digest: str, kind: str, damaged: Callable[[str], None]) -> set[int]:
+def finished_blocks(folder: Path, plan: StudyPlan, digest: str, kind: str, damaged: Callable[[str], None]) -> set[int]:
     """The numbers of the intact blocks on disk; `damaged` is called with a message for each other block.
 
     Raises
@@ -236,7 +236,7 @@ class Study:
 
     Attributes
     ----------
-    plan : Plan
+    plan : StudyPlan
     runs : (N,) int64 ndarray
         Numbers of the finished runs.
     given : dict of str to (N,) ndarray

@@ -1,6 +1,7 @@
 """`check` finds what is wrong with points and edges whose checksums are right: catalogues that are filled with wrong things."""
 
 import dataclasses
+import sqlite3
 
 import numpy as np
 import pytest
@@ -191,3 +192,22 @@ def test_other_systems_are_kept_and_checked(tmp_path):
             assert catalogue.find(branch.id[:-3]).id == branch.id
         sizes.add(branch.system.degrees_of_freedom)
     assert len(sizes) > 2
+
+
+def test_an_edge_that_another_program_deletes_is_missed(tmp_path):
+    """Oracle: the number of edges that were added and removed."""
+    path = tmp_path / "a.sqlite"
+    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        for branch in real():
+            catalogue.add(branch)
+        for _ in range(2):
+            catalogue.connect(breaking())
+        catalogue.connect(Edge(real()[1].id, "GR1", "GR", "dead end", None, 1.0, 1.0))
+        catalogue.remove(real()[1].id)
+        assert check_catalogue(catalogue)[1] == []
+    connection = sqlite3.connect(path)
+    connection.execute("DELETE FROM edges")
+    connection.commit()
+    connection.close()
+    with saltus.Catalogue(path) as catalogue:
+        assert [failure.text for failure in check_catalogue(catalogue)[1]] == ["the catalogue has 0 edges, expected 1"]
