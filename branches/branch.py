@@ -16,8 +16,7 @@ from branches.full_family import FullFamily, Piece, full_family
 from branches.orbit import Orbit
 from bvp.checks import Frozen, real
 from bvp.multipoint import MultipointProblem, NotConverged
-from bvp.shown import shown
-from bvp.summary import brief, listed, span
+from bvp.texts import brief, listed, shown, span
 
 if TYPE_CHECKING:
     import pandas

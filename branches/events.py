@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from bvp.summary import brief
+from bvp.texts import brief
 
 __all__ = ["BranchEvent", "DigitWork", "Ended"]
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from bvp.shown import shown
+from bvp.texts import shown
 
 __all__ = [
     "DATABASE", "PICTURE_FORMATS", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "picture_format", "read_input",

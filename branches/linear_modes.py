@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.grazing.touching import Touching
-from bvp.summary import brief
+from bvp.texts import brief
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

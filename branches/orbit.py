@@ -16,7 +16,7 @@ from bvp.kernels import multipoint as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import balance, decide, roundings, stability
-from bvp.summary import brief
+from bvp.texts import brief
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

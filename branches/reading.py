@@ -18,8 +18,8 @@ from branches.orbit import Orbit
 from branches.record import SCALARS, SCHEMA
 from branches.sequences import parse_sequence, segments_per_period
 from bvp.multipoint import MultipointProblem, NotConverged
-from bvp.shown import shown
 from bvp.system import ImpactSystem
+from bvp.texts import shown
 
 __all__ = ["RecordError", "branch_of_record", "check_branch", "check_points", "points_of", "read_branch", "read_orbit"]
 

@@ -28,7 +28,7 @@ from branches.presentation import Presentation, closed_presentation, embed, pres
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
-from bvp.options import takes_options_of
+from bvp.texts import takes_options_of
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions, refine_branch_point, tripling_direction
 

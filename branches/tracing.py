@@ -19,8 +19,7 @@ from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range
 from bvp.interrupts import held
 from bvp.multipoint import MultipointProblem
-from bvp.options import takes_options_of
-from bvp.shown import shown
+from bvp.texts import shown, takes_options_of
 from continuation.control import Settings
 from continuation.points import PlainPoints, Points
 from continuation.problem import EndReason, Event, Point, Step

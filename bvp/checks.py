@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem, Stop

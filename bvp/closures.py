@@ -12,7 +12,7 @@ import numpy as np
 from bvp.checks import changeable, reals
 from bvp.kernels.flight import sample_flights
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, count_impacts, unfold_impacts
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     from bvp.modes import Modes

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import EPSILON, is_finite, reals
-from bvp.shown import shown
-from bvp.summary import brief
+from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

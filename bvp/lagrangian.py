@@ -16,7 +16,7 @@ from typing import Any
 
 from bvp.checks import real
 from bvp.expressions import TooLarge, limited, require_small, size_of_text
-from bvp.shown import shown
+from bvp.texts import shown
 
 __all__ = ["LagrangianError", "parts_from_lagrangian"]
 

@@ -19,8 +19,7 @@ from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
 from bvp.kernels.motion import raise_peaks, sample, spent, states_after
-from bvp.shown import shown
-from bvp.summary import brief, listed
+from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,8 +22,8 @@ from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.stability import make_period, orbit_stability
 from bvp.kernels.step import end_states, orbit_observe, orbit_step, two_dof_orbit_observe, two_dof_orbit_step
-from bvp.summary import brief
 from bvp.system import ImpactSystem
+from bvp.texts import brief
 
 __all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "observed_of"]
 

@@ -20,7 +20,7 @@ from bvp.kernels.impact import work_array
 from bvp.kernels.motion import many
 from bvp.kernels.sticking import LEVELS
 from bvp.motion import STATUS, Batch, EnergyMark, Motion, MotionStatus
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     from bvp.motion import Motion

@@ -27,8 +27,7 @@ from bvp.checks import (
     square,
     symmetric,
 )
-from bvp.shown import shown
-from bvp.summary import brief, listed
+from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
     from bvp.modes import Modes

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from bvp.checks import require_system
-from bvp.shown import shown
+from bvp.texts import shown
 from saltus import catalogues
 from saltus.errors import BadInput
 from saltus.scene import Scene, load_scene

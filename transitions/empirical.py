@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bvp.shown import shown
-from bvp.summary import brief
+from bvp.texts import brief, shown
 
 __all__ = ["IntrinsicModes", "NotInstalled", "decompose", "orthogonality_index", "sifting"]
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from bvp.summary import brief
+from bvp.texts import brief
 from transitions.ridges import SHARE
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bvp.shown import shown
+from bvp.texts import shown
 
 __all__ = ["Ground", "envelope", "filtered", "record_text", "synthetic_record"]
 

@@ -15,8 +15,7 @@ from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS, peak_flight
 from bvp.kernels.flight import Flight
 from bvp.kernels.impact import work_array
-from bvp.shown import shown
-from bvp.summary import brief
+from bvp.texts import brief, shown
 from transitions.kernels.extents import extents_of_motion
 
 if TYPE_CHECKING:

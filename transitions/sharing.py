@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.forcing import Constant, Harmonic, Record, split_damping
-from bvp.summary import brief
+from bvp.texts import brief
 
 if TYPE_CHECKING:
     from bvp.forcing import Force

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from bvp.shown import shown
-from bvp.summary import brief
+from bvp.texts import brief, shown
 
 __all__ = ["Spectrum", "TooCoarse", "Wavelet", "checked", "morlet_spectrum"]
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.export.figure_data import Layout, read_figure_data, reporting, write_figure_data
-from bvp.summary import brief
 from bvp.system import ImpactSystem
+from bvp.texts import brief
 from transitions.record import SampledMotion
 from transitions.spectrum import Spectrum, Wavelet
 from transitions.stage import Stage, StartFamily, stage_from_data, stages_as_data, start_from_data

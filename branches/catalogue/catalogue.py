@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from branches.catalogue.database import CatalogueError
 from branches.catalogue.store import CatalogueStore
-from bvp.summary import brief
+from bvp.texts import brief
 
 if TYPE_CHECKING:
     import networkx

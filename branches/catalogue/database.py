@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from branches.files import WriteFailure, is_special, reason
-from bvp.shown import shown
+from bvp.texts import shown
 
 __all__ = [
     "KEYED", "SCHEMA", "CatalogueDamaged", "CatalogueError", "CatalogueInUse", "WriterLock", "checksum", "close_settled",

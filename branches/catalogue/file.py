@@ -32,7 +32,7 @@ from branches.catalogue.database import (
 )
 from branches.catalogue.rows import SceneRecord, difference
 from branches.files import WriteFailure
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

@@ -23,7 +23,7 @@ from branches.naming.matching import (
     remark_on_name,
     why_a_cover,
 )
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     from branches.catalogue.store import CatalogueStore

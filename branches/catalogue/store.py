@@ -12,7 +12,7 @@ from branches.catalogue import schema2
 from branches.catalogue.database import CatalogueDamaged, CatalogueError, not_taken
 from branches.catalogue.file import CatalogueFile
 from branches.catalogue.rows import Edge, FamilyRow, Node, dead_end_id, event_from_row
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     import numpy as np

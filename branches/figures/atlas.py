@@ -30,8 +30,8 @@ from branches.figures.style import (
     write_figure,
 )
 from branches.figures.titles import symbol_of, system_text
-from bvp.options import takes_options_of
-from bvp.shown import shown as in_words
+from bvp.texts import shown as in_words
+from bvp.texts import takes_options_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

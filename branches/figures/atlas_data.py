@@ -15,8 +15,7 @@ import numpy as np
 
 from branches.figures.titles import cited_names
 from branches.naming.matching import spelled
-from bvp.shown import shown
-from bvp.summary import brief
+from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch

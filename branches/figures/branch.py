@@ -12,7 +12,7 @@ from branches.figures.curves import DrawnCurve, curve_runs, draw_curve, draw_eve
 from branches.figures.room import Room
 from branches.figures.style import event_look, legend_below, limits_of, new_figure, picture_settings, set_axis, settle_layout
 from branches.figures.titles import family_text, symbol_of, system_text
-from bvp.shown import shown as in_words
+from bvp.texts import shown as in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,7 +12,7 @@ from branches.figures.branch import FREQUENCIES, frequency_panel, panel_curve
 from branches.figures.curves import curve_runs, draw_curve, draw_events
 from branches.figures.orbit import draw_displacements, sampled_orbit
 from branches.figures.style import limits_of, set_axis
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,7 +24,7 @@ from branches.grazing.following import Neighbour, meet
 from branches.grazing.touching import EVERY, Touching, candidate
 from branches.linear_modes import LinearMode
 from branches.tracing import follow_family
-from bvp.options import takes_options_of
+from bvp.texts import takes_options_of
 
 __all__ = ["beginnings", "families_at", "response"]
 

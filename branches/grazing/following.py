@@ -17,8 +17,7 @@ from branches.sequences import Ends, format_sequence, impacts_per_period
 from branches.tracing import follow_family
 from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem, Solution
-from bvp.options import takes_options_of
-from bvp.summary import brief
+from bvp.texts import brief, takes_options_of
 from continuation.switching import SwitchError, branch_directions
 
 if TYPE_CHECKING:

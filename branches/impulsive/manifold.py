@@ -14,7 +14,7 @@ from branches.impulsive.motions import check_system, impulsive_state, oscillator
 from bvp.checks import checked_energy_range
 from bvp.motion import MotionStatus
 from bvp.simulate import simulate
-from bvp.summary import brief
+from bvp.texts import brief
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

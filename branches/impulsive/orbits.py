@@ -27,7 +27,7 @@ from branches.search.starts import Segment
 from bvp.checks import checked_energy_range
 from bvp.kernels.shooting import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
-from bvp.summary import brief, listed
+from bvp.texts import brief, listed
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

@@ -31,7 +31,7 @@ from branches.search.orbits import Found, accept, from_other_end
 from branches.tracing import SETTINGS, TraceError, check_energy, follow_family, report
 from bvp.checks import require_conservative
 from bvp.closures import EndsError, parse_end
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch

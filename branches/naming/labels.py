@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from branches.sequences import SequenceSyntaxError, split_family_id
-from bvp.shown import shown
+from bvp.texts import shown
 
 __all__ = [
     "ImpossibleLabelError", "Label", "LabelSyntaxError", "Name", "canonical_label", "latex", "most_alike", "parse", "parse_name",

@@ -17,8 +17,7 @@ from branches.search.starts import START_FROM_A_STATE
 from branches.sequences import impacts_per_period, segments_per_period
 from bvp.checks import is_finite, require_conservative, require_system, require_two_dof
 from bvp.kernels.shooting import TURN_LIMIT
-from bvp.shown import shown
-from bvp.summary import brief, listed
+from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

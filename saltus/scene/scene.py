@@ -27,8 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import Frozen
-from bvp.shown import shown
-from bvp.summary import brief
+from bvp.texts import brief, shown
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene.loads import read_loads
 from saltus.scene.toml import POSITIVE, TEXT, TEXTS, WHOLE, TomlTable, parse_toml, read_toml

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from branches.files import read_input, reason
-from bvp.shown import shown
+from bvp.texts import shown
 from saltus.errors import BadInput, nearest, one_line
 
 __all__ = ["FINITE", "NUMBER", "POSITIVE", "TEXT", "TEXTS", "WHOLE", "Kind", "TomlTable", "parse_toml", "read_toml"]

@@ -26,7 +26,7 @@ from branches.figures.style import (
     settle_layout,
 )
 from branches.figures.titles import symbol_of, system_text
-from bvp.shown import shown
+from bvp.texts import shown
 from transitions.section.plane import SectionPlane
 from transitions.section.view import COLOURS, OrbitMark, SectionView
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import is_finite, reals, require_system
-from bvp.shown import shown
+from bvp.texts import shown
 
 if TYPE_CHECKING:
     from bvp.kernels.contact_mode import ContactModes

@@ -20,9 +20,8 @@ from bvp.interrupts import Pace
 from bvp.kernels import motion as motion_kernels
 from bvp.kernels.compiled import address_of
 from bvp.kernels.contact_mode import CLOCK, COUNTS, PASSES
-from bvp.shown import shown
 from bvp.simulate import Simulator
-from bvp.summary import brief, listed
+from bvp.texts import brief, listed, shown
 from transitions.kernels import section as kernels
 from transitions.section.plane import SectionPlane, checked_points
 

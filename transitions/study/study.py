@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from branches.files import one_line, reason, replacing, write_text
-from bvp.shown import shown
-from bvp.summary import brief, listed
+from bvp.texts import brief, listed, shown
 from transitions.study.plan import Axis, StudyPlan
 from transitions.study.runs import Ending, block_columns, results_of
 
