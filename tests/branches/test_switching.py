@@ -38,7 +38,9 @@ def switched(name, event, **options):
     options.setdefault("points", 12)
     branch = traced(name)
     at = next(item for item in branch.events if item.id == event)
-    return branch, at, branch.switch(event, **options)
+    born = branch.switch(event, **options)
+    assert born
+    return branch, at, born
 
 
 def samples(orbit, count=400):

@@ -152,6 +152,7 @@ def collection():
     found = []
     for mu, sigma, energy, start in SCANS:
         found += scan(vibro_impact_nes(mu, sigma), start, energy, angles=240 if mu > 1.5 else 110, impacts=6, most=40)
+    assert len(found) >= 40
     return tuple(found)
 
 
@@ -181,6 +182,7 @@ def chains():
                     continue
                 if solution["clearance"] > 1e-6 and solution["flight"] > 1e-3 and solution["speed"] > 1e-3:
                     found.append(Found(problem, solution, solution["energy"]))
+    assert len(found) >= 20
     return tuple(found)
 
 

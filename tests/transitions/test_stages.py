@@ -159,7 +159,6 @@ def test_many_equal_tones_have_no_ridge_that_counts():
     slow = np.sum([np.cos(w * times) for w in tones[:4]], axis=0)
     fast = [stage.frequency for stage in stages_of(synthetic(times, 5.0 * slow, np.gradient(5.0 * slow, times)), GAP)]
     assert fast and max(fast) < 1.1 * tones[3]
-    assert 1.0 / 14.0 < SHARE
 
 
 def test_the_amplitude_of_a_motion_is_half_of_its_range_around():
