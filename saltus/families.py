@@ -211,13 +211,13 @@ def discover(
     >>> [orbit.label for orbit in found.orbits], found.families
     (['S11O00-', 'U2111-', 'S13O00+'], ())
     """
-    from branches.search.discovery import discover as search
+    from branches.search.discovery import discover_orbits
 
     if impacts == 0:
         raise BadInput("at most 0 impacts in half a period: no orbit with impacts has so few, expected 1 or more")
     if catalogue is not None:
         catalogue.require_system(system.describe())
-    found = search(system, energy, quarter_period=quarter_period, impacts=impacts, ends=ends, budget=budget)
+    found = discover_orbits(system, energy, quarter_period=quarter_period, impacts=impacts, ends=ends, budget=budget)
     if catalogue is None:
         return found
     return replace(found, families=tuple(map(catalogue.identify, found.orbits)))

@@ -37,11 +37,11 @@ def small_scene(tmp_path_factory):
     """The reference scene up to quarter period 3 and 6 impacts in half a period, built once: its path and the report of the build."""
     import saltus
     from branches.building.build import build
-    from branches.building.plan import Bounds, Plan
+    from branches.building.plan import Bounds, BuildPlan
     from branches.catalogue import Catalogue
     from saltus.processes import open_executor
 
     path = tmp_path_factory.mktemp("scene") / "small.sqlite"
     with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
-        report = build(catalogue, Plan.within(Bounds((0.05, 100.0), 3.0, 6)), executor, workers)
+        report = build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 3.0, 6)), executor, workers)
     return path, report

@@ -172,7 +172,7 @@ def _measured(task: Task, timed: Timed) -> Row:
 
 def growth(effort: Effort) -> Iterator[Row]:
     """Rows of the growth of cost: `growth` (the cost against what), `value`, `seconds`, and more of each kind."""
-    from branches.search.discovery import discover
+    from branches.search.discovery import discover_orbits
 
     for inner in effort.impacts:
         yield _growth_of_a_point("impacts", inner, *cases.segment(cases.system(), inner), effort.repeat)
@@ -182,7 +182,7 @@ def growth(effort: Effort) -> Iterator[Row]:
     for period in effort.periods:
 
         def search(period: float = period) -> Any:
-            return discover(cases.system(), DISCOVERY_ENERGY, quarter_period=period, impacts=DISCOVERY_IMPACTS)
+            return discover_orbits(cases.system(), DISCOVERY_ENERGY, quarter_period=period, impacts=DISCOVERY_IMPACTS)
 
         found = search()
         times = least_times({"seconds": search}, effort.repeat)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.building.frontier import Frontier
-from branches.building.plan import Answer, KnownGrazings, Link, Plan, Seed, energies_of, open_ranges, plain_seed, read_seed
+from branches.building.plan import Answer, BuildPlan, KnownGrazings, Link, Seed, energies_of, open_ranges, plain_seed, read_seed
 from branches.building.work import work
 from branches.catalogue.database import CatalogueError, readable
 from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, event_orbit, orbit_of_event, unknowns_of
@@ -70,7 +70,7 @@ class Progress:
 
 def build(
     catalogue: Catalogue,
-    plan: Plan,
+    plan: BuildPlan,
     executor: Executor,
     workers: int = 2,
     on_progress: Callable[[Progress], object] | None = None,
@@ -82,7 +82,7 @@ def build(
     catalogue : Catalogue
         Opened to add to. What it holds of an earlier build with the same plan is gone on from; families that were saved into it by
         themselves are followed anew, within the plan's limits; one that has no orbit inside them is refused.
-    plan : Plan
+    plan : BuildPlan
     executor : concurrent.futures.Executor
         Where the work is done.
     workers : int
@@ -108,7 +108,7 @@ def build(
     return _Build(catalogue, plan, executor, workers, on_progress).run()
 
 
-def refuse_other_plan(catalogue: Catalogue, plan: Plan) -> bool:
+def refuse_other_plan(catalogue: Catalogue, plan: BuildPlan) -> bool:
     """Whether a build of this plan was begun in a catalogue.
 
     Raises
@@ -131,7 +131,7 @@ class _Build:
     def __init__(
         self,
         catalogue: Catalogue,
-        plan: Plan,
+        plan: BuildPlan,
         executor: Executor,
         workers: int,
         on_progress: Callable[[Progress], object] | None,

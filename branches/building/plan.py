@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from branches.catalogue.packing import PackedFamily
     from branches.presentation import Presentation
 
-__all__ = ["Answer", "Bounds", "Grazing", "KnownGrazings", "Link", "Plan", "Seed", "energies_of", "open_ranges", "plain_seed", "read_seed"]
+__all__ = [
+    "Answer", "Bounds", "BuildPlan", "Grazing", "KnownGrazings", "Link", "Seed", "energies_of", "open_ranges", "plain_seed", "read_seed",
+]  # fmt: skip
 
 GENERATIONS = 0
 """How often families without a reversal give rise to further ones. Nothing bounds their number: where they graze, they meet others."""
@@ -77,7 +79,7 @@ class Bounds:
 
 
 @dataclass(frozen=True)
-class Plan:
+class BuildPlan:
     """What a build looks for.
 
     Parameters
@@ -105,7 +107,7 @@ class Plan:
         object.__setattr__(self, "reference_points", points)
 
     @classmethod
-    def within(cls, bounds: Bounds) -> Plan:
+    def within(cls, bounds: Bounds) -> BuildPlan:
         """Everything inside the bounds, and no names."""
         return cls(bounds, bounds)
 
@@ -184,7 +186,7 @@ class Seed(NamedTuple):
 
     kind: str
     value: Any
-    plan: Plan
+    plan: BuildPlan
     wide: bool = False
     further: int | None = None
     link: Link | None = None
@@ -270,7 +272,7 @@ def plain_seed(seed: Seed) -> dict[str, Any]:
     }
 
 
-def read_seed(plain: dict[str, Any], plan: Plan) -> Seed:
+def read_seed(plain: dict[str, Any], plan: BuildPlan) -> Seed:
     """The inverse of `plain_seed`."""
     kind, value, link = plain["kind"], plain["value"], plain["link"]
     if kind == "orbit":

@@ -16,7 +16,7 @@ import numpy as np
 
 from branches.between_events import missed_events
 from branches.branch import Branch, BranchEvent
-from branches.building.plan import Answer, Grazing, Link, Plan, Seed
+from branches.building.plan import Answer, BuildPlan, Grazing, Link, Seed
 from branches.catalogue.members import kept_orbit, orbit_of_event, presented, unknowns_of
 from branches.catalogue.packing import pack_family
 from branches.catalogue.rows import EventOrbit
@@ -30,7 +30,7 @@ from branches.identity import first_of
 from branches.linear_modes import linear_modes
 from branches.naming.search import Limits
 from branches.presentation import presentations, segment_images, symmetries, with_canonical_sequence
-from branches.search.discovery import WITHOUT_ORIGIN, discover
+from branches.search.discovery import WITHOUT_ORIGIN, discover_orbits
 from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
 from branches.switching import TYPES, EmanatingFamily, emanating_families
 from branches.tracing import SETTINGS, follow_family
@@ -93,13 +93,13 @@ def work(description: str, seed: Seed) -> Answer:
     return _follow(system, seed)
 
 
-def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
+def _at_energy(system: ImpactSystem, energy: float, plan: BuildPlan) -> Answer:
     bounds = plan.bounds
     seeds = []
     for beside in (energy * (1.0 + place) for place in BESIDE):
         if not bounds.energy[0] <= beside <= bounds.energy[1]:
             continue
-        found = discover(system, beside, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
+        found = discover_orbits(system, beside, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
         # What is found is primitive, and between its own reversals.
         images = [with_canonical_sequence(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
         seeds += [_seed_of(system, some, plan) for some in images]
@@ -108,7 +108,7 @@ def _at_energy(system: ImpactSystem, energy: float, plan: Plan) -> Answer:
     return Answer(tuple(seeds), incomplete=() if found.complete else (energy,))
 
 
-def _of_name(system: ImpactSystem, name: str, plan: Plan) -> Answer:
+def _of_name(system: ImpactSystem, name: str, plan: BuildPlan) -> Answer:
     from branches.naming.families import resolve
     from branches.naming.matching import AmbiguousName, NameNotFound
 
@@ -137,12 +137,12 @@ def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
     return Answer(tuple(seeds))
 
 
-def _seed(problem: MultipointProblem, y: np.ndarray, plan: Plan) -> Seed:
+def _seed(problem: MultipointProblem, y: np.ndarray, plan: BuildPlan) -> Seed:
     """The seed of the family of an orbit, in its canonical presentation."""
     return _seed_of(problem.system, presentations(problem, y), plan)
 
 
-def _seed_of(system: ImpactSystem, images: list[Presentation], plan: Plan) -> Seed:
+def _seed_of(system: ImpactSystem, images: list[Presentation], plan: BuildPlan) -> Seed:
     return Seed("orbit", kept_orbit(system, first_of(images)), plan, images=tuple(images))
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.search.starts import Segment
+from branches.search.starts import ScannedSegment
 from bvp.checks import require_conservative, require_two_dof
 from bvp.kernels import shooting as kernel
 from bvp.kernels.impact import work_array
@@ -185,7 +185,7 @@ class ImpulsiveMotions:
             2.0 * rate * rate_slope,
         )  # fmt: skip
 
-    def segment(self, level: float, event: int, low: float, high: float) -> Segment:
+    def segment(self, level: float, event: int, low: float, high: float) -> ScannedSegment:
         """The motion at log h = `level` up to an event. The zero of the residual lies between low and high."""
         kind, time, _, state, _, number = self._follow(np.array([level]), self.longest)
         if number[0] <= event:
@@ -201,7 +201,7 @@ class ImpulsiveMotions:
         ends = ("origin", {ZERO: "origin", TURN: "rest"}.get(last) or "stop" + letters[last])
         residual = abs(float((self.across_displacement if last == ZERO else self.across_velocity) @ state[0, event]))
         sequence = tuple(letters[c] for c in contacts)
-        return Segment(ends, sequence, self.start(math.exp(level)), after, np.diff(stamps), level, low, high, residual)
+        return ScannedSegment(ends, sequence, self.start(math.exp(level)), after, np.diff(stamps), level, low, high, residual)
 
 
 def _pick(values: np.ndarray, which: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ import numpy as np
 from branches.impulsive.motions import ImpulsiveMotions, Traces
 from branches.orbit import Orbit, label_text
 from branches.search.orbits import OrbitSearch, Unpolished, is_complete, judged
-from branches.search.starts import Segment
+from branches.search.starts import ScannedSegment
 from bvp.checks import checked_energy_range
 from bvp.kernels.shooting import TURN, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
@@ -169,7 +169,7 @@ def impulsive_orbits(
     return ImpulsiveOrbits(system, (low, high), quarter_period, impacts, orbits, unpolished, counts, opened)
 
 
-def _strayed(segment: Segment, problem: MultipointProblem, solution: Solution) -> str | None:
+def _strayed(segment: ScannedSegment, problem: MultipointProblem, solution: Solution) -> str | None:
     """Why a solution is not the zero that was bracketed; None if it is."""
     slack = 1e-9 + 1e-3 * (segment.high - segment.low) + 10.0 * FLOOR
     if not segment.low - slack <= math.log(solution["energy"]) <= segment.high + slack:

@@ -26,7 +26,7 @@ from branches.naming.matching import (
     why_a_cover,
 )
 from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, search_bounds
-from branches.search.discovery import discover
+from branches.search.discovery import discover_orbits
 from branches.search.orbits import Found, accept, from_other_end
 from branches.tracing import SETTINGS, TraceError, check_energy, follow_family, report
 from bvp.checks import require_conservative
@@ -294,7 +294,7 @@ def _at_reference_point(search: Search, label: Label, point: Mapping[str, float]
     most = search.limits.impacts
     if label.p is not None and label.q is not None:
         most = label.p + label.q + (label.parity == "O")
-    orbits = discover(search.system, point["h"], quarter_period=longest, impacts=most).orbits
+    orbits = discover_orbits(search.system, point["h"], quarter_period=longest, impacts=most).orbits
     near = [(abs(orbit.alpha / point["alpha"] - 1.0), orbit) for orbit in orbits if orbit.label]
     for fits in (matches, fits_otherwise):
         fitting = [(distance, orbit) for distance, orbit in near if distance < REFERENCE_TOLERANCE and fits(label, parse(orbit.label))]

@@ -12,7 +12,7 @@ import numpy as np
 from branches.identity import same_segment
 from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
-from branches.search.discovery import LONGEST, discover, fastest_turn
+from branches.search.discovery import LONGEST, discover_orbits, fastest_turn
 from branches.search.orbits import Found, OrbitSearch, Problems, from_other_end
 from branches.search.sampling import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
@@ -285,7 +285,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
         parts = 2 ** (round_ + 1)
         for k in range(1, parts, 2) if name.h is None else (1,):
             h = low * (high / low) ** (k / parts) if name.h is None else name.h
-            for orbit in discover(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
+            for orbit in discover_orbits(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
                 found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
                 if _canonical(found) == wanted:
                     branch = followed_through(followed, found, span)

@@ -22,7 +22,7 @@ from bvp.texts import brief, listed, shown
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLASSES", "WITHOUT_ORIGIN", "Discovery", "check", "discover", "fastest_turn", "segment_limits"]
+__all__ = ["CLASSES", "WITHOUT_ORIGIN", "Discovery", "check", "discover_orbits", "fastest_turn", "segment_limits"]
 
 CLASSES = {
     "origin-origin": ("origin-origin", "origin-rest", "origin-stop"),
@@ -111,7 +111,7 @@ class Discovery:
         return is_complete(self.counts)
 
 
-def discover(
+def discover_orbits(
     system: ImpactSystem,
     energy: float,
     *,
@@ -150,7 +150,7 @@ def discover(
     Examples
     --------
     >>> from bvp.system import vibro_impact_nes
-    >>> found = discover(vibro_impact_nes(), 0.3, quarter_period=3.0, impacts=2)
+    >>> found = discover_orbits(vibro_impact_nes(), 0.3, quarter_period=3.0, impacts=2)
     >>> found.complete, [orbit.label for orbit in found.orbits]
     (True, ['S11O00-', 'U2111-', 'S13O00+'])
     """
@@ -190,7 +190,7 @@ def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
 
 
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str] | None) -> None:
-    """Raise ValueError if the system or the bounds of `discover` cannot be searched."""
+    """Raise ValueError if the system or the bounds of `discover_orbits` cannot be searched."""
     require_system(system)
     require_conservative(system, "families of periodic orbits")
     require_two_dof(system, "orbits are discovered for", START_FROM_A_STATE)

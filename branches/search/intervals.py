@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.search.starts import INSET, QUADRATIC, Curve, Path, Segment, curves
+from branches.search.starts import INSET, QUADRATIC, Path, ScannedSegment, StartCurve, curves
 from branches.sequences import mirror, mirror_ends, unfolded_sequence
 from bvp.interrupts import Pace
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
@@ -72,7 +72,7 @@ class Opening(NamedTuple):
 
 def segments(
     system: ImpactSystem, start: str, energy: float, limits: Limits, budget: int, counts: Counter[str], openings: list[Opening]
-) -> Iterator[tuple[Segment, bool]]:
+) -> Iterator[tuple[ScannedSegment, bool]]:
     """All segments between the starts of a kind at an energy and the far ends.
 
     Parameters
@@ -91,7 +91,7 @@ def segments(
 
     Yields
     ------
-    segment : Segment
+    segment : ScannedSegment
         In a system with odd symmetry, it or its mirror image.
     is_complete : bool
         Whether all its impacts are found when its start is followed.
@@ -123,7 +123,7 @@ def segments(
         yield from (found[i] for i in first)
 
 
-def _segment(system: ImpactSystem, curve: Curve, crossing: EndCrossing, path: Path) -> tuple[Segment, bool]:
+def _segment(system: ImpactSystem, curve: StartCurve, crossing: EndCrossing, path: Path) -> tuple[ScannedSegment, bool]:
     """A crossing with the path of its start as a segment, and whether the path has all its impacts."""
     letters = system.modes.contact_letters
     sequence = tuple(letters[c] for c in path.contacts[: crossing.impacts])
@@ -137,15 +137,15 @@ def _segment(system: ImpactSystem, curve: Curve, crossing: EndCrossing, path: Pa
         ends, sequence, sign = mirror_ends(ends), mirror(sequence), -1.0
     times = np.append(path.durations, crossing.flight)
     place, low, high = (curve.angle(parameter) for parameter in (crossing.parameter, crossing.low, crossing.high))
-    return Segment(ends, sequence, sign * path.start, sign * path.nodes, times, place, low, high, crossing.residual), is_complete
+    return ScannedSegment(ends, sequence, sign * path.start, sign * path.nodes, times, place, low, high, crossing.residual), is_complete
 
 
-def scan(curve: Curve, limits: Limits, budget: int) -> tuple[list[EndCrossing], list[Opening], dict[str, int]]:
+def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossing], list[Opening], dict[str, int]]:
     """Scan one curve.
 
     Parameters
     ----------
-    curve : Curve
+    curve : StartCurve
     limits : Limits
     budget : int
         Most starts that are followed. The intervals left then stay open.
@@ -212,7 +212,7 @@ def scan(curve: Curve, limits: Limits, budget: int) -> tuple[list[EndCrossing], 
     return crossings, open_ones, dict(zip(COUNTS, total.tolist(), strict=True))
 
 
-def follow_start(curve: Curve, parameter: float, impacts: int, longest: float) -> Path:
+def follow_start(curve: StartCurve, parameter: float, impacts: int, longest: float) -> Path:
     """One start of a curve, followed through so many impacts, or fewer where the time ends before.
 
     Of a curve with motion `before` it, that is part of the path and of its impacts and its time."""
@@ -249,12 +249,12 @@ STRETCHED = 10.0
 """Images that are not this much longer than their interval, as a part of their states, are as narrow as it."""
 
 
-def resumed(curve: Curve, opening: Opening, longest: float) -> Curve | None:
+def resumed(curve: StartCurve, opening: Opening, longest: float) -> StartCurve | None:
     """The states after the last decided impact of an open interval, as a curve of starts.
 
     Parameters
     ----------
-    curve : Curve
+    curve : StartCurve
         What was scanned.
     opening : Opening
         What stayed open of it.
@@ -263,7 +263,7 @@ def resumed(curve: Curve, opening: Opening, longest: float) -> Curve | None:
 
     Returns
     -------
-    Curve or None
+    StartCurve or None
         None where the interval is open for another reason than rounding, so that its image would be so as well.
     """
     gone = 0 if curve.before is None else len(curve.before.contacts)

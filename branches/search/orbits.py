@@ -20,7 +20,7 @@ from branches.naming.labels import ImpossibleLabelError, Label
 from branches.orbit import label_at
 from branches.search.intervals import SAME_START, Limits, Opening, segments
 from branches.search.sampling import Sampler
-from branches.search.starts import Segment
+from branches.search.starts import ScannedSegment
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, format_sequence, impacts_per_period
 from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
@@ -165,15 +165,15 @@ class OrbitSearch:
 
     def add(
         self,
-        segment: Segment,
+        segment: ScannedSegment,
         solve: Callable[[MultipointProblem, np.ndarray], Solution],
-        strayed: Callable[[Segment, MultipointProblem, Solution], str | None] | None = None,
+        strayed: Callable[[ScannedSegment, MultipointProblem, Solution], str | None] | None = None,
     ) -> Found | None:
         """Solve a segment, and keep the orbit if it is new.
 
         Parameters
         ----------
-        segment : Segment
+        segment : ScannedSegment
         solve : callable
             (problem, unknowns) -> solution; raises `NotConverged`.
         strayed : callable, optional
@@ -215,7 +215,7 @@ class OrbitSearch:
         same.append([orbit])
         return orbit
 
-    def _set_aside(self, segment: Segment, reason: str) -> None:
+    def _set_aside(self, segment: ScannedSegment, reason: str) -> None:
         self.counts["unpolished"] += 1
         sequence = format_sequence(segment.sequence)
         self.unpolished.append(
@@ -259,7 +259,7 @@ def kept_problems(system: ImpactSystem) -> Problems:
     return _kept.problems
 
 
-def _strayed(segment: Segment, problem: MultipointProblem, solution: Solution) -> str | None:
+def _strayed(segment: ScannedSegment, problem: MultipointProblem, solution: Solution) -> str | None:
     """Why a solution does not show what the segment is; None if it does."""
     if np.max(np.abs(problem.start(solution.y) - segment.start)) > MOVED * np.max(np.abs(segment.start)):
         return "Newton's method moved away from it"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.search.starts import START_FROM_A_STATE, Segment
+from branches.search.starts import START_FROM_A_STATE, ScannedSegment
 from bvp.checks import require_two_dof
 from bvp.kernels.impact import work_array
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
@@ -102,7 +102,7 @@ class Sampler:
         )  # fmt: skip
         return sequences, times, residuals, states, instants
 
-    def segments(self, energy: float, angles: int | np.ndarray) -> Iterator[Segment]:
+    def segments(self, energy: float, angles: int | np.ndarray) -> Iterator[ScannedSegment]:
         """The segment of each change of sign between neighbouring angles (M,), in order of the impacts and angles.
 
         A number of angles stands for as many in half a turn. The other half is its mirror image."""
@@ -121,7 +121,7 @@ class Sampler:
                     if segment is not None:
                         yield segment
 
-    def _narrowed(self, energy: float, k: int, c: int, low: float, high: float) -> Segment | None:
+    def _narrowed(self, energy: float, k: int, c: int, low: float, high: float) -> ScannedSegment | None:
         """The segment of the zero of the c-th crossing after k impacts between two angles; None if it has other impacts."""
         sequences, _, residuals, _, _ = self.follow(origin_starts(energy, np.array([low, high])), [k])
         f_low, f_high = residuals[0, k, c], residuals[1, k, c]
@@ -147,4 +147,4 @@ class Sampler:
         letters = [self.modes.contact_letters[contact] for contact in sequences[0]]
         end = self.end if self.kind != STOP else "stop" + letters[k]
         stamps = np.concatenate([[0.0], instants[0, :k], [times[0, k, c]]])
-        return Segment(("origin", end), tuple(letters[:k]), start[0], states[0, :k], np.diff(stamps), best, low, high, abs(residual))
+        return ScannedSegment(("origin", end), tuple(letters[:k]), start[0], states[0, :k], np.diff(stamps), best, low, high, abs(residual))

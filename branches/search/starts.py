@@ -19,7 +19,7 @@ from bvp.kernels.shooting import Flow
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["QUADRATIC", "START_FROM_A_STATE", "Curve", "Path", "Segment", "curves"]
+__all__ = ["QUADRATIC", "START_FROM_A_STATE", "StartCurve", "Path", "ScannedSegment", "curves"]
 
 START_FROM_A_STATE = "start its families from a given state"
 """Advice if no scan can find them."""
@@ -48,7 +48,7 @@ class Path(NamedTuple):
         return float(self.instants[-1]) if len(self.instants) else 0.0
 
 
-class Segment(NamedTuple):
+class ScannedSegment(NamedTuple):
     """A motion from a start to a far end, as a scan finds it: nearly an orbit.
 
     ends, sequence: of its multipoint problem. start (4,), nodes (k, 4), flight_times (k + 1,): as `MultipointProblem.pack` takes them.
@@ -72,7 +72,7 @@ class Segment(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class StartCurve:
     """Starts of one kind at one energy, parametrised over an interval.
 
     Parameters
@@ -105,7 +105,7 @@ class Curve:
         return self.piece[0] + self.piece[1] * parameter
 
 
-def curves(system: ImpactSystem, end: str, energy: float) -> list[Curve]:
+def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
     """The curves of all starts of a kind at an energy, up to the mirror image.
 
     Parameters
@@ -118,7 +118,7 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[Curve]:
 
     Returns
     -------
-    list of Curve
+    list of StartCurve
         Empty where the energy does not reach the end set.
 
     Raises
@@ -130,7 +130,7 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[Curve]:
         speed = math.sqrt(2.0 * energy)
         coefficients = np.zeros((3, 4))
         coefficients[1, 2] = coefficients[2, 3] = speed
-        return [Curve("origin", _flow(system, coefficients, TRIGONOMETRIC, -1), OFFSET, OFFSET + math.pi)]
+        return [StartCurve("origin", _flow(system, coefficients, TRIGONOMETRIC, -1), OFFSET, OFFSET + math.pi)]
     # Displacements q = w normal + s across: V = (a w^2 + 2 b w s + c s^2)/2.
     modes = system.modes
     gap = modes.contact_gap[0, :2]
@@ -158,11 +158,11 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[Curve]:
         coefficients[2, :2] = math.sqrt(2.0 * left / c) * across
         coefficients[1, 2:] = -modes.contact_side[contact] * math.sqrt(2.0 * left) * gap / math.sqrt(gap @ gap)
         flow = _flow(system, coefficients, TRIGONOMETRIC, contact)
-        out.append(Curve("stop" + letter, flow, -0.5 * math.pi, 0.5 * math.pi, (True, True)))
+        out.append(StartCurve("stop" + letter, flow, -0.5 * math.pi, 0.5 * math.pi, (True, True)))
     return out
 
 
-def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, slide: np.ndarray, across: np.ndarray) -> list[Curve]:
+def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, slide: np.ndarray, across: np.ndarray) -> list[StartCurve]:
     """Displacements at rest inside the gap: w = W f(x), s = S g(x) about the line on which the force along the stop vanishes."""
     stop = system.stops[0]
     size = math.sqrt(2.0 * energy / along)
@@ -179,16 +179,16 @@ def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, s
         last = math.asin(upper) if upper < 1.0 else None
         if first is None and last is None:
             turn = math.pi if system.has_odd_symmetry else 2.0 * math.pi
-            return [Curve("rest", flow, OFFSET, OFFSET + turn)]
+            return [StartCurve("rest", flow, OFFSET, OFFSET + turn)]
         if first is not None and last is not None:
-            out.append(Curve("rest", flow, first, last, (True, True)))
+            out.append(StartCurve("rest", flow, first, last, (True, True)))
             if len(branches) == 2:
-                out.append(Curve("rest", flow, math.pi - last, math.pi - first, (True, True)))
+                out.append(StartCurve("rest", flow, math.pi - last, math.pi - first, (True, True)))
             return out
         if last is not None:
-            return [Curve("rest", flow, math.pi - last, 2.0 * math.pi + last, (True, True))]
+            return [StartCurve("rest", flow, math.pi - last, 2.0 * math.pi + last, (True, True))]
         assert first is not None
-        return [Curve("rest", flow, first, math.pi - first, (True, True))]
+        return [StartCurve("rest", flow, first, math.pi - first, (True, True))]
     for branch in branches:
         coefficients = np.zeros((3, 4))
         if stiffness == 0.0:
@@ -200,7 +200,7 @@ def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, s
             coefficients[1, :2] = branch * size * across
             coefficients[2, :2] = reach * slide
             shape, low, high = HYPERBOLIC, math.asinh(stop.lower / reach), math.asinh(stop.upper / reach)
-        out.append(Curve("rest", _flow(system, coefficients, shape, -1), low, high, (True, True)))
+        out.append(StartCurve("rest", _flow(system, coefficients, shape, -1), low, high, (True, True)))
     return out
 
 

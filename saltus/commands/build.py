@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from branches.building.build import Progress
-    from branches.building.plan import Bounds, Plan
+    from branches.building.plan import Bounds, BuildPlan
     from bvp.system import ImpactSystem
     from saltus.scene import Scene
     from saltus.terminal import ProgressBar
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
     place = catalogues.place_to_save(arguments, scene)
 
-    from branches.building.plan import Bounds, Plan
+    from branches.building.plan import Bounds, BuildPlan
     from branches.building.work import ends_of
     from branches.search.discovery import check
     from saltus.processes import open_executor
@@ -55,15 +55,15 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.max_impacts or complete["impacts"],
     )
     if arguments.energy is None and arguments.max_quarter_period is None and arguments.max_impacts is None:
-        plan = Plan(bounds, Bounds(bounds.energy, scene.quarter_period, scene.impacts), scene.names, scene.reference_points)
+        plan = BuildPlan(bounds, Bounds(bounds.energy, scene.quarter_period, scene.impacts), scene.names, scene.reference_points)
     else:
-        plan = Plan.within(bounds)
+        plan = BuildPlan.within(bounds)
     check(scene.system, bounds.energy[0], bounds.quarter_period, bounds.impacts, ends_of(scene.system))
     with open_executor(arguments.workers, arguments.dask) as (executor, count):
         return _build(files, scene, place, plan, executor, count)
 
 
-def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: Plan, executor: Executor, workers: int) -> int:
+def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, executor: Executor, workers: int) -> int:
     from branches.building.build import build, refuse_other_plan
     from branches.catalogue import Catalogue
     from saltus import __version__
@@ -147,7 +147,7 @@ def _nothing_inside(system: ImpactSystem, bounds: Bounds, longest: float) -> str
     """
     from branches.building.work import ends_of
     from branches.naming.search import least_energy
-    from branches.search.discovery import discover
+    from branches.search.discovery import discover_orbits
 
     begin = "nothing lies inside the bounds: "
     least = least_energy(system)
@@ -159,7 +159,7 @@ def _nothing_inside(system: ImpactSystem, bounds: Bounds, longest: float) -> str
         found = [
             (orbit.alpha, energy, orbit.label or "-".join(orbit.ends))
             for energy in bounds.energy
-            for orbit in discover(system, energy, quarter_period=quarter_period, impacts=bounds.impacts, ends=ends_of(system)).orbits
+            for orbit in discover_orbits(system, energy, quarter_period=quarter_period, impacts=bounds.impacts, ends=ends_of(system)).orbits
         ]
         if found:
             alpha, energy, name = min(found)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.search.discovery import CLASSES, discover, segment_limits
+from branches.search.discovery import CLASSES, discover_orbits, segment_limits
 from branches.search.intervals import resumed, scan
 from branches.search.starts import curves
 from branches.sequences import mirror, unfolded_sequence
@@ -23,14 +23,14 @@ LONGEST = max(time for time, _ in LIMITS.values())
 @pytest.mark.parametrize("energy", [14.0, 14.3, 14.35, 14.5, 14.55])
 def test_energies_below_the_last_grazing_of_the_backbone_are_complete(energy):
     """Oracle: reversal: between two ends of one kind each orbit is found once from either; S13O00+ grazes at h = 14.5537."""
-    found = discover(SYSTEM, energy, **BOUNDS, ends=tuple(CLASSES))
+    found = discover_orbits(SYSTEM, energy, **BOUNDS, ends=tuple(CLASSES))
     assert found.complete and found.counts["resumed"] > 50 and not found.open
     assert max(abs(orbit.tau) for orbit in found.orbits) > 1e16
 
 
 def test_the_most_unstable_orbits_are_orbits():
     """Oracle: Newton's method in sixty digits moves them by rounding alone."""
-    found = discover(SYSTEM, 14.3, **BOUNDS)
+    found = discover_orbits(SYSTEM, 14.3, **BOUNDS)
     chosen = [orbit for orbit in found.orbits if abs(orbit.tau) > 1e15]
     assert len(chosen) >= 5
     for orbit in chosen:
@@ -128,7 +128,7 @@ def test_a_scan_in_forty_digits_adds_nothing(energy):
     images = [(opening, resumed(curve, opening, LONGEST)) for opening in opened]
     most = [(sum(p.kind == "origin" for p in scan(image, LIMITS, 10000)[0]), opening) for opening, image in images if image is not None]
     most.sort(key=lambda pair: -pair[0])
-    known = words_to_origin(discover(SYSTEM, energy, **BOUNDS))
+    known = words_to_origin(discover_orbits(SYSTEM, energy, **BOUNDS))
     hits = 0
     with mp.workdps(40):
         digits = ManyDigits(energy)

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 import saltus
 from benchmarks import backbone
 from branches.record import discovery_to_json
-from branches.search.discovery import CLASSES, discover
+from branches.search.discovery import CLASSES, discover_orbits
 from branches.search.intervals import EndCrossing, first_crossings, follow_start, scan
 from branches.search.orbits import accept
 from branches.search.starts import curves
@@ -37,7 +37,7 @@ def alphas(found, *ends):
 def test_the_backbones_are_there_and_nothing_else_of_their_kind(mu, sigma, energy):
     """Oracle: closed form: every orbit with one impact a half period, from just above the two thresholds on."""
     system = saltus.vibro_impact_nes(mu, sigma)
-    found = discover(system, energy, quarter_period=5.1, impacts=1)
+    found = discover_orbits(system, energy, quarter_period=5.1, impacts=1)
     mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+")]
     assert found.complete and np.allclose(mine, backbone.orbits_at(system, energy, 5.1), rtol=1e-11)
 
@@ -46,7 +46,7 @@ def test_the_thresholds():
     """Oracle: the fold of S11O00- and the grazing of the in-phase mode, from their closed forms."""
 
     def labels(energy):
-        return [orbit.label for orbit in discover(SYSTEM, energy, quarter_period=2.0, impacts=1).orbits]
+        return [orbit.label for orbit in discover_orbits(SYSTEM, energy, quarter_period=2.0, impacts=1).orbits]
 
     assert labels(0.069116) == [] and labels(0.0691165) == ["S11O00-", "S11O00-"]
     assert labels(0.118507) == ["S11O00-"] and labels(0.118509) == ["S11O00-", "S13O00+"]
@@ -55,17 +55,17 @@ def test_the_thresholds():
 def test_published_orbits():
     """Oracle: Lee et al. (2009): S73O33- at h = 7.3348 with alpha = 1.6459, U8353- at h = 1.9458 with alpha = 4.9065
     (printed as U8335-, which is the same orbit started at its other end)."""
-    found = discover(SYSTEM, 7.3348, quarter_period=5.1, impacts=10)
+    found = discover_orbits(SYSTEM, 7.3348, quarter_period=5.1, impacts=10)
     assert found.complete
     assert [orbit.alpha for orbit in found.orbits if orbit.label == "S73O33-"] == [pytest.approx(1.6459, abs=1e-4)]
-    found = discover(SYSTEM, 1.9458, quarter_period=5.1, impacts=10)
+    found = discover_orbits(SYSTEM, 1.9458, quarter_period=5.1, impacts=10)
     assert found.complete and any(orbit.label == "U8335-" and abs(orbit.alpha - 4.9065) < 2e-4 for orbit in found.orbits)
 
 
 @pytest.mark.parametrize(("energy", "ends"), [(0.3, ALL), (6.0, ("origin-origin",)), (20.0, ALL)])
 def test_each_orbit_is_one(energy, ends):
     """Oracle: the energy, residual, dense samples inside the gap, the bounds, and that no two are one."""
-    found = discover(SYSTEM, energy, quarter_period=4.0, impacts=6, ends=ends)
+    found = discover_orbits(SYSTEM, energy, quarter_period=4.0, impacts=6, ends=ends)
     assert found.complete and len(found.orbits) == found.counts["orbits"] > 5
     seen = set()
     for orbit in found.orbits:
@@ -81,7 +81,7 @@ def test_each_orbit_is_one(energy, ends):
 def test_a_uniform_scan_adds_nothing(energy, mu, sigma):
     """Oracle: sign changes between forty thousand uniform angles."""
     system = saltus.vibro_impact_nes(mu, sigma)
-    found = discover(system, energy, quarter_period=4.0, impacts=4)
+    found = discover_orbits(system, energy, quarter_period=4.0, impacts=4)
     assert found.complete
     total = 0
     for end, impacts in (("origin", 4), ("rest", 2), ("stop", 1)):
@@ -98,7 +98,7 @@ def test_a_uniform_scan_adds_nothing(energy, mu, sigma):
 def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
     """Oracle: the multipoint problem started from random pieces of random motions: another way to orbits, with any ends and sequences."""
     system = saltus.vibro_impact_nes(mu, sigma)
-    found = discover(system, energy, quarter_period=4.0, impacts=6, ends=ALL)
+    found = discover_orbits(system, energy, quarter_period=4.0, impacts=6, ends=ALL)
     assert found.complete
     known = np.array(alphas(found))
     generator = np.random.default_rng(7)
@@ -132,7 +132,7 @@ def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
 
 def test_symmetric_orbits_are_found_from_each_of_their_ends():
     """Oracle: SmnE orbits seen from the origin, and as two quarters from rest to rest."""
-    quarter = discover(SYSTEM, 9.0, quarter_period=5.1, impacts=8, ends=("origin-rest",))
+    quarter = discover_orbits(SYSTEM, 9.0, quarter_period=5.1, impacts=8, ends=("origin-rest",))
     curve = curves(SYSTEM, "rest", 9.0)[0]
     crossings, open_ones, _ = scan(curve, {"rest": (10.2, 8), "origin": (5.1, 4)}, 10**6)
     assert len(quarter.orbits) >= 3 and all(opening.reason == GRAZED for opening in open_ones)
@@ -147,7 +147,7 @@ def test_symmetric_orbits_are_found_from_each_of_their_ends():
 
 def test_the_free_impact_damper():
     """Oracle: closed form at sigma = 0, where the sink flies freely: G = b^2 alpha + tan(alpha)."""
-    found = discover(saltus.vibro_impact_nes(0.1, 0.0), 0.55, quarter_period=5.0, impacts=4, ends=ALL)
+    found = discover_orbits(saltus.vibro_impact_nes(0.1, 0.0), 0.55, quarter_period=5.0, impacts=4, ends=ALL)
     assert found.complete
     alphas_of_backbone = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+") and not orbit.sequence]
     assert alphas_of_backbone
@@ -187,7 +187,7 @@ def test_one_impact_a_period_on_a_one_sided_stop():
         )
         if push < 0.0 and np.max(gap) < 1.0:
             expected.append(period / 4.0)
-    found = discover(system, energy, quarter_period=longest, impacts=2, ends=("rest-rest", "rest-stop", "stop-stop"))
+    found = discover_orbits(system, energy, quarter_period=longest, impacts=2, ends=("rest-rest", "rest-stop", "stop-stop"))
     mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("rest", "stop+") and not orbit.sequence]
     assert found.complete and len(expected) >= 2 and np.allclose(mine, expected, rtol=1e-10)
 
@@ -196,7 +196,7 @@ def test_the_mirror_changes_nothing():
     """Oracle: the gap coordinate counted the other way, and a stop on the other side: the same orbits."""
 
     def told(system, ends):
-        found = discover(system, 1.4, quarter_period=3.5, impacts=4, ends=ends)
+        found = discover_orbits(system, 1.4, quarter_period=3.5, impacts=4, ends=ends)
         assert found.complete
         return [(round(o.alpha, 9), round(o.tau, 4), o.stable) for o in found.orbits]
 
@@ -210,7 +210,7 @@ def test_the_mirror_changes_nothing():
 
 def test_what_is_not_decided_is_said():
     """Oracle: a budget of starts that cannot do."""
-    found = discover(SYSTEM, 1.0, quarter_period=5.1, impacts=6, budget=150)
+    found = discover_orbits(SYSTEM, 1.0, quarter_period=5.1, impacts=6, budget=150)
     assert not found.complete and found.counts["over_budget"] > 0 and found.counts["open"] >= found.counts["over_budget"]
     assert len(found.open) == found.counts["open"] and all(opening.width > 0.0 for opening in found.open)
 
@@ -220,7 +220,7 @@ def test_a_sink_of_almost_no_mass_is_searched_or_refused(mu):
     """Oracle: it ends within the starts asked for; the closed form of the orbits with one impact half a period."""
     system = saltus.vibro_impact_nes(mu=mu)
     quarter_period = 1.8 if mu > 1e-8 else 0.4
-    found = discover(system, 1.0, quarter_period=quarter_period, impacts=1, budget=2000)
+    found = discover_orbits(system, 1.0, quarter_period=quarter_period, impacts=1, budget=2000)
     assert found.counts["starts"] < 3000 and found.complete is (found.counts["open"] == 0)
     mine = [orbit.alpha for orbit in found.orbits if orbit.ends == ("origin", "stop+")]
     assert (mine or mu < 1e-8) and all(abs(backbone.energy(system, alpha) - 1.0) < 1e-6 for alpha in mine)
@@ -228,16 +228,16 @@ def test_a_sink_of_almost_no_mass_is_searched_or_refused(mu):
 
 def test_no_bound_of_impacts():
     """Oracle: a bound that is never reached."""
-    found = discover(SYSTEM, 0.4, quarter_period=3.0)
-    bounded = discover(SYSTEM, 0.4, quarter_period=3.0, impacts=60)
+    found = discover_orbits(SYSTEM, 0.4, quarter_period=3.0)
+    bounded = discover_orbits(SYSTEM, 0.4, quarter_period=3.0, impacts=60)
     assert found.complete and alphas(found) == alphas(bounded) and len(found.orbits) > 5
     assert found.impacts is None
 
 
 def test_smaller_bounds_give_a_part():
     """Oracle: the larger search, cut."""
-    large = discover(SYSTEM, 12.0, quarter_period=3.6, impacts=6)
-    small = discover(SYSTEM, 12.0, quarter_period=1.9, impacts=4)
+    large = discover_orbits(SYSTEM, 12.0, quarter_period=3.6, impacts=6)
+    small = discover_orbits(SYSTEM, 12.0, quarter_period=1.9, impacts=4)
     cut = [o.alpha for o in large.orbits if o.alpha <= 1.9 and impacts_per_period(o.problem.sequence, o.ends) <= 8]
     assert large.complete and small.complete and len(cut) > 5
     assert np.allclose(alphas(small), cut, rtol=1e-11)
@@ -265,7 +265,7 @@ def test_later_passages_of_one_start_repeat_it():
 
 def test_the_record():
     """Oracle: the keys of the format, numbers that JSON can hold, and the orbits themselves."""
-    found = discover(SYSTEM, 1.0, quarter_period=3.0, impacts=4, ends=ALL)
+    found = discover_orbits(SYSTEM, 1.0, quarter_period=3.0, impacts=4, ends=ALL)
     record = json.loads(discovery_to_json(found), parse_constant=lambda text: pytest.fail(text))
     assert list(record) == ["schema", "energy", "bounds", "complete", "counts", "orbits", "unpolished"]
     assert record["schema"] == 2 and record["energy"] == 1.0 and record["complete"] is True and record["unpolished"] == []
@@ -304,13 +304,13 @@ def test_what_cannot_be_searched(given, message):
     """Oracle: the message."""
     options = {"system": SYSTEM, "energy": 1.0, "quarter_period": 2.0, "impacts": 2} | given
     with pytest.raises(ValueError, match=message):
-        discover(options.pop("system"), options.pop("energy"), **options)
+        discover_orbits(options.pop("system"), options.pop("energy"), **options)
 
 
 def test_a_system_without_odd_symmetry_is_searched_between_all_the_ends_that_it_has():
     """Oracle: the same search with these ends named."""
     given = {"ends": ("rest-rest", "rest-stop", "stop-stop")}
-    default, named = (discover(one_sided(), 1.0, quarter_period=3.0, impacts=2, **ends) for ends in ({}, given))
+    default, named = (discover_orbits(one_sided(), 1.0, quarter_period=3.0, impacts=2, **ends) for ends in ({}, given))
     assert default.ends == named.ends and default.orbits
     assert [orbit.solution.y.tobytes() for orbit in default.orbits] == [orbit.solution.y.tobytes() for orbit in named.orbits]
 
@@ -319,7 +319,7 @@ def test_problems_kept_from_other_searches_change_nothing():
     """Oracle: the same search in a thread of its own, where nothing is kept: every orbit bit for bit, in the same order."""
 
     def bits(system, energy):
-        found = discover(system, energy, quarter_period=3.0, impacts=4)
+        found = discover_orbits(system, energy, quarter_period=3.0, impacts=4)
         return [(orbit.ends, orbit.sequence, orbit.solution.y.tobytes()) for orbit in found.orbits]
 
     searches = [(system, energy) for system in (SYSTEM, saltus.vibro_impact_nes(0.2)) for energy in (0.3, 0.5, 0.31)] * 2

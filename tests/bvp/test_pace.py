@@ -8,7 +8,7 @@ import pytest
 import branches.search.intervals
 import bvp.interrupts
 import bvp.kernels.contact_mode
-from branches.search.discovery import discover
+from branches.search.discovery import discover_orbits
 from bvp.forcing import Constant, Harmonic
 from bvp.interrupts import Pace
 from bvp.kernels import motion as kernels
@@ -98,7 +98,7 @@ def test_a_search_does_not_depend_on_the_calls_that_it_takes(bounds, slow, monke
     monkeypatch.setattr(branches.search.intervals, "scan_interval", counted)
     for _ in range(2):
         calls.append(0)
-        found.append(discover(vibro_impact_nes(), 0.6, **bounds))
+        found.append(discover_orbits(vibro_impact_nes(), 0.6, **bounds))
         slow()
     one, other = found
     assert one.counts == other.counts and one.open == other.open and calls[1] > one.counts["starts"] / 2 > calls[0]
@@ -117,7 +117,7 @@ def test_a_call_follows_as_many_flights_as_it_may(slow, monkeypatch):
 
     monkeypatch.setattr(branches.search.intervals, "scan_interval", counted)
     slow(50)
-    discover(vibro_impact_nes(), 20.0, quarter_period=10.0, impacts=60, budget=20_000)
+    discover_orbits(vibro_impact_nes(), 20.0, quarter_period=10.0, impacts=60, budget=20_000)
     assert sum(starts) > 10_000 and max(starts) <= 50 + 300
 
 

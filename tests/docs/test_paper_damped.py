@@ -10,7 +10,7 @@ import pytest
 
 import saltus
 from branches.building.build import build
-from branches.building.plan import Bounds, Plan
+from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
 from bvp.motion import Motion
 from bvp.simulate import simulate
@@ -43,7 +43,7 @@ def all_families(tmp_path_factory):
     names."""
     path = tmp_path_factory.mktemp("few") / "few.sqlite"
     with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
-        build(catalogue, Plan.within(Bounds((0.05, 100.0), 4.0, 2)), executor, workers)
+        build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 4.0, 2)), executor, workers)
     with Catalogue(path) as catalogue:
         few = families_of(catalogue, GAP)
         ids = {item.id for item in few.members}

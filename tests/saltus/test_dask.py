@@ -7,7 +7,7 @@ import pytest
 
 import saltus
 from branches.building.build import build
-from branches.building.plan import Bounds, Plan
+from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
 from saltus.__main__ import main
 from tests.branches.building.test_frontier import Serial
@@ -39,7 +39,7 @@ def test_a_cluster_builds_the_same_catalogue(cluster, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert not err and "complete" in out
     with Catalogue(tmp_path / "serial.sqlite", "a", scene=saltus.load_scene()) as catalogue:
-        build(catalogue, Plan.within(Bounds((0.1, 0.2), 1.9, 2)), Serial())
+        build(catalogue, BuildPlan.within(Bounds((0.1, 0.2), 1.9, 2)), Serial())
     one, other = (rows(tmp_path / f"{name}.sqlite") for name in ("serial", "cluster"))
     assert len(one["families"]) > 3 and one == other
 

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 import saltus
-from branches.search.discovery import discover
+from branches.search.discovery import discover_orbits
 from branches.tracing import follow_family
 from tests.branches.catalogue.families import real, renamed
 from tests.saltus.running import refused, run
@@ -41,7 +41,7 @@ def branches(scene):
     found = [
         orbit
         for pair in ("rest-stop", "rest-rest")
-        for orbit in discover(system, 1.0, quarter_period=4.0, impacts=1, ends=(pair,)).orbits
+        for orbit in discover_orbits(system, 1.0, quarter_period=4.0, impacts=1, ends=(pair,)).orbits
     ]  # fmt: skip
     followed = [follow_family(orbit.problem, orbit.solution.y, energy=(0.8, 1.2)) for orbit in found]
     assert len(followed) == 3

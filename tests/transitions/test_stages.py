@@ -179,13 +179,13 @@ def test_the_amplitude_of_a_motion_is_half_of_its_range_around():
 def scenes(small_scene, tmp_path_factory):
     """The small reference scene, and one with another mass ratio, open."""
     from branches.building.build import build
-    from branches.building.plan import Bounds, Plan
+    from branches.building.plan import Bounds, BuildPlan
     from saltus.processes import open_executor
 
     path = tmp_path_factory.mktemp("heavy") / "heavy.sqlite"
     heavy = saltus.vibro_impact_nes(mu=0.2, sigma=0.1)
     with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=heavy) as catalogue:
-        build(catalogue, Plan.within(Bounds((0.05, 100.0), 2.2, 3)), executor, workers)
+        build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 2.2, 3)), executor, workers)
     with Catalogue(small_scene[0]) as light, Catalogue(path) as other:
         yield {"light": (light, families_of(light)), "heavy": (other, families_of(other))}
 

@@ -5,7 +5,7 @@ import numpy as np
 from branches.building.work import ends_of
 from branches.catalogue import Catalogue
 from branches.catalogue.members import KnownFamilies
-from branches.search.discovery import discover
+from branches.search.discovery import discover_orbits
 
 SAME = 1e-6
 """Quarter periods that are one."""
@@ -24,7 +24,7 @@ class Families:
 
     def agree(self, system, energy, quarter_period, impacts):
         """Fail where discovery at an energy that the build did not search, with every kind of ends, and the families differ."""
-        found = discover(system, energy, ends=ends_of(system), quarter_period=quarter_period, impacts=impacts)
+        found = discover_orbits(system, energy, ends=ends_of(system), quarter_period=quarter_period, impacts=impacts)
         assert found.complete and self.differences(found, quarter_period, impacts) == ([], [], [])
 
     def differences(self, found, quarter_period, impacts):

@@ -12,7 +12,7 @@ import pytest
 
 import saltus
 from branches.building.build import build
-from branches.building.plan import Bounds, Plan
+from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check_catalogue
 from branches.catalogue.database import CatalogueDamaged, CatalogueError, checksum
@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[3]
 def built(path, executor, workers=1):
     """A catalogue of the small bounds and the report of its build."""
     with Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
-        return build(catalogue, Plan.within(BOUNDS), executor, workers)
+        return build(catalogue, BuildPlan.within(BOUNDS), executor, workers)
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def test_what_fifty_digits_cost_and_missed_events_are_reported(tmp_path, monkeyp
     monkeypatch.setattr(tracing, "decide_between", decided)
     monkeypatch.setattr(work, "missed_events", missed)
     with Catalogue(tmp_path / "counted.sqlite", "a", scene=saltus.load_scene()) as catalogue:
-        report = build(catalogue, Plan.within(Bounds((0.06, 0.4), 1.9, 2)), Serial())
+        report = build(catalogue, BuildPlan.within(Bounds((0.06, 0.4), 1.9, 2)), Serial())
         assert catalogue.progress("built")["digits"] == report["digits"]
     assert 0 < report["families"] <= report["digits"]["orbits"] == 2 * report["digits"]["seconds"] <= len(calls)
     assert len(report["missed"]) == report["families"]
@@ -197,7 +197,7 @@ def test_a_killed_build_goes_on(tiny, tmp_path):
 def test_a_build_that_cannot_be_gone_on_with_says_so(tmp_path, place, value):
     """Oracle: one line that names the file, whatever stands in place of what a build had noted; with a checksum that fits, as the rows of
     catalogues from before there were any get."""
-    path, plan = tmp_path / "cut.sqlite", Plan.within(BOUNDS)
+    path, plan = tmp_path / "cut.sqlite", BuildPlan.within(BOUNDS)
     with Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
         catalogue.note("plan", plan.plain())
         begun = {"level": 0, "families": 0}
@@ -214,7 +214,7 @@ def test_a_build_that_cannot_be_gone_on_with_says_so(tmp_path, place, value):
 
 def test_another_plan_is_refused(tiny):
     """Oracle: the catalogue stays as it was, and the message names both."""
-    other = Plan.within(Bounds((0.06, 3.0), 2.0, 4))
+    other = BuildPlan.within(Bounds((0.06, 3.0), 2.0, 4))
     before = content(tiny[0])
     with Catalogue(tiny[0], "a", scene=saltus.load_scene()) as catalogue, pytest.raises(CatalogueError, match="3 impacts.*4 impacts"):
         build(catalogue, other, Serial())
@@ -237,7 +237,7 @@ def test_families_that_were_saved_are_followed_anew(tiny, tmp_path):
 def test_saved_families_that_were_started_outside_the_limits(tmp_path):
     """Oracle: the catalogue of a build into a new file. One family reaches into the limits, and is followed from there; one does not, and
     is refused with the file left as it was."""
-    plan, scene = Plan.within(Bounds((0.06, 0.4), 1.9, 2)), saltus.load_scene()
+    plan, scene = BuildPlan.within(Bounds((0.06, 0.4), 1.9, 2)), saltus.load_scene()
     across = saltus.trace("S13O00+@h=0.5", scene.system, energy=(0.3, 0.6))
     beyond = saltus.trace("S13O00+@h=2", scene.system, energy=(1.5, 2.5))
     reports, ranges = [], []
@@ -261,7 +261,7 @@ def test_saved_families_that_were_started_outside_the_limits(tmp_path):
 
 def test_named_families_are_followed_beyond_the_bounds(tmp_path):
     """Oracle: the name's own search. U2211- has two impacts in half a period, the bounds one; its neighbours have more than one, too."""
-    plan = Plan(Bounds((0.06, 0.9), 1.9, 1), Bounds((0.06, 0.9), 1.9, 5), ("U2211-",))
+    plan = BuildPlan(Bounds((0.06, 0.9), 1.9, 1), Bounds((0.06, 0.9), 1.9, 5), ("U2211-",))
     with Catalogue(tmp_path / "named.sqlite", "a", scene=saltus.load_scene()) as catalogue:
         report = build(catalogue, plan, Serial())
         assert not report["failed"]

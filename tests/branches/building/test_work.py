@@ -7,7 +7,7 @@ import pytest
 
 import saltus
 from branches.building import work as module
-from branches.building.plan import Bounds, Plan, energies_of
+from branches.building.plan import Bounds, BuildPlan, energies_of
 
 
 @pytest.mark.parametrize("place", [0, -1])
@@ -21,8 +21,8 @@ def test_energies_beside_the_outermost_are_inside_the_bounds(place, monkeypatch)
         asked.append(energy)
         return SimpleNamespace(orbits=(), complete=False)
 
-    monkeypatch.setattr(module, "discover", incomplete)
-    answer = module._at_energy(system, energy, Plan.within(bounds))
+    monkeypatch.setattr(module, "discover_orbits", incomplete)
+    answer = module._at_energy(system, energy, BuildPlan.within(bounds))
     assert answer.incomplete == (energy,) and asked[0] == energy
     assert len(asked) == 2 and all(bounds.energy[0] <= h <= bounds.energy[1] for h in asked)
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.building.plan import Bounds, Plan, read_seed
+from branches.building.plan import Bounds, BuildPlan, read_seed
 from branches.catalogue import Catalogue, CatalogueDamaged, CatalogueError, CatalogueInUse
 from branches.catalogue.check import check_catalogue
 from tests.branches.catalogue.families import same_columns, scene
@@ -54,7 +54,7 @@ def test_it_is_read(path):
         assert {row.sequence for row in catalogue.families(energy=0.5)} == {"", "-"}
         ((key, seed),) = catalogue.work()
         assert key == "0000001"
-        orbit = read_seed(seed, Plan.within(Bounds((0.06, 3.0), 2.0, 3))).value
+        orbit = read_seed(seed, BuildPlan.within(Bounds((0.06, 3.0), 2.0, 3))).value
         assert (orbit.ends, orbit.sequence) == (backbone.ends, backbone.sequence)
         assert catalogue.progress("unfolded 0000001") == [None, False, 2]
     now = saltus.trace("S13O00+", energy=(0.4, 0.55))
