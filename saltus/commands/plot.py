@@ -1,4 +1,4 @@
-"""`saltus plot STUDY --plot FILE`: pictures of a study, from its data on disk."""
+"""`saltus plot STUDY --plot FILE`: figures of a study, or a table of its runs, from its data on disk."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 __all__ = ["add_arguments", "run"]
 
 VIEWS = ("map", "lines", "best")
+_TABLES = {kind: outputs.KINDS[kind] for kind in ("csv", "npz", "mat")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("study", metavar="STUDY", help="folder that saltus study has made")
-    outputs.add_arguments(parser, "plot")
+    outputs.add_arguments(parser, "plot", **{kind: meaning.replace("all data", "the runs") for kind, meaning in _TABLES.items()})
     parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument(
         "--view", metavar="VIEW", choices=VIEWS,
@@ -38,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     files = outputs.outputs_of(arguments)
     if not files.places:
-        raise BadInput("missing: --plot (see saltus plot --help)")
+        raise BadInput("missing: --plot, --csv, --npz or --mat (see saltus plot --help)")
 
     from transitions.study.study import Study, numeric_axes
 
@@ -64,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         write_figure(getattr(figures, f"{view}_figure"), path, study, **options)
 
-    return files.write(plot=plot)
+    return files.write(table=lambda: {"run": study.runs, **study.given, **{name: study[name] for name in study.names}}, plot=plot)
 
 
 def _result(study: Study, option: str, name: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
 import saltus
 from tests.branches.building.test_frontier import Serial
@@ -318,6 +319,21 @@ def test_the_best_run_and_those_about_it(finished, capsys, tmp_path):
     places = (places - places.min(axis=1)[:, None]) / np.ptp(places, axis=1)[:, None]
     distance = np.linalg.norm(places - places[:, [at]], axis=0)
     assert len(best.neighbours) == 5 and set(best.neighbours) == set(np.argsort(distance)[1:6])
+
+
+def test_the_runs_as_a_table(finished, capsys, tmp_path):
+    """Oracle: the study's arrays; the same numbers in each kind of file."""
+    study = saltus.Study(finished[1])
+    code, _, _ = run(capsys, "plot", finished[1], "--csv", tmp_path / "a.csv", "--npz", tmp_path / "a.npz", "--mat", tmp_path / "a.mat")
+    assert code == 0
+    rows = np.genfromtxt(tmp_path / "a.csv", names=True, delimiter=",")
+    arrays, matlab = np.load(tmp_path / "a.npz"), loadmat(tmp_path / "a.mat")
+    assert set(arrays) == {"run", *study.given, *study.names} and len(rows) == 60
+    for name in ("run", "rho", "nes_share", "last_impact"):
+        wanted = {"run": study.runs, "rho": study.given["rho"]}.get(name)
+        wanted = study[name] if wanted is None else wanted
+        for values in (rows[name], arrays[name], matlab[name][:, 0]):
+            assert np.array_equal(values, wanted, equal_nan=True)
 
 
 def test_what_a_map_and_lines_show(finished):
