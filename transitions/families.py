@@ -71,11 +71,6 @@ def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
 
     The amplitude of the orbit is half the range of the gap coordinate, with its turning points at impacts. A tone has the share 1. The
     fundamental of a triangular wave has 8/pi^2.
-
-    Parameters
-    ----------
-    orbit : Orbit
-    gap : (n,) float
     """
     cycle = orbit.cycle
     even = np.arange(_SAMPLES) * (cycle.period / _SAMPLES)

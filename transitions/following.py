@@ -29,15 +29,8 @@ EQUAL_SHARE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """Means over three periods around places of a ridge, or over the part of them that the ridge has.
-
-    Parameters
-    ----------
-    cycles : (m,) float
-        Number of periods of the ridge from its first column to each column.
-    places : (j,) int
-        Columns, rising.
-    """
+    """Means over three periods around the columns `places` of a ridge, or over the part of them that the ridge has. `cycles` (m,) counts
+    its periods from the first column to each column."""
 
     cycles: np.ndarray
     places: np.ndarray
@@ -66,12 +59,9 @@ class Around:
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Lines of a motion at places of a ridge. The ridge itself is the first of them.
+    """Lines of a motion at places of a ridge, which is the first of them: frequencies over that of the ridge, and amplitudes, (s, j) each.
 
-    Parameters
-    ----------
-    ratios, amplitudes : (s, j) float
-        Frequencies over that of the ridge, and amplitudes: means over three periods. Both are 0 if the line does not exist there.
+    They are means over three periods, and 0 if the line does not exist there.
     """
 
     ratios: np.ndarray
@@ -79,17 +69,7 @@ class Lines:
 
 
 def lines_of(found: Sequence[Ridge], interval: RidgeInterval, around: Around) -> Lines:
-    """The lines of a motion in an interval.
-
-    Parameters
-    ----------
-    found : sequence of Ridge
-        All ridges of the motion, in the order in which they begin.
-    interval : RidgeInterval
-        An interval of the first line.
-    around : Around
-        Places in the interval.
-    """
+    """The lines of a motion in an interval of the first line, from all ridges in the order in which they begin."""
     count = len(around.places)
     rows = [(np.ones(count), around.mean(interval.amplitudes))]
     free = [count]  # the place from which each row is free for another ridge
@@ -154,14 +134,8 @@ def unlike(shares: np.ndarray, harmonic: int, ratios: np.ndarray, parts: np.ndar
 
 
 def partner(count: int, harmonic: int, ratios: np.ndarray, parts: np.ndarray) -> np.ndarray:
-    """Shares (k, j) of a motion's amplitude of its lines at the harmonics 1 to k, 0 for a harmonic without a line.
-
-    Parameters
-    ----------
-    count : int
-        k.
-    harmonic, ratios, parts
-        As for `unlike`.
+    """Shares (count, j) of a motion's amplitude of its lines at the harmonics 1 to `count`, 0 for a harmonic without a line. The other
+    arguments are those of `unlike`.
 
     Examples
     --------
@@ -178,13 +152,8 @@ def partner(count: int, harmonic: int, ratios: np.ndarray, parts: np.ndarray) ->
 class Match(NamedTuple):
     """A comparison of a motion with a family, at the places (j,) of a ridge that is at a harmonic of the family.
 
-    Parameters
-    ----------
-    meeting : Meeting
-    unlike : (j,) float
-        Largest difference of their lines, in shares of the amplitude.
-    miscount : (j,) float
-        Impacts of the motion minus those of the orbit, in three periods of the ridge, rounded up to complete periods of the orbit.
+    `unlike` (j,) is the largest difference of their lines, in shares of the amplitude. `miscount` (j,) is the number of impacts of the
+    motion minus that of the orbit, in three periods of the ridge, rounded up to complete periods of the orbit.
     """
 
     meeting: Meeting
@@ -253,17 +222,8 @@ def family_intervals(matches: Sequence[Match], cycles: np.ndarray) -> list[Famil
 def steady(shown: np.ndarray, cycles: np.ndarray) -> list[tuple[int, int, tuple[int, ...]]]:
     """Cut the places of a ridge at each change of its harmonics that lasts three periods or more.
 
-    Parameters
-    ----------
-    shown : (k, j) bool
-        Whether a harmonic is shown at a place.
-    cycles : (j,) float
-        As for `family_intervals`.
-
-    Returns
-    -------
-    list of (int, int, tuple of int)
-        First and last place, and the indices of the harmonics. A wrong harmonic costs 1 in each period, and each change costs 3/2.
+    `shown` (k, j) says whether a harmonic is shown at a place; `cycles` is that of `family_intervals`. The result has first and last place,
+    and the indices of the harmonics. A wrong harmonic costs 1 in each period, and each change costs 3/2.
     """
     length = np.gradient(cycles)[:, None]
     kept = np.array([_cheapest(np.stack([row, ~row], axis=1) * length, 0.5 * LEAST_PERIODS) > 0 for row in shown])
@@ -302,23 +262,11 @@ def _cheapest(costs: np.ndarray, switch: float) -> np.ndarray:
 
 
 def best_of(interval: FamilyInterval, matches: Sequence[Match], impacts: float, cycles: float) -> list[Meeting]:
-    """The family that fits an interval best, and the others that fit it as well.
+    """The family that fits an interval with a match best, and the others that fit it as well: one meeting for each.
 
-    Parameters
-    ----------
-    interval : FamilyInterval
-        With a match.
-    matches : sequence of Match
-        All matches. Those that fit at all places of the interval are compared.
-    impacts, cycles : float
-        Number of impacts, and of periods of the ridge, in the interval.
-
-    Returns
-    -------
-    list of Meeting
-        One for each family: that of least mean cost, and those that equal it in mean deviation, in the mean difference of the lines, and in
-        the number of impacts within one. They are sorted by impacts in a period, harmonic and deviation. So the first is the simplest,
-        which need not be the closest.
+    Matches that fit at all places of the interval, with `impacts` impacts and `cycles` periods of the ridge, are compared. The first is
+    that of least mean cost. Others equal it in mean deviation, in the mean difference of the lines, and in the number of impacts within
+    one. They are sorted by impacts in a period, harmonic and deviation. So the first is the simplest, which need not be the closest.
     """
     part = slice(interval.first, interval.last + 1)
     fit = [match for match in matches if np.isfinite(match.meeting.deviation[part]).all()]

@@ -30,15 +30,10 @@ _ROUNDING = 64.0 * np.finfo(float).eps  # of the signal's range; the transform c
 
 @dataclass(frozen=True, eq=False)
 class Ridge:
-    """A maximum of the spectrum that continues in time.
+    """A maximum of the spectrum that continues in time, from the column `first` on.
 
-    Parameters
-    ----------
-    first : int
-        Its first column of the spectrum.
-    frequencies, amplitudes, shares : (j,) float
-        Angular frequency and amplitude at successive columns, interpolated between the rows of the spectrum, and the share of the
-        motion's amplitude. The amplitude is corrected for the edges of the record.
+    At successive columns it has an angular frequency and an amplitude, interpolated between the rows of the spectrum, and a share of the
+    motion's amplitude, (j,) each. The amplitude is corrected for the edges of the record.
     """
 
     first: int
@@ -83,15 +78,8 @@ def periods(frequencies: np.ndarray, step: float) -> float:
 
 
 def amplitude_of_motion(times: np.ndarray, signal: np.ndarray, at: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """Half of the range of a signal within one period before and after given times, (j,).
-
-    Parameters
-    ----------
-    times, signal : (m,) float
-        Uniform times.
-    at, frequencies : (j,) float
-        The given times, and the angular frequencies that define the periods.
-    """
+    """Half of the range of a signal (m,) at uniform times within one period before and after given times, (j,). `frequencies` (j,) are the
+    angular frequencies that define the periods."""
     step = (times[-1] - times[0]) / (len(times) - 1)
     period = 2.0 * math.pi / frequencies
     first, last = (np.clip(np.round((at + side * period - times[0]) / step).astype(int), 0, len(signal) - 1) for side in (-1.0, 1.0))
@@ -227,19 +215,8 @@ def beside(found: Sequence[Ridge], interval: RidgeInterval) -> list[Ridge]:
 
 
 def ridge_intervals(spectrum: Spectrum, found: list[Ridge]) -> list[RidgeInterval]:
-    """The intervals in which one ridge is the largest and has a fifth of the motion's amplitude, for three of its periods or more.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-    found : list of Ridge
-        The result of `ridges`.
-
-    Returns
-    -------
-    list of RidgeInterval
-        In order of time. An interval goes on if another ridge is larger for less than three periods.
-    """
+    """The intervals in which one of the ridges `found` is the largest and has a fifth of the motion's amplitude, for three of its periods
+    or more, in order of time. An interval goes on if another ridge is larger for less than three periods."""
     step = float(spectrum.times[1] - spectrum.times[0])
     best = np.full(len(spectrum.times), -1)
     height = np.zeros(len(spectrum.times))

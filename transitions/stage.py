@@ -315,18 +315,10 @@ class StartFamily:
 
 
 def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float, str]]:
-    """Times and stops of an orbit's impacts over one period, from a state at one of its ends.
+    """Times and stops of an orbit's impacts over one period, in order of time, from a state at one of its ends.
 
-    Parameters
-    ----------
-    orbit : Orbit
-    u, v : (n,) float
-        Its state at time 0 or half a period later, or the mirror image of one of these if the system has odd symmetry.
-
-    Returns
-    -------
-    list of (float, str)
-        In order of time; for a mirror image those of the mirrored orbit.
+    The state is the orbit's at time 0 or half a period later, or the mirror image of one of these if the system has odd symmetry. Of a
+    mirror image the impacts are those of the mirrored orbit.
     """
     from branches.sequences import mirror
 
@@ -346,13 +338,8 @@ def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float
 def leaving(orbit: Sequence[tuple[float, str]], impacts: Sequence[tuple[float, str]]) -> Leaving | None:
     """The first impact of a motion at another stop than the orbit's; None if the motion keeps the sequence.
 
-    Parameters
-    ----------
-    orbit : sequence of (float, str)
-        Times and stops of the impacts in one period, from the start of the motion on. An impact at time 0 counts as the last one of the
-        period: the motion starts after it.
-    impacts : sequence of (float, str)
-        Times and stops of the motion's impacts.
+    Both lists hold times and stops, from the start of the motion on; that of the orbit covers one period. An impact at time 0 counts as the
+    last one of the period: the motion starts after it.
 
     Examples
     --------
@@ -373,17 +360,8 @@ def start_family(
 ) -> StartFamily:
     """The family of a start, and how long the motion keeps the impact sequence of its orbit.
 
-    Parameters
-    ----------
-    family, name : str
-        As for `StartFamily`.
-    orbit : Orbit
-    state : u, v (n,)
-        The start of the motion, as for `impacts_from`.
-    impacts : sequence of (float, str)
-        Times and stops of the motion's impacts.
-    end : float or None
-        The end of the motion; None if no impact is possible after the last one.
+    `state` is the start of the motion, as for `impacts_from`; `impacts` are times and stops of the motion's impacts. `end` is the end of
+    the motion, None if no impact is possible after the last one.
     """
     left = leaving(impacts_from(orbit, *state), impacts)
     if left is not None:
@@ -415,20 +393,10 @@ def why_another(
     pitch: np.ndarray,
     unlike: float | None,
 ) -> str:
-    """Why a stage does not follow the family of the start, in words.
+    """Why a stage does not follow the family of the start, in words; "" if that is not among the families.
 
-    Parameters
-    ----------
-    start : StartFamily
-    families : Families
-        The reason is "" if the family of the start is not among them.
-    record : SampledMotion
-    stage : Stage
-        A stage that does not follow the family.
-    times, pitch : (j,) float
-        Times and angular frequencies of the stage's ridge.
-    unlike : float or None
-        Mean difference of the lines of the motion and of the family (`transitions.following.unlike`); None if they were not compared.
+    `times` and `pitch` (j,) are times and angular frequencies of the stage's ridge. `unlike` is the mean difference of the lines of the
+    motion and of the family (`transitions.following.unlike`), None if they were not compared.
     """
     family = next((family for family in families.members if family.id == start.family), None)
     if family is None:

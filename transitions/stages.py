@@ -24,16 +24,7 @@ _NOTHING = 1e-300  # in place of an energy or amplitude of 0, so that its logari
 
 
 def spectrum_of(record: SampledMotion, gap: Sequence[float], **options: Any) -> Spectrum:
-    """The wavelet spectrum of a gap coordinate of a record.
-
-    Parameters
-    ----------
-    record : SampledMotion
-    gap : (n,) float
-        (1, -1) for u1 - u2.
-    **options
-        As for `transitions.spectrum.morlet_spectrum`.
-    """
+    """The wavelet spectrum of a gap coordinate of a record; the options are those of `transitions.spectrum.morlet_spectrum`."""
     w, rate = record.along(gap)
     return morlet_spectrum(record.times, w, rate, **options)
 
@@ -99,20 +90,8 @@ def stages_of(
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A part of an interval of a ridge.
-
-    Parameters
-    ----------
-    interval : RidgeInterval
-    meetings : sequence of Meeting
-        The families that fit it, the best first.
-    first, last : int
-        The places at which it is compared with families.
-    harmonics : tuple of int
-        The harmonics of the best family that the motion shows.
-    matches : sequence of Match
-        All comparisons of the interval.
-    """
+    """A part of an interval of a ridge: the families that fit it, the best first; the places `first` to `last` at which it is compared with
+    families; the harmonics of the best family that the motion shows; and all comparisons of the interval."""
 
     interval: RidgeInterval
     meetings: Sequence[Meeting] = ()

@@ -85,20 +85,8 @@ def readable(path: Path, what: str) -> Iterator[None]:
 
 @contextmanager
 def translated(path: Path) -> Iterator[None]:
-    """Report SQLite's errors in the user's words.
-
-    Parameters
-    ----------
-    path : Path
-        The file that the block reads or writes.
-
-    Raises
-    ------
-    CatalogueError, CatalogueDamaged
-        If the file cannot be read.
-    WriteFailure
-        If the file cannot be written. It keeps what it held.
-    """
+    """Report SQLite's errors at a file in the user's words: `CatalogueError` or `CatalogueDamaged` if it cannot be read, `WriteFailure` if
+    it cannot be written. It keeps its contents then."""
     try:
         yield
     except sqlite3.Error as error:

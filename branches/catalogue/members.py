@@ -172,16 +172,8 @@ class KnownFamilies:
         return len(self._curves.get((images[0].ends, images[0].sequence), []))
 
     def place(self, system: ImpactSystem, images: Sequence[Presentation], first: int = 0) -> FamilyPlace | None:
-        """The known family to which one of an orbit's images belongs; None if there is none.
-
-        Parameters
-        ----------
-        system : ImpactSystem
-        images : sequence of Presentation
-            Its `presentations`.
-        first : int
-            How many families with these ends and this impact sequence to leave out, in the order in which they were added.
-        """
+        """The known family to which one of an orbit's images belongs; None if there is none. The `first` families with these ends and this
+        impact sequence are left out, in the order in which they were added."""
         weights = np.concatenate([system.modes.squares, np.ones(len(system.modes.squares))])
         for image in images:
             curves = self._curves.get((image.ends, image.sequence), [])[first:]

@@ -110,21 +110,8 @@ def encode(columns: Columns, problem: MultipointProblem) -> tuple[bytes, Layout]
 
 
 def decode(blob: bytes, layout: Layout, columns: Columns, problem: MultipointProblem) -> Columns:
-    """The inverse of `encode`.
-
-    Parameters
-    ----------
-    blob : bytes
-    layout : dict
-    columns : dict of str to ndarray
-        The columns `QUERIED`.
-    problem : MultipointProblem
-        Of the family's orbits.
-
-    Returns
-    -------
-    dict of str to ndarray
-        All columns.
+    """The inverse of `encode`: all columns, from the array's file, its layout, the columns `QUERIED` and the problem of the family's
+    orbits.
 
     Raises
     ------
@@ -284,20 +271,8 @@ PREDICTIONS: dict[str, Callable[[Columns, MultipointProblem], np.ndarray]] = {
 
 @dataclass(frozen=True)
 class PackedFamily:
-    """The rows of one family.
-
-    Attributes
-    ----------
-    system : dict
-        The description of its system.
-    row : FamilyRow
-        With the number 0.
-    points : list of tuple
-        Columns `branches.catalogue.packing.QUERIED`.
-    arrays : bytes
-        All other columns of its points, as an .npz file.
-    events : list of tuple
-    """
+    """The rows of one family, with the description of its system. `row` has the number 0, `points` have the columns `QUERIED`, and `arrays`
+    is an .npz file with all other columns of the points."""
 
     system: dict[str, Any]
     row: FamilyRow

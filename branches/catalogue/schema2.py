@@ -82,24 +82,10 @@ def _orbit(problem: str | None, states: bytes) -> str | None:
 
 
 def read_blobs(connection: sqlite3.Connection, row: FamilyRow, columns: Columns, problem: MultipointProblem) -> Columns:
-    """All columns of a family's points.
+    """All columns of a family's points, from the columns of the table of points and three blobs.
 
-    Each of three blobs holds columns of float64: a byte for each column with the order of its differences, then the compressed differences,
-    taken as integers, first the lowest bytes of all columns.
-
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-    row : FamilyRow
-    columns : dict of str to ndarray
-        The columns of the table of points.
-    problem : MultipointProblem
-        Of the family's orbits.
-
-    Raises
-    ------
-    ValueError
-        If a blob does not fit its checksum or the layout of the family.
+    Each blob holds columns of float64: a byte for each column with the order of its differences, then the compressed differences, taken as
+    integers, first the lowest bytes of all columns. A blob that does not fit its checksum or the layout of the family raises ValueError.
     """
     import numpy as np
 
@@ -139,21 +125,10 @@ def read_blobs(connection: sqlite3.Connection, row: FamilyRow, columns: Columns,
 
 
 def convert(path: Path, catalogue: type[Any], scene: Any = None) -> None:
-    """Replace a catalogue of schema 2 by one of today's. After a failure the old one stays.
+    """Replace a catalogue of schema 2, whose lock the caller holds, by one of today's. After a failure the old one stays.
 
-    Parameters
-    ----------
-    path : Path
-        The caller holds its lock.
-    catalogue : type
-        `branches.catalogue.Catalogue`, which reads the old file and writes the new one.
-    scene : optional
-        Its system must be that of the file.
-
-    Raises
-    ------
-    CatalogueInUse
-        If another program reads the file.
+    `catalogue` is the class that reads the old file and writes the new one. The system of `scene` must be that of the file.
+    `CatalogueInUse` is raised if another program reads the file.
     """
     beside = path.with_name(path.name + ".converted")
     _remove(beside)

@@ -157,18 +157,9 @@ _RAGGED = ("flight_times", "impact_speeds")
 
 
 def points_table(catalogue: CatalogueStore, families: Sequence[FamilyRow], columns: Sequence[str] = DEFAULT_COLUMNS) -> Table:
-    """The points of families, one family after the other.
+    """The points of families of a catalogue, one family after the other.
 
-    Parameters
-    ----------
-    catalogue : CatalogueStore
-    families : sequence of FamilyRow
-    columns : sequence of str
-        From `POINT_NAMES`: those of `branches.branch.Branch.points`, the family's id, and the index of the point.
-
-    Returns
-    -------
-    Table
+    `columns` are from `POINT_NAMES`: those of `branches.branch.Branch.points`, the family's id, and the index of the point.
     """
     parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
     for row in families:
@@ -187,13 +178,7 @@ def points_table(catalogue: CatalogueStore, families: Sequence[FamilyRow], colum
 
 
 def orbit_rows(found: Sequence[tuple[str, Orbit]]) -> Table:
-    """A row for each orbit: its properties, its start, and its impacts over a period.
-
-    Parameters
-    ----------
-    found : sequence of (str, Orbit)
-        With the ids of their families.
-    """
+    """A row for each orbit, given with the id of its family: its properties, its start, and its impacts over a period."""
     orbits = [orbit for _, orbit in found]
     states = [np.concatenate(orbit.sample(np.zeros(1)), axis=1)[0] for orbit in orbits]
     n = orbits[0].system.degrees_of_freedom if orbits else 0
@@ -218,15 +203,8 @@ def orbit_rows(found: Sequence[tuple[str, Orbit]]) -> Table:
 
 
 def orbit_samples(found: Sequence[tuple[str, Orbit]], count: int) -> Table:
-    """The motion of each orbit over one period, one orbit after the other: time, displacements u and velocities v.
-
-    Parameters
-    ----------
-    found : sequence of (str, Orbit)
-        With the ids of their families.
-    count : int
-        Number of evenly spaced times for each orbit, both ends included.
-    """
+    """The motion of each orbit, given with the id of its family, over one period: time, displacements u and velocities v at `count` evenly
+    spaced times, both ends included. One orbit follows the other."""
     times, u, v = [], [], []
     for _, orbit in found:
         t = np.linspace(0.0, orbit.period, count)

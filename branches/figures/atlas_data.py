@@ -225,22 +225,10 @@ _Row = tuple[int, "Orbit | None"]
 
 
 def _cut(branch: Branch, low: float, high: float, names: Sequence[str]) -> list[dict[str, np.ndarray]]:
-    """The pieces of a branch that lie within low <= h <= high, in order of arclength.
+    """The given columns of the pieces of a branch within low <= h <= high, in order of arclength.
 
     Without the orbits at the bounds a family that has no point within a narrow range would be left out, and every other one would end
-    before the bound, at its last point within.
-
-    Parameters
-    ----------
-    branch : Branch
-    low, high : float
-    names : sequence of str
-        Columns of `Branch.points`.
-
-    Returns
-    -------
-    list of dict
-        Of each piece those columns, (N, ...) arrays with N >= 1; a bound where the corrector fails is left out.
+    before the bound, at its last point within. A bound where the corrector fails is left out.
     """
     h = branch.points["h"]
     inside = (h >= low) & (h <= high)

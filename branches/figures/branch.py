@@ -102,14 +102,8 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
 
 
 def write_events(room: Room, names: Sequence[str], kinds: Sequence[str], places: np.ndarray) -> tuple[int, int]:
-    """Write the names of special points. Returns how many have no room, and how many there are.
-
-    Parameters
-    ----------
-    room : Room
-    names, kinds : (E,) names and types
-    places : (E, 2) in data coordinates; those that are not finite are left out
-    """
+    """Write the names of special points at places (E, 2); those that are not finite are left out. Returns how many names have no room, and
+    how many there are."""
     shown = np.flatnonzero(np.isfinite(places).all(axis=1)).tolist()
     radii = np.array([0.5 * event_look(kinds[i])["markersize"] + 0.5 for i in shown])
     room.take_around(places[shown], radii)
@@ -125,15 +119,10 @@ def write_events(room: Room, names: Sequence[str], kinds: Sequence[str], places:
 
 
 def crowds(names: Sequence[str], kinds: Sequence[str], at: np.ndarray) -> list[tuple[int, str]]:
-    """The texts to write: (row of the point that it belongs to, text).
+    """The texts to write: (row of the point that it belongs to, text), for points at places (E, 2) of the page.
 
     Each point has its own name. But `_CROWD` or more successive points of one type, each within `_CROWD_STEP` points of the one before,
     share one text such as GR1-12. So do points of several types in one place, whose markers hide each other.
-
-    Parameters
-    ----------
-    names, kinds : (E,) names and types
-    at : (E, 2) places on the page, in points
     """
     places: list[tuple[int, list[str]]] = []
     for kind in dict.fromkeys(kinds):

@@ -174,17 +174,8 @@ def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str, fine: flo
 
 
 def draw_events(axes: Axes, kinds: Sequence[str], places: np.ndarray, panel: str, **look: Any) -> None:
-    """Draw a marker at the place (2,) of each event, with one line object for each type.
-
-    Parameters
-    ----------
-    axes : Axes
-    kinds : sequence of str
-    places : (E, 2) in data coordinates
-    panel : name of the panel
-    **look
-        Of the markers, against the usual one.
-    """
+    """Draw a marker at the place (E, 2) of each event in data coordinates, with one line object for each type. `look` changes the usual
+    markers."""
     for kind in dict.fromkeys(kinds):
         x, y = places[[k == kind for k in kinds]].T
         (marks,) = axes.plot(x, y, **{"zorder": _BELOW.get(kind, 4.0), **event_look(kind), **look})
@@ -192,16 +183,9 @@ def draw_events(axes: Axes, kinds: Sequence[str], places: np.ndarray, panel: str
 
 
 def draw_events_with_room(room: Room, kinds: Sequence[str], places: np.ndarray, panel: str) -> None:
-    """Draw the markers that have room, smaller than for one family, and keep their room.
+    """Draw the markers that have room, smaller than for one family, and keep their room. The most important event comes first.
 
     An event has room if its surroundings contain its own curve and at most one that crosses it, and no marker of an event before it.
-
-    Parameters
-    ----------
-    room : Room
-    kinds : sequence of str, the most important event first
-    places : (E, 2) in data coordinates
-    panel : name of the panel
     """
     at = room.to_page(places)
     free = ((at > room.frame[:2] + 3.0) & (at < room.frame[2:] - 3.0)).all(axis=1)

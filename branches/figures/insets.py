@@ -79,13 +79,8 @@ class Place:
 def place_insets(axes: Axes, insets: Sequence[Inset], curves: Sequence[np.ndarray], room_now: Callable[[], Room]) -> list[Place]:
     """Find a place for each inset: in `axes` where it covers no curve, else beside `axes`, which become narrower for it.
 
-    Parameters
-    ----------
-    axes : with its final limits and its place in the figure, before anything is drawn that depends on that place
-    insets : sequence of Inset
-    curves : polylines (n, 2) in data coordinates; the insets are to show some of them
-    room_now : callable
-        Returns the room of `axes` in its present place.
+    The axes have their final limits and their place in the figure, and nothing that depends on that place is drawn. The insets show parts
+    of the curves (n, 2), in data coordinates. `room_now` returns the room of `axes` in its present place.
 
     Raises
     ------

@@ -311,13 +311,8 @@ class Named:
 def names_of(curves: Sequence[Named], room: Room | None = None) -> list[Named]:
     """The names that may be written, the most important first: all cited ones, and one for each other family.
 
-    Families without a label get a short id. So do all but the most important one of those with equal names.
-
-    Parameters
-    ----------
-    curves : sequence of Named
-    room : Room, optional
-        Leaves out what is not inside its frame.
+    Families without a label get a short id. So do all but the most important one of those with equal names. A `room` leaves out what is not
+    inside its frame.
     """
     ordered = sorted((name for curve in curves for name in curve.names()), key=lambda name: name.importance)
     known = short_ids(dict.fromkeys(curve.key for curve in curves))

@@ -57,17 +57,9 @@ def has_images(plane: SectionPlane) -> bool:
 
 
 def with_ink_left(axes: Axes, motions: list[np.ndarray]) -> list[int]:
-    """The motions that are drawn.
+    """The indices of the motions (points (k, 2) of each) that are drawn in axes with their final limits and place in the figure.
 
-    Parameters
-    ----------
-    axes : with its final limits and place in the figure
-    motions : points (k, 2) of each
-
-    Returns
-    -------
-    list of int
-        Each motion, in their order, unless half of its points or more fall where the motions before it leave little white.
+    A motion is left out if half of its points or more fall where the motions before it leave little white.
     """
     per_cell = 72.0 / axes.figure.dpi / _CELL
     low, high = np.array(axes.bbox.extents).reshape(2, 2) * per_cell
@@ -104,18 +96,10 @@ def robust_limits(values: np.ndarray) -> tuple[float, float]:
 
 
 def with_room(axes: Axes, marks: Sequence[OrbitMark]) -> list[OrbitMark]:
-    """The marks that are drawn.
+    """The marks that are drawn in axes with their final limits and place in the figure.
 
-    Parameters
-    ----------
-    axes : with its final limits and place in the figure
-    marks : of all orbits
-
-    Returns
-    -------
-    list of OrbitMark
-        Elliptic orbits first, and those with the fewest impacts, then with the fewest crossings: each that has room at all of its crossings
-        beside those before it.
+    Elliptic orbits come first, and those with the fewest impacts, then with the fewest crossings: each that has room at all of its
+    crossings beside those before it.
     """
     to_points = 72.0 / axes.figure.dpi
     taken = np.empty((0, 2))

@@ -111,22 +111,11 @@ def gradual_energy(record: SampledMotion, times: np.ndarray) -> np.ndarray:
 
 
 def over_energy(energies: np.ndarray, amplitudes: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Amplitudes at each frequency, in intervals of the energy.
+    """Amplitudes (k, m) of a motion with energies (m,) at successive times, at each frequency in intervals of the energy: (k, j).
 
-    Parameters
-    ----------
-    energies : (m,) float
-        Of the motion at successive times, above 0.
-    amplitudes : (k, m) float
-    edges : (j + 1,) float
-        Rising, above 0.
-
-    Returns
-    -------
-    (k, j) float
-        The largest amplitude that the motion has while its energy is within each interval; NaN where it never is. An impact takes energy
-        at once: the intervals that are passed then have amplitudes between those at the times before and after it, in the logarithm of
-        the energy.
+    Each is the largest amplitude that the motion has while its energy is between two of the edges (j + 1,); NaN where it never is. An
+    impact takes energy at once: the intervals that are passed then have amplitudes between those at the times before and after it, in the
+    logarithm of the energy.
     """
     level, bounds = np.log(energies), np.log(edges)
     out = np.full((len(amplitudes), len(edges) - 1), -np.inf)

@@ -48,15 +48,8 @@ class Ending(Enum):
 
 
 class Starts(NamedTuple):
-    """The starts on orbits of the runs of a block.
-
-    Attributes
-    ----------
-    states : (b, 2n) ndarray
-        (u, v); NaN for a run that starts elsewhere, or whose family has no orbit at its energy.
-    leaving : (b,) ndarray of str
-        The contact that the start has just left, "" for none.
-    """
+    """The starts on orbits of the runs of a block: states (b, 2n) u and v, NaN for a run that starts elsewhere or whose family has no orbit
+    at its energy; and the contact (b,) that the start has just left, "" for none."""
 
     states: np.ndarray
     leaving: np.ndarray
@@ -137,20 +130,11 @@ def _system_of(description: str, nes: tuple[int, ...], lo: tuple[int, ...]) -> _
 
 @dataclass(frozen=True, eq=False)
 class _Runs:
-    """The runs of a block.
+    """The runs of a block: `which` (b,) is the system of each run, apart from its restitution `rho` (b,), which is None if it does not
+    vary.
 
-    Attributes
-    ----------
-    plan : StudyPlan
-    systems : list of _System
-    which : (b,) int ndarray
-        The system of each run, apart from its restitution.
-    rho : (b,) ndarray or None
-        Restitution of each run; None if it does not vary.
-    states, energies, leaving : (b, 2n), (b,) and (b,) ndarray
-        The starts, their energies (NaN: no start), and the contacts that they have just left.
-    out : dict of str to (b,) ndarray
-        The results, in the order of `results_of`.
+    The starts have states (b, 2n), energies (b,), NaN for none, and the contacts that they have just left. `out` holds the results, in the
+    order of `results_of`.
     """
 
     plan: StudyPlan

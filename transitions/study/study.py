@@ -82,16 +82,8 @@ def block_path(folder: Path, number: int, kind: str) -> Path:
 
 
 def write_block(path: Path, columns: Mapping[str, np.ndarray], digest: str, number: int) -> None:
-    """Write a block completely or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Its suffix selects the format.
-    columns : mapping of str to (b,) ndarray
-    digest : str
-        Of the study's plan.
-    number : int
+    """Write columns (b,) of results as a block, completely or not at all. The suffix of the path selects the format; `digest` is that of
+    the study's plan.
 
     Raises
     ------
@@ -432,16 +424,8 @@ def bins_of(study: Study, axis: Axis, most: int) -> Bins:
 
 
 def along(study: Study, axis: Axis, values: np.ndarray, some: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Centres of an axis's bins, (k,), and the quartiles and median of the values in each, (k, 3); NaN if no run has a value.
-
-    Parameters
-    ----------
-    study : Study
-    axis : Axis
-    values : (N,) ndarray
-    some : (N,) bool ndarray, optional
-        The runs to use.
-    """
+    """Centres of an axis's bins, (k,), and the quartiles and median of the values (N,) in each, (k, 3); NaN if no run has a value. `some`
+    (N,) selects the runs."""
     chosen = np.isfinite(values) if some is None else np.isfinite(values) & some
     bins = bins_of(study, axis, int(np.clip(chosen.sum() // FEWEST, 1, MOST)))
     out = np.full((len(bins.centres), 3), np.nan)
