@@ -71,7 +71,7 @@ PATTERNS = complete_labels().flatmap(patterns_of)
 
 @given(st.one_of(complete_labels(), PATTERNS))
 def test_text_round_trip(label):
-    assert parse(str(label)) == label
+    assert parse(str(label)) == label and why_impossible(label) is None
 
 
 @given(complete_labels().flatmap(lambda label: st.tuples(st.just(label), patterns_of(label))))
@@ -122,10 +122,7 @@ def test_short_names_and_patterns():
     assert matches(parse("U21"), parse("U2101+")) and not matches(parse("U21"), parse("S31O11+"))
     assert matches(parse("U21-"), parse("U2101-")) and not matches(parse("U21-"), parse("U2101+"))
     assert matches(parse("S73O"), parse("S73O33-")) and not matches(parse("S73E"), parse("S73O33-"))
-
-
-def test_a_pattern_asks_for_what_the_other_leaves_open():
-    assert not matches(parse("U8353-"), parse("U8353")) and matches(parse("U8353"), parse("U8353-"))
+    assert matches(parse("U8353"), parse("U8353-")) and not matches(parse("U8353-"), parse("U8353"))
 
 
 def test_equivalent_labels():
@@ -229,11 +226,6 @@ def test_impossible_labels(text, reason):
 def test_fields_that_make_no_label(fields):
     with pytest.raises(ValueError, match="label"):
         Label(*fields)
-
-
-@given(complete_labels())
-def test_possible_labels_have_no_reason(label):
-    assert why_impossible(label) is None
 
 
 @pytest.mark.parametrize(

@@ -274,18 +274,6 @@ def traced():
     return saltus.trace("S13O00+", energy=(0.05, 1.0))
 
 
-def test_points_and_events_stand_in_order(traced):
-    """Oracle: the format: both in the order of arclength, alpha = T/4, frequency 2 pi / T."""
-    data = record.to_record(traced)
-    for entries in (data["points"], data["events"]):
-        arclengths = [entry["arclength"] for entry in entries]
-        assert arclengths == sorted(arclengths)
-    for point in data["points"]:
-        assert math.isclose(point["frequency"] * 4.0 * point["alpha"], 2.0 * math.pi, rel_tol=1e-15)
-        moduli = [abs(complex(*pair)) for pair in point["multipliers"] if pair]
-        assert all(first >= second * (1.0 - 1e-9) for first, second in zip(moduli, moduli[1:], strict=False))
-
-
 @pytest.mark.parametrize(
     ("name", "words"), [("h", "its start has the energy {:.12g}"), ("alpha", "its flight_times make {:.12g}")], ids=["h", "alpha"]
 )

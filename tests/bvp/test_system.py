@@ -78,16 +78,10 @@ def test_stops_that_cannot_be_are_refused(given, words):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"mu": 0.0}, "mu, the mass ratio, must be above 0"),
-        ({"mu": -1.0}, "received -1"),
         ({"mu": math.inf}, "mu, the mass ratio"),
         ({"mu": math.nan}, "mu is a number; received NaN"),
-        ({"sigma": -0.1}, "sigma, the coupling stiffness, must be 0 or above"),
         ({"sigma": math.nan}, "sigma is a number; received NaN"),
-        ({"lam": -0.1}, "lam, the damping, must be 0 or above"),
         ({"lam": math.nan}, "lam is a number; received NaN"),
-        ({"rho": 1.5}, r"rho, the restitution, lies in \[0, 1\]; received 1.5"),
-        ({"rho": -0.5}, "rho, the restitution"),
         ({"rho": math.nan}, "rho is a number; received NaN"),
         ({"rho": "one"}, "rho is a number; received 'one'"),
     ],
