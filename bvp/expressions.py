@@ -1,4 +1,4 @@
-"""Limits for expressions: how large they may become when they are multiplied out, and how long sympy may take over them."""
+"""Expressions given as text, and limits for all: how large they may become when multiplied out, and how long sympy may take over them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-__all__ = ["MOST_BITS", "MOST_TERMS", "SECONDS", "Size", "TooLarge", "limited", "require_small", "size_of_text"]
+__all__ = [
+    "FUNCTIONS", "LagrangianError", "MOST_BITS", "MOST_TERMS", "SECONDS", "Size", "TooLarge", "is_plain_name", "limited",
+    "parse_expression", "require_small", "size_of_text",
+]  # fmt: skip
 
 MOST_TERMS = 20_000
 """Terms of an expression that is multiplied out: a chain of 100 coordinates that are all coupled has 5,050."""
@@ -21,8 +24,24 @@ MOST_BITS = 4096
 SECONDS = 20.0
 """Time that sympy may take to read one system."""
 
+FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "Abs")
+"""Functions that an expression given as text may use (of parameters: they are nonlinear in a coordinate)."""
 
-class TooLarge(ValueError):
+LARGEST_POWER = 20
+"""Largest number in an exponent given as text: what is above can only be a slip, or take for ever to multiply out."""
+
+
+ARITHMETIC = (
+    (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Load) + (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow) + (ast.UAdd, ast.USub)
+)
+"""What else a text's syntax tree may consist of."""
+
+
+class LagrangianError(ValueError):
+    """Energies, gaps or parameters that make no linear impacting system; the message is one line that names the term."""
+
+
+class TooLarge(LagrangianError):
     """An expression that is too large, or takes too long; the message says in what."""
 
 
@@ -201,3 +220,63 @@ def limited(what: str) -> Iterator[None]:
     finally:
         if free:
             sys.setprofile(None)
+
+
+def is_plain_name(name: str) -> bool:
+    """Whether text may be the name of a symbol."""
+    return name.isidentifier() and "__" not in name
+
+
+def parse_expression(text: str, what: str) -> Any:
+    """Text as a sympy expression: checked to be plain arithmetic before sympy, which evaluates what it reads, sees it."""
+    import sympy
+    from sympy.parsing.sympy_parser import auto_number, parse_expr
+
+    text = " ".join(text.split())
+    shown = text if len(text) <= 60 else text[:57] + "..."
+    try:
+        tree = ast.parse(text, mode="eval")
+    except SyntaxError as error:
+        raise LagrangianError(f'{what} "{shown}" cannot be read: not an expression at character {error.offset}') from None
+    except (ValueError, RecursionError, MemoryError):
+        raise LagrangianError(f'{what} "{shown}" cannot be read: too long, or no text') from None
+    parts = list(ast.walk(tree))
+    for node in parts:
+        refused = _refused(node)
+        if refused:
+            raise LagrangianError(f'{what} "{shown}" cannot be read: {refused}')
+    try:
+        size_of_text(tree)
+    except TooLarge as error:
+        raise LagrangianError(f'{what} "{shown}" is too large: {error}') from None
+    called = {node.func.id for node in parts if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    names = {node.id: sympy.Symbol(node.id) for node in parts if isinstance(node, ast.Name)}
+    names |= {name: getattr(sympy, name) for name in called}
+    numbers = {"Integer": sympy.Integer, "Float": sympy.Float, "__builtins__": {}}
+    try:
+        return parse_expr(text, local_dict=names, global_dict=numbers, transformations=(auto_number,))
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise LagrangianError(f'{what} "{shown}" cannot be read: {error}') from None
+
+
+def _refused(node: ast.AST) -> str | None:
+    """Why a part of a text's syntax tree is not plain arithmetic, None where it is."""
+    if isinstance(node, ast.Name):
+        return None if is_plain_name(node.id) else f"the name {node.id} is not allowed"
+    if isinstance(node, ast.Constant):
+        good = isinstance(node.value, (int, float)) and not isinstance(node.value, bool) and math.isfinite(node.value)
+        return None if good else f"{node.value!r} is not a finite real number"
+    if isinstance(node, ast.Attribute):
+        return f"attributes such as .{node.attr} are not allowed"
+    if isinstance(node, ast.Call):
+        allowed = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and len(node.args) == 1 and not node.keywords
+        return None if allowed else f"the functions known, of one argument, are {', '.join(FUNCTIONS)}"
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
+        return "a power is written **"
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+        parts = list(ast.walk(node.right))
+        numbers = [abs(part.value) for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, (int, float))]
+        plain = len(numbers) <= 2 and not any(isinstance(part, ast.Pow) for part in parts)
+        good = plain and max(numbers, default=0) <= LARGEST_POWER
+        return None if good else f"a power is at most {LARGEST_POWER}, without powers in it"
+    return None if isinstance(node, ARITHMETIC) else "only + - * / **, numbers, names and functions are allowed"

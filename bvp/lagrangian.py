@@ -7,34 +7,16 @@ What is not quadratic (or, in a gap, not linear) is refused and named; nothing i
 
 from __future__ import annotations
 
-import ast
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
 from bvp.checks import real
-from bvp.expressions import TooLarge, limited, require_small, size_of_text
+from bvp.expressions import LagrangianError, TooLarge, is_plain_name, limited, parse_expression, require_small
 from bvp.texts import shown
 
 __all__ = ["LagrangianError", "parts_from_lagrangian"]
-
-FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "Abs")
-"""Functions that an expression given as text may use (of parameters: they are nonlinear in a coordinate)."""
-
-LARGEST_POWER = 20
-"""Largest number in an exponent given as text: what is above can only be a slip, or take for ever to multiply out."""
-
-
-ARITHMETIC = (
-    (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Load) + (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow) + (ast.UAdd, ast.USub)
-)
-"""What else a text's syntax tree may consist of."""
-
-
-class LagrangianError(ValueError):
-    """Energies, gaps or parameters that make no linear impacting system; the message is one line that names the term."""
 
 
 def parts_from_lagrangian(
@@ -52,7 +34,7 @@ def parts_from_lagrangian(
 ) -> dict[str, Any]:
     """The parts of the linear system M u'' + C u' + K u = 0 between stops that has the given energies.
 
-    Expressions are sympy's or text. Text is read as arithmetic of numbers, names and `FUNCTIONS`, nothing else.
+    Expressions are sympy's or text. Text is read as arithmetic of numbers, names and `bvp.expressions.FUNCTIONS`, nothing else.
 
     Parameters
     ----------
@@ -94,18 +76,8 @@ def parts_from_lagrangian(
     >>> parts["stiffness"].tolist(), parts["stops"]
     ([[0.1, -0.1], [-0.1, 1.1]], [((1.0, -1.0), -1.0, 1.0, 1.0)])
     """
-    with _limits():
+    with limited("an expression of the system"):
         return _system(_Names(coordinates, velocities, time, parameters), kinetic, potential, dissipation, gaps, absorber, primary)
-
-
-@contextmanager
-def _limits() -> Iterator[None]:
-    """Within it, what is too large is a `LagrangianError`."""
-    try:
-        with limited("an expression of the system"):
-            yield
-    except TooLarge as error:
-        raise LagrangianError(str(error)) from None
 
 
 def _system(
@@ -196,7 +168,7 @@ class _Names:
         from sympy.core.function import AppliedUndef
 
         if isinstance(expression, str):
-            expression = _parse(expression, what)
+            expression = parse_expression(expression, what)
         try:
             expression = sympy.sympify(expression, strict=True)
         except sympy.SympifyError:
@@ -319,13 +291,9 @@ def _name(item: Any, what: str) -> str:
     import sympy
 
     name = item.name if isinstance(item, sympy.Symbol) else item
-    if not isinstance(name, str) or (isinstance(item, str) and not _is_plain(name)):
+    if not isinstance(name, str) or (isinstance(item, str) and not is_plain_name(name)):
         raise LagrangianError(f"{what} {shown(item)} is neither a name nor a symbol")
     return name
-
-
-def _is_plain(name: str) -> bool:
-    return name.isidentifier() and "__" not in name
 
 
 def _exact(value: Any, what: str) -> Any:
@@ -347,58 +315,3 @@ def _finite(value: Any, what: str) -> float:
     if not math.isfinite(number):
         raise LagrangianError(f"{what} is a finite real number; received {value}")
     return number
-
-
-def _parse(text: str, what: str) -> Any:
-    """Text as a sympy expression: checked to be plain arithmetic before sympy, which evaluates what it reads, sees it."""
-    import sympy
-    from sympy.parsing.sympy_parser import auto_number, parse_expr
-
-    text = " ".join(text.split())
-    shown = text if len(text) <= 60 else text[:57] + "..."
-    try:
-        tree = ast.parse(text, mode="eval")
-    except SyntaxError as error:
-        raise LagrangianError(f'{what} "{shown}" cannot be read: not an expression at character {error.offset}') from None
-    except (ValueError, RecursionError, MemoryError):
-        raise LagrangianError(f'{what} "{shown}" cannot be read: too long, or no text') from None
-    parts = list(ast.walk(tree))
-    for node in parts:
-        refused = _refused(node)
-        if refused:
-            raise LagrangianError(f'{what} "{shown}" cannot be read: {refused}')
-    try:
-        size_of_text(tree)
-    except TooLarge as error:
-        raise LagrangianError(f'{what} "{shown}" is too large: {error}') from None
-    called = {node.func.id for node in parts if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
-    names = {node.id: sympy.Symbol(node.id) for node in parts if isinstance(node, ast.Name)}
-    names |= {name: getattr(sympy, name) for name in called}
-    numbers = {"Integer": sympy.Integer, "Float": sympy.Float, "__builtins__": {}}
-    try:
-        return parse_expr(text, local_dict=names, global_dict=numbers, transformations=(auto_number,))
-    except (TypeError, ValueError, ArithmeticError) as error:
-        raise LagrangianError(f'{what} "{shown}" cannot be read: {error}') from None
-
-
-def _refused(node: ast.AST) -> str | None:
-    """Why a part of a text's syntax tree is not plain arithmetic, None where it is."""
-    if isinstance(node, ast.Name):
-        return None if _is_plain(node.id) else f"the name {node.id} is not allowed"
-    if isinstance(node, ast.Constant):
-        good = isinstance(node.value, (int, float)) and not isinstance(node.value, bool) and math.isfinite(node.value)
-        return None if good else f"{node.value!r} is not a finite real number"
-    if isinstance(node, ast.Attribute):
-        return f"attributes such as .{node.attr} are not allowed"
-    if isinstance(node, ast.Call):
-        allowed = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and len(node.args) == 1 and not node.keywords
-        return None if allowed else f"the functions known, of one argument, are {', '.join(FUNCTIONS)}"
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
-        return "a power is written **"
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
-        parts = list(ast.walk(node.right))
-        numbers = [abs(part.value) for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, (int, float))]
-        plain = len(numbers) <= 2 and not any(isinstance(part, ast.Pow) for part in parts)
-        good = plain and max(numbers, default=0) <= LARGEST_POWER
-        return None if good else f"a power is at most {LARGEST_POWER}, without powers in it"
-    return None if isinstance(node, ARITHMETIC) else "only + - * / **, numbers, names and functions are allowed"
