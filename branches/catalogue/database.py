@@ -294,7 +294,7 @@ def refuse_special(path: Path, verb: str) -> None:
     CatalogueError
     """
     if path.is_dir() or is_special(path):
-        kind = "a directory" if path.is_dir() else "a device or a pipe"
+        kind = "a directory" if path.is_dir() else "a pipe" if path.is_fifo() else "a device"
         raise CatalogueError(f"cannot {verb} {path}: it is {kind}, expected the file of a catalogue")
 
 
