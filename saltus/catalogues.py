@@ -52,14 +52,7 @@ def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:
 
 
 def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:
-    """The default catalogue of a scene, in the user's data folder.
-
-    Parameters
-    ----------
-    scene : str, optional
-        Path or bare name of the scene.
-    parameters : dict, optional
-        Values given in place of the scene's: their system has a catalogue of its own.
+    """The default catalogue of a scene, in the user's data folder. A system with other parameters than the scene's has one of its own.
 
     Examples
     --------
@@ -76,17 +69,8 @@ def default_path(scene: str | None = None, parameters: dict[str, float] | None =
 
 
 def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
-    """Open the catalogue that was asked for, to read.
-
-    Raises
-    ------
-    BadInput
-        Where there is none.
-    ValueError
-        For a scene that loses energy: it has no families, and no catalogue.
-    CatalogueError
-        For a file that is no catalogue, or that belongs to another system than the scene and parameters that are given.
-    """
+    """Open the catalogue that was asked for, to read. `BadInput` where there is none; `CatalogueError` for a file that is none, or that
+    belongs to another system."""
     parameters = options.parameters_of(arguments)
     scene = options.scene_of(arguments) if arguments.scene is not None or parameters else None
     if scene is not None:
@@ -116,15 +100,8 @@ def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager
 
 
 def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
-    """The catalogue in which a name is looked up, None where there is none.
-
-    It is the one that is given to read. Without it, an id is looked up in the catalogue to save in, then in the scene's own.
-
-    Raises
-    ------
-    CatalogueError
-        For a catalogue that cannot be read, or belongs to another system.
-    """
+    """The catalogue in which a name is looked up, None where there is none. It is the one that is given to read. Without it, an id is
+    looked up in the catalogue to save in, then in the scene's own."""
     if _is_given_to_read(arguments):
         return open_file(arguments.catalogue, scene)
     id = name.partition("@")[0]
@@ -136,19 +113,8 @@ def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractCo
 
 
 def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
-    """Replace a part of an id by the whole id. Other names stay as they are.
-
-    The part can be the beginning of the id or of its hash, or the id as a table shortens it. The catalogues are those of `lookup`.
-
-    Raises
-    ------
-    LabelSyntaxError, ImpossibleLabelError
-        For what is no name.
-    NameNotFound, AmbiguousName, BadInput
-        For a part of no id, or of several; where there is no catalogue to look it up in.
-    CatalogueError
-        For a catalogue there that cannot be read, or belongs to another system.
-    """
+    """Replace a part of an id by the full id; other names stay as they are. The part is the beginning of the id or of its hash, or the id
+    as a table shortens it. The catalogues are those of `lookup`."""
     from branches.naming.labels import LabelSyntaxError, parse_name
     from branches.naming.matching import NameNotFound
 
@@ -188,13 +154,7 @@ def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue
 
 
 def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
-    """The catalogue to save in, after looking whether that can be done: before the work, not after it.
-
-    Raises
-    ------
-    BadInput, CatalogueError
-        For a place that cannot be written, a file that is no catalogue or belongs to another system, one that is in use.
-    """
+    """The catalogue to save in. A place where that is not possible is refused before the work starts."""
     if arguments.catalogue is not None:
         place = Path(arguments.catalogue)
     else:
@@ -213,16 +173,8 @@ def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
 
 
 def save_branch(branch: Branch, place: Path, scene: Scene, version: str) -> str:
-    """Keep a branch in a catalogue, which is made if there is none; return what became of it, as a line.
-
-    `version` is that of saltus, which a new catalogue holds.
-
-    Raises
-    ------
-    CannotWiden
-        Where the family is kept over another range, and stays so.
-    CatalogueError, WriteFailure
-    """
+    """Keep a branch in a catalogue, which is made if there is none; return a line about the result. `CannotWiden` if the family stays kept
+    over another range. `version` is that of saltus, which a new catalogue holds."""
     from branches.catalogue import Catalogue
     from branches.catalogue.widening import CannotWiden, Kept
 

@@ -24,19 +24,7 @@ class BadInput(ValueError):
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Name the known word nearest to `word`, as the end of a message.
-
-    Parameters
-    ----------
-    word : str
-        What was received.
-    known : iterable of str
-        What exists.
-
-    Returns
-    -------
-    str
-        ``"; nearest: ..."``, or nothing when no known word is like `word`.
+    """The known word nearest to the received one, as the end of a message; nothing if no known word is similar.
 
     Examples
     --------
@@ -71,19 +59,8 @@ def shortened(text: str) -> str:
 
 
 def exit_code(error: Exception) -> int | None:
-    """Tell how the program ends after an error.
-
-    Parameters
-    ----------
-    error : Exception
-
-    Returns
-    -------
-    int or None
-        2 for bad input (`ValueError`), for a place that cannot be written (`WriteFailure`), and where the operating system refuses
-        something else (`OSError`), 1 for a numerical failure
-        (`RuntimeError`, `ArithmeticError`, numpy's `LinAlgError`, or not enough memory), None for what is neither and therefore a
-        fault of the program.
+    """How the program ends after an error: 2 for bad input and for a place that cannot be written, 1 for a numerical failure or too little
+    memory, None for a fault of the program.
 
     Examples
     --------

@@ -224,13 +224,7 @@ def discover(
 
 
 def agreed(text: str, key: str, said: float | None, option: str, given: float | None) -> float | None:
-    """The value that a name or an option gives.
-
-    Raises
-    ------
-    BadInput
-        Where both give one, and they differ.
-    """
+    """The value that a name or an option gives. If both give one, they must agree."""
     if said is not None and given is not None and said != given:
         raise BadInput(f"{text} says {key} = {said:.10g} and {option} says {given:.10g}: expected one of them")
     return said if given is None else given

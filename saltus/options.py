@@ -98,20 +98,8 @@ def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
 
 
 def joined_values(words: list[str]) -> list[str]:
-    """Join an option with a value that looks like an option itself because it starts with a minus sign.
-
-    Raises
-    ------
-    BadInput
-        For an option with the value ``--``, which argparse takes for the mark before positional arguments, and drops.
-
-    Parameters
-    ----------
-    words : list of str
-
-    Returns
-    -------
-    list of str
+    """Join an option with a value that looks like an option itself because it starts with a minus sign. Argparse would drop a value ``--``,
+    so it is refused.
 
     Examples
     --------
@@ -214,14 +202,7 @@ _FILTERS = ("label", "energy", "stable", "ends", "impacts")
 
 
 def add_scene(parser: argparse.ArgumentParser, uses: tuple[str, ...] = ()) -> None:
-    """Add ``--scene``, the parameters of the model, and ``--model``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-    uses : tuple of str
-        What the command uses of a scene beside its system, of `saltus.scene.LOADS`.
-    """
+    """Add ``--scene``, the parameters of the model, and ``--model``. `uses` names the tables of `saltus.scene.LOADS` that are used."""
     parser.set_defaults(scene_uses=uses)
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the system and its bounds (default: lee2009)")
     add_parameters(parser)
@@ -235,13 +216,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
-    """Return the scene asked for.
-
-    Raises
-    ------
-    BadInput
-        Also where the scene has what the command does not use.
-    """
+    """The scene asked for. A scene with loads that the command does not use is refused."""
     from saltus.scene import load_scene
 
     scene = load_scene(arguments.scene, **parameters_of(arguments))
@@ -307,14 +282,8 @@ def units_of(arguments: argparse.Namespace) -> Units:
 
 
 def add_filters(parser: argparse.ArgumentParser, *, shown: bool = False) -> None:
-    """Add ``--label``, ``--energy``, ``--stable``, ``--ends`` and ``--impacts``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-    shown : bool
-        Whether ``--energy`` can also be a range LO:HI, of the energies shown, which is no filter of families.
-    """
+    """Add ``--label``, ``--energy``, ``--stable``, ``--ends`` and ``--impacts``. With `shown`, ``--energy`` can also be the range of
+    energies that are shown."""
     parser.add_argument("--label", metavar="LABEL", help="those with such a label: S13O00+, U83, or with wildcards 'U8*'")
     if shown:
         meaning = "those that cross the energy H; or the energies shown, LO:HI (default: all that the families have)"

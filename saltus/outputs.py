@@ -73,21 +73,8 @@ def output_path(path: str) -> str:
 
 
 def check_writable(path: str, *, database: bool = False) -> None:
-    """Refuse a file that could not be written, before the work that would fill it.
-
-    A command with a file to write goes on when standard output fails.
-
-    Parameters
-    ----------
-    path : str
-        A file's path, or ``-`` for standard output.
-    database : bool
-        Whether it is for a catalogue. A result takes no catalogue's place.
-
-    Raises
-    ------
-    BadInput
-        If the directory does not exist or may not be written, or `path` is a directory or a file that may not be written.
+    """Refuse a file that could not be written, before the work that would fill it. With `database` it is a catalogue, whose place no other
+    result may take. A command with a file to write goes on when standard output fails.
 
     Examples
     --------
@@ -127,21 +114,7 @@ def check_writable(path: str, *, database: bool = False) -> None:
 
 
 def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
-    """The folder that results go into, made if there is none, after looking whether every file can be written.
-
-    Parameters
-    ----------
-    option : str
-        What names it, for messages.
-    place : str
-    names : iterable of str
-        The files.
-
-    Raises
-    ------
-    BadInput
-        If it cannot be made, is a file, or one of the files cannot be written.
-    """
+    """The folder for results, made if there is none. It is refused if one of the files cannot be written. `option` names it in messages."""
     if not place or "\0" in place:
         raise BadInput(f"{option} {place!r}: expected a folder")
     folder = Path(place)
@@ -157,16 +130,7 @@ def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
 
 
 def check_picture(path: str) -> None:
-    """Refuse a picture whose format is unknown or that could not be written.
-
-    Parameters
-    ----------
-    path : str
-        A file's path; its suffix tells the format.
-
-    Raises
-    ------
-    BadInput
+    """Refuse a figure whose format is unknown, or that could not be written. The suffix of the path gives the format.
 
     Examples
     --------
@@ -184,19 +148,7 @@ def check_picture(path: str) -> None:
 
 
 def write_data(path: str, text: str) -> None:
-    """Write data to a file, whole or not at all, or to standard output.
-
-    Parameters
-    ----------
-    path : str
-        A file's path, or ``-`` for standard output.
-    text : str
-
-    Raises
-    ------
-    WriteFailure
-        With the reason in words.
-    """
+    """Write text to a file, completely or not at all, or to standard output. `WriteFailure` gives the reason in words."""
     if path != STANDARD_OUTPUT:
         write_text(path, text)
         return
@@ -233,28 +185,13 @@ class NotDrawn(RuntimeError):
 
 
 def add_arguments(parser: argparse.ArgumentParser, *kinds: str, **meanings: str) -> None:
-    """Add the options that name output files.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-    *kinds : str
-        The kinds of `KINDS` that the command can write.
-    **meanings : str
-        Other kinds, with the help of their options in place of that of `KINDS`.
-    """
+    """Add the options that name output files: kinds of `KINDS`, and others with the help of their option."""
     for kind in (*kinds, *meanings):
         parser.add_argument(f"--{kind}", metavar="FILE", type=output_path, help=meanings.get(kind, KINDS[kind]))
 
 
 def outputs_of(arguments: argparse.Namespace) -> Outputs:
-    """Return the output files that were asked for, checked.
-
-    Raises
-    ------
-    saltus.errors.BadInput
-        For a path that cannot be written, an unknown picture format, or one place for two results.
-    """
+    """The output files that were asked for. Paths that cannot be written and two results in one place are refused."""
     places = {kind: path for kind in KINDS if (path := getattr(arguments, kind, None)) is not None}
     for kind, path in places.items():
         if kind == "plot":
@@ -268,16 +205,7 @@ def outputs_of(arguments: argparse.Namespace) -> Outputs:
 
 
 def apart(places: Mapping[str, str | None]) -> None:
-    """Refuse one place for two results.
-
-    Parameters
-    ----------
-    places : mapping
-        Of each option its path, ``-`` for standard output, None where it is not given.
-
-    Raises
-    ------
-    saltus.errors.BadInput
+    """Refuse one place for two results. The mapping gives the path of each option, None where it is not given.
 
     Examples
     --------
@@ -325,21 +253,8 @@ class Outputs:
             print(text, file=self.words, flush=True)
 
     def finish(self, lines: Iterable[str], record: Callable[[], dict[str, Any]], **options: Any) -> int:
-        """Print lines, and write a record as JSON where it is asked for. On standard output the record stands alone.
-
-        Parameters
-        ----------
-        lines : iterable of str
-        record : callable
-            Returns the record without its schema.
-        **options
-            Of `write`, for other kinds of files.
-
-        Returns
-        -------
-        int
-            The exit code, as of `write`.
-        """
+        """Print lines, and write a record as JSON where it is asked for. On standard output the record stands alone. Returns the exit code;
+        `options` are those of `write`."""
         if not self.to_stdout:
             self.report(lines)
         return self.write({"json": lambda: json_text({"schema": SCHEMA, **record()})}, **options)

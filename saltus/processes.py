@@ -38,15 +38,8 @@ def one_thread() -> None:
 
 
 def prepare(**kernels: bool) -> None:
-    """Say on standard error that kernels will be compiled, if they were not before, and compile some of them beside this process.
-
-    The second process is a help, not a need: where it cannot be started, or fails, this one compiles everything itself.
-
-    Parameters
-    ----------
-    **kernels
-        What else is needed than to follow a family: as for `branches.kernels.warm.kept`.
-    """
+    """Report that kernels will be compiled, if they were not before, and compile some of them in a second process. If that process cannot
+    start or fails, this one compiles everything. `kernels` is as for `branches.kernels.warm.kept`."""
     from branches.kernels.warm import kept
     from bvp.kernels.cache import keeps
 
@@ -94,23 +87,8 @@ _PATIENCE = 10.0
 
 @contextmanager
 def open_executor(workers: int | None = None, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
-    """An executor and how many work on it.
-
-    Parameters
-    ----------
-    workers : int, optional
-        Processes, where no cluster is named; by default one a core.
-    dask : str, optional
-        Address of a Dask scheduler, such as ``tcp://10.0.0.1:8786``.
-
-    Raises
-    ------
-    BadInput
-        Where processes are counted and a cluster is named, Dask is not installed, no scheduler answers at the address, or it has no
-        workers that can do the work.
-    RuntimeError
-        Where the cluster, or a process, is lost while it works.
-    """
+    """An executor and its number of workers: processes (by default one for each core), or the Dask cluster whose scheduler has the address
+    `dask`. `BadInput` if both are given or no cluster answers; `RuntimeError` if the cluster or a process is lost while it works."""
     if workers is not None and dask is not None:
         raise BadInput(f"--workers counts processes here, and --dask {dask} works in their place; expected one of them")
     if dask is None:

@@ -195,12 +195,7 @@ def range_text(ends: tuple[float, float]) -> str:
 
 
 def stability_word(stable: bool | int | None) -> str:
-    """Return ``yes``, ``no``, or ``undecided``.
-
-    Parameters
-    ----------
-    stable : bool, int or None
-        True or 1, False or 0; None or -1 where it cannot be decided.
+    """Return ``yes``, ``no``, or ``undecided`` (for None and -1).
 
     Examples
     --------
@@ -214,12 +209,6 @@ def stability_word(stable: bool | int | None) -> str:
 
 def event_line(event: Any) -> str:
     """One line of the table of events, which is printed while events are found.
-
-    Parameters
-    ----------
-    event : Event
-        With ``number``, ``type``, ``label``, ``h``, ``alpha``, ``stable``, ``multiplier`` (the largest modulus, None where
-        it is unbounded), ``stop``, ``p_q``, ``breaks``, ``note``.
 
     Examples
     --------

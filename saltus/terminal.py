@@ -32,17 +32,7 @@ KEPT = "\n\t"
 
 
 def printable(text: str, kept: str = KEPT) -> str:
-    """Text in which each character that does not print is written as its escape.
-
-    Parameters
-    ----------
-    text : str
-    kept : str
-        Characters that stay although they do not print.
-
-    Returns
-    -------
-    str
+    """Text in which each character that does not print is replaced by its escape. Characters of `kept` stay.
 
     Examples
     --------
@@ -126,13 +116,7 @@ class StandardOutput:
 
 
 class StandardError:
-    """A text stream over standard error that never fails: what cannot be printed there can be printed nowhere.
-
-    Parameters
-    ----------
-    stream : text stream or None
-        Standard error; None where it is closed.
-    """
+    """A text stream over standard error that never fails: what cannot be printed there can be printed nowhere."""
 
     def __init__(self, stream: TextIO | None) -> None:
         # Where a stream is None, `print` writes to standard output instead.
@@ -173,13 +157,7 @@ def outlast() -> None:
 
 
 def plain_stream() -> TextIO:
-    """Standard output as it is, for data that must not be changed.
-
-    Raises
-    ------
-    branches.files.WriteFailure
-        Where it is closed.
-    """
+    """Standard output as it is, for data that must not be changed. `WriteFailure` if it is closed."""
     stream = sys.stdout.stream if isinstance(sys.stdout, StandardOutput) else sys.stdout
     if stream is None:
         raise WriteFailure("cannot write standard output: it is closed")

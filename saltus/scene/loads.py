@@ -29,21 +29,8 @@ _COURSE = ("record", "column", "scale", "amplitude", "frequency", "phase", "cons
 
 
 def read_loads(scene: TomlTable, system: ImpactSystem, folder: Path | Traversable) -> tuple[Force, ...]:
-    """The loads of a scene's ``[ground]`` and ``[[forces]]``.
-
-    Parameters
-    ----------
-    scene : TomlTable
-        The whole scene.
-    system : ImpactSystem
-    folder : path
-        Where the records are, if their names are relative.
-
-    Raises
-    ------
-    BadInput
-        For what cannot be read, with the place in the scene or in the record.
-    """
+    """The loads of a scene's ``[ground]`` and ``[[forces]]``. Relative names of records start at `folder`. Messages name the place in the
+    scene or in the record."""
     loads: list[Force] = []
     if "ground" in scene.content:
         from bvp.forcing import ground_load
@@ -96,21 +83,8 @@ def _course(table: TomlTable, load: Sequence[float], column: str, folder: Path |
 
 
 def read_record(path: Path | Traversable, column: str, where: str) -> tuple[list[float], list[float]]:
-    """Times and values of a CSV file: a line of names, then rows of numbers; empty lines and lines that begin with # are passed over.
-
-    Parameters
-    ----------
-    path : path
-    column : str
-        The column of the values, beside ``time``.
-    where : str
-        What asks for it, for messages.
-
-    Raises
-    ------
-    BadInput
-        For a file that cannot be read, a column that it lacks, a cell that is no number, fewer than two rows, times that do not ascend.
-    """
+    """Times and values of a CSV file: a line of names, then rows of numbers. Empty lines and lines that begin with # are skipped. `column`
+    is the column of the values, beside ``time``; `where` names the table of the scene in messages."""
     try:
         lines = (read_input(path) if isinstance(path, Path) else path.read_bytes()).decode("utf-8").splitlines()
     except UnicodeDecodeError as error:

@@ -118,19 +118,8 @@ class Scene:
         return replace(self, system=self.system.underlying, forces=(), loads=())
 
     def require_used(self, what: str, uses: tuple[str, ...] = ()) -> None:
-        """Refuse tables of loads that a computation does not use: its result would be that of another system.
-
-        Parameters
-        ----------
-        what : str
-            The command or function.
-        uses : tuple of str
-            Those of `LOADS` that it uses.
-
-        Raises
-        ------
-        BadInput
-        """
+        """Refuse tables of loads that a computation does not use: its result would belong to another system. `what` names the command or
+        function; `uses` are those of `LOADS` that it uses."""
         for name in self.loads:
             if name not in uses:
                 raise BadInput(
@@ -143,17 +132,7 @@ class Scene:
         return {"energy": self.energy, "quarter_period": self.quarter_period, "impacts": self.impacts}
 
     def reference_points_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
-        """Return the reference points that hold for a system.
-
-        Parameters
-        ----------
-        system : bvp.system.ImpactSystem
-
-        Returns
-        -------
-        dict
-            `reference_points` if `system` is the one of the scene, else empty.
-        """
+        """The reference points that hold for a system: none, if it is not that of the scene."""
         if system.describe() != self.system.describe():
             return {}
         return {name: dict(point) for name, point in self.reference_points.items()}
@@ -340,13 +319,7 @@ def _coordinates_described(coordinates: TomlTable) -> dict[str, object]:
 
 
 def _marked_coordinates(coordinates: TomlTable, system: ImpactSystem) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Indices of the coordinates of the NES and of the LO.
-
-    Raises
-    ------
-    BadInput
-        For a name that is no coordinate, one that is given twice, an empty list.
-    """
+    """Indices of the coordinates of the NES and of the LO, each once."""
     marks = {"NES": system.absorber, "LO": system.primary}
     found: dict[str, tuple[int, ...]] = {key: () if index is None else (index,) for key, index in marks.items()}
     for key in found:

@@ -18,23 +18,8 @@ _REQUIRED: Any = object()
 
 
 def read_toml(path: Path, what: str, names: Iterable[str] = (), expected: str = "; expected a TOML file") -> str:
-    """The text of a TOML file.
-
-    Parameters
-    ----------
-    path : Path
-    what : str
-        What the file is, for messages: "scene", "study".
-    names : iterable of str
-        What could have been meant besides the TOML files that lie where none is.
-    expected : str
-        The end of the message where nothing near exists, or what is there is no file that can be read.
-
-    Raises
-    ------
-    BadInput
-        For a file that does not exist, cannot be read, or is no text.
-    """
+    """The text of a TOML file. `what` it is (scene, study) stands in messages. `names` could have been meant instead of a missing file;
+    `expected` ends the message if none is near."""
     try:
         return read_input(path).decode("utf-8")
     except UnicodeDecodeError as error:
@@ -48,12 +33,7 @@ def read_toml(path: Path, what: str, names: Iterable[str] = (), expected: str = 
 
 
 def parse_toml(text: str, where: str) -> TomlTable:
-    """The table that the text of a TOML file holds; `where` names the file in messages.
-
-    Raises
-    ------
-    BadInput
-        For text that is no TOML.
+    """The table that the text of a TOML file holds. `where` names the file in messages.
 
     Examples
     --------

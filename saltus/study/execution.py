@@ -213,18 +213,8 @@ def _state(orbit: Orbit | None, n: int) -> tuple[np.ndarray, str]:
 
 
 def find_all_starts(study: StudyFile, executor: Executor) -> Starts | None:
-    """Follow the families of a study on an executor.
-
-    Returns
-    -------
-    Starts or None
-        One start a run; None where all runs start with an impulse.
-
-    Raises
-    ------
-    BadInput
-        For the first family that is not found, or that has several orbits at an energy.
-    """
+    """Follow the families of a study on an executor. The result is one start for each run, None if all runs start with an impulse.
+    `BadInput` for a family that is not found, or that has several orbits at an energy."""
     from bvp.system import ImpactSystem
     from transitions.study.runs import Starts
 
@@ -276,20 +266,8 @@ def carry_out(
     plan: StudyPlan, starts: Starts | None, folder: Path, kind: str, finished: set[int], executor: Executor, workers: int,
     on_progress: Callable[[int], None],
 ) -> None:  # fmt: skip
-    """Run the blocks of a plan that are not finished, and write each.
-
-    What is written does not depend on the executor: a block depends on the plan alone.
-
-    Parameters
-    ----------
-    on_progress : callable
-        Told how many runs are finished.
-
-    Raises
-    ------
-    branches.files.WriteFailure
-        Where a block cannot be written; those before it are kept.
-    """
+    """Run the blocks of a plan that are not finished, and write each. The files do not depend on the executor: a block depends on the plan
+    alone. `on_progress` is called with the number of finished runs."""
     from branches.building.frontier import Frontier
     from transitions.study.runs import Starts
     from transitions.study.study import block_path, write_block

@@ -34,27 +34,14 @@ _RANGES = {
 
 @dataclass(frozen=True)
 class StudyFile:
-    """What a study's file says.
-
-    Attributes
-    ----------
-    scene : saltus.Scene
-        With the fixed parameters of its model.
-    plan : StudyPlan
-    """
+    """What a study's file contains: its scene, with the fixed parameters of the model, and its plan."""
 
     scene: Scene
     plan: StudyPlan
 
 
 def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
-    """Read a study's file.
-
-    Raises
-    ------
-    BadInput
-        For what is not known, missing, or out of its range, in one line.
-    """
+    """Read a study's file. Unknown and missing keys and values out of range are refused in one line."""
     return _read(parse_toml(read_toml(Path(path), "study"), f"study {path}"), Path(path).parent)
 
 
