@@ -112,7 +112,6 @@ def test_an_elastic_ball_never_sticks():
 @pytest.mark.parametrize(
     ("lam", "rho", "velocity", "load", "passes", "bound"),
     [
-        (1e-5, 0.999, 30.0, None, 0.0, 1e-12),
         (1e-4, 0.999, 5.0, (1.0, 0.01), 0.0, 1e-12),
         (1e-3, 0.999, 5.0, (0.9, 0.1), 0.0, 1e-12),
         (0.01, 0.999, 5.0, (1.0, 1.0), 100.0, 5e-14),
@@ -125,11 +124,11 @@ def test_the_balance_closes_over_ten_thousand_impacts(lam, rho, velocity, load, 
 
     Its parts are sums over all flights, of numbers that a rounded row makes: four roundings each, to the same side in all of them.
     """
-    forces = load and Harmonic(load[0], cosine=[0.0, load[1]])
+    forces = Harmonic(load[0], cosine=[0.0, load[1]])
     motion = simulate(vibro_impact_nes(0.1, 0.1, lam, rho), [0.0, 0.0], [0.0, velocity], 1e9, forces=forces, max_impacts=10_000)
     assert motion.impacts == 10_000 and motion.turnover > passes * motion.initial_energy
     assert abs(motion.balance) < bound * (motion.turnover if passes else motion.initial_energy)
-    if load and not passes:
+    if not passes:
         assert 0.01 < np.abs(motion.sums[:, -1]).max() / motion.initial_energy < 3.0
 
 
