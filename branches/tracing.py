@@ -13,7 +13,7 @@ import numpy as np
 from branches.between_events import Barrier, decide_between
 from branches.branch import Branch
 from branches.events import BranchEvent, Ended
-from branches.family import SETTINGS, Family, unphysical
+from branches.family import SETTINGS, Family, scales_of, unphysical
 from branches.full_family import solutions_of
 from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range
@@ -25,7 +25,7 @@ from continuation.points import PlainPoints, Points
 from continuation.problem import EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["SETTINGS", "TraceError", "check_energy", "extend", "follow_family", "record_of_event", "report"]
+__all__ = ["SETTINGS", "TraceError", "check_energy", "cut_branch", "extend", "follow_family", "record_of_event", "report"]
 
 EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 """Types of events, see `branches.family`."""
@@ -165,6 +165,72 @@ def report(
     except KeyboardInterrupt as error:
         raise _with_branch(error, branch) from None
     return branch
+
+
+def cut_branch(branch: Branch, energy: tuple[float, float]) -> Branch | None:
+    """The piece of a branch around its start that lies in a range of energies, without following the family again.
+
+    Returns
+    -------
+    Branch or None
+        The points and events inside, and the ends at the bounds. None where the start is outside, and where a closed family is inside
+        the range at the point where it begins.
+    """
+    h = branch.points["h"]
+    inside = (h >= energy[0]) & (h <= energy[1])
+    if not inside[branch.start]:
+        return None
+    first = last = branch.start
+    while first > 0 and inside[first - 1]:
+        first -= 1
+    while last < len(h) - 1 and inside[last + 1]:
+        last += 1
+    if branch.ended[1].reason == "CLOSED" and (first == 0 or last == len(h) - 1):
+        return None
+    before = _to_bound(branch, first, -1, energy) if first > 0 else None
+    after = _to_bound(branch, last, 1, energy) if last < len(h) - 1 else None
+    lead = 0 if before is None else len(before) - 1
+    shift = (0.0 if before is None else before.points["arclength"][-1]) - branch.points["arclength"][first]
+    points = {name: column[first : last + 1] for name, column in branch.points.items()}
+    points["arclength"] = points["arclength"] + shift
+    events = [_moved(event, lead - first, shift) for event in branch.events if first <= event.point <= last]
+    ended = list(branch.ended)
+    if before is not None:
+        total = float(before.points["arclength"][-1])
+        outer = {name: column[:0:-1] for name, column in before.points.items()} | {"arclength": total - before.points["arclength"][:0:-1]}
+        points = {name: np.concatenate([outer[name], column]) for name, column in points.items()}
+        turned = [event._replace(arclength=-event.arclength, bracket=(-event.bracket[1], -event.bracket[0])) for event in before.events]
+        events = [*(_moved(event, lead - 2 * event.point, total) for event in turned), *events]
+        ended[0] = before.ended[1]
+    if after is not None:
+        place, length = len(points["h"]) - 1, float(points["arclength"][-1])
+        outer = {name: column[1:] for name, column in after.points.items()} | {"arclength": length + after.points["arclength"][1:]}
+        points = {name: np.concatenate([column, outer[name]]) for name, column in points.items()}
+        events += [_moved(event, place, length) for event in after.events]
+        ended[1] = after.ended[1]
+    start, counts = branch.start - first + lead, dict[str, int]()
+    for k, event in enumerate(events):
+        counts[event.type] = counts.get(event.type, 0) + 1
+        events[k] = event._replace(id=f"{event.type}{counts[event.type]}", number=event.point - start)
+    cut = Branch(branch.problem, points, tuple(events), (ended[0], ended[1]), start, energy, digit_work=branch.digit_work)
+    return cut.known_within(branch)
+
+
+def _to_bound(branch: Branch, i: int, way: int, energy: tuple[float, float]) -> Branch:
+    """The few points from point i of a branch to the bound that lies before its next point in a direction."""
+    y, family = branch.unknowns(i), Family(branch.problem, energy)
+    step = family.begin(y)
+    if step.tangent[: y.size] / scales_of(branch.problem, y) ** 2 @ (branch.unknowns(i + way) - y) < 0.0:
+        step = family.step(step.y, -step.tangent, 0.0)
+    return follow_family(branch.problem, step, energy=energy, direction="along")
+
+
+def _moved(event: BranchEvent, points: int, arclength: float) -> BranchEvent:
+    """An event of a branch that has more points before it."""
+    low, high = event.bracket
+    place = event.arclength + arclength
+    bracket = min(low + arclength, place), max(high + arclength, place)  # rounding must not move the place out of its bracket
+    return event._replace(point=event.point + points, arclength=place, bracket=bracket)
 
 
 @takes_options_of(follow_family)

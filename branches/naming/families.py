@@ -28,7 +28,7 @@ from branches.naming.matching import (
 from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, search_bounds
 from branches.search.discovery import discover_orbits
 from branches.search.orbits import Found, accept, from_other_end
-from branches.tracing import SETTINGS, TraceError, check_energy, follow_family, report
+from branches.tracing import SETTINGS, TraceError, check_energy, cut_branch, follow_family, report
 from bvp.checks import require_conservative
 from bvp.closures import EndsError, parse_end
 from bvp.texts import shown
@@ -189,8 +189,10 @@ def trace_named(
         )
     rising = bool(branch.points["h"][0] <= branch.points["h"][-1])
     plain = all(options.get(option, default) == default for option, default in DEFAULTS.items())
-    if plain and rising and branch.energy == energy and np.array_equal(followed[branch].solution.y, found.solution.y):
-        return report(branch, **{option: options[option] for option in CALLBACKS if option in options})
+    if plain and rising and np.array_equal(followed[branch].solution.y, found.solution.y):
+        asked = branch if branch.energy == energy else cut_branch(branch, energy)
+        if asked is not None:
+            return report(asked, **{option: options[option] for option in CALLBACKS if option in options})
     cut = follow_family(found.problem, found.solution.y, energy=energy, rising=rising, **options)
     return cut.known_within(branch) if branch.energy[0] <= energy[0] and energy[1] <= branch.energy[1] else cut
 

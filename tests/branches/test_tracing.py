@@ -12,7 +12,7 @@ import pytest
 import saltus
 from benchmarks.saltation import monodromy as saltation_monodromy
 from branches.naming.labels import Label
-from branches.tracing import HIGHEST, follow_family
+from branches.tracing import HIGHEST, cut_branch, follow_family
 from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
@@ -319,3 +319,28 @@ def test_without_a_range_a_family_ends_where_its_forces_are_lost():
     branch = saltus.trace("S11O00-", saltus.vibro_impact_nes(), energy=(0.5, 2.0))
     further = branch.trace(-1, direction="up")
     assert further.points["h"].max() <= HIGHEST * (1.0 + 1e-12) and further.events[-1].type == "EP"
+
+
+@pytest.mark.parametrize(("name", "energy"), [("S13O00+", (1.0, 5.0)), ("S11O00-", (0.07, 2.0)), ("S73O33-@alpha=4.866", (0.1, 0.5))])
+def test_a_cut_branch_is_what_is_followed_in_its_range(name, energy):
+    """Oracle: the family followed in that range from the same orbit. Both have the same events, ends, id and other pieces."""
+    found = saltus.trace(name, energy=energy, points=2)
+    start = found.unknowns(found.start)
+    full, anew = (follow_family(found.problem, start, energy=limits) for limits in ((0.05, 1e3), energy))
+    cut = cut_branch(full, energy)
+    assert cut.energy == energy and len(cut) < len(full) and np.all(np.diff(cut.points["arclength"]) > 0.0)
+    assert [(e.id, e.type, e.label, e.note) for e in cut.events] == [(e.id, e.type, e.label, e.note) for e in anew.events]
+    for mine, other in zip(cut.events, anew.events, strict=True):
+        assert math.isclose(mine.h, other.h, rel_tol=1e-9) and abs(mine.arclength - other.arclength) < 1e-8
+        assert mine.h == cut.points["h"][mine.point] and mine.number == mine.point - cut.start
+        assert math.isclose(mine.arclength, cut.points["arclength"][mine.point], abs_tol=1e-12)
+    assert [end.reason for end in cut.ended] == [end.reason for end in anew.ended]
+    assert cut.points["h"][cut.start] == full.points["h"][full.start]
+    assert cut.id == full.id and cut.others == anew.others
+
+
+def test_a_branch_is_not_cut_where_its_start_is_outside():
+    """Oracle: the energy of the start."""
+    full = saltus.trace("S13O00+", energy=(0.2, 5.0))
+    h = full.points["h"][full.start]
+    assert cut_branch(full, (1.1 * h, 5.0)) is None and cut_branch(full, (0.9 * h, 1.1 * h)) is not None
