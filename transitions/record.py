@@ -60,7 +60,7 @@ class SampledMotion:
     >>> times = np.linspace(0.0, 10.0, 101)
     >>> u = np.stack([np.cos(times), 0.1 * np.cos(times)], axis=1)
     >>> still = np.zeros(101)
-    >>> record = Record(times, u, np.gradient(u, times, axis=0), still + 1.0, still, still, still, still, [])
+    >>> record = SampledMotion(times, u, np.gradient(u, times, axis=0), still + 1.0, still, still, still, still, [])
     >>> record.step, float(record.along((1.0, -1.0))[0][0])
     (0.1, 0.9)
     """
