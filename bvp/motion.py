@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from bvp.forcing import Forcing
     from bvp.system import ImpactSystem
 
-__all__ = ["STATUS", "Batch", "EventKind", "EnergyMark", "Motion", "MotionStatus", "StopEvents", "ContactInterval"]
+__all__ = ["STATUS", "Batch", "ContactInterval", "EnergyMark", "EventKind", "Motion", "MotionStatus", "StopEvents"]
 
 
 class MotionStatus(Enum):
