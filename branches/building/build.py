@@ -1,7 +1,7 @@
-"""Building a catalogue: everything found is followed, everything met on the way is found, until nothing new comes.
+"""Building a catalogue: each orbit found is followed, and the neighbours of each family are found, until nothing new comes.
 
-Seeds are taken in the order in which they were found, whatever the number of workers; what comes of one is kept in one transaction with
-the seeds that it gives. A build that was cut short therefore goes on where it was.
+Seeds are taken in the order in which they were found, for any number of workers. The result of a seed and the seeds that it gives are
+kept in one transaction. So a build that was interrupted continues where it was.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _COUNTED_LATER = ("digits", "missed")
 
 _NOT_FOLLOWED = "only families without a reversal meet this one here, and they meet none with one: they are not followed"
 
-_LOST = "the family that is born here could not be told from this one: next to the event they are nearer than rounding lets one see"
+_LOST = "the family that is born here cannot be distinguished from this one: next to the event their difference is lost in rounding"
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class _Build:
         self.count = 0
 
     def run(self) -> dict[str, Any]:
-        """Everything, from the first level of energies to the one that adds nothing."""
+        """Search at each level of energies until one adds no family."""
         if not self._take_up():
             self._begin()
         levels = self.report["levels"]
@@ -201,12 +201,12 @@ class _Build:
             for mode in modes:
                 if mode.label:
                     self.catalogue.add_node(Node(mode.label, "linear mode", mode.label, mode.energies, mode.alpha))
-            turns = [
-                (mode.index, turn)
+            covers = [
+                (mode.index, cover)
                 for mode in modes
-                for turn in range(1, math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12)) + 1)
+                for cover in range(1, math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12)) + 1)
             ]
-            self._queue([("name", name) for name in plan.names] + [("mode", value) for value in turns])
+            self._queue([("name", name) for name in plan.names] + [("mode", value) for value in covers])
             self._extend(saved)
 
     def _saved(self, branch: Branch) -> Seed:
@@ -233,10 +233,10 @@ class _Build:
         with readable(self.catalogue.path, "what its build has come to"):
             noted = self.catalogue.progress("report")
             # a build that an older version began lacks what that version did not count
-            whole = {name: value for name, value in self.report.items() if name in _COUNTED_LATER} | noted
-            if {name: type(value) for name, value in whole.items()} != {name: type(value) for name, value in self.report.items()}:
+            full = {name: value for name, value in self.report.items() if name in _COUNTED_LATER} | noted
+            if {name: type(value) for name, value in full.items()} != {name: type(value) for name, value in self.report.items()}:
                 raise TypeError
-            self.report = whole
+            self.report = full
         for row in self.catalogue.families():
             self._remember(row.id, self.catalogue.branch(row.id))
         with readable(self.catalogue.path, "what its build has unfolded"):
@@ -281,7 +281,7 @@ class _Build:
                 self.on_progress(Progress(len(self.known), len(self.frontier), self.points, self.events, level))
 
     def _connect_last(self) -> None:
-        """Connect what is not followed, where it is known in the end; a grazing at which nothing is gets a dead end."""
+        """Connect the seeds that are not followed to the families known in the end. A grazing without any gets a dead end."""
         with self.catalogue.transaction():
             unknown: dict[tuple[str, str], Link] = {}
             for name, seed in self.last:
@@ -302,6 +302,13 @@ class _Build:
 
     def _note(self) -> None:
         self.catalogue.note("report", self.report)
+
+    def _count(self, **more: Any) -> None:
+        """Add numbers to those of the report, and items to its lists."""
+        if any(more.values()):
+            for name, value in more.items():
+                self.report[name] += value
+            self._note()
 
     # -- one seed -------------------------------------------------------------------------------------------------------------
 
@@ -343,30 +350,21 @@ class _Build:
             assert place is not None
             self._connect(seed.link, place.id)
             return
-        if answer.beyond or answer.failed or answer.halves or answer.lost or answer.incomplete:
-            self.report["beyond"] += answer.beyond
-            self.report["halves"] += answer.halves
-            self.report["lost"] += answer.lost
-            self.report["failed"] += answer.failed
-            self.report["incomplete"] += answer.incomplete
-            self._note()
+        self._count(**{name: getattr(answer, name) for name in ("beyond", "failed", "halves", "lost", "incomplete")})
         if answer.branch is not None and answer.branch.digit_work.orbits:
             self.report["digits"] = (DigitWork(**self.report["digits"]) + answer.branch.digit_work)._asdict()
             self._note()
         if answer.branch is not None and answer.packed is not None:
             id = next((id for id in answer.branch.full_family.ids if id in self.catalogue), None)
             if id is not None:
-                # Beside a branch point an orbit can be told only by following it.
+                # Beside a branch point the family of an orbit is known only after following it.
                 if not self._covers(self.catalogue.family(id), answer.branch, seed):
                     at = float(answer.branch.points["h"][answer.branch.start])
-                    self.report["failed"].append(f"{id}: a piece of it, followed from h = {at:.10g}, is not kept")
-                    self._note()
+                    self._count(failed=[f"{id}: a piece of it, followed from h = {at:.10g}, is not kept"])
             else:
                 id = self.catalogue.add(answer.packed)
                 self._remember(id, answer.branch)
-                if answer.missed:
-                    self.report["missed"] += answer.missed
-                    self._note()
+                self._count(missed=answer.missed)
                 for link in answer.ends:
                     self._connect(link, link.target)
                 self._extend(answer.seeds)
@@ -374,8 +372,7 @@ class _Build:
             if reached is not None and reached.source == id and reached.kind == "switch":
                 # What was computed as the new family's first orbit led back to the old one.
                 self._connect(replace(reached, kind="dead end", note=_LOST), None)
-                self.report["lost"].append(f"{id}: {reached.event} at h = {reached.h:.10g}: {_LOST}")
-                self._note()
+                self._count(lost=[f"{id}: {reached.event} at h = {reached.h:.10g}: {_LOST}"])
             else:
                 self._connect(reached, id)
         else:
@@ -384,7 +381,7 @@ class _Build:
             self._extend(answer.seeds)
 
     def _covers(self, row: FamilyRow, branch: Branch, seed: Seed) -> bool:
-        """Whether what a branch has within the limits is in the ranges of the same family as it is kept."""
+        """Whether the ranges of a kept family contain those of a branch of it within the bounds."""
         bounds, h, alpha = seed.bounds, branch.points["h"], branch.points["alpha"]
         inside = (h >= bounds.energy[0]) & (h <= bounds.energy[1]) & (alpha <= bounds.quarter_period)
         return not inside.any() or all(
@@ -418,7 +415,7 @@ class _Build:
         same = [(id, orbit) for id, h, orbit in self.joins.get((target, link.type == "GR"), ()) if abs(h / link.h - 1.0) < slack]
         if len(same) < 2 or link.there is None:
             return same[0][0] if same else ""
-        # Two families can meet more than once at one energy. An orbit and its image are told apart by nothing: then the first will do.
+        # Two families can meet more than once at one energy. An orbit and its image are equal for this purpose: the first will do.
         problem, y = self._solved(link.there)
         apart = [distance_from_orbit(problem, y, np.array(orbit.start)) for _, orbit in same]
         return next(id for (id, _), far in zip(same, apart, strict=True) if far < 10.0 * max(min(apart), _SAME))

@@ -64,7 +64,7 @@ class Bounds:
             raise ValueError(f"the most impacts in half a period are {self.impacts}; expected 1 or more")
 
     def holds(self, *, alpha: float, impacts: int) -> bool:
-        """Whether a quarter period and a number of impacts in a whole period are within the limits."""
+        """Whether a quarter period and a number of impacts in a full period are within the bounds."""
         return alpha <= self.quarter_period and impacts <= 2 * self.impacts
 
     def plain(self) -> dict[str, Any]:

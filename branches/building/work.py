@@ -1,4 +1,4 @@
-"""What is done for one seed: a pure function of plain data, which runs in any process.
+"""The work of one seed: a pure function of plain data, which runs in any process.
 
 A seed is one of five. ``energy``: find every orbit at an energy. ``mode``: find the families that begin at a linear mode. ``name``: find
 the family that has a name. ``orbit``: follow the family of an orbit, and find the families that are born at its bifurcations.
@@ -45,14 +45,14 @@ if TYPE_CHECKING:
 __all__ = ["ends_of", "is_half", "work"]
 
 BESIDE = (0.0, 3e-4, -3e-4)
-"""Where else energies are searched, relatively, while a search does not settle: near an energy at which a family grazes, starts that are
-neighbours in floating point part."""
+"""Relative distances of the energies that are searched until a search is complete. Near an energy at which a family grazes, neighbouring
+starts part."""
 
 _MULTIPLIED = max(q for _, q in RESONANCES)
-"""Turns up to which a family's q-tuplings are events."""
+"""Largest q of the resonances that are events of a family."""
 
 _TUPLED = 3
-"""Turns up to which families are switched to from one without a reversal."""
+"""Largest cover of the families that are switched to from one without a reversal."""
 
 NEARLY = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 """Relative differences of states and flight times up to which an orbit nearly has a symmetry."""
@@ -276,7 +276,7 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
 
 
 def _end(branch: Branch, event: BranchEvent, note: str | None) -> Link:
-    """What tells why a family has no neighbour at an event."""
+    """The dead end of a family at an event without a neighbour; the note says why."""
     here, width = orbit_of_event(branch, event), event.bracket[1] - event.bracket[0]
     return Link(branch.id, event.id, event.type, "dead end", event.h, event.alpha, None, note, here=here, width=width)
 

@@ -254,7 +254,7 @@ def _meet(
 def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float, list[np.ndarray]]:
     """The grazing orbit as a solution of a problem, its residual scaled by the state, and the directions in which the family may leave it.
 
-    By dense linear algebra in scales of the whole orbit: where it grazes, the velocities at all nodes may be zero.
+    By dense linear algebra in scales of the full orbit: at grazing, the velocities at all nodes may be zero.
     """
     speed, times = np.sqrt(2.0 * problem.energy(y)), problem.flight_times(y)
     displacement = np.max(np.abs(problem.end_states(y)[:, : problem.half]), initial=np.max(np.abs(problem.start(y)[: problem.half])))

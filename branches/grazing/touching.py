@@ -244,7 +244,7 @@ def _flips(base: int, parts: list[int]) -> Iterator[int]:
 
 
 def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:
-    """The grazing orbit y of a multipoint problem over its whole period, with all touches and impacts of zero speed."""
+    """The grazing orbit y of a multipoint problem over its full period, with all touches and impacts of zero speed."""
     cycle = cycle_of(problem, y)
     modes = problem.system.modes
     speed = np.sqrt(2.0 * problem.energy(y))

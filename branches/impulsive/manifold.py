@@ -152,7 +152,7 @@ def dominant_frequency(signal: np.ndarray, step: float) -> float:
     The mean under the window is taken off. The largest line of the padded discrete transform and its neighbours give a first place, by
     the parabola through the logarithms of their amplitudes; from there Newton's method goes to the maximum of the transform itself,
     which is defined at all frequencies. A single tone in the signal is returned to a relative 1e-6 and better. What has fewer than two
-    periods in the signal cannot be told from a drift of its mean, and is left out.
+    periods in the signal cannot be distinguished from a drift of its mean, and is left out.
 
     Parameters
     ----------
