@@ -226,13 +226,17 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
         figure.colorbar(mesh, ax=[axes["spectrum"], axes["families"]], location="right", fraction=0.03, pad=0.01, label="amplitude")
         for name, letter in zip(axes, "abcde", strict=True):
             axes[name].set_title(f"({letter})", loc="left", fontsize=NORMAL, pad=3)
-        _stabilities(axes["families"], atlas)
-        _below(figure, transition, caption, _short_ids(transition, atlas))
+        curves = [] if atlas is None else [frequency_curve(curve, "index") for curve in atlas.curves]
+        entries = legend_entries(visible_codes([(axes["families"], runs_of(curves))]), [])
+        if entries:
+            axes["families"].legend(handles=entries, **_ABOVE, ncols=3, handlelength=1.6)
+        drawn = [] if atlas is None else [curve.family for curve in atlas.curves]
+        _below(figure, transition, caption, short_ids(dict.fromkeys([*drawn, *_followed(transition)])))
         settle_layout(figure)
         for name in ("series", "share", "lost", "spectrum"):
             _mark_stages(axes[name], transition.stages, letters=name in ("series", "spectrum"))
         if atlas is not None:
-            _draw_families(axes["families"], atlas, _followed(transition))
+            _draw_families(axes["families"], atlas, curves, _followed(transition))
     return figure
 
 
@@ -338,8 +342,7 @@ def _draw_over_energy(axes: Axes, transition: Transition, spectrum: Spectrum, ba
     _frequency_axis(axes, band, "frequency index", r"m\,2\pi/T")
 
 
-def _draw_families(axes: Axes, atlas: Atlas, followed: Collection[str]) -> None:
-    curves = _named(atlas)
+def _draw_families(axes: Axes, atlas: Atlas, curves: Sequence[Named], followed: Collection[str]) -> None:
     modes = [mode for mode in atlas.thresholds if mode.h > axes.get_xlim()[0]]
     limits = axes.get_xlim(), axes.get_ylim()
     draw_curve(axes, runs_of(curves), "families", _FINE)
@@ -383,12 +386,6 @@ def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
         )  # fmt: skip
 
 
-def _short_ids(transition: Transition, atlas: Atlas | None) -> dict[str, str]:
-    """Short texts for the families that are drawn or followed."""
-    families = [] if atlas is None else [curve.family for curve in atlas.curves]
-    return short_ids(dict.fromkeys([*families, *_followed(transition)]))
-
-
 def _followed(transition: Transition) -> list[str]:
     """The families that the motion starts on and follows."""
     start = [] if transition.start is None else [transition.start.family]
@@ -425,17 +422,6 @@ def _below(figure: Figure, transition: Transition, caption: str, short: Mapping[
         entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
         title: dict[str, Any] = {"title": textwrap.fill(caption, _CAPTION), "title_fontsize": SMALL} if caption else {}
         legend_below(figure, entries, 2, lengthen=True, handlelength=0.0, handletextpad=0.0, **title)
-
-
-def _stabilities(axes: Axes, atlas: Atlas | None) -> None:
-    """Above the panel: how families are drawn."""
-    entries = legend_entries(visible_codes([(axes, runs_of(_named(atlas)))]), []) if atlas is not None else []
-    if entries:
-        axes.legend(handles=entries, **_ABOVE, ncols=3, handlelength=1.6)
-
-
-def _named(atlas: Atlas) -> list[Named]:
-    return [frequency_curve(curve, "index") for curve in atlas.curves]
 
 
 def _called(family: str, label: str, short: Mapping[str, str]) -> str:

@@ -22,11 +22,6 @@ from bvp.texts import brief, listed, shown
 from transitions.study.plan import Axis, StudyPlan
 from transitions.study.runs import Ending, block_columns, results_of
 
-__all__ = [
-    "PLAN", "Best", "Bins", "DamagedBlock", "ForeignBlock", "Map", "NoStudy", "Study", "along", "bins_of", "block_path",
-    "finished_blocks", "numeric_axes", "over", "read_block", "read_plan", "write_block", "write_plan",
-]  # fmt: skip
-
 PLAN = "study.json"
 SCHEMA = 1
 _ABOUT = "about"
