@@ -6,7 +6,7 @@ import numpy as np
 
 from bvp.closures import Cycle
 from bvp.kernels.flight import flow_matrix
-from bvp.multipliers import scaled_arguments, sort_multipliers
+from bvp.multipliers import scaled_nodes, sort_multipliers
 from bvp.system import ImpactSystem
 
 __all__ = ["monodromy", "reduced_monodromy", "saltation", "saltation_matrix", "saltation_multipliers"]
@@ -114,13 +114,13 @@ def reduced_monodromy(cycle: Cycle) -> np.ndarray:
     ValueError
         For an impact at zero speed.
     """
-    arguments, _, size = scaled_arguments(cycle)
-    _, after, _, _, scale, weights = arguments
+    nodes = scaled_nodes(cycle)
+    after, scale, weights = nodes.after, nodes.scale, nodes.weights
     scaled = monodromy(cycle) * scale / scale[:, None]
     directions = [(cycle.system.modes.matrix @ after[0]) / scale]
     if cycle.system.is_conservative:
         directions.append(weights * after[0] * scale)
-    columns = np.column_stack([*(x / np.linalg.norm(x) for x in directions), np.eye(size)])
+    columns = np.column_stack([*(x / np.linalg.norm(x) for x in directions), np.eye(len(scale))])
     rest = np.linalg.qr(columns)[0][:, len(directions) :]
     return rest.T @ scaled @ rest
 

@@ -1,7 +1,7 @@
 """A family of impacting orbits as the engine sees it: steps, test functions, and what an event means.
 
 Connects `bvp.multipoint` (the orbits) with `continuation` (the engine). The test functions are those of a symmetric orbit's half map
-phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.halfmap`): each bifurcation is a plain zero of one entry, so no event
+phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.stability`): each bifurcation is a plain zero of one entry, so no event
 hides in a trace that touches +-2 without crossing it.
 """
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from branches.kernels.advance import Block, advance_block
+from branches.kernels.advance import Beginning, Block, Goal, WatchedTests, advance_block
 from branches.kernels.event_functions import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, two_dof_tests
 from branches.orbit import label_text
 from bvp.checks import changeable
@@ -36,6 +36,8 @@ RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 
 SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
 """How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
+
+_ITERATIONS = 12  # most of a correction
 
 ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
@@ -285,13 +287,13 @@ class Family:
             np.empty((rows, self._computed)),
             np.empty((rows, 2)),
         )
-        count, tried, ds = problem.compiled(
-            advance_block, control, np.array(kinds_of(self.tests)), np.array([test.singular for test in self.tests]),
-            np.array(self._limits), np.array(self._targets), step.y, step.tangent, np.array(step.position),
-            np.array(tests), np.array(older), np.array(oldest), np.asarray(goal),
-            np.full(size + 2, math.nan) if direction is None else direction,
-            before, first, ds, np.empty((5, size + 2)), block, full=self._full,
-        )  # fmt: skip
+        singular = np.array([test.singular for test in self.tests])
+        watched = WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), np.array(self._targets))
+        values = np.array(tests), np.array(older), np.array(oldest)
+        beginning = Beginning(step.y, step.tangent, np.array(step.position), *values, before, first)
+        towards = Goal(np.asarray(goal), np.full(size + 2, math.nan) if direction is None else direction)
+        compiled, metric = problem.compiled(full=self._full), np.empty((5, size + 2))
+        count, tried, ds = advance_block(compiled, _ITERATIONS, control, watched, beginning, towards, ds, metric, block)
         if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
         trial = None

@@ -11,7 +11,7 @@ import numpy as np
 
 from bvp.checks import changeable, reals
 from bvp.kernels.flight import sample_flights
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, count_impacts, unfold_impacts
+from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, count_impacts, unfold_impacts
 from bvp.texts import shown
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     duration = np.empty(count)
     row = np.empty(count, dtype=np.int64)
     y = changeable(y)
-    _, lead = unfold_impacts(problem.segment, y, problem.end_states(y), before, after, duration, row, np.empty((2, size)))
+    _, lead = unfold_impacts(problem.segment, y, problem.end_states(y), ImpactList(before, after, duration, row), np.empty((2, size)))
     modes = problem.system.modes
     contact = problem.contacts[row].copy()
     mirrored = problem.segment.bound[row] * np.einsum("ij,ij->i", problem.segment.gap[row], before) < 0.0

@@ -269,7 +269,7 @@ class ContactModeTable:
                 target[tuple(slice(0, length) for length in own.shape)] = own
         reduced = np.array([1.0 / (row @ np.linalg.solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
         return ContactModes(
-            held=np.array([mode.held for mode in self.modes], dtype=np.int64),
+            sticking=np.array([mode.held for mode in self.modes], dtype=np.int64),
             pairs=pairs,
             **stacked,
             restitution=modes.contact_restitution,

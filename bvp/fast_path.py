@@ -145,7 +145,7 @@ def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = 
     numbers[places.FORM : places.FORM + 8] = np.concatenate([system.mass.ravel(), system.stiffness.ravel()])
     for level in range(places.LEVELS):
         turn = np.exp((mean + 1j * rates.imag) * step / 2**level)
-        numbers[places.TURNS + 4 * level : places.TURNS + 4 * level + 4] = np.stack([turn.real, turn.imag], axis=1).ravel()
+        numbers[places.ROTATIONS + 4 * level : places.ROTATIONS + 4 * level + 4] = np.stack([turn.real, turn.imag], axis=1).ravel()
     terms = budget_terms(parts, forcing_of(None, 2), 1)
     if len(terms.weight) > MOST_TERMS or np.any(terms.weight < 0.0):
         return None
@@ -204,10 +204,8 @@ def run_fast_path(
     wanted = np.array(fractions, dtype=float)
     most = np.ascontiguousarray(np.broadcast_to(max_impacts, len(starts)), dtype=np.int64)
     out = np.empty((len(starts), kernels.COLUMNS + len(wanted)))
-    kernels.fast_path_batch(
-        numbers, terms, np.ascontiguousarray(which, dtype=np.int64), starts, initial, float(duration), rests, most, wanted,
-        np.empty(4), np.empty(places.PARTS), out,
-    )  # fmt: skip
+    systems = kernels.Systems(numbers, terms, rests, np.ascontiguousarray(which, dtype=np.int64))
+    kernels.fast_path_batch(systems, starts, initial, float(duration), most, wanted, np.empty(4), np.empty(places.PARTS), out)
     ended = np.where(out[:, kernels.REASON] == CLEARED, rests[which], False)
     spent = out[:, kernels.SPENT : kernels.SPENT + places.PARTS]
     return FastPathRuns(

@@ -18,7 +18,7 @@ from bvp.kernels.contact_mode import ContactModes
 from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
-from bvp.kernels.motion import raise_peaks, sample, spent, states_after
+from bvp.kernels.motion import Flights, raise_peaks, sample, spent, states_after
 from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
@@ -235,20 +235,20 @@ class Motion:
         size = self.contact_modes.matrix.shape[1]
         scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
         for part in Pace().blocks(len(self.times)):
-            if not raise_peaks(self.contact_modes, *self.flights(part), *scratch, peaks):
+            if not raise_peaks(self.contact_modes, self.flights(part), *scratch, peaks):
                 raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
         return read_only(peaks)
 
-    def flights(self, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    def flights(self, part: slice) -> Flights:
         """Begins, numbers and states of some of the flights, and the end of the last of them, as the kernels take them."""
         end = float(self.times[part.stop]) if part.stop < len(self.times) else self.duration
-        return self.times[part], self.numbers[part], self.states[part], end
+        return Flights(self.times[part], self.numbers[part], self.states[part], end)
 
     @cached_property
     def contact_intervals(self) -> tuple[ContactInterval, ...]:
         """The motion as intervals of free flight and of sticking."""
         letters = self.system.modes.contact_letters
-        held = np.asarray(self.contact_modes.held)[self.numbers[:, 2]]
+        held = np.asarray(self.contact_modes.sticking)[self.numbers[:, 2]]
         for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
             held[row] = held[row - 1]
         first = np.flatnonzero(np.concatenate([[True], held[1:] != held[:-1]]))

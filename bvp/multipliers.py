@@ -1,7 +1,7 @@
 """Floquet multipliers of impacting orbits from the saddle-point matrix.
 
 The linearised multipoint problem is reduced by orthogonal transformations to a product pencil (`bvp.kernels.pencil`), whose
-eigenvalues are found by sweeps round it (`bvp.kernels.pencil`); the monodromy is never formed. The textbook product of saltation
+eigenvalues are found by sweeps round it; the monodromy is never formed. The textbook product of saltation
 matrices is the second method, of the tests and the benchmarks. Which orbits are stable is decided apart from both, from the half map: see
 `bvp.stability`.
 """
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bvp.closures import Cycle
-from bvp.kernels.pencil import landings, pencil, sweep, trivial_directions
+from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, sweep, trivial_directions
 
 __all__ = [
     "GRAZING_LIMIT",
@@ -23,7 +23,7 @@ __all__ = [
     "Quality",
     "nearest_grazing",
     "saddle_point_multipliers",
-    "scaled_arguments",
+    "scaled_nodes",
     "sort_multipliers",
 ]
 
@@ -127,7 +127,8 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     cycle = _from_impact(cycle)
     modes = cycle.system.modes
     conservative = cycle.system.is_conservative
-    (before, after, duration, row, scale, weights), nodes, size = scaled_arguments(cycle)
+    scaled = scaled_nodes(cycle)
+    row, (nodes, size) = scaled.row, scaled.after.shape
     dimension = size - 1 - int(conservative)
     unbounded = np.full(dimension, complex(math.nan, math.nan))
     unpaired = math.nan if conservative else None
@@ -135,18 +136,16 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     if sine < GRAZING_LIMIT:
         note = f"impact {graze + 1} of {np.sum(row >= 0)} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
         return Multipliers(unbounded, Quality(math.nan, unpaired, False), np.full((dimension, dimension), math.nan), 0, note)
-    left = np.zeros((nodes, size, size))
-    right = np.zeros((nodes, size, size))
-    jump = 1.0 + modes.contact_restitution
-    maps = np.empty((nodes, size, size))
-    along = np.empty((nodes, size))
-    landings(modes.flight, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along)
-    pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right, np.empty((5, size, size)), np.empty(2))
-    flow, level = trivial_directions(modes.flight, weights, modes.contact_gap, after, row, 1, scale, maps, along, np.empty((4, size)))
-    trivial = float(max(flow, level) if conservative else flow)
     free = size - int(conservative)
     width = np.where(np.roll(row, -1) < 0, free, free - 1)
-    values, matrix, singular, sweeps = _pencil_eigenvalues(left, right, width, dimension)
+    contacts = ContactRows(modes.contact_gap, modes.contact_rate, modes.contact_push, 1.0 + modes.contact_restitution)
+    linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
+    factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)), width, width, False)
+    landings(modes.flight, contacts, scaled, linear)
+    pencil(contacts, scaled, conservative, linear, factors, np.empty((5, size, size)), np.empty(2))
+    flow, level = trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
+    trivial = float(max(flow, level) if conservative else flow)
+    values, matrix, singular, sweeps = _pencil_eigenvalues(factors, dimension)
     if singular or not np.all(np.isfinite(values)):
         note = f"{singular} singular factors: the multipliers are unbounded" if singular else "the multipliers overflow"
         return Multipliers(unbounded, Quality(trivial, unpaired, False), matrix, sweeps, note)
@@ -176,10 +175,10 @@ def _from_impact(cycle: Cycle) -> Cycle:
     return Cycle(cycle.system, before, after, duration, contact, lead)
 
 
-def scaled_arguments(cycle: Cycle) -> tuple[tuple[np.ndarray, ...], int, int]:
-    """(before, after, duration, row, scale, weights) as the kernels take them, the number of nodes, and N."""
+def scaled_nodes(cycle: Cycle) -> Nodes:
+    """The nodes of a cycle with the sizes of their states, for the kernels."""
     modes = cycle.system.modes
-    nodes, size = cycle.after.shape
+    size = cycle.after.shape[1]
     half = size // 2
     scale = np.ones(size)
     weights = np.ones(size)
@@ -191,8 +190,8 @@ def scaled_arguments(cycle: Cycle) -> tuple[tuple[np.ndarray, ...], int, int]:
         weights[:half] = modes.squares
         # velocities by sqrt(2 h), not by those at the impacts: an impact may be the only slow part of an orbit
         scale[half:] = math.sqrt(float(np.sum(weights * cycle.after[0] ** 2)))
-    arrays = [np.ascontiguousarray(x, dtype=float) for x in (cycle.before, cycle.after, cycle.duration)]
-    return (*arrays, np.ascontiguousarray(cycle.contact, dtype=np.int64), scale, weights), nodes, size
+    before, after, duration = (np.ascontiguousarray(x, dtype=float) for x in (cycle.before, cycle.after, cycle.duration))
+    return Nodes(before, after, duration, np.ascontiguousarray(cycle.contact, dtype=np.int64), scale, weights)
 
 
 def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
@@ -210,21 +209,16 @@ def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
     return worst, float(sine[worst])
 
 
-def _pencil_eigenvalues(
-    left: np.ndarray, right: np.ndarray, width: np.ndarray, dimension: int
-) -> tuple[np.ndarray, np.ndarray, int, int]:
-    """Eigenvalues (dimension,) of the product of left[i]^-1 right[i], that product, singular factors met, and sweeps made.
-
-    width (P,) is the number of rows, and of columns of the left factor, of each.
-    """
+def _pencil_eigenvalues(factors: Factors, dimension: int) -> tuple[np.ndarray, np.ndarray, int, int]:
+    """Eigenvalues (dimension,) of the product of left[i]^-1 right[i], that product, singular factors met, and sweeps made."""
     frame = np.eye(dimension)
     product = np.empty((dimension, dimension))
     exponent = np.empty(dimension)
-    scratch = np.empty((4, left.shape[1], left.shape[1]))
+    scratch = np.empty((4, *factors.left.shape[1:]))
     blocks: list[slice] = []
     for sweeps in range(1, SWEEPS + 1):
         older = frame.copy()
-        singular = sweep(left, right, width, width, False, 1, scratch, frame, product, exponent)
+        singular = sweep(factors, 1, scratch, frame, product, exponent)
         if singular or not np.all(np.isfinite(product)):
             return np.full(dimension, complex(math.nan, math.nan)), np.full_like(product, math.nan), singular, sweeps
         turn = older.T @ frame

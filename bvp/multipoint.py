@@ -7,7 +7,7 @@ solution at a given energy or quarter period, and the step along the family with
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -21,7 +21,17 @@ from bvp.kernels.compiled import address_of
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.stability import make_period, orbit_stability
-from bvp.kernels.step import end_states, orbit_observe, orbit_step, two_dof_orbit_observe, two_dof_orbit_step
+from bvp.kernels.step import (
+    CompiledProblem,
+    Landing,
+    Request,
+    end_states,
+    orbit_observe,
+    orbit_step,
+    pack_observed,
+    two_dof_orbit_observe,
+    two_dof_orbit_step,
+)
 from bvp.system import ImpactSystem
 from bvp.texts import brief
 
@@ -156,9 +166,7 @@ class MultipointProblem:
         self._period = make_period(4 * (self.inner + 1))
         self._zero = np.zeros(2 * self.unknowns)
         self._packed = pack(self.segment)
-        observed = self.observed
-        self._watched = np.vstack(observed[:4] + observed[6:])
-        self._bounds = np.array([observed.lower, observed.upper])
+        self._watched = pack_observed(self.observed)
         self._two_dof = self.half == 2
 
     def __getstate__(self) -> dict[str, Any]:
@@ -316,7 +324,8 @@ class MultipointProblem:
         self._factor.work[5, :unknowns] = row
         out, result, metric = np.empty(unknowns), np.full(_ENTRIES, np.nan), np.empty((4, self.size + 2))
         take, _ = _KERNELS[self._two_dof]
-        take(*self._packed, self._factor, y, self._zero, 0.0, target, maximum, metric, out, np.empty(2 * unknowns), result)
+        landing = Landing(out, np.empty(2 * unknowns), result)
+        take(self._packed, self._factor, y, self._zero, Request(0.0, target, maximum), metric, landing)
         y[:] = out
         return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
 
@@ -333,14 +342,15 @@ class MultipointProblem:
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
         take, observe = _KERNELS[self._two_dof]
-        take(*packed, factor, changeable(y), changeable(tangent), ds, math.nan, maximum, metric, out, out_tangent, result)
+        landing = Landing(out, out_tangent, result)
+        take(packed, factor, changeable(y), changeable(tangent), Request(ds, math.nan, maximum), metric, landing)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()
         if full:
-            observe(*packed, self._watched, self._bounds, out, ends, self._work, result)
+            observe(packed, self._watched, out, ends, self._work, result)
             if self._two_dof:
-                orbit_stability(*packed, out, ends, self._period, result)
+                orbit_stability(packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
     @cached_property
@@ -351,17 +361,16 @@ class MultipointProblem:
         packed = self._packed
         take, observe = _KERNELS[self._two_dof]
         calls = (
-            (take, (*packed, self._factor, y, tangent, 0.0, 0.0, 0, metric, y, tangent, result)),
-            (observe, (*packed, self._watched, self._bounds, y, ends, self._work, result)),
-            (orbit_stability, (*packed, y, ends, self._period, result)),
+            (take, (packed, self._factor, y, tangent, Request(0.0, 0.0, 0), metric, Landing(y, tangent, result))),
+            (observe, (packed, self._watched, y, ends, self._work, result)),
+            (orbit_stability, (packed, y, ends, self._period, result)),
         )
         return np.array([address_of(function, arguments) for function, arguments in calls])
 
-    def compiled(self, kernel: Callable[..., Any], *arguments: Any, maximum: int = 12, full: bool = True) -> Any:
-        """Call a compiled function that takes steps of its own: before its own arguments it gets `addresses` (where not `full`, 0 for all
-        but that of `orbit_step`), the problem as `orbit_step` does, what is watched, scratch, and the most iterations of a correction."""
+    def compiled(self, *, full: bool = True) -> CompiledProblem:
+        """The problem for a compiled function that takes steps of its own; where not `full`, only the address of `orbit_step` is given."""
         addresses = self.addresses if full else self.addresses * np.array([1, 0, 0])
-        return kernel(addresses, *self._packed, self._factor, self._watched, self._bounds, self._work, self._period, maximum, *arguments)
+        return CompiledProblem(addresses, self._packed, self._factor, self._watched, self._work, self._period)
 
 
 

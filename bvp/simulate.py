@@ -17,7 +17,6 @@ from bvp.kernels import motion as kernels
 from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
-from bvp.kernels.motion import many
 from bvp.kernels.sticking import LEVELS
 from bvp.motion import STATUS, Batch, EnergyMark, Motion, MotionStatus
 from bvp.texts import shown
@@ -133,30 +132,27 @@ class Simulator:
         start = checked_state(system, u, v)
         fractions = self._checked(duration, max_impacts, marks)
         contact = contact_index(system, leaving)
-        n, parts = system.degrees_of_freedom, len(self.parts)
+        n = system.degrees_of_freedom
         initial = system.energy(start[:n], start[n:])
-        counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
+        state = self.state(len(fractions) if initial > 0.0 else 0, 0)
+        counts, clock, sums, marked = state.counts, state.clock, state.sums, state.marks
         counts[places.LEAVING] = counts[places.CONTACT] = contact
         clock[places.INITIAL] = initial
-        load_states = np.zeros((len(self.forcing.loads), 2))
-        sums, marked = np.zeros((parts + 1, 2)), np.zeros((len(fractions) if initial > 0.0 else 0, parts + 3))
         marked[:, 0] = fractions[: len(marked)]
-        x = np.concatenate([start, np.zeros(2 * len(self.forcing.loads))])
-        before, no_peaks = start.copy(), np.zeros(0)
+        state.x[: 2 * n] = start
+        before = start.copy()
         pieces: list[places.Log] = []
-        room, z, scratch = 256, np.zeros(0), self.scratch(before)
+        room, scratch = 256, self.scratch(before)
         pace = Pace()
         while True:
             modes = self.table.stacked
             size = modes.matrix.shape[1]
             if counts[places.PENDING] >= 0:
-                z, scratch = np.zeros(size), self.scratch(before)
+                state, scratch = state._replace(z=np.zeros(size)), self.scratch(before)
             log = self.log(room)
             counts[places.EVENTS], counts[places.PASSES] = 0, pace.passes
             with pace:
-                status = kernels.move(
-                    modes, float(duration), int(max_impacts), z, x, counts, clock, load_states, sums, marked, no_peaks, log, scratch,
-                )  # fmt: skip
+                status = kernels.move(modes, float(duration), int(max_impacts), state, log, scratch)
             pieces.append(places.Log(*(array[: counts[places.EVENTS]].copy() for array in log)))
             if on_progress is not None:
                 on_progress(float(clock[places.TIME]))
@@ -172,7 +168,7 @@ class Simulator:
         numbers, columns, before_, sums_ = (
             np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
         )
-        last = np.pad(z, (0, size - len(z)))
+        last = np.pad(state.z, (0, size - len(state.z)))
         final = modes.leave[counts[places.MODE]] @ last
         return Motion(
             system=system,
@@ -192,7 +188,7 @@ class Simulator:
             touches=int(counts[places.TOUCHES]),
             last_impact=float(clock[places.LAST_IMPACT]) if counts[places.IMPACTS] else None,
             clear_from=float(clock[places.CLEAR_TIME]) if counts[places.CLEAR] else None,
-            sticking_time=float(clock[places.HELD_TIME]),
+            sticking_time=float(clock[places.STICKING_TIME]),
             switch_error=float(clock[places.SWITCH_ERROR]),
             initial_energy=initial,
             energy=float(self._energies(final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
@@ -205,6 +201,20 @@ class Simulator:
             numbers=numbers,
             states=states,
             contact_modes=modes,
+        )
+
+    def state(self, marks: int, peaks: int) -> places.MotionState:
+        """A motion at time 0 with room for so many marks and peaks; its state of the contact mode is still empty."""
+        loads, parts = len(self.forcing.loads), len(self.parts)
+        return places.MotionState(
+            z=np.zeros(0),
+            x=np.zeros(2 * self.system.degrees_of_freedom + 2 * loads),
+            counts=np.zeros(places.COUNTS, dtype=np.int64),
+            clock=np.zeros(places.CLOCK),
+            angles=np.zeros((loads, 2)),
+            sums=np.zeros((parts + 1, 2)),
+            marks=np.zeros((marks, parts + 3)),
+            peaks=np.zeros(peaks),
         )
 
     def _energies(self, final: np.ndarray, modal: np.ndarray) -> np.ndarray:
@@ -258,21 +268,16 @@ class Simulator:
         fractions = self._checked(duration, max_impacts, marks)
         summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2) + n))
         summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
-        counts, clock = np.zeros(places.COUNTS, dtype=np.int64), np.zeros(places.CLOCK)
-        load_states, sums = np.zeros((len(self.forcing.loads), 2)), np.zeros((parts + 1, 2))
-        modal = np.zeros_like(starts)
-        x, peaks, first = np.zeros(2 * n + 2 * len(self.forcing.loads)), np.zeros(n if with_peaks else 0), 0
-        marked, log, reason, pace = np.zeros((len(fractions), parts + 3)), self.log(0), kernels.NEW_MODE, Pace()
+        state, modal = self.state(len(fractions), n if with_peaks else 0), np.zeros_like(starts)
+        counts, batch = state.counts, kernels.BatchArrays(starts, fractions, summary, modal)
+        first, log, reason, pace = 0, self.log(0), kernels.NEW_MODE, Pace()
         while True:
             modes = self.table.stacked
             if reason == kernels.NEW_MODE:
-                z, scratch = np.zeros(modes.matrix.shape[1]), self.scratch(np.zeros(2 * n))
+                state, scratch = state._replace(z=np.zeros(modes.matrix.shape[1])), self.scratch(np.zeros(2 * n))
             counts[places.PASSES] = pace.passes
             with pace:
-                reason, first = many(
-                    modes, starts, float(duration), int(max_impacts), first, fractions, z, x, counts, clock, load_states, sums, marked,
-                    peaks, log, scratch, summary, modal,
-                )  # fmt: skip
+                reason, first = kernels.many(modes, batch, float(duration), int(max_impacts), first, state, log, scratch)
             if reason == kernels.NEW_MODE:
                 self.table.add(int(counts[places.PENDING]))
             elif reason != kernels.PAUSED:

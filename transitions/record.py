@@ -16,7 +16,7 @@ from bvp.kernels.extrema import PEAK_ROWS, peak_flight
 from bvp.kernels.flight import Flight
 from bvp.kernels.impact import work_array
 from bvp.texts import brief, shown
-from transitions.kernels.extents import extents_of_motion
+from transitions.kernels.extents import ExtentsScratch, extents_of_motion
 
 if TYPE_CHECKING:
     from bvp.motion import Motion
@@ -248,15 +248,15 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     wanted = np.eye(n) if rows is None else np.atleast_2d(np.asarray(rows, dtype=float))
     if wanted.ndim != 2 or wanted.shape[1] != n:
         raise ValueError(f"rows have an entry for each of {n} coordinates; received shape {wanted.shape}")
-    phases = motion.contact_modes
-    count, size = len(wanted), phases.matrix.shape[1]
-    rows = np.concatenate([np.einsum("rn,fnk->frk", wanted, part) for part in (phases.leave[:, :n], phases.leave[:, n:])], axis=1)
+    modes = motion.contact_modes
+    count, size = len(wanted), modes.matrix.shape[1]
+    rows = np.concatenate([np.einsum("rn,fnk->frk", wanted, part) for part in (modes.leave[:, :n], modes.leave[:, n:])], axis=1)
     scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
     peaks, squares, where = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int64)
-    work = np.ones(count), *scratch, integral_work(size, count), np.empty(count), np.empty(count)
+    work = ExtentsScratch(*scratch, integral_work(size, count), np.empty(count), np.empty(count))
     for part in Pace().blocks(len(motion.times)):
         higher, at = peaks.copy(), np.zeros(count, dtype=np.int64)
-        if not extents_of_motion(phases, *motion.flights(part), rows, *work, higher, at, squares):
+        if not extents_of_motion(modes, motion.flights(part), rows, np.ones(count), work, higher, at, squares):
             raise RuntimeError("the search for the peaks gave up; run a shorter duration")
         where = np.where(higher > peaks, part.start + at, where)
         peaks = higher
@@ -265,7 +265,7 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
         """Whether a peak is reached within this part of its flight."""
         k, f, best = where[c], motion.numbers[where[c], 2], np.zeros(1)
         own = np.ascontiguousarray(rows[f, [c, count + c]])
-        flight = Flight(phases.pairs[f], phases.mean[f], phases.delta[f], phases.matrix[f])
+        flight = Flight(modes.pairs[f], modes.mean[f], modes.delta[f], modes.matrix[f])
         peak_flight(flight, own, motion.states[k], duration, best, *scratch)
         return bool(best[0] >= peaks[c] * (1.0 - 1e-15))
 

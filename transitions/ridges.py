@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from transitions.kernels.ridges import chains, link
+from transitions.kernels.ridges import Maxima, chains, link
 from transitions.spectrum import Spectrum
 
 __all__ = [
@@ -202,7 +202,8 @@ def _linked(columns: np.ndarray, level: np.ndarray, count: int, spacing: float, 
     bounds = np.searchsorted(columns, np.arange(count + 1))
     reach = np.maximum(spacing, _DRIFT * 2.0**level * step / (2.0 * math.pi))
     following, scratch = np.empty((2, len(columns)), dtype=np.int64)
-    link(columns, level, bounds, reach, spacing, _DRIFT, step, following, np.empty(len(columns), dtype=np.bool_), scratch)
+    followed = np.empty(len(columns), dtype=np.bool_)
+    link(Maxima(columns, level, bounds, reach), spacing, _DRIFT, step, following, followed, scratch)
     return following
 
 

@@ -15,7 +15,7 @@ from branches.search.starts import ScannedSegment
 from bvp.checks import require_conservative, require_two_dof
 from bvp.kernels import shooting as kernel
 from bvp.kernels.impact import work_array
-from bvp.kernels.shooting import TURN, ZERO
+from bvp.kernels.shooting import TURNING, ZERO
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -79,7 +79,7 @@ class Traces(NamedTuple):
     number : (M,) int
         Events; -1 if the motion could not be followed.
     kind : (M, E) int
-        The contact hit, `bvp.kernels.shooting.ZERO` (the gap coordinate is zero) or `TURN` (its velocity is zero).
+        The contact hit, `bvp.kernels.shooting.ZERO` (the gap coordinate is zero) or `TURNING` (its velocity is zero).
     time, time_slope : (M, E) float
         As all slopes, a derivative with respect to log h.
     residual, residual_slope : (M, E) float
@@ -165,10 +165,8 @@ class ImpulsiveMotions:
             time, shift = np.zeros(shape), np.zeros(shape)
             state, change = np.zeros((*shape, 4)), np.zeros((*shape, 4))
             count = np.zeros(len(levels), dtype=np.int64)
-            kernel.sensitivities(
-                modes.flight, modes.contacts, self.functional, starts, changes, float(longest), kind, time, shift, state, change, count,
-                work_array(4, len(modes.contact_side)),
-            )  # fmt: skip
+            events, work = kernel.Events(kind, time, shift, state, change, count), work_array(4, len(modes.contact_side))
+            kernel.sensitivities(modes.flight, modes.contacts, self.functional, starts, changes, float(longest), events, work)
             if not np.any(count == kernel.FULL) or self.room >= _LARGEST:
                 return kind, time, shift, state, change, np.where(count < 0, -1, count)
             self.room *= 2
@@ -178,7 +176,7 @@ class ImpulsiveMotions:
         kind, time, shift, state, change, count = self._follow(levels, self.longest)
         rows = np.array([self.across_displacement, self.across_velocity, *self.functional[:3]])
         values, slopes = state @ rows.T, change @ rows.T
-        crossing, turning = np.where(kind == kernel.ZERO, 0, 1)[..., None], np.where(kind == kernel.TURN, 4, 3)[..., None]
+        crossing, turning = np.where(kind == kernel.ZERO, 0, 1)[..., None], np.where(kind == kernel.TURNING, 4, 3)[..., None]
         rate, rate_slope = _pick(values, turning), _pick(slopes, turning)
         return Traces(
             count, kind, time, shift, _pick(values, crossing), _pick(slopes, crossing), values[..., 2], slopes[..., 2], rate**2,
@@ -198,7 +196,7 @@ class ImpulsiveMotions:
         after = before - ((1.0 + modes.contact_restitution[contacts]) * speed)[:, None] * modes.contact_push[contacts]
         stamps = np.concatenate([[0.0], time[0, hits], [time[0, event]]])
         last = int(kind[0, event])
-        ends = ("origin", {ZERO: "origin", TURN: "rest"}.get(last) or "stop" + letters[last])
+        ends = ("origin", {ZERO: "origin", TURNING: "rest"}.get(last) or "stop" + letters[last])
         residual = abs(float((self.across_displacement if last == ZERO else self.across_velocity) @ state[0, event]))
         sequence = tuple(letters[c] for c in contacts)
         return ScannedSegment(ends, sequence, self.start(math.exp(level)), after, np.diff(stamps), level, low, high, residual)

@@ -25,7 +25,7 @@ from branches.orbit import Orbit, label_text
 from branches.search.orbits import OrbitSearch, Unpolished, is_complete, judged
 from branches.search.starts import ScannedSegment
 from bvp.checks import checked_energy_range
-from bvp.kernels.shooting import TURN, ZERO
+from bvp.kernels.shooting import TURNING, ZERO
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 from bvp.texts import brief, listed
 
@@ -366,7 +366,7 @@ def judge(
     w = width[:, None]
     slopes = first.residual_slope[:, :size], last.residual_slope[:, :size]
     sure, sign = certain(first.residual[:, :size], last.residual[:, :size], *slopes, w)
-    steady = kind != TURN
+    steady = kind != TURNING
     alone, _ = certain(first.crossing[:, :size], last.crossing[:, :size], first.crossing_slope[:, :size], last.crossing_slope[:, :size], w)
     clear = ~same | alone
     for bound in (0.0, *motions.modes.contact_bound):

@@ -12,9 +12,10 @@ from branches.kernels.event_functions import common_tests, is_orbit, two_dof_tes
 from bvp.kernels.compiled import call_at, kernel, part
 from bvp.kernels.flight import set_1
 from bvp.kernels.multipoint import CONTRACTION, CONVERGED, SLOPE, TURN
+from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
-__all__ = ["Block", "advance_block"]
+__all__ = ["Beginning", "Block", "Goal", "WatchedTests", "advance_block"]
 
 _distance = part(distance)
 _height = part(height)
@@ -40,37 +41,56 @@ class Block(NamedTuple):
     lengths: np.ndarray  # (steps + 1, 2) length asked for, arclength
 
 
-@kernel
-def advance_block(
-    addresses, pairs, rows, scalars, start_map, shape, factor, observed, bounds, work, period, most, control, kinds, singular, limits,
-    targets, first_y, first_tangent, first_position, first_tests, first_older, first_oldest, goal, direction, before, first, ds, metric,
-    block,
-):  # fmt: skip
-    """Steps from (first_y, first_tangent) into `block`.
+class WatchedTests(NamedTuple):
+    """The test functions of a family, as `continuation.control` watches them."""
 
-    addresses (3,): of `orbit_step`, `orbit_observe`, `orbit_stability`; 0 for the last two: the fold is the only test. limits (3,):
-    bounds of the energy's logarithm, and of the quarter period's. goal, direction (N + 2,): see `continuation.problem.Advance`; nan: the
-    direction is that of the first step. metric (5, N + 2): scratch. Returns (accepted steps, 1 where the row after them
-    holds a step that is not plain, length of the step to take next)."""
+    kinds: np.ndarray  # of `continuation.control.kinds_of`
+    singular: np.ndarray  # size below which a sign is rounding
+    limits: np.ndarray  # (3,) bounds of the energy's logarithm, and of the quarter period's
+    targets: np.ndarray  # traces at which periods multiply
+
+
+class Beginning(NamedTuple):
+    """The orbit that a block of steps begins at, and the steps that led there."""
+
+    y: np.ndarray  # (u,)
+    tangent: np.ndarray  # (2 u,)
+    position: np.ndarray  # (N + 2,)
+    tests: np.ndarray  # values of the test functions there,
+    older: np.ndarray  # one step before,
+    oldest: np.ndarray  # and two steps before
+    before: float  # length of the last step
+    first: float  # and of the one before it
+
+
+class Goal(NamedTuple):
+    """Where the family closes on itself: see `continuation.problem.Advance`."""
+
+    position: np.ndarray  # (N + 2,)
+    direction: np.ndarray  # (N + 2,); nan: that of the first step
+
+
+@kernel
+def advance_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
+    """Steps from an orbit on, into `block`.
+
+    compiled: `CompiledProblem`; where its second address is 0, the fold is the only test. most: iterations of a correction.
+    metric (5, N + 2): scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length of the step to
+    take next)."""
+    addresses, packed, factor, observed, work, period = compiled
+    y, tangent, position, tests, older, oldest, before, first = beginning
+    kinds, singular, limits, targets = watched
     full = addresses[1] != 0
-    y = first_y
-    tangent = first_tangent
-    position = first_position
-    tests = first_tests
-    older = first_older
-    oldest = first_oldest
     way = metric[4]
     for r in range(way.shape[0]):
-        way[r] = direction[r]
-    height_old = _height(position, goal, way)
+        way[r] = goal.direction[r]
+    height_old = _height(position, goal.position, way)
     for count in range(block.y.shape[0] - 1):
         result = block.result[count]
         set_1(result, np.nan)
         new = block.y[count]
         ahead = block.tangent[count]
-        call_at(
-            addresses[0], (pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, math.nan, most, metric, new, ahead, result)
-        )
+        call_at(addresses[0], (packed, factor, y, tangent, Request(ds, math.nan, most), metric, Landing(new, ahead, result)))
         if result[CONVERGED] != 1.0:
             return count, 1, ds
         ends = block.ends[count]
@@ -78,8 +98,8 @@ def advance_block(
             for r in range(ends.shape[1]):
                 ends[i, r] = factor.before[i, r]
         if full:
-            call_at(addresses[1], (pairs, rows, scalars, start_map, shape, observed, bounds, new, ends, work, result))
-            call_at(addresses[2], (pairs, rows, scalars, start_map, shape, new, ends, period, result))
+            call_at(addresses[1], (packed, observed, new, ends, work, result))
+            call_at(addresses[2], (packed, new, ends, period, result))
         place = block.position[count]
         for r in range(place.shape[0]):
             place[r] = metric[0, r]
@@ -88,7 +108,7 @@ def advance_block(
         values = block.tests[count]
         if full:
             _common_tests(result, limits[0], limits[1], limits[2], values)
-            _two_dof_tests(result, shape[2], targets, values)
+            _two_dof_tests(result, packed.shape[2], targets, values)
         else:
             values[0] = result[SLOPE]
         turn = result[TURN]
@@ -96,8 +116,8 @@ def advance_block(
         chord = _distance(position, place)
         if _refusal(turn, contraction, chord, ds, control) != ACCEPTED:
             return count, 1, ds
-        height_new = _height(place, goal, way)
-        if height_old < 0.0 and height_new >= 0.0 and _distance(place, goal) <= NEAR_GOAL * chord:
+        height_new = _height(place, goal.position, way)
+        if height_old < 0.0 and height_new >= 0.0 and _distance(place, goal.position) <= NEAR_GOAL * chord:
             return count, 1, ds
         length = _arclength_of(chord, turn)
         if _watch(kinds, singular, _may_hide, oldest, older, tests, values, first, before, length):
@@ -107,8 +127,8 @@ def advance_block(
         ds = _next_step(ds, turn, contraction, control)
         if height_new != height_new and count == 0:
             for r in range(way.shape[0]):
-                way[r] = place[r] - goal[r]
-            height_new = _height(place, goal, way)
+                way[r] = place[r] - goal.position[r]
+            height_new = _height(place, goal.position, way)
         first = before
         before = length
         height_old = height_new

@@ -41,8 +41,8 @@ def warm() -> None:
 
     problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
     y, ends, result = np.array([0.8, 0.6, 1.7]), np.ones((1, 4)), np.zeros(len(RESULT))
-    orbit_stability(*problem._packed, y, ends, problem._period, result)
-    two_dof_orbit_observe(*problem._packed, problem._watched, problem._bounds, y, ends, problem._work, result)
+    orbit_stability(problem._packed, y, ends, problem._period, result)
+    two_dof_orbit_observe(problem._packed, problem._watched, y, ends, problem._work, result)
     problem.addresses = np.zeros(3, dtype=np.int64)
     family = Family(problem)
     tests = [0.0] * len(family.tests)

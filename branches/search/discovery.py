@@ -16,7 +16,7 @@ from branches.search.orbits import OrbitSearch, Unpolished, is_complete, kept_pr
 from branches.search.starts import START_FROM_A_STATE
 from branches.sequences import impacts_per_period, segments_per_period
 from bvp.checks import is_finite, require_conservative, require_system, require_two_dof
-from bvp.kernels.shooting import TURN_LIMIT
+from bvp.kernels.shooting import STEP_LIMIT
 from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ BUDGET = 1_000_000
 LONG = 100.0
 """Angle of the fastest mode within the longest segment (rad) above which fewer starts are followed, because each takes longer."""
 
-LONGEST = 0.5 * TURN_LIMIT
+LONGEST = 0.5 * STEP_LIMIT
 """Largest angle of the fastest mode within the longest segment (rad). A flight is searched in a limited number of steps."""
 
 MOST_BOUND = 10_000

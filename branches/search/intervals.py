@@ -22,7 +22,7 @@ from bvp.interrupts import Pace
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import COLUMNS, CONTACT, DERIVATIVE, DURATION, TIME, follow_impacts
-from bvp.kernels.verdict import ENDLESS, GRAZED
+from bvp.kernels.verdict import ENDLESS, GRAZED, StartSearch
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -169,7 +169,7 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
     records = np.zeros((3 * DEPTH + 3, most + 2, COLUMNS))
     levels = np.zeros(3 * DEPTH + 3, dtype=np.int64)
     stack = np.zeros((2 * DEPTH, 10))
-    work = np.zeros((16, 16))
+    search = StartSearch(curve.flow, times, impacts, longest, most, records, levels, np.zeros((16, 16)))
     candidates = np.zeros((4096, 8))
     openings = np.zeros((256, 4))
     total = np.zeros(len(COUNTS), dtype=np.int64)
@@ -190,14 +190,11 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
         while True:
             counts = np.zeros(len(COUNTS), dtype=np.int64)
             left = max(1, budget - int(total[0]))
-            begin_interval(curve.flow, low, high, ends, longest, most, records, levels, stack, counts, state, work)
+            begin_interval(search, low, high, ends, stack, counts, state)
             done = False
             while not done:
                 with pace:
-                    done = scan_interval(
-                        curve.flow, times, impacts, longest, most, records, levels, stack, candidates, openings, left, counts, pace.passes,
-                        state, work,
-                    )  # fmt: skip
+                    done = scan_interval(search, stack, candidates, openings, left, counts, pace.passes, state)
             found, opened = int(state[CANDIDATES]), int(state[OPENINGS])
             if found <= len(candidates) and opened <= len(openings):
                 break

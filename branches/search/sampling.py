@@ -16,7 +16,7 @@ from branches.search.starts import START_FROM_A_STATE, ScannedSegment
 from bvp.checks import require_two_dof
 from bvp.kernels.impact import work_array
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
-from bvp.kernels.shooting import scan_starts
+from bvp.kernels.shooting import EndSet, ScanLimits, Scanned, scan_starts
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -96,10 +96,9 @@ class Sampler:
         ends, status = np.empty(count), np.empty(count, dtype=np.int64)
         kept = count if nodes else 0
         states, instants = np.zeros((kept, most, 4)), np.zeros((kept, most))
-        scan_starts(
-            modes.flight, modes.contacts, self.kind, self.transverse, self.functional, starts, wanted, most, self.longest, sequences, times,
-            residuals, ends, status, states, instants, self.work,
-        )  # fmt: skip
+        end, limits = EndSet(self.kind, self.transverse, self.functional), ScanLimits(wanted, most, self.longest)
+        found = Scanned(sequences, times, residuals, ends, status, states, instants)
+        scan_starts(modes.flight, modes.contacts, end, starts, limits, found, self.work)
         return sequences, times, residuals, states, instants
 
     def segments(self, energy: float, angles: int | np.ndarray) -> Iterator[ScannedSegment]:

@@ -121,6 +121,7 @@ def amplitudes(flight, rows, c, z, horizon):
         i = pairs[k, 0]
         j = pairs[k, 1]
         m = mean[k]
+        # A single rate: f = a exp(m t).
         if j == -1:
             size = abs(rows[c, i] * z[i]) * (math.exp(m * horizon) if m > 0.0 else 1.0)
             level += size
@@ -131,12 +132,14 @@ def amplitudes(flight, rows, c, z, horizon):
             alpha = rows[c, i] * z[i] + rows[c, j] * z[j]
             beta = rows[c, i] * ((matrix[i, i] - m) * z[i] + matrix[i, j] * z[j])
             beta += rows[c, j] * (matrix[j, i] * z[i] + (matrix[j, j] - m) * z[j])
+            # Equation (24) for an undamped mode.
             if m == 0.0 and delta[k] < 0.0:
                 size = math.sqrt(alpha * alpha - beta * beta / delta[k])
                 level += size
                 second -= delta[k] * size
                 third += -delta[k] * math.sqrt(-delta[k]) * size
                 continue
+            # A damped pair: both terms of (23) by their largest values over the flight.
             cosine, sine = pair_envelope(m, delta[k], horizon)
             for order in range(4):
                 size = 0.0
@@ -156,18 +159,19 @@ def amplitudes(flight, rows, c, z, horizon):
                     third += size
                 alpha, beta = m * alpha + beta, m * beta + delta[k] * alpha
         else:
+            # A larger block: |exp(B t)| <= exp(growth t), or its Taylor series with remainder, whichever is less.
             growth = block_growth(matrix, i, -j)
             size = math.exp(growth * horizon) if growth > 0.0 else 1.0
             weight = 0.0
             norm = 0.0
-            stretch = 0.0
+            square = 0.0
             for r in range(i, i - j):
                 weight += rows[c, r] * rows[c, r]
                 norm += z[r] * z[r]
                 for q in range(i, i - j):
-                    stretch += matrix[r, q] * matrix[r, q]
+                    square += matrix[r, q] * matrix[r, q]
             size *= math.sqrt(weight * norm)
-            near, near_second, near_third = size, stretch * size, stretch * math.sqrt(stretch) * size
+            near, near_second, near_third = size, square * size, square * math.sqrt(square) * size
             if weight > 0.0 and horizon < math.inf:
                 series = block_amplitudes(matrix, i, -j, rows, c, z, math.sqrt(weight), growth, horizon)
                 near, near_second, near_third = min(near, series[0]), min(near_second, series[1]), min(near_third, series[2])
@@ -196,6 +200,7 @@ def pair_envelope(mean, delta, horizon):
 @kernel
 def free_step(d, slope, second_bound):
     """2 d/(-d' + sqrt(d'^2 + 2 W d)), in the form that does not cancel; infinite where d never returns to 0."""
+    # Equation (3): its positive zero.
     if slope < 0.0:
         return 2.0 * d / (-slope + math.sqrt(slope * slope + 2.0 * second_bound * d))
     if second_bound <= 0.0:
@@ -228,6 +233,7 @@ def near_slope(coefficients, t):
     """s(t) = d(t)/t and its derivative from the series of d."""
     s = 0.0
     derivative = 0.0
+    # Horner's scheme for d(t)/t = d'(0) + d''(0) t/2 + ... and its derivative.
     for k in range(NEAR_TERMS, 0, -1):
         derivative = derivative * t + s
         s = s * t + coefficients[k]
@@ -239,6 +245,7 @@ def near_return(coefficients, jerk, t, window):
     """One look at the contact just left: (True, time of the return) or (False, step without a return)."""
     s, fall = near_slope(coefficients, t)
     s = max(s, 0.0)
+    # Equation (25) for d(t)/t, whose bend is at most V/3.
     if fall >= 0.0 or 4.0 * jerk * s > 3.0 * fall * fall or -2.0 * s < fall * window:
         return False, free_step(s, fall, jerk / 3.0)
     root = t

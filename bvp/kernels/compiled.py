@@ -19,7 +19,7 @@ _SELDOM = 20_000, 50, 1000
 
 
 def _made(function: Any, **options: Any) -> Any:
-    """The compiled function. Other kernels call it with written-out whole numbers as with any others: numba would compile one of its own
+    """The compiled function. Other kernels call it with literal integers as with any others: numba would compile one of its own
     for each such number. While it is compiled, which makes millions of objects that stay, garbage is collected seldom: a tenth of the time
     goes there else."""
     dispatcher = nb.njit(error_model="numpy", **options)(function)
@@ -69,7 +69,7 @@ def part(function: Any) -> Any:
 
 
 def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
-    """Where a kernel, compiled for such arguments, stands in memory, for `call_at` and `whole_at`."""
+    """Where a kernel, compiled for such arguments, stands in memory, for `call_at` and `integer_at`."""
     return _address(function, tuple(nb.typeof(argument) for argument in arguments))
 
 
@@ -101,8 +101,8 @@ def _calling(result: Any) -> Any:
 
 call_at: Any = _calling(nb.types.none)
 """For a kernel without a result."""
-whole_at: Any = _calling(nb.types.int64)
-"""For one that returns a whole number."""
+integer_at: Any = _calling(nb.types.int64)
+"""For one that returns an integer."""
 
 
 def _sized(typing_context, array, size):
@@ -118,11 +118,11 @@ def _sized(typing_context, array, size):
         item = context.get_abi_sizeof(context.get_data_type(kind.dtype))
         shape = cgutils.unpack_tuple(builder, found.shape)
         strides = cgutils.unpack_tuple(builder, found.strides)
-        word = shape[-1].type
-        shape[-1] = ir.Constant(word, length)
-        strides[-1] = ir.Constant(word, item)
+        integer = shape[-1].type
+        shape[-1] = ir.Constant(integer, length)
+        strides[-1] = ir.Constant(integer, item)
         if kind.ndim > 1:
-            strides[-2] = ir.Constant(word, item * length)
+            strides[-2] = ir.Constant(integer, item * length)
         found.shape = cgutils.pack_array(builder, shape)
         found.strides = cgutils.pack_array(builder, strides)
         return found._getvalue()

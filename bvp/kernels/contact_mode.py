@@ -10,7 +10,7 @@ from bvp.kernels.compiled import kernel, part
 from bvp.kernels.flight import Contacts, Flight
 
 START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE, CHATTER = range(8)
-"""Kinds of events in the log: the start; an impact; a touch; a contact that is held from here on; one that is held no more; a load that is
+"""Kinds of events in the log: the start; an impact; a touch; a contact that sticks from here on; one that is released; a load that is
 set anew; a flight that goes on; bounces that are summed up to the next event."""
 
 (
@@ -21,7 +21,8 @@ set anew; a flight that goes on; bounces that are summed up to the next event.""
 call."""
 
 (
-    TIME, TIME_LOW, INITIAL, LAST_IMPACT, HELD_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, SPAN, PROGRESS, CLOCK,
+    TIME, TIME_LOW, INITIAL, LAST_IMPACT, STICKING_TIME, CLEAR_TIME, SWITCH_ERROR, REFERENCE, REFERENCE_LOW, SPEED, LOSS, SPAN, PROGRESS,
+    CLOCK,
 ) = range(14)  # fmt: skip
 """Entries of clock, and their number."""
 
@@ -29,7 +30,7 @@ call."""
 class ContactModes(NamedTuple):
     """F contact modes of N states (see `bvp.contact_modes`), and what they share, for n coordinates, m contacts, R terms and G loads."""
 
-    held: np.ndarray  # (F,) int64
+    sticking: np.ndarray  # (F,) int64 bits of the sticking contacts
     pairs: np.ndarray  # (F, P, 2)
     mean: np.ndarray  # (F, P)
     delta: np.ndarray  # (F, P)
@@ -58,6 +59,19 @@ class ContactModes(NamedTuple):
     shape: np.ndarray  # (3,) int64: n, dampers D, stops S
 
 
+class MotionState(NamedTuple):
+    """A motion under way: what changes from one event to the next."""
+
+    z: np.ndarray  # (N,) state of the contact mode
+    x: np.ndarray  # (2 n + 2 G,) modal coordinates, at the start (u, v), and states of the loads: a contact mode begins from these
+    counts: np.ndarray  # (COUNTS,) int64
+    clock: np.ndarray  # (CLOCK,)
+    angles: np.ndarray  # (G, 2) angles of the loads, compensated sums
+    sums: np.ndarray  # (D + S + 1, 2) dissipated by each damper and stop, and work done: compensated sums
+    marks: np.ndarray  # (Q, D + S + 3) fractions of the initial energy, ascending; then the time at which each is gone, and the sums
+    peaks: np.ndarray  # (n,) largest displacements; empty where they are not wanted
+
+
 class Log(NamedTuple):
     """What is recorded of each event; no rows where nothing is."""
 
@@ -80,7 +94,7 @@ class Scratch(NamedTuple):
     work: np.ndarray  # of `impact.work_array`
     integral: np.ndarray  # of `integral.integral_work`
     out: np.ndarray  # (R,)
-    impulses: np.ndarray  # (m, m + 1) equations of an impact while contacts are held
+    impulses: np.ndarray  # (m, m + 1) equations of an impact while contacts stick
 
 
 @part
@@ -98,27 +112,28 @@ def contacts_of(modes, f):
 
 
 @kernel
-def begin_anew(counts, clock, turns, sums):
-    """The numbers of a motion at time 0, on no contact, in the contact mode without one held; but for the passes left in this call."""
+def begin_anew(motion):
+    """Set the numbers of a motion to those at time 0, on no contact, with none sticking. The passes left in this call are kept."""
+    counts, clock, angles, sums = motion.counts, motion.clock, motion.angles, motion.sums
     for k in range(COUNTS):
         if k != PASSES:
             counts[k] = 0
     for k in range(CLOCK):
         clock[k] = 0.0
     counts[LEAVING] = -1
-    for g in range(turns.shape[0]):
-        turns[g, 0] = 0.0
-        turns[g, 1] = 0.0
+    for g in range(angles.shape[0]):
+        angles[g, 0] = 0.0
+        angles[g, 1] = 0.0
     for i in range(sums.shape[0]):
         sums[i, 0] = 0.0
         sums[i, 1] = 0.0
 
 
 @kernel
-def find_mode(modes, held):
-    """Index of the contact mode in which just these contacts are held, or -1."""
-    for f in range(modes.held.shape[0]):
-        if modes.held[f] == held:
+def find_mode(modes, sticking):
+    """Index of the contact mode in which just these contacts stick, or -1."""
+    for f in range(modes.sticking.shape[0]):
+        if modes.sticking[f] == sticking:
             return f
     return -1
 
@@ -126,8 +141,9 @@ def find_mode(modes, held):
 @kernel
 def cannot_hit(modes, f, z):
     """True where the bound of every gap, over all time to come, stays below its stop."""
+    # Equation (24) over all time to come.
     for c in range(modes.side.shape[1]):
-        if (modes.held[f] >> c) & 1 != 0:
+        if (modes.sticking[f] >> c) & 1 != 0:
             return False
         level, _, _ = amplitudes(flight_of(modes, f), modes.gap[f], c, z, math.inf)
         if not level < modes.side[f, c] * modes.bound[f, c]:
@@ -146,16 +162,17 @@ def times_matrix(matrix, x, out):
 
 
 @kernel
-def write_loads(modes, index, clock, turns, x):
-    """The present states of the loads, into x[2 n:]. The angles of harmonics are compensated sums, turns (G, 2): the product of a frequency
+def write_loads(modes, index, clock, angles, x):
+    """The present states of the loads, into x[2 n:]. The angles (G, 2) of harmonics are compensated sums: the product of a frequency
     with a long time would round to less than the flights are exact to."""
     at = 2 * modes.shape[0]
     for g in range(modes.frequency.shape[0]):
+        # y of equation (5): a rotation for a harmonic, level and slope else.
         if modes.frequency[g] > 0.0:
-            c = math.cos(turns[g, 0])
-            s = math.sin(turns[g, 0])
-            x[at + 2 * g] = c - turns[g, 1] * s
-            x[at + 2 * g + 1] = s + turns[g, 1] * c
+            c = math.cos(angles[g, 0])
+            s = math.sin(angles[g, 0])
+            x[at + 2 * g] = c - angles[g, 1] * s
+            x[at + 2 * g + 1] = s + angles[g, 1] * c
         else:
             slope = modes.levels[index, g, 1]
             x[at + 2 * g] = modes.levels[index, g, 0] + slope * ((clock[TIME] - modes.breaks[index]) + clock[TIME_LOW])

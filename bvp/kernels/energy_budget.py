@@ -6,14 +6,15 @@ rates, loads that are constant - a . z is a sum of exponentials, and the integra
     (exp(x t) - 1)/x,   x a sum of two rates,
 
 from the exponentials themselves, and from a series where |x t| is small, so nothing cancels. Everything else (near critical damping, rigid
-bodies, loads joined with a block, ramps) is the product of two Taylor series, over stretches on which these converge; where there would be
-many stretches, the integral of the matrix exp(B's) a b' exp(B s) is doubled, P(2 t) = P(t) + exp(B't) P(t) exp(B t) (Van Loan, IEEE Trans.
-Automat. Control 23 (1978) 395, without its inverse): each sum is of terms of one sign where a = b.
+bodies, loads joined with a block, ramps) is the product of two Taylor series, over parts of the flight on which these converge. Where there
+would be many parts, the integral of the matrix exp(B's) a b' exp(B s) is doubled, P(2 t) = P(t) + exp(B't) P(t) exp(B t) (Van Loan, IEEE
+Trans. Automat. Control 23 (1978) 395, without its inverse): each sum is of terms of one sign where a = b.
 
 Where the energy of a motion goes: compensated sums of the integrals over its flights and of the losses of its impacts.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,10 +26,10 @@ from bvp.kernels.extrema import peak_flight
 from bvp.kernels.flight import block_product, flow_matrix, flow_state, row_dot
 
 TERMS = 19
-"""Taylor terms on a stretch with a rate times time of 1 at most: truncation below 1e-17."""
+"""Taylor terms on a part of a flight with a rate times time of 1 at most: truncation below 1e-17."""
 
-STRETCHES = 24
-"""Stretches above which the doubled matrix is cheaper."""
+MOST_PARTS = 24
+"""Parts of a flight above which the doubled matrix is cheaper."""
 
 SMALL = 0.1
 """|x t| below which (exp(x t) - 1)/(x t) is a series."""
@@ -44,6 +45,14 @@ of it is the digits that a product can lose."""
 ROWS = 8
 
 
+class Products(NamedTuple):
+    """R products of two linear functionals."""
+
+    first: np.ndarray  # (R, N) rows
+    second: np.ndarray  # (R, N) rows
+    weight: np.ndarray  # (R,)
+
+
 def integral_work(size, products):
     """Scratch array of `integrals` for N = `size` states."""
     return np.zeros((ROWS + 2 * products, max(2 * size, TERMS + 1)))
@@ -52,6 +61,7 @@ def integral_work(size, products):
 @kernel
 def mean_exponential(real, imaginary, end_real, end_imaginary, t):
     """Integral of exp((real + i imaginary) s) over 0 <= s <= t, given its value at the end."""
+    # Equation (29) for a complex rate; a series where the quotient would cancel.
     x = real * t
     y = imaginary * t
     if abs(x) + abs(y) > SMALL:
@@ -151,15 +161,16 @@ def product_integral(slots, work, first, second, t):
             if work[second, q] == 0.0 and work[second + 1, q] == 0.0:
                 continue
             part = 0.0
+            # The real part of a product of two complex exponentials: half of those of the sum and the difference of the rates.
             for sign in (1.0, -1.0):
                 weight = work[first, k] * work[second, q] - sign * work[first + 1, k] * work[second + 1, q]
-                turned = sign * work[first, k] * work[second + 1, q] + work[first + 1, k] * work[second, q]
+                shifted = sign * work[first, k] * work[second + 1, q] + work[first + 1, k] * work[second, q]
                 end = work[2, k] * work[2, q] - sign * work[3, k] * work[3, q]
                 end_turned = sign * work[2, k] * work[3, q] + work[3, k] * work[2, q]
                 real, imaginary = mean_exponential(
                     work[0, k] + work[0, q], work[1, k] + sign * work[1, q], end, end_turned, t
                 )
-                part += weight * real - turned * imaginary
+                part += weight * real - shifted * imaginary
             total += part if first == second and q > k else 0.5 * part
     return total
 
@@ -176,18 +187,19 @@ def terms_of(x):
 
 
 @kernel
-def series_integrals(flight, first, second, weight, z, t, fastest, stretches, work, out):
-    """out += the integrals, stretch by stretch, by Taylor series."""
+def series_integrals(flight, products, z, t, fastest, parts, work, out):
+    """out += the integrals, over equal parts of the flight, by Taylor series."""
+    first, second, weight = products
     pairs, _, _, matrix = flight
     size = z.shape[0]
-    h = t / stretches
+    h = t / parts
     state = work[4, :size]
     term = work[5, :size]
     other = work[6, :size]
     terms = terms_of(fastest * h)
     for r in range(size):
         state[r] = z[r]
-    for stretch in range(stretches):
+    for index in range(parts):
         for r in range(size):
             term[r] = state[r]
         for k in range(terms + 1):
@@ -207,15 +219,16 @@ def series_integrals(flight, first, second, weight, z, t, fastest, stretches, wo
                     part += work[a, k] * work[a + 1, order - k]
                 total += part * RECIPROCAL[order - 1]
             out[c] += weight[c] * (total + work[a, 0] * work[a + 1, 0]) * h
-        if stretch + 1 < stretches:
+        if index + 1 < parts:
             flow_state(flight, state, h, other)
             for r in range(size):
                 state[r] = other[r]
 
 
 @allocating
-def doubled_integrals(flight, first, second, weight, z, t, fastest, out):
+def doubled_integrals(flight, products, z, t, fastest, out):
     """out += the integrals, by doubling."""
+    first, second, weight = products
     matrix = flight.matrix
     size = z.shape[0]
     doublings = 0
@@ -248,6 +261,7 @@ def doubled_integrals(flight, first, second, weight, z, t, fastest, out):
                     for j in range(TERMS, -1, -1):
                         entry += a[k, r] * b[j, q] / (k + j + 1)
                 half[r, q] = entry * h
+        # P(2 t) = P(t) + exp(B't) P(t) exp(B t).
         span = h
         for _ in range(doublings):
             flow_matrix(flight, span, flow)
@@ -273,16 +287,17 @@ def doubled_integrals(flight, first, second, weight, z, t, fastest, out):
 
 
 @kernel
-def integrals(flight, first, second, weight, z, t, work, out):
+def integrals(flight, products, z, t, work, out):
     """out (R,) = weight times the integral of (first . z(s)) (second . z(s)) over 0 <= s <= t. `work` comes from `integral_work`."""
+    first, second, weight = products
     pairs = flight.pairs
-    products = first.shape[0]
-    for c in range(products):
+    count = first.shape[0]
+    for c in range(count):
         out[c] = 0.0
-    if products == 0 or t == 0.0:
+    if count == 0 or t == 0.0:
         return
     apart = True
-    for c in range(products):
+    for c in range(count):
         at = ROWS
         apart = weights(flight, second, c, z, t, work, 4)
         if apart:
@@ -297,13 +312,13 @@ def integrals(flight, first, second, weight, z, t, work, out):
         out[c] = weight[c] * product_integral(2 * pairs.shape[0], work, 4, 4 if same else at, t)
     if apart:
         return
-    for c in range(products):
+    for c in range(count):
         out[c] = 0.0
     fastest = fastest_rate(flight)
-    if fastest * t <= STRETCHES:
-        series_integrals(flight, first, second, weight, z, t, fastest, int(fastest * t) + 1, work, out)
+    if fastest * t <= MOST_PARTS:
+        series_integrals(flight, products, z, t, fastest, int(fastest * t) + 1, work, out)
     else:
-        doubled_integrals(flight, first, second, weight, z, t, fastest, out)
+        doubled_integrals(flight, products, z, t, fastest, out)
 
 
 MARK_LEVEL = 4e-16
@@ -322,10 +337,11 @@ def add(sums, i, value):
 
 
 @part
-def advance_clock(modes, clock, turns, flight):
+def advance_clock(modes, clock, angles, flight):
     """Add a flight to the time, kept in two parts, and to the angles of the loads."""
     for g in range(modes.frequency.shape[0]):
-        add(turns, g, modes.frequency[g] * flight)
+        add(angles, g, modes.frequency[g] * flight)
+    # A compensated sum.
     total = clock[entry.TIME] + flight
     clock[entry.TIME_LOW] += (clock[entry.TIME] - total) + flight if clock[entry.TIME] >= flight else (flight - total) + clock[entry.TIME]
     clock[entry.TIME] = total + clock[entry.TIME_LOW]
@@ -342,8 +358,9 @@ def dissipated(sums, parts):
 
 
 @kernel
-def note_mark(marks, counts, time, sums):
+def note_mark(motion, time):
     """Write the time and the sums at the next mark."""
+    marks, counts, sums = motion.marks, motion.counts, motion.sums
     row = counts[entry.MARK]
     marks[row, 1] = time
     for i in range(sums.shape[0]):
@@ -354,7 +371,7 @@ def note_mark(marks, counts, time, sums):
 @part
 def damped(modes, f, z, t, work, out):
     """What the dampers take over a flight of t from z; out (R,) the integrals."""
-    integrals(flight_of(modes, f), modes.first[f], modes.second[f], modes.weight, z, t, work, out)
+    integrals(flight_of(modes, f), Products(modes.first[f], modes.second[f], modes.weight), z, t, work, out)
     total = 0.0
     for k in range(modes.part.shape[0]):
         if modes.part[k] < modes.shape[1]:
@@ -363,14 +380,16 @@ def damped(modes, f, z, t, work, out):
 
 
 @part
-def passes_mark(modes, total, counts, clock, sums, marks):
+def passes_mark(modes, total, motion):
     """True where the next mark is passed while `total` more is dissipated."""
-    return dissipated(sums, modes.shape[1] + modes.shape[2]) + total >= marks[counts[entry.MARK], 0] * clock[entry.INITIAL]
+    wanted = motion.marks[motion.counts[entry.MARK], 0] * motion.clock[entry.INITIAL]
+    return dissipated(motion.sums, modes.shape[1] + modes.shape[2]) + total >= wanted
 
 
 @kernel
-def mark_flight(modes, f, z, flight, total, counts, clock, sums, marks, work, out):
+def mark_flight(modes, f, flight, total, motion, work, out):
     """Write the marks that are passed within a flight on which `total` is dissipated."""
+    z, counts, clock, sums, marks = motion.z, motion.counts, motion.clock, motion.sums, motion.marks
     parts = modes.shape[1] + modes.shape[2]
     start = dissipated(sums, parts)
     while counts[entry.MARK] < marks.shape[0] and start + total >= marks[counts[entry.MARK], 0] * clock[entry.INITIAL]:
@@ -381,6 +400,7 @@ def mark_flight(modes, f, z, flight, total, counts, clock, sums, marks, work, ou
         residual_high = total - wanted
         at = high
         last = 0
+        # The Illinois variant of regula falsi: the dissipation grows with time.
         for _ in range(200):
             if residual_high <= 0.0 or residual_low >= 0.0 or high - low <= 4e-16 * high:
                 break
@@ -404,15 +424,16 @@ def mark_flight(modes, f, z, flight, total, counts, clock, sums, marks, work, ou
                 last = -1
         damped(modes, f, z, at, work, out)
         row = counts[entry.MARK]
-        note_mark(marks, counts, clock[entry.TIME] + at, sums)
+        note_mark(motion, clock[entry.TIME] + at)
         for k in range(modes.part.shape[0]):
             marks[row, 2 + modes.part[k]] += out[k]
 
 
 @part
-def fly(modes, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
-    """Carry z, the clock, the sums and the peaks over a flight; False where the search for the peaks gave up, and where a block of rates
-    so far apart overflows, all but the peaks as they were."""
+def fly(modes, f, flight, motion, scratch):
+    """Carry a motion over a flight. Returns False, with all but the peaks as they were, where the search for the peaks gave up or a block
+    with rates far apart overflows."""
+    z, counts, clock, peaks = motion.z, motion.counts, motion.clock, motion.peaks
     if flight == 0.0:
         return True
     work = scratch.work
@@ -425,44 +446,48 @@ def fly(modes, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
     for r in range(z.shape[0]):
         if not abs(work[0, r]) < math.inf:
             return False
+    # Equation (29): what the dampers take over the flight.
     total = damped(modes, f, z, flight, integral_work, out) if modes.part.shape[0] else 0.0
-    if total > 0.0 and counts[entry.MARK] < marks.shape[0] and passes_mark(modes, total, counts, clock, sums, marks):
-        mark_flight(modes, f, z, flight, total, counts, clock, sums, marks, integral_work, out)
+    if total > 0.0 and counts[entry.MARK] < motion.marks.shape[0] and passes_mark(modes, total, motion):
+        mark_flight(modes, f, flight, total, motion, integral_work, out)
         damped(modes, f, z, flight, integral_work, out)
     for k in range(modes.part.shape[0]):
-        add(sums, modes.part[k], out[k])
+        add(motion.sums, modes.part[k], out[k])
     for r in range(z.shape[0]):
         z[r] = work[0, r]
-    advance_clock(modes, clock, turns, flight)
-    if modes.held[f] != 0:
-        clock[entry.HELD_TIME] += flight
+    advance_clock(modes, clock, motion.angles, flight)
+    if modes.sticking[f] != 0:
+        clock[entry.STICKING_TIME] += flight
     return True
 
 
 @part
-def lose(modes, c, loss, counts, clock, sums, marks):
+def lose(modes, c, loss, motion):
     """Add the loss of an impact at contact c."""
+    counts, clock, sums, marks = motion.counts, motion.clock, motion.sums, motion.marks
     add(sums, modes.shape[1] + modes.contact_stop[c], loss)
     if counts[entry.MARK] < marks.shape[0]:
         total = dissipated(sums, modes.shape[1] + modes.shape[2])
         while counts[entry.MARK] < marks.shape[0] and total >= marks[counts[entry.MARK], 0] * clock[entry.INITIAL]:
-            note_mark(marks, counts, clock[entry.TIME], sums)
+            note_mark(motion, clock[entry.TIME])
 
 
 @part
-def hold(modes, c, x, counts, clock, sums, marks, work):
+def stop_contact(modes, c, motion, work):
     """Stop what is left of the velocity across contact c, as a loss at its stop."""
-    times_matrix(modes.from_modes[0], x, work[0])
+    clock = motion.clock
+    times_matrix(modes.from_modes[0], motion.x, work[0])
     speed = row_dot(modes.rate[0], c, work[0, : modes.matrix.shape[1]])
     loss = 0.5 * modes.contact_mass[c] * speed * speed
-    lose(modes, c, loss, counts, clock, sums, marks)
+    lose(modes, c, loss, motion)
     clock[entry.SPEED] = abs(speed)
     clock[entry.LOSS] = loss
 
 
 @kernel
-def log_event(log, kind, contact, counts, clock, before, z, sums):
+def log_event(log, kind, contact, motion, before, z):
     """Write one event, where there is room."""
+    counts, clock, sums = motion.counts, motion.clock, motion.sums
     row = counts[entry.EVENTS]
     if row >= log.numbers.shape[0]:
         return
@@ -482,8 +507,9 @@ def log_event(log, kind, contact, counts, clock, before, z, sums):
 
 
 @kernel
-def log_chatter(modes, f, log, counts, clock, before, z, sums, scratch):
-    """Write that bounces are summed over the time up to now: a flight of the contact mode in which they end, up to the state z there."""
+def log_chatter(modes, f, log, motion, before, scratch):
+    """Write that bounces are summed over the time up to now: a flight of the contact mode in which they end, up to the present state."""
+    z, counts, clock = motion.z, motion.counts, motion.clock
     span = clock[entry.SPAN]
     clock[entry.SPAN] = 0.0
     row = counts[entry.EVENTS]
@@ -491,7 +517,7 @@ def log_chatter(modes, f, log, counts, clock, before, z, sums, scratch):
         return
     back = scratch.peak[5, 0]
     flow_state(flight_of(modes, f), z, -span, back)
-    log_event(log, entry.CHATTER, counts[entry.CONTACT], counts, clock, before, back, sums)
+    log_event(log, entry.CHATTER, counts[entry.CONTACT], motion, before, back)
     log.values[row, 0] = clock[entry.TIME] - span
     damped(modes, f, back, span, scratch.integral, scratch.out)
     for k in range(modes.part.shape[0]):

@@ -74,6 +74,7 @@ def separate(flight, value, z, horizon, parts):
         if j < 0 or mean[k] != 0.0 or delta[k] > 0.0:
             level, curvature, jerk = amplitudes(flight, value[None, :], 0, z, horizon)
             return False, level, curvature, jerk
+        # f = alpha cos w t + beta sin(w t)/w for this mode; equation (24) sums its bounds.
         alpha = value[i] * z[i] + value[j] * z[j]
         beta = value[i] * (matrix[i, i] * z[i] + matrix[i, j] * z[j]) + value[j] * (matrix[j, i] * z[i] + matrix[j, j] * z[j])
         parts[2 * k] = alpha
@@ -95,6 +96,7 @@ def look(track, t):
     f = 0.0
     slope = 0.0
     bend = 0.0
+    # Equation (2) for each mode, or the exact flight where modes damp or grow.
     if track.pure:
         for k in range(delta.shape[0]):
             c, s = circular(delta[k], t)
@@ -113,6 +115,7 @@ def look(track, t):
 @part
 def free(f, slope, bound):
     """Longest step over which f has no zero, its second derivative being bounded."""
+    # Equation (26), second term.
     root = math.sqrt(slope * slope + 2.0 * bound * abs(f))
     away = slope if f >= 0.0 else -slope
     if away >= 0.0:
@@ -126,6 +129,7 @@ def free(f, slope, bound):
 def safe_step(f, slope, bend, curvature, jerk):
     """Longest step over which f has no zero, or is monotone; `curvature`, `jerk`: bounds of |f''| and |f'''| (0: none known)."""
     step = math.inf
+    # Equation (26) for f; and for f', which is monotone or keeps its sign over the last one.
     if curvature > 0.0:
         step = max(abs(slope) / curvature, free(f, slope, curvature))
         if jerk > 0.0:
@@ -135,7 +139,7 @@ def safe_step(f, slope, bend, curvature, jerk):
 
 @part
 def next_sign_change(track, floor, inside, edge, sign, before, f_before, t, steps):
-    """Walk on to the next sample at which f has another sign than `sign` (0: any sign), in steps that hold one zero at most.
+    """Go on to the next sample at which f has another sign than `sign` (0: any sign), in steps that hold one zero at most.
 
     (before, f_before) is the last sample and t the time of the next one. A value up to `inside`, or `edge` at both ends of the flight, has
     no sign. Steps are at least `floor` long. Returns (True, last sample before, its value, sample with the sign, its value, time of the
@@ -304,6 +308,7 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
     side = edge[0]
     bound = edge[1]
     bound[0] = 0.0
+    # The velocity takes the place of a gap, so that its next zero is found as an impact is, by equation (3).
     watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], bound)  # a velocity in the place of a gap
     for i in range(n):
         level, _, _ = amplitudes(flight, leave, i, z, duration)
@@ -316,7 +321,7 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
         row_times_matrix(leave, n + i, flight.matrix, scratch[1])
         row_times_matrix(scratch[1], 0, flight.matrix, scratch[2])
         rate = row_dot(leave, n + i, z)
-        # At rest, or without acceleration too, as where an impulse hits another coordinate, the next derivative tells where it goes.
+        # At rest, or without acceleration too, as where an impulse hits another coordinate, the next derivative decides where it goes.
         if abs(rate) <= rounding_level(flight, leave, n + i, z):
             rate = row_dot(scratch[1], 0, z)
             if abs(rate) <= rounding_level(flight, scratch[1], 0, z):
@@ -334,7 +339,8 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
                 return False
             resumed = idle > FRUITLESS
             if resumed:
-                # At rest with no derivative that tells where it goes, as where a force on a far coordinate begins: a little later one does.
+                # At rest with no derivative that decides where it goes, as where a force on a far coordinate begins. A little later one
+                # does.
                 rate, bend, _ = amplitudes(flight, scratch[0], 0, now, left)
                 step = min(left, PAUSE * math.sqrt(rate / bend)) if bend > 0.0 else left
             flow_state(flight, now, step, later)

@@ -1,7 +1,7 @@
 """Motions of two oscillating modes between the two sides of one stop, many of them, kept in registers: what `motion.move` does, for the
 ordinary case alone, without a record.
 
-The gap coordinate is the sum of its two modes, w = p_1 + p_2, each the real part of a number p - i q that turns and decays,
+The gap coordinate is the sum of its two modes, w = p_1 + p_2, each the real part of a number p - i q that rotates and decays,
 
     p(t) = e^{mt} (p cos wt + q sin wt),   q(t) = e^{mt} (q cos wt - p sin wt)
 
@@ -12,11 +12,14 @@ J h^2/8, |w'''| <= J. What needs a step below h/2^11 (grazing), chatters to its 
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from bvp.kernels import two_modes as entry
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.impact import kick
-from bvp.kernels.two_modes import fraction_time, raised, spend, turned, turned_a_little
+from bvp.kernels.two_modes import fraction_time, raised, rotated, rotated_slightly, spend
 
 CLEARED, TIMED, FULL_COUNT, DECLINED = range(4)
 """Reasons: no impact is possible any more; the duration; the most impacts; not an ordinary motion."""
@@ -50,17 +53,32 @@ def summed(total, low, value):
     return result, low
 
 
-@kernel
-def fast_path_run(system, terms, start, initial, duration, unbounded, most, fractions, taken, out):
-    """One motion: `out` (COLUMNS + fractions,) is filled; start (4,), (u, v), becomes the final state.
+class RunLimits(NamedTuple):
+    """Where a motion ends."""
 
-    `unbounded`: what is dissipated after the last impact possible counts to infinite time. Returns the reason.
-    """
+    duration: float
+    unbounded: bool  # what is dissipated after the last impact possible counts to infinite time
+    most: int  # impacts
+
+
+class Systems(NamedTuple):
+    """The systems of a batch of B motions."""
+
+    numbers: np.ndarray  # one row a system, see `bvp.kernels.two_modes`
+    terms: np.ndarray  # terms of each
+    unbounded: np.ndarray  # of each, see `RunLimits`
+    which: np.ndarray  # (B,) the system of each motion
+
+
+@kernel
+def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
+    """One motion: `out` (COLUMNS + fractions,) is filled; start (4,), (u, v), becomes the final state. Returns the reason."""
+    duration, unbounded, most = limits
     m1 = system[entry.MEAN]
     m2 = system[entry.MEAN + 1]
     w1 = system[entry.FREQUENCY]
     w2 = system[entry.FREQUENCY + 1]
-    whole = system[entry.STEP]
+    longest = system[entry.STEP]
     lower = system[entry.LOWER]
     upper = system[entry.UPPER]
     restitution = system[entry.RESTITUTION]
@@ -136,8 +154,9 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
         v = m1 * p1 + w1 * q1 + m2 * p2 + w2 * q2
         fresh = leaving != 0
         while not (cleared and not watch1 and not watch2) and t < left:
-            h = whole / float(1 << level)
-            at = entry.TURNS + 4 * level
+            h = longest / float(1 << level)
+            at = entry.ROTATIONS + 4 * level
+            # A step of fixed length: two complex products.
             n1 = r1 * system[at] + i1 * system[at + 1]
             j1 = i1 * system[at] - r1 * system[at + 1]
             n2 = r2 * system[at + 2] + i2 * system[at + 3]
@@ -146,6 +165,7 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
             vn = m1 * n1 + w1 * j1 + m2 * n2 + w2 * j2
             safe = cleared
             if not safe:
+                # Equation (11): the inner Bezier coefficients, and the error of the cubic.
                 first = w + h * v * (1.0 / 3.0)
                 second = wn - h * vn * (1.0 / 3.0)
                 error = fourth * (h * h * h * h * (1.0 / 384.0)) + noise
@@ -218,8 +238,8 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
             steps += 1
             if steps % 16 == 0:
                 if steps % FAR == 0:
-                    c1, s1 = turned(m1, w1, t)
-                    c2, s2 = turned(m2, w2, t)
+                    c1, s1 = rotated(m1, w1, t)
+                    c2, s2 = rotated(m2, w2, t)
                     r1 = p1 * c1 + q1 * s1
                     i1 = q1 * c1 - p1 * s1
                     r2 = p2 * c2 + q2 * s2
@@ -238,8 +258,8 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
             bound = upper if side > 0 else lower
             flight = guess
             for _ in range(20):
-                c1, s1 = turned(m1, w1, flight)
-                c2, s2 = turned(m2, w2, flight)
+                c1, s1 = rotated(m1, w1, flight)
+                c2, s2 = rotated(m2, w2, flight)
                 n1 = p1 * c1 + q1 * s1
                 j1 = q1 * c1 - p1 * s1
                 n2 = p2 * c2 + q2 * s2
@@ -259,19 +279,20 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
                 z2 = m2 * g2 + w2 * f2
                 jerk = z1 + z2
                 snap = m1 * z1 + w1 * (m1 * f1 - w1 * g1) + m2 * z2 + w2 * (m2 * f2 - w2 * g2)
+                # The zero of the Taylor polynomial of fourth order about the present guess.
                 change = residual / v
                 for _ in range(3):
                     value = change * (v + change * (0.5 * bend + change * (jerk * (1.0 / 6.0) + change * snap * (1.0 / 24.0)))) - residual
                     change -= value / (v + change * (bend + change * (0.5 * jerk + change * snap * (1.0 / 6.0))))
-                if not abs(change) <= whole:
+                if not abs(change) <= longest:
                     return DECLINED
                 flight += change
                 size = fastest * abs(change)
                 if size <= 0.02 and fourth * size * size * size * size * abs(change) <= 1e-15 * abs(v) * flight:
                     break
-            # The last change is small: the turns by it are their series.
-            c1, s1 = turned_a_little(m1, w1, change, c1, s1)
-            c2, s2 = turned_a_little(m2, w2, change, c2, s2)
+            # The last change is small: the rotations by it are their series.
+            c1, s1 = rotated_slightly(m1, w1, change, c1, s1)
+            c2, s2 = rotated_slightly(m2, w2, change, c2, s2)
             n1 = p1 * c1 + q1 * s1
             j1 = q1 * c1 - p1 * s1
             n2 = p2 * c2 + q2 * s2
@@ -281,8 +302,8 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
                 flight = left
         infinite = side == 0 and cleared and unbounded
         if side == 0 and not infinite:
-            c1, s1 = turned(m1, w1, flight)
-            c2, s2 = turned(m2, w2, flight)
+            c1, s1 = rotated(m1, w1, flight)
+            c2, s2 = rotated(m2, w2, flight)
             n1 = p1 * c1 + q1 * s1
             j1 = q1 * c1 - p1 * s1
             n2 = p2 * c2 + q2 * s2
@@ -297,6 +318,7 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
                 peak1 = raised(rates, row1, third1, fourth1, (r1, i1, r2, i2), (n1, j1, n2, j2), length, length, peak1)
             if watch2:
                 peak2 = raised(rates, row2, third2, fourth2, (r1, i1, r2, i2), (n1, j1, n2, j2), length, length, peak2)
+        # Equation (29): what the dampers take over the flight.
         spent = spend(system, terms, (p1, q1, p2, q2), flight, (c1, s1, c2, s2), taken)
         x0 = taken[0]
         x1 = taken[1]
@@ -321,6 +343,7 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
         if not float(side) * v * restitution > SLOW * scale:
             return DECLINED
         # The restitution of both is that of the rounded sum.
+        # Equations (4) and (9).
         jump = 1.0 + restitution
         loss = 0.5 * system[entry.MASS] * (2.0 - jump) * jump * v * v
         d2, e2 = summed(d2, e2, loss)
@@ -362,18 +385,19 @@ def fast_path_run(system, terms, start, initial, duration, unbounded, most, frac
 
 
 @kernel
-def fast_path_batch(systems, terms, which, starts, initial, duration, unbounded, most, fractions, state, taken, out):
-    """`fast_path_run` from each of starts (B, 4), (u, v), in the system systems[which[b]] with terms[which[b]] terms, of energy initial[b].
+def fast_path_batch(systems, starts, initial, duration, most, fractions, state, taken, out):
+    """`fast_path_run` from each of starts (B, 4), (u, v), of energy initial[b].
 
-    most (B,): of impacts; out (B, COLUMNS + Q): its results, NaN but for the reason where it is declined; state (4,) and taken (PARTS,) are
-    scratch. Starts become final states, except of those that are declined."""
+    most (B,): of impacts; out (B, COLUMNS + Q): its results, NaN but for the reason where it is declined; state (4,) and taken (PARTS,)
+    are scratch. Starts become final states, except of those that are declined."""
     for b in range(starts.shape[0]):
         for k in range(4):
             state[k] = starts[b, k]
         for k in range(out.shape[1]):
             out[b, k] = math.nan
-        s = which[b]
-        reason = fast_path_run(systems[s], terms[s], state, initial[b], duration, unbounded[s], most[b], fractions, taken, out[b])
+        s = systems.which[b]
+        limits = RunLimits(duration, systems.unbounded[s], most[b])
+        reason = fast_path_run(systems.numbers[s], systems.terms[s], state, initial[b], limits, fractions, taken, out[b])
         out[b, REASON] = reason
         if reason == DECLINED:
             for k in range(fractions.shape[0]):

@@ -1,4 +1,4 @@
-"""Exact free flight: the exponential of a block-diagonal first-order matrix, block by block.
+"""Exact free flight, equations (2) and (23): the exponential of a block-diagonal first-order matrix, block by block.
 
 The state of a flight is z in R^N with z' = B z. B couples indices only within blocks, found once by `bvp.modes`. For a pair,
 B = m I + D with D traceless, so D^2 = delta I and
@@ -16,7 +16,7 @@ Layout of the arrays, shared by all kernels
     delta  (P,)   float64  delta, in 1/time^2 (0 for a block that is no pair)
     matrix (N, N) float64  B, zero outside the blocks
 
-Short loops over arrays, element by element: assignments to slices compile tens of times slower.
+At the end there are short loops over arrays, element by element. Assignments to slices compile tens of times slower.
 """
 
 import math
@@ -66,6 +66,7 @@ class Contacts(NamedTuple):
 @part
 def circular(delta, t):
     """C = cosh(sqrt(delta) t) and S = sinh(sqrt(delta) t)/sqrt(delta), continued through delta <= 0."""
+    # C and S of equation (23).
     x = delta * t * t
     if abs(x) < SERIES_LIMIT:
         c = 1.0 + x / 2.0 * (1.0 + x / 12.0 * (1.0 + x / 30.0 * (1.0 + x / 56.0 * (1.0 + x / 90.0 * (1.0 + x / 132.0)))))
@@ -84,6 +85,7 @@ def flow_pair(mean, delta, b11, b12, b21, b22, t):
 
     Where the block oscillates, b21 is replaced by the number that goes with the rounded frequency. The determinant of the flow, and so the
     energy, is then off by roundings to either side, and does not drift over many flights."""
+    # Equation (23) for an oscillating pair. b21 follows from the rounded frequency.
     if delta < 0.0:
         w = math.sqrt(-delta)
         c, s = circular(-1.0, w * t)
@@ -94,6 +96,7 @@ def flow_pair(mean, delta, b11, b12, b21, b22, t):
             s *= e
         half = 0.5 * (b11 - b22)
         return c + s * half, s * b12, -(w * (w * s) + half * (half * s)) / b12, c - s * half
+    # Equation (23) with the two real rates apart: the slow one is determinant over fast one.
     if mean != 0.0 and delta * t * t > APART_LIMIT:
         w = math.sqrt(delta) if mean > 0.0 else -math.sqrt(delta)
         fast = mean + w
@@ -130,6 +133,7 @@ def flow_block(mean, matrix, start, size, t):
     for r in range(size):
         for c in range(size):
             total[r, c] = 1.0 if r == c else 0.0
+    # Horner's scheme for the Taylor series of exp((B - m) t/2^halvings).
     for k in range(TAYLOR_TERMS, 0, -1):
         for r in range(size):
             for c in range(size):
@@ -138,6 +142,7 @@ def flow_block(mean, matrix, start, size, t):
                     entry += (matrix[start + r, start + q] - (mean if r == q else 0.0)) * total[q, c]
                 product[r, c] = entry * step / k + (1.0 if r == c else 0.0)
         total, product = product, total
+    # exp(2 X) = exp(X)^2.
     for _ in range(halvings):
         for r in range(size):
             for c in range(size):
@@ -177,6 +182,7 @@ def block_state(mean, matrix, start, size, t, z, out):
 def flow_inside(flight, z, t, out):
     """`flow_state` as part of a loop that does little else: to hand over so many arrays takes as long as the flight."""
     pairs, mean, delta, matrix = flight
+    # Equation (23) for each block, times the state; equation (2) where nothing damps.
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
@@ -206,6 +212,7 @@ def flow_matrix(flight, t, out):
     for r in range(size):
         for c in range(size):
             out[r, c] = 0.0
+    # Equation (23) for each block.
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]

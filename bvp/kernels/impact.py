@@ -1,7 +1,8 @@
-"""The next impact of an exact flight, by bounds and never by sampling.
+"""The next impact of an exact flight, by bounds and never by sampling; restitution, and how an impact carries a perturbation.
 
 A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `bounds.amplitudes`
-bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows
+bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows, by equations
+(3) and (25),
 
     a step without a root          h = 2 d/(-d' + sqrt(d'^2 + 2 W d)),  or  3 d''/J  where d' >= 0 and d'' > 0;
     a certified root               where d' < 0 and 4 W d <= d'^2: exactly one root within 2 d/|d'| (Newton-Kantorovich); d here
@@ -14,10 +15,8 @@ Steps therefore shrink onto a root quadratically until it is certified, and Newt
 
 Only the contact just left is treated apart, and only until its distance is well above the tolerance: see `bvp.kernels.bounds`.
 
-An impact: Newton's restitution along M^-1 c, and how it carries a perturbation (docs/theory.md, Impact).
-
-Restitution R is linear, so it maps a perturbation as it maps a state. But a perturbed motion arrives at another time. After the flight
-time t the state is z-, and the perturbation dz of the start has become exp(B t) dz. The arrival moves by
+Restitution R, equation (4), is linear, so it maps a perturbation as it maps a state. But a perturbed motion arrives at another time. After
+the flight time t the state is z-, and the perturbation dz of the start has become exp(B t) dz. The arrival moves by
 
     dt = -(g . exp(B t) dz)/(g . B z-)
 
@@ -25,6 +24,7 @@ and the perturbation on the stop, after the impact, is J dz + F dt with J = R ex
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import int64
@@ -85,6 +85,7 @@ def rounding_level(flight, rows, c, z):
         i = pairs[k, 0]
         j = pairs[k, 1]
         if j >= 0:
+            # The two entries of a pair exchange their energy, so each rounds with the size of both.
             down = abs(matrix[j, i])
             up = abs(matrix[i, j])
             ratio = math.sqrt(down / up) if up > 0.0 and down > 0.0 else 0.0
@@ -100,6 +101,23 @@ def rounding_level(flight, rows, c, z):
     return ROUNDING * total
 
 
+class Gap(NamedTuple):
+    """The distance of a contact at one instant."""
+
+    d: float
+    slope: float  # d'
+    bend: float  # d''
+    tolerance: float  # the contact tolerance, in units of d
+
+
+class GapBounds(NamedTuple):
+    """GapBounds of the derivatives of a distance."""
+
+    curvature: float  # of |d''|
+    jerk: float  # of |d'''|
+    window: float  # time over which they hold
+
+
 @part
 def gauge(contacts, c, z):
     """(d, d', d'', contact tolerance) of contact c at the state z."""
@@ -107,6 +125,7 @@ def gauge(contacts, c, z):
     slope = 0.0
     bend = 0.0
     size = abs(contacts.bound[c])
+    # d, d' and d'' of the distance in equation (3).
     for r in range(z.shape[0]):
         part = contacts.gap[c, r] * z[r]
         w += part
@@ -132,6 +151,7 @@ def polish_root(flight, contacts, c, jerk, z, t, state):
         d, slope, bend, _ = gauge(contacts, c, state)
         if slope >= 0.0:
             break
+        # Third order: the zero of the parabola through d, d' and d''.
         step = quadratic_step(d, slope, bend)
         t = max(t + step, 0.0)
         size = abs(step)
@@ -142,19 +162,23 @@ def polish_root(flight, contacts, c, jerk, z, t, state):
 
 
 @kernel
-def resolve_turn(flight, contacts, c, curvature, jerk, z, t, slope, bend, tolerance, fresh, state):
-    """What a certified turning point after time t is: (HIT or TOUCH, its time) or (NONE, step from t without either). `fresh`: as in
-    `judge_gap`."""
+def resolve_turn(flight, contacts, c, bounds, z, t, gap, fresh, state):
+    """What a certified turning point after time t is, where the contact has the given `gap`: (HIT or TOUCH, its time) or (NONE, step from
+    t without either). `fresh`: as in `judge_gap`."""
+    curvature, jerk, _ = bounds
+    _, slope, bend, tolerance = gap
     turn = t
     last = t - 2.0 * slope / bend  # the certificate's; rounding of what is nearly 0 would lead anywhere
     d = 0.0
     for count in range(30):
+        # Newton's method for d' = 0.
         change = -slope / bend
         turn = min(max(turn + change, t), last)
         if count > 0 and 0.5 * bend * change * change <= 1e-3 * tolerance:
             break
         flow_inside(flight, z, turn, state)
         d, slope, bend, tolerance = gauge(contacts, c, state)
+    # d at the turning point decides whether the flight passes, touches or hits.
     least = d - 0.5 * slope * slope / bend
     if least > tolerance or (fresh and least >= -tolerance):
         ahead = free_step(max(least, 0.0), 0.0, curvature)
@@ -168,17 +192,20 @@ def resolve_turn(flight, contacts, c, curvature, jerk, z, t, slope, bend, tolera
 
 
 @kernel
-def judge_gap(d, slope, bend, tolerance, curvature, jerk, window, fresh):
+def judge_gap(gap, bounds, fresh):
     """(verdict, step) from d and its derivatives at one instant.
 
     verdict NONE: no root within `step`. HIT: a certified root at about `step`. TURN: a certified turning point ahead. TOUCH,
     CROSSED: w is within the tolerance of the bound and past its turning point, or beyond the bound, without a certificate
-    before (roots of third order and more, which the walk in steps of the tolerance finds). The bounds hold over `window`.
+    before (roots of third order and more, which the walk in steps of the tolerance finds).
     `fresh`: the contact may be within the tolerance because the flight began there, which is no touch.
     """
+    d, slope, bend, tolerance = gap
+    curvature, jerk, window = bounds
     if d < -tolerance:
         return CROSSED, quadratic_step(d, slope, bend) if slope < 0.0 else 0.0
     distance = max(d, 0.0)
+    # Equation (3) with the bound over the full flight, then with a tighter one over a short time.
     step = free_step(distance, slope, curvature)
     trial = 2.0 * step
     local = jerk * trial / 3.0 - bend
@@ -195,14 +222,17 @@ def judge_gap(d, slope, bend, tolerance, curvature, jerk, window, fresh):
         return NONE, step
     if step >= window:
         return NONE, step
+    # Equation (25), first certificate. The tolerance is added so that rounding cannot make an impact of a touch.
     reach = -2.0 * (distance + tolerance) / slope
     if 4.0 * min(curvature, abs(bend) + jerk * reach) * (distance + tolerance) <= slope * slope and reach <= window:
         return HIT, quadratic_step(d, slope, bend)
+    # d' stays below a third of its value until d < 0, so d falls through exactly one zero.
     guess = quadratic_step(distance + tolerance, slope, bend)
     ahead = 1.25 * guess
     if ahead <= window and slope + ahead * (bend + 0.5 * jerk * ahead) <= STEADY_FALL * slope:
         if distance + tolerance + ahead * (slope + ahead * (0.5 * bend + jerk * ahead / 6.0)) <= 0.0:
             return HIT, guess
+    # Equation (25), second certificate.
     if bend > 0.0 and -4.0 * jerk * slope <= bend * bend and -2.0 * slope <= bend * window:
         return TURN, 0.0
     return NONE, step
@@ -250,8 +280,8 @@ def parting(flight, contacts, c, z, window, other):
 def next_impact(flight, contacts, leaving, z, horizon, work):
     """The first hit or touch of the flight from z within 0 <= t <= horizon.
 
-    `leaving` is the contact that the flight starts on (-1: none is told), whose distance there is taken to be 0 exactly, and whose rate
-    counts to the last digit; of a contact that is not told the rate counts beyond rounding. -2 - c tells contact c whose force has just
+    `leaving` is the contact that the flight starts on (-1: none is given), whose distance there is taken to be 0 exactly, and whose rate
+    counts to the last digit; of a contact that is not given the rate counts beyond rounding. -2 - c means contact c whose force has just
     come to 0, so that it starts with distance, rate and acceleration 0. Any other contact within the tolerance at the
     start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
 
@@ -264,7 +294,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
     jerk = work[2]
     coefficients = work[3]
     other = work[4, :size]
-    told = leaving >= 0
+    given = leaving >= 0
     released = leaving < -1
     if released:
         leaving = -2 - leaving
@@ -285,6 +315,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
     level = 0.0
     last_second = 0.0
     for count in range(STEP_LIMIT):
+        # The bounds hold over a window: all of the flight where nothing damps or grows.
         renew = count == 0 or (not steady and (growth > 0.0 or count % RENEW == 0))
         window = math.inf if steady else 2.0 * (horizon - t)
         if growth > 0.0:
@@ -299,6 +330,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                     second = last_second
                     jerk[c] = jerk[c - 1]
                 else:
+                    # Equation (24).
                     level, second, jerk[c] = amplitudes(flight, contacts.gap, c, state, min(window, 2.0 * (horizon - t)))
                     last_second = second
                 known = c
@@ -310,10 +342,11 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
             d, slope, bend, tolerance = gauge(contacts, c, state)
             if c == leaving and near:
                 near_jerk = max(near_jerk, jerk[c])
+                # At the start the distance is 0 exactly; its derivatives decide whether the contact opens.
                 if count == 0:
                     force = -math.inf
                     still = 0.0
-                    if not (told and slope > 0.0):
+                    if not (given and slope > 0.0):
                         force = rounding_level(flight, contacts.acceleration, c, z)
                         still = rounding_level(flight, contacts.rate, c, z)
                     if released:
@@ -322,7 +355,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                     if slope < -still:
                         return HIT, c, 0.0
                     ahead = 0.0
-                    if slope <= (0.0 if told else still) and bend <= force:
+                    if slope <= (0.0 if given else still) and bend <= force:
                         if bend >= -force:
                             ahead = parting(flight, contacts, c, z, window, other)
                         if ahead == 0.0:
@@ -338,6 +371,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                 if d > NEAR * tolerance:
                     near = False
                 else:
+                    # Near the stop d is rounding, so d(t)/t comes from the series of d at the start.
                     if reach < 0.0:
                         reach = series(flight, contacts, c, z, coefficients, state, other)
                         if parts:
@@ -352,15 +386,14 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                 status = HIT if returns else NONE
             else:
                 new = (fresh >> c) & 1 != 0
-                status, value = judge_gap(d, slope, bend, tolerance, curvature[c], jerk[c], window, new)
+                gap, bounds = Gap(d, slope, bend, tolerance), GapBounds(curvature[c], jerk[c], window)
+                status, value = judge_gap(gap, bounds, new)
                 if status == HIT or (status == CROSSED and slope < 0.0):
                     status = HIT
                     start = max(t + value, 0.0)
                     value = polish_root(flight, contacts, c, jerk[c], z, start, other)
                 elif status == TURN:
-                    status, value = resolve_turn(
-                        flight, contacts, c, curvature[c], jerk[c], z, t, slope, bend, tolerance, new, other
-                    )
+                    status, value = resolve_turn(flight, contacts, c, bounds, z, t, gap, new, other)
                 elif status == TOUCH:
                     value = t
                 elif status == CROSSED:
@@ -412,6 +445,7 @@ def kick(change, near, rest):
 @part
 def bounce(rate_rows, push, push_rest, c, jump, z):
     """`apply_impact`, in place, along a push that is known beyond double precision, so that the energy of many impacts does not drift."""
+    # Equation (4), with the impulse in twice the digits.
     change = jump * row_dot(rate_rows, c, z)
     for r in range(z.shape[0]):
         z[r] -= kick(change, push[c, r], push_rest[c, r])
@@ -420,6 +454,7 @@ def bounce(rate_rows, push, push_rest, c, jump, z):
 @part
 def apply_impact(rate_rows, push, c, jump, z, out):
     """out = z - jump push (rate . z), the impact at contact c: jump = 1 + r, 0 leaves it out (out may be z)."""
+    # Equation (4): the impulse along M^-1 c.
     change = jump * row_dot(rate_rows, c, z)
     for r in range(z.shape[0]):
         out[r] = z[r] - change * push[c, r]
@@ -434,6 +469,7 @@ def restitute_state(contacts, c, z, out):
 @part
 def impact_columns(rate_rows, push, c, jump, matrix):
     """`apply_impact` each column of a matrix (N, N), in place."""
+    # Equation (4) for each column.
     size = matrix.shape[1]
     for column in range(size):
         change = 0.0
@@ -448,6 +484,7 @@ def impact_columns(rate_rows, push, c, jump, matrix):
 @part
 def land(flight, rate_rows, push, c, jump, before, flow, along):
     """J = R exp(B t) from `flow` = exp(B t), in place, and F = R B z- into `along`, for the state z- = `before`. jump = 0: no impact."""
+    # Equation (27): R B z- and R exp(B t).
     block_product(flight.pairs, flight.matrix, before, along)
     if jump != 0.0:
         apply_impact(rate_rows, push, c, jump, along, along)
@@ -457,6 +494,7 @@ def land(flight, rate_rows, push, c, jump, before, flow, along):
 @part
 def arrive(rows, c, velocity, change):
     """Move a perturbation `change` along the flow onto rows[c] . z = constant: change += velocity dt. Returns dt."""
+    # Equation (27): the change of the arrival's time.
     shift = -row_dot(rows, c, change) / row_dot(rows, c, velocity)
     for r in range(change.shape[0]):
         change[r] += shift * velocity[r]

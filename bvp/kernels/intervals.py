@@ -10,19 +10,32 @@ the velocities (rest), or the velocity along the stop at an impact (stop). An in
     each crossing of the tube by zero is one where the Jacobian of (start, time) varies by less than itself: there is one orbit at most,
         and Newton's method finds it.
 
-An interval that cannot be closed is split, and its halves begin with the flight that was open. Where the word of impacts changes, the
+An interval that cannot be closed is split, and its halves begin with the flight that was open. Where the impact sequence changes, the
 grazing between is located to rounding and becomes an end of both sides; on the side with the slow impact everything goes with the
 square root of the distance, so that root is the parameter there.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import allocating, kernel, part
-from bvp.kernels.shooting import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow_impacts, nearest_turns
-from bvp.kernels.verdict import CLOSED, DONE, ENDLESS, GRAZED, JUMP, SPLIT, flight_verdict, refine_zero, touch_distance
+from bvp.kernels.shooting import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow_impacts, nearest_turning_points
+from bvp.kernels.verdict import (
+    CLOSED,
+    DONE,
+    ENDLESS,
+    GRAZED,
+    JUMP,
+    SPLIT,
+    Sample,
+    StartBracket,
+    flight_verdict,
+    refine_zero,
+    touch_distance,
+)
 
 COUNTS = ("starts", "split", "closed", "grazings", "open", "at_grazing", "budget")
 (STARTS, SPLITS, CLOSURES, GRAZINGS, OPEN, AT_GRAZING, BUDGET) = range(7)
@@ -66,17 +79,34 @@ def leave_grazed(openings, opening, theta, width, flight, counts):
     return write_opening(openings, opening, theta, width, flight, GRAZED)
 
 
+class StartMap(NamedTuple):
+    """The map of x in [0, 1] to the parameter of starts, see `place`."""
+
+    low: float
+    high: float
+    kind: np.int64  # 0 linear, 1 quadratic at the low end, 2 at the high end, 3 both
+
+
+class Ends(NamedTuple):
+    """The ends of an interval, and their records."""
+
+    a: float
+    b: float
+    i_a: np.int64
+    i_b: np.int64
+
+
 @kernel
-def push(stack, top, low, high, kind, x_a, x_b, i_a, i_b, k, depth, verdict):
-    """Put an interval on the stack: the map of its parameter (see `place`), its ends there and their records, the flight that is open."""
+def push(stack, top, coordinate, ends, k, depth, verdict):
+    """Put an interval on the stack: the map of its parameter, its ends in x, the flight that is open. Returns the height of the stack."""
     row = stack[top]
-    row[0] = low
-    row[1] = high
-    row[2] = kind
-    row[3] = x_a
-    row[4] = x_b
-    row[5] = i_a
-    row[6] = i_b
+    row[0] = coordinate.low
+    row[1] = coordinate.high
+    row[2] = coordinate.kind
+    row[3] = ends.a
+    row[4] = ends.b
+    row[5] = ends.i_a
+    row[6] = ends.i_b
     row[7] = k
     row[8] = depth
     row[9] = verdict
@@ -84,11 +114,12 @@ def push(stack, top, low, high, kind, x_a, x_b, i_a, i_b, k, depth, verdict):
 
 
 @kernel
-def push_between(stack, top, low, high, kind, theta_a, theta_b, i_a, i_b, k, depth, verdict):
-    """`push` an interval by the starts at its ends."""
-    x_a = unplace(low, high, int64(kind), theta_a)
-    x_b = unplace(low, high, int64(kind), theta_b)
-    return push(stack, top, low, high, kind, x_a, x_b, i_a, i_b, k, depth, verdict)
+def push_between(stack, top, coordinate, ends, k, depth, verdict):
+    """`push` an interval with the parameters of its ends."""
+    low, high, kind = coordinate
+    x_a = unplace(low, high, kind, ends.a)
+    x_b = unplace(low, high, kind, ends.b)
+    return push(stack, top, coordinate, Ends(x_a, x_b, ends.i_a, ends.i_b), k, depth, verdict)
 
 
 @kernel
@@ -101,14 +132,16 @@ def third(one, two, first):
 
 
 @kernel
-def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, most, records, levels, work):
+def grazing_between(search, k, ends, first, grain):
     """The grazing between two starts whose flights k end differently, bracketed to rounding, and on each side the start nearest to it whose
-    distance to grazing rounding lets be told. Three records from `first` on are overwritten.
+    distance to the grazing is above rounding. Three records from `first` on are overwritten.
 
     On one side the flight ends with a slow impact, which would reach speed^2/(2 w'') beyond the stop; on the other it passes at some
     distance: one smooth function of the start, by whose secants the bracket shrinks.
     Returns (record, record, theta, theta) of both sides, the bracket (theta, theta), whether rounding of the starts hides much more of the
     grazing than the tolerance of contacts does (see `COARSE`), and how many starts were followed."""
+    flow, _, _, longest, most, records, levels, work = search
+    theta_a, theta_b, i_a, i_b = ends
     one = i_a
     two = i_b
     theta_1 = theta_a
@@ -120,7 +153,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
             break
         early, late = (one, two) if records[one, k, DURATION] < records[two, k, DURATION] else (two, one)
         if records[late, k, CLEARANCE] != records[late, k, CLEARANCE]:
-            nearest_turns(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
+            nearest_turning_points(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
         bend = abs(records[early, k, ACCELERATION])
         below = records[early, k, SPEED] ** 2 / (2.0 * bend) if bend > 0.0 else math.inf
         above = abs(records[late, k, CLEARANCE])
@@ -156,7 +189,7 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
             theta_2 = probe
     late = two if records[one, k, DURATION] < records[two, k, DURATION] else one
     if records[late, k, CLEARANCE] != records[late, k, CLEARANCE]:
-        nearest_turns(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
+        nearest_turning_points(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
     slope = abs(records[late, k, CLEARANCE + 1])
     offset = 16.0 * grain
     if slope > 0.0:
@@ -186,27 +219,30 @@ def grazing_between(flow, k, i_a, i_b, first, theta_a, theta_b, grain, longest, 
 
 
 @kernel
-def begin_interval(flow, low, high, ends, longest, most, records, levels, stack, counts, state, work):
+def begin_interval(search, low, high, ends, stack, counts, state):
     """Begin the scan of the starts between two parameters, which `scan_interval` goes on with.
 
     ends (3,): those between which `place` maps, and its kind: where the curve of starts itself ends at a stop, its end is one of them.
     state (STATE,): filled. Else as of `scan_interval`."""
+    flow, _, _, longest, most, records, levels, work = search
     levels[0] = follow_impacts(flow, low, longest, most, records[0], work)
     levels[1] = follow_impacts(flow, high, longest, most, records[1], work)
     counts[STARTS] += 2
     state[:] = 0
-    state[TOP] = push_between(stack, 0, ends[0], ends[1], ends[2], low, high, 0, 1, 0, 0, SPLIT)
+    coordinate = StartMap(ends[0], ends[1], int64(ends[2]))
+    state[TOP] = push_between(stack, 0, coordinate, Ends(low, high, int64(0), int64(1)), 0, 0, SPLIT)
 
 
 @allocating
-def scan_interval(flow, times, impacts, longest, most, records, levels, stack, candidates, openings, budget, counts, passes, state, work):
+def scan_interval(search, stack, candidates, openings, budget, counts, passes, state):
     """Scan on in an interval of starts, until about as many flights are followed as `passes` says.
 
-    times, impacts (3,): see `flight_verdict`. records (3 D + 3, K + 2, COLUMNS), levels (3 D + 3,), stack (2 D, 10): room for D halvings.
+    stack (2 D, 10): room for D halvings.
     candidates (C, 8): kind, inner impacts, theta, time in the last flight, residual, converged, low and high end of the interval.
     openings (O, 4): theta, width, flight and reason of what stays open, GRAZED where that is as narrow as rounding about a grazing.
     counts (7,): see COUNTS, added to. state (STATE,): see there; more candidates or openings than their room say that there was too little
     of it. Returns whether the interval is done."""
+    flow, _, _, longest, most, records, levels, work = search
     found = np.empty((3, 8))
     count = np.zeros(3, np.int64)
     out = np.empty(3)
@@ -263,19 +299,18 @@ def scan_interval(flow, times, impacts, longest, most, records, levels, stack, c
             if flights >= passes:
                 break
             flights += 1
-            verdict = flight_verdict(
-                flow, k, records[i_a], records[i_b], records[i_m], levels[i_a], levels[i_b], levels[i_m], jac_a, jac_b, jac_m, r, grain,
-                times, impacts, longest, most, found, count, work,
-            )  # fmt: skip
+            sample_a, sample_b = Sample(records[i_a], levels[i_a], jac_a), Sample(records[i_b], levels[i_b], jac_b)
+            sample_m = Sample(records[i_m], levels[i_m], jac_m)
+            verdict = flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, count)
             if verdict != CLOSED:
                 break
             first = candidate
             for end in range(3):
                 for c in range(count[end]):
+                    bracket = StartBracket(theta_a, theta_b, beyond_a, beyond_b)
                     converged, steps = refine_zero(
-                        flow, int64(end), k, theta_m, found[end, c], theta_a, theta_b, beyond_a, beyond_b, longest, k, records[i_m + 1],
-                        records[i_m], work, out,
-                    )  # fmt: skip
+                        search, int64(end), k, theta_m, found[end, c], bracket, records[i_m + 1], records[i_m], out
+                    )
                     counts[STARTS] += steps
                     used += steps
                     flights += steps * (k + 1)
@@ -315,7 +350,7 @@ def scan_interval(flow, times, impacts, longest, most, records, levels, stack, c
         counts[SPLITS] += 1
         if verdict == JUMP:
             one, two, theta_1, theta_2, edge_1, edge_2, coarse, followed = grazing_between(
-                flow, k, i_a, i_b, i_m, theta_a, theta_b, grain, longest, most, records, levels, work
+                search, k, Ends(theta_a, theta_b, i_a, i_b), i_m, grain
             )
             counts[GRAZINGS] += 1
             counts[STARTS] += followed
@@ -331,15 +366,18 @@ def scan_interval(flow, times, impacts, longest, most, records, levels, stack, c
                 new_low = theta_2 if early_one else edge_1
                 new_high = map_high if root_b else theta_b
                 code = (0 if early_one else 1) + (2 if root_b else 0)
-                top = push_between(stack, top, new_low, new_high, code, theta_2, theta_b, two, i_b, k, depth + 1, verdict)
+                part = StartMap(new_low, new_high, int64(code))
+                top = push_between(stack, top, part, Ends(theta_2, theta_b, two, i_b), k, depth + 1, verdict)
             if one != i_a and theta_1 > theta_a:
                 new_low = map_low if root_a else theta_a
                 new_high = edge_2 if early_one else theta_1
                 code = (2 if early_one else 0) + (1 if root_a else 0)
-                top = push_between(stack, top, new_low, new_high, code, theta_a, theta_1, i_a, one, k, depth + 1, verdict)
+                part = StartMap(new_low, new_high, int64(code))
+                top = push_between(stack, top, part, Ends(theta_a, theta_1, i_a, one), k, depth + 1, verdict)
             continue
-        top = push(stack, top, map_low, map_high, kind, x_m, x_b, i_m, i_b, k, depth + 1, verdict)
-        top = push(stack, top, map_low, map_high, kind, x_a, x_m, i_a, i_m, k, depth + 1, verdict)
+        coordinate = StartMap(map_low, map_high, kind)
+        top = push(stack, top, coordinate, Ends(x_m, x_b, i_m, i_b), k, depth + 1, verdict)
+        top = push(stack, top, coordinate, Ends(x_a, x_m, i_a, i_m), k, depth + 1, verdict)
     state[TOP] = top
     state[USED] = used
     state[CANDIDATES] = candidate

@@ -1,19 +1,20 @@
-"""The motion of a system through its modes: exact flight, next impact or release, restitution, chattering, sticking.
+"""The motion of a system through its contact modes: exact flight, next impact or release, restitution, chattering, sticking.
 
-The distance of a held contact is its force, so `next_impact` finds impacts and releases alike.
-
-Many motions in one call, and what a recorded motion was at any time.
+The distance of a sticking contact is its force, so `next_impact` finds impacts and releases alike.
+Below are many motions in one call, and the states and sums of a recorded motion at any time.
 """
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 from numba import int64
 
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.contact_mode import begin_anew, cannot_hit, contacts_of, find_mode, flight_of, reset_loads, times_matrix, write_loads
-from bvp.kernels.energy_budget import damped, fly, hold, log_chatter, log_event, lose
+from bvp.kernels.energy_budget import damped, fly, log_chatter, log_event, lose, stop_contact
 from bvp.kernels.extrema import peak_flight
 from bvp.kernels.flight import flight_at, flow_state, row_dot
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, bounce, next_impact, rounding_level
@@ -38,9 +39,10 @@ through (u, v) each time would round in one direction."""
 
 
 @kernel
-def count_impact(modes, c, speed, loss, counts, clock, sums, marks):
+def count_impact(modes, c, speed, loss, motion):
     """Take an impact at contact c into the counts, the clock and the sums."""
-    lose(modes, c, loss, counts, clock, sums, marks)
+    counts, clock = motion.counts, motion.clock
+    lose(modes, c, loss, motion)
     counts[entry.IMPACTS] += 1
     clock[entry.LAST_IMPACT] = clock[entry.TIME]
     clock[entry.SPEED] = speed
@@ -49,18 +51,21 @@ def count_impact(modes, c, speed, loss, counts, clock, sums, marks):
 
 
 @part
-def resolve_impact(modes, still, moving, c, counts, clock, sums, marks, z, scratch):
-    """The impact at contact c in mode 0, with `still` and `moving` of `at_their_bounds`. Returns (the held contacts that stay, whether c
-    is one of them); -1 where restitution does not define what follows."""
+def resolve_impact(modes, still, moving, c, motion, scratch):
+    """Resolve the impact at contact c in mode 0. still, moving: of `at_their_bounds`.
+
+    Returns (the contacts that keep sticking, whether c is one of them); -1 where restitution does not define what follows."""
+    z, clock = motion.z, motion.clock
     speed = modes.side[0, c] * row_dot(modes.rate[0], c, z)
     stay = int64(0)
     if moving:
+        # Several contacts bounce no higher than the tolerance: they come to rest at once.
         stay, part, span = comes_to_rest(modes, still, moving, c, z, scratch.impulses)
         if stay:
             decided, loss = settle(modes, stay, part, z, scratch.impulses)
             if not decided:
                 return int64(-1), False
-            count_impact(modes, c, speed, loss, counts, clock, sums, marks)
+            count_impact(modes, c, speed, loss, motion)
             clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], span)
             return stay, True
         unknown, span = clash(modes, moving, c, z)
@@ -68,6 +73,7 @@ def resolve_impact(modes, still, moving, c, counts, clock, sums, marks, z, scrat
             return int64(-1), False
         clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], span)
     if still and touches_sticking(modes, still, c):
+        # Equation (8).
         stay, loss = impact_while_sticking(modes, still, c, z, scratch.impulses)
         if stay < 0:
             return int64(-1), False
@@ -76,15 +82,16 @@ def resolve_impact(modes, still, moving, c, counts, clock, sums, marks, z, scrat
         # The restitution of both is that of the rounded sum.
         jump = 1.0 + modes.restitution[c]
         bounce(modes.rate[0], modes.push[0], modes.push_rest[0], c, jump, z)
+        # Equation (9), with 1 - rho^2 = (2 - jump) jump.
         loss = 0.5 * modes.contact_mass[c] * (2.0 - jump) * jump * speed * speed
-    count_impact(modes, c, speed, loss, counts, clock, sums, marks)
+    count_impact(modes, c, speed, loss, motion)
     return stay, False
 
 
 @kernel
 def lift(modes, freed, x, z):
-    """Move x (2 n + 2 G,), modal, so that the contacts of the bits of `freed` are not beyond their bounds: those held until now by what has
-    been rounded since, others by what counts as a touch. z (N,) is scratch."""
+    """Move x (2 n + 2 G,), modal, so that no contact of the bits of `freed` is beyond its bound. Contacts that stuck until now can be so by
+    rounding, others by what counts as a touch. z (N,) is scratch."""
     n = modes.shape[0]
     for _ in range(LIFTS):
         still = True
@@ -95,6 +102,7 @@ def lift(modes, freed, x, z):
             beyond = row_dot(modes.gap[0], c, z) - modes.bound[0, c]
             if modes.side[0, c] * beyond > 0.0:
                 still = False
+                # Displacements move along M^-1 c, like velocities at an impact.
                 for i in range(n):
                     x[i] -= beyond * row_dot(modes.to_modes[0], n + i, modes.push[0, c])
         if still:
@@ -122,38 +130,35 @@ def impatient(modes, f, exhausted, flight, counts, clock):
 
 
 @kernel
-def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch):
-    """Carry a motion on until its duration, its most impacts, or a reason to return.
-
-    z (N,) state of the mode; x (2 n + 2 G,) the modal coordinates (at the start (u, v)) and the states of the loads, from which a pending
-    mode begins; counts (COUNTS,), clock (CLOCK,): see above; turns (G, 2) angles of the loads and sums (D + S + 1, 2), compensated; marks
-    (Q, 3 + D + S): fractions of the initial energy, ascending, then filled with the time at which that much is gone and the sums there;
-    peaks (n,) largest displacements, or empty where they are not wanted. Returns the reason.
+def move(modes, duration, most, motion, log, scratch):
+    """Carry a motion on until its duration, its most impacts, or a reason to return. Returns the reason.
 
     It returns after counts[PASSES] events at most, the work for each of which is bounded. In the end it returns, whatever happens: impacts
     faster than rounding are at most `most`, and between two of them, or two breaks, every event is counted within each radian of the
     fastest motion, the more where it takes no time or makes no way (`impatient`).
     """
+    z, x, counts, clock, angles = motion.z, motion.x, motion.counts, motion.clock, motion.angles
     before = scratch.before
     work = scratch.work
     logged = log.numbers.shape[0] > 0
     contacts = modes.side.shape[1]
     while True:
+        # A contact mode begins: equation (6) for the contacts that stick.
         if counts[entry.PENDING] >= 0:
             f = find_mode(modes, counts[entry.PENDING])
             if f < 0:
                 return NEW_MODE
-            write_loads(modes, counts[entry.BREAK_INDEX], clock, turns, x)
+            write_loads(modes, counts[entry.BREAK_INDEX], clock, angles, x)
             if counts[entry.KIND] == entry.START:
                 times_matrix(modes.enter[f], x, z)
             else:
-                lift(modes, modes.held[counts[entry.MODE]] & ~modes.held[f], x, z)
+                lift(modes, modes.sticking[counts[entry.MODE]] & ~modes.sticking[f], x, z)
                 times_matrix(modes.from_modes[f], x, z)
             counts[entry.MODE] = f
             counts[entry.PENDING] = -1
             if clock[entry.SPAN] > 0.0:
-                log_chatter(modes, f, log, counts, clock, before, z, sums, scratch)
-            log_event(log, counts[entry.KIND], counts[entry.CONTACT], counts, clock, before, z, sums)
+                log_chatter(modes, f, log, motion, before, scratch)
+            log_event(log, counts[entry.KIND], counts[entry.CONTACT], motion, before, z)
         if log.numbers.shape[0] and log.numbers.shape[0] - counts[entry.EVENTS] <= contacts + 3:
             return FULL
         if counts[entry.IMPACTS] >= most:
@@ -162,29 +167,31 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
             return PAUSED
         counts[entry.PASSES] -= 1
         f = counts[entry.MODE]
-        held = modes.held[f]
+        sticking = modes.sticking[f]
         ahead = counts[entry.BREAK_INDEX] + 1
         end = duration
         if ahead < modes.breaks.shape[0] and modes.breaks[ahead] < duration:
             end = modes.breaks[ahead]
         horizon = max((end - clock[entry.TIME]) - clock[entry.TIME_LOW], 0.0)
+        # Equation (3): the next impact, or the next release, whose distance is the contact force (7).
         status, c, flight = next_impact(flight_of(modes, f), contacts_of(modes, f), counts[entry.LEAVING], z, horizon, work)
         if impatient(modes, f, status == EXHAUSTED, flight, counts, clock):
             return GAVE_UP if status == EXHAUSTED else CYCLING
         clock[entry.SPEED] = 0.0
         clock[entry.LOSS] = 0.0
         counts[entry.LEAVING] = -1
-        holds = c >= 0 and (held >> max(c, 0)) & 1 != 0
+        releases = c >= 0 and (sticking >> max(c, 0)) & 1 != 0
         begin = clock[entry.TIME]
-        if status == OUTSIDE and not holds:
+        if status == OUTSIDE and not releases:
             return STARTED_OUTSIDE if clock[entry.TIME] == 0.0 and counts[entry.IMPACTS] == 0 else PIERCED
         if status == EXHAUSTED and flight == 0.0:
             return GAVE_UP
-        if not fly(modes, f, z, flight, counts, clock, turns, sums, marks, peaks, scratch):
+        if not fly(modes, f, flight, motion, scratch):
             return GAVE_UP
         if logged:
             times_matrix(modes.leave[f], z, before)
         if status == NONE:
+            # No event up to the duration, or to the next break of a load.
             if end == duration:
                 if cannot_hit(modes, f, z):
                     counts[entry.CLEAR] = 1
@@ -198,33 +205,35 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
             clock[entry.PROGRESS] = end
             if ahead % REFRESH == 0:
                 times_matrix(modes.to_modes[f], z, x)
-                write_loads(modes, ahead, clock, turns, x)
+                write_loads(modes, ahead, clock, angles, x)
                 times_matrix(modes.from_modes[f], x, z)
             else:
                 reset_loads(modes, f, ahead, z)
-            log_event(log, entry.BREAK, -1, counts, clock, before, z, sums)
+            log_event(log, entry.BREAK, -1, motion, before, z)
             continue
         if f != 0 or status != HIT:
             times_matrix(modes.to_modes[f], z, x)
         if status == EXHAUSTED:
-            log_event(log, entry.PIECE, -1, counts, clock, before, z, sums)
+            log_event(log, entry.PIECE, -1, motion, before, z)
             continue
         if status == TOUCH:
             counts[entry.LEAVING] = c
-            if not holds:
+            if not releases:
                 counts[entry.TOUCHES] += 1
-                log_event(log, entry.TOUCHED, c, counts, clock, before, z, sums)
+                log_event(log, entry.TOUCHED, c, motion, before, z)
             continue
         counts[entry.CONTACT] = c
-        if holds:
-            counts[entry.PENDING] = held & ~(int64(1) << c)
+        # The contact force has come to 0: the contact opens.
+        if releases:
+            counts[entry.PENDING] = sticking & ~(int64(1) << c)
             counts[entry.KIND] = entry.RELEASE
             counts[entry.LEAVING] = -2 - c
             counts[entry.BOUNCES] = 0
             continue
+        # The contact presses at zero speed: it sticks.
         if status == PRESSED:
-            hold(modes, c, x, counts, clock, sums, marks, work)
-            counts[entry.PENDING] = held | (int64(1) << c)
+            stop_contact(modes, c, motion, work)
+            counts[entry.PENDING] = sticking | (int64(1) << c)
             counts[entry.KIND] = entry.STICK
             counts[entry.BOUNCES] = 0
             continue
@@ -232,18 +241,18 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
         if f != 0:
             for r in range(z.shape[0]):
                 scratch.kept[r] = z[r]
-            write_loads(modes, counts[entry.BREAK_INDEX], clock, turns, x)
+            write_loads(modes, counts[entry.BREAK_INDEX], clock, angles, x)
             times_matrix(modes.from_modes[0], x, z)
             counts[entry.MODE] = 0
         still, moving = at_their_bounds(modes, c, z)
         if moving and sunk(modes, moving | (int64(1) << c), z):
             times_matrix(modes.to_modes[0], z, x)
-            write_loads(modes, counts[entry.BREAK_INDEX], clock, turns, x)
+            write_loads(modes, counts[entry.BREAK_INDEX], clock, angles, x)
             lift(modes, moving | (int64(1) << c), x, z)
             times_matrix(modes.from_modes[0], x, z)
-        still |= held
+        still |= sticking
         fast = abs(row_dot(modes.rate[0], c, z)) > rounding_level(flight_of(modes, 0), modes.rate[0], c, z)
-        left, settled = resolve_impact(modes, still, moving & ~held, c, counts, clock, sums, marks, z, scratch)
+        left, settled = resolve_impact(modes, still, moving & ~sticking, c, motion, scratch)
         if left < 0:
             return INTERACTING
         if fast:
@@ -253,7 +262,7 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
         if f != 0 or settled or not elastic or modes.frequency.shape[0]:
             times_matrix(modes.to_modes[0], z, x)
         if settled:
-            log_event(log, entry.IMPACT, c, counts, clock, before, z, sums)
+            log_event(log, entry.IMPACT, c, motion, before, z)
             if logged:
                 times_matrix(modes.leave[0], z, before)
             clock[entry.SPEED] = 0.0
@@ -263,21 +272,21 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
             counts[entry.KIND] = entry.STICK
             counts[entry.BOUNCES] = 0
             continue
-        alone = left == held
-        left &= held
+        alone = left == sticking
+        left &= sticking
         if f != 0 and alone:
-            # All that are held, and no others, take part: the same impact within their mode takes nothing through other coordinates.
+            # All that stick, and no others, take part: the same impact within their mode takes nothing through other coordinates.
             for r in range(z.shape[0]):
                 z[r] = scratch.kept[r]
             bounce(modes.rate[f], modes.push[f], modes.push_rest[f], c, 1.0 + modes.restitution[c], z)
             times_matrix(modes.to_modes[f], z, x)
             if modes.frequency.shape[0] and counts[entry.IMPACTS] % REFRESH == 0:
-                write_loads(modes, counts[entry.BREAK_INDEX], clock, turns, x)
+                write_loads(modes, counts[entry.BREAK_INDEX], clock, angles, x)
                 times_matrix(modes.from_modes[f], x, z)
             counts[entry.MODE] = f
         elif f != 0:
             rebound = row_dot(modes.rate[0], c, z)
-            lift(modes, (held & ~left) | (int64(1) << c), x, work[0, : z.shape[0]])
+            lift(modes, (sticking & ~left) | (int64(1) << c), x, work[0, : z.shape[0]])
             after = find_mode(modes, left)
             if after < 0:
                 counts[entry.PENDING] = left
@@ -291,19 +300,20 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
                 z[r] += rebound * modes.push[after, c, r]
             counts[entry.MODE] = after
         elif modes.frequency.shape[0] and counts[entry.IMPACTS] % REFRESH == 0:
-            write_loads(modes, counts[entry.BREAK_INDEX], clock, turns, x)
+            write_loads(modes, counts[entry.BREAK_INDEX], clock, angles, x)
             times_matrix(modes.from_modes[0], x, z)
-        log_event(log, entry.IMPACT, c, counts, clock, before, z, sums)
+        log_event(log, entry.IMPACT, c, motion, before, z)
         counts[entry.LEAVING] = c
         if elastic:
             counts[entry.BOUNCES] = 0
             continue
         rest = (end - clock[entry.TIME]) - clock[entry.TIME_LOW]
-        if chatter(modes, after, c, z, x, rest, counts, clock, turns, sums, scratch.table, scratch.values):
+        # Equation (28): the bounces end here, and the contact sticks.
+        if chatter(modes, after, c, rest, motion, scratch.table, scratch.values):
             if logged:
                 times_matrix(modes.from_modes[0], x, work[0])
                 times_matrix(modes.leave[0], work[0], before)
-            hold(modes, c, x, counts, clock, sums, marks, work)
+            stop_contact(modes, c, motion, work)
             counts[entry.PENDING] = left | (int64(1) << c)
             counts[entry.KIND] = entry.STICK
             counts[entry.CONTACT] = c
@@ -311,23 +321,32 @@ def move(modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, 
             counts[entry.BOUNCES] = 0
 
 
-@kernel
-def many(modes, starts, duration, most, first, fractions, z, x, counts, clock, turns, sums, marks, peaks, log, scratch, summary, modal):
-    """Motions from starts (B, 2 n), the `first`-th and on, without a record of events; starts become final states, modal (B, 2 n) their
-    modal coordinates.
+class BatchArrays(NamedTuple):
+    """The motions of a batch."""
 
-    Row of summary (B, 9 + (D + S + 1) + Q (D + S + 2) + n): reason, time reached, impacts, touches, last impact (NaN: none), clear
-    from (NaN: not proven), time held, initial energy (given), 0, sums, each mark's time (NaN: not reached) and
-    sums, peaks where they are wanted.
+    starts: np.ndarray  # (B, 2 n) (u, v); become final states
+    fractions: np.ndarray  # (Q,) of the initial energy, ascending
+    summary: np.ndarray  # (B, 9 + (D + S + 1) + Q (D + S + 2) + n), see `many`
+    modal: np.ndarray  # (B, 2 n) final states in modal coordinates
+
+
+@kernel
+def many(modes, batch, duration, most, first, motion, log, scratch):
+    """The motions of a batch, the `first`-th and on, without a record of events.
+
+    Row of the summary: reason, time reached, impacts, touches, last impact (NaN: none), clear from (NaN: not proven), time sticking,
+    initial energy (given), 0, sums, each mark's time (NaN: not reached) and sums, peaks where they are wanted.
 
     Returns (reason, start): NEW_MODE at the start that wants one more contact mode - add it and call again from there; PAUSED where
-    counts[PASSES] are used up, of which counts[RUNNING] tells the next call to go on; or REACHED and B.
+    counts[PASSES] are used up, and counts[RUNNING] makes the next call go on; or REACHED and B.
     """
+    starts, fractions, summary, modal = batch
+    z, x, counts, clock, angles, sums, marks, peaks = motion
     width = 2 * modes.shape[0]
     parts = sums.shape[0]
     for b in range(first, starts.shape[0]):
         if counts[entry.RUNNING] == 0:
-            begin_anew(counts, clock, turns, sums)
+            begin_anew(motion)
             for k in range(width):
                 x[k] = starts[b, k]
             clock[entry.INITIAL] = summary[b, 7]
@@ -338,9 +357,7 @@ def many(modes, starts, duration, most, first, fractions, z, x, counts, clock, t
             for k in range(peaks.shape[0]):
                 peaks[k] = 0.0
         counts[entry.RUNNING] = 0
-        status = move(
-            modes, duration, most, z, x, counts, clock, turns, sums, marks, peaks, log, scratch
-        )
+        status = move(modes, duration, most, motion, log, scratch)
         if status == PAUSED:
             counts[entry.RUNNING] = 1
         if status == NEW_MODE or status == PAUSED:
@@ -352,7 +369,7 @@ def many(modes, starts, duration, most, first, fractions, z, x, counts, clock, t
         row[3] = counts[entry.TOUCHES]
         row[4] = clock[entry.LAST_IMPACT] if counts[entry.IMPACTS] > 0 else math.nan
         row[5] = clock[entry.CLEAR_TIME] if counts[entry.CLEAR] > 0 else math.nan
-        row[6] = clock[entry.HELD_TIME]
+        row[6] = clock[entry.STICKING_TIME]
         times_matrix(modes.leave[counts[entry.MODE]], z, x)
         for k in range(width):
             starts[b, k] = x[k]
@@ -401,10 +418,20 @@ def spent(modes, begins, numbers, states, sums, times, work, integral, out):
             out[i, modes.part[r]] += integral[r]
 
 
+class Flights(NamedTuple):
+    """Flights of a motion, one after the other."""
+
+    begins: np.ndarray  # (F,) times
+    numbers: np.ndarray  # (F, 3) int64, of which the last is the contact mode
+    states: np.ndarray  # (F, N) at the begin of each
+    end: float  # time at which the last one ends
+
+
 @kernel
-def raise_peaks(modes, begins, numbers, states, end, scratch, edge, work, peaks):
-    """peaks (n,): the larger of themselves and |u| over flights as in `sample`, the last of which ends at `end`; scratch, edge, work and
-    what is returned are those of `peak_flight`."""
+def raise_peaks(modes, flights, scratch, edge, work, peaks):
+    """peaks (n,): the larger of themselves and |u| over the flights. scratch, edge, work and what is returned are those of
+    `peak_flight`."""
+    begins, numbers, states, end = flights
     for k in range(begins.shape[0]):
         f = numbers[k, 2]
         flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]

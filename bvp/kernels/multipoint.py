@@ -1,6 +1,4 @@
-"""What the kernels know of a multipoint problem: its flights' modes, its contacts, its two ends.
-
-The multipoint problem of an impacting orbit: its residual and its Jacobian.
+"""The multipoint problem of an impacting orbit, equation (30): its data, its residual and its Jacobian.
 
 Unknowns   y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]):  start parameters, flight times, node states after each inner impact
 Equations  R exp(B t_i) z_i - z_{i+1} = 0,  g . z_{i+1} - bound = 0   for each inner impact, then the closing equations:
@@ -65,9 +63,20 @@ def total_time(matrix, start_map, shape, y):
     return total
 
 
+class PackedSegment(NamedTuple):
+    """A `Segment` in five arrays. A call from Python takes as long as it has arrays to hand over."""
+
+    pairs: np.ndarray  # of the flight
+    rows: np.ndarray  # (rows, N) all arrays with rows of N entries, one below the other
+    scalars: np.ndarray  # all arrays with one number each, one after the other
+    start_map: np.ndarray
+    shape: np.ndarray
+
+
 @part
-def unpack(pairs, rows, scalars, start_map, shape):
-    """The `Segment` whose arrays stand in the rows of one array and the entries of another (see `pack`)."""
+def unpack(packed):
+    """The `Segment` that `pack` packed."""
+    pairs, rows, scalars, start_map, shape = packed
     size = rows.shape[1]
     nodes = shape[0] + 2
     blocks = pairs.shape[0]
@@ -112,12 +121,12 @@ def sized_rows(segment):
 
 
 def pack(segment):
-    """(pairs, rows, scalars, start_map, shape): few arrays, for calls that should cost little."""
+    """The `PackedSegment` of a `Segment`."""
     flight = segment.flight
     single = segment.start_offset[None], segment.weights[None]
     rows = np.vstack([segment.gap, segment.gap_rate, segment.push, flight.matrix, *single, segment.end_map])
     scalars = np.concatenate([flight.mean, flight.delta, segment.jump, segment.bound, segment.side, segment.end_offset])
-    return flight.pairs, np.ascontiguousarray(rows), scalars, segment.start_map, segment.shape
+    return PackedSegment(flight.pairs, np.ascontiguousarray(rows), scalars, segment.start_map, segment.shape)
 
 
 RESULT = tuple(
@@ -139,7 +148,7 @@ RESULT = tuple(
 
 @part
 def count_impacts(shape):
-    """Impacts in the whole period."""
+    """Impacts in the full period."""
     k = shape[0]
     if shape[1] == 1:
         return k + 1
@@ -147,28 +156,38 @@ def count_impacts(shape):
     return turn * 2 if shape[2] == 1 else turn
 
 
+class ImpactList(NamedTuple):
+    """The P impacts of an orbit over its period, in order of time."""
+
+    before: np.ndarray  # (P, N) states
+    after: np.ndarray  # (P, N)
+    duration: np.ndarray  # (P,) of the flight after each impact
+    row: np.ndarray  # (P,) int64 row of the node arrays that describes its contact
+
+
 @kernel
-def _put(before, after, row, count, ahead, first, source_before, source_after, node, sign, flip_q, flip_p, duration):
-    """Add one impact; `ahead` is the free time since the last one."""
-    half = before.shape[1] // 2
+def _append_impact(impacts, count, ahead, first, source_before, source_after, node, sign_q, sign_p):
+    """Append an impact: the image of the given states, their displacements times sign_q and velocities times sign_p. `ahead` is the time
+    of flight since the last one. Returns the number of impacts and the time from the start to the first one."""
+    half = impacts.before.shape[1] // 2
     for r in range(half):
-        before[count, r] = sign * flip_q * source_before[r]
-        before[count, half + r] = sign * flip_p * source_before[half + r]
-        after[count, r] = sign * flip_q * source_after[r]
-        after[count, half + r] = sign * flip_p * source_after[half + r]
-    row[count] = node
+        impacts.before[count, r] = sign_q * source_before[r]
+        impacts.before[count, half + r] = sign_p * source_before[half + r]
+        impacts.after[count, r] = sign_q * source_after[r]
+        impacts.after[count, half + r] = sign_p * source_after[half + r]
+    impacts.row[count] = node
     if count == 0:
         first = ahead
     else:
-        duration[count - 1] = ahead
+        impacts.duration[count - 1] = ahead
     return count + 1, first
 
 
 @inlined
-def unfold_impacts(segment, y, ends, before, after, duration, row, work):
-    """Impacts of the whole period in order of time: states before and after each (P, N), the free time after it (P,), and the
-    row of the node arrays that describes its contact (P,). `ends` (k + 1, N) holds the state at the end of each flight. Returns
-    (impacts, time from the start to the first one)."""
+def unfold_impacts(segment, y, ends, impacts, work):
+    """Fill `impacts` with those of the full period, by the reversals at the ends of the segment.
+
+    `ends` (k + 1, N) holds the state at the end of each flight. Returns (number of impacts, time from the start to the first one)."""
     size = segment.flight.matrix.shape[0]
     half = size // 2
     k = segment.shape[0]
@@ -181,14 +200,15 @@ def unfold_impacts(segment, y, ends, before, after, duration, row, work):
     if segment.shape[1] == 1:
         for i in range(k + 1):
             at = s if i == 0 else s + 1 + (i - 1) * (size + 1) + size
-            duration[i] = y[at]
+            impacts.duration[i] = y[at]
             source = start if i == 0 else y[at - size : at]
             node = k if i == 0 else i - 1
-            row[i] = node
+            impacts.row[i] = node
             for r in range(size):
-                after[i, r] = source[r]
-                before[i, r] = ends[k if i == 0 else i - 1, r]
+                impacts.after[i, r] = source[r]
+                impacts.before[i, r] = ends[k if i == 0 else i - 1, r]
         return k + 1, 0.0
+    # The reversal at the far end maps the segment to the part of the period that follows it.
     reflect_q = -1.0 if segment.shape[4] == ORIGIN else 1.0
     sign = 1.0
     ahead = 0.0
@@ -197,23 +217,20 @@ def unfold_impacts(segment, y, ends, before, after, duration, row, work):
             at = s + i * (size + 1)
             ahead += y[at]
             if i < k:
-                count, first = _put(
-                    before, after, row, count, ahead, first, ends[i], y[at + 1 : at + 1 + size], i, sign, 1.0, 1.0, duration
-                )
+                count, first = _append_impact(impacts, count, ahead, first, ends[i], y[at + 1 : at + 1 + size], i, sign, sign)
                 ahead = 0.0
         if segment.shape[4] == STOP:
             for r in range(half):
                 mirror[r] = ends[k, r]
                 mirror[half + r] = -ends[k, half + r]
-            count, first = _put(before, after, row, count, ahead, first, ends[k], mirror, k, sign, 1.0, 1.0, duration)
+            count, first = _append_impact(impacts, count, ahead, first, ends[k], mirror, k, sign, sign)
             ahead = 0.0
         for i in range(k, -1, -1):
             at = s + i * (size + 1)
             ahead += y[at]
             if i > 0:
-                count, first = _put(
-                    before, after, row, count, ahead, first, y[at - size : at], ends[i - 1], i - 1, sign,
-                    reflect_q, -reflect_q, duration,
+                count, first = _append_impact(
+                    impacts, count, ahead, first, y[at - size : at], ends[i - 1], i - 1, sign * reflect_q, -sign * reflect_q
                 )
                 ahead = 0.0
         if segment.shape[2] == 1:
@@ -222,10 +239,10 @@ def unfold_impacts(segment, y, ends, before, after, duration, row, work):
             for r in range(half):
                 mirror[r] = start[r]
                 mirror[half + r] = -start[half + r]
-            count, first = _put(before, after, row, count, ahead, first, mirror, start, k + 1, sign, 1.0, 1.0, duration)
+            count, first = _append_impact(impacts, count, ahead, first, mirror, start, k + 1, sign, sign)
             ahead = 0.0
     if count > 0:
-        duration[count - 1] = ahead + first
+        impacts.duration[count - 1] = ahead + first
     return count, first
 
 
@@ -289,6 +306,7 @@ def evaluate(segment, y, before, flights, z, residual):
         at += 1
         row = i * (size + 1)
         if i < k or segment.shape[1] == 1:
+            # Equation (30): the flight lands on the next node, which lies on its stop.
             apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before[i], residual[row : row + size])
             gap = -segment.bound[i]
             for r in range(size):
@@ -303,6 +321,7 @@ def evaluate(segment, y, before, flights, z, residual):
                     residual[row + r] += y[at] * segment.weights[r] * y[r]
             residual[row + size] = gap
         else:
+            # Equation (30): the end condition.
             for c in range(segment.end_map.shape[0]):
                 total = -segment.end_offset[c]
                 for r in range(size):
@@ -342,6 +361,7 @@ def fill(segment, y, factor):
         jacobian_blocks(segment, i, factor, landing, along[:size])
         after = at + states + 1
         base = max(0, (i - 1) * rows)
+        # Equation (27) gives the row of each flight: J_i, F_i and -1 for the next node; then that of the gap.
         if i < k:
             for r in range(size):
                 column = window[i * rows + r]
@@ -370,6 +390,7 @@ def fill(segment, y, factor):
                             row[c] += landing[b, d] * segment.start_map[d, c]
                     for c in range(states):
                         landing[b, c] = row[c]
+            # The closing rows of equation (30).
             for e in range(closing.shape[0]):
                 column = closing[e]
                 if periodic and e == size:

@@ -1,7 +1,8 @@
-"""Orthogonal elimination of the multipoint Jacobian, cost linear in the number of impacts.
+"""Newton's corrections of the multipoint problem, by orthogonal elimination of its Jacobian, equation (32).
 
-The Jacobian J has one row less than columns. Its transpose is block bidiagonal - a flight couples its own node with the next
-one only - so Householder reflections that work inside a moving window give J^T = Q [R; 0] without pivoting and without growth:
+The Jacobian J has one row less than columns. Its transpose is block bidiagonal - a flight couples its own node with the next one only - so
+Householder reflections that work inside a moving window give J^T = Q [R; 0] without pivoting and without growth. The cost is linear in the
+number of impacts:
 
     least-norm solution of J d = f:   d = Q [R^-T f; 0]
     null vector of J:                 t = Q e_last
@@ -17,8 +18,6 @@ Layout of the factor arrays (m = N + 1 equations a flight, k full flights, c clo
     factor   (k m + c,)   2 / (v . v) of each reflector (0: no reflection)
 
 Inner loops count without a sign: an index that may be negative is looked at each time.
-
-Newton's corrections of the multipoint problem: scaling, factorisation, solution, null vector.
 """
 
 import math
@@ -32,6 +31,7 @@ from bvp.kernels.multipoint import evaluate, fill, start_state
 @part
 def _reflector(column, first, last):
     """Turn column[first:last] into a reflector; return the diagonal entry of R and 2/(v.v)."""
+    # Householder's reflection, with the sign that does not cancel.
     total = 0.0
     for r in range(first + 1, last):
         total += column[r] * column[r]
@@ -103,6 +103,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
     unknowns = closing.shape[1]
     closers = closing.shape[0]
     reflections = 0
+    # Equation (32): J^T = Q R, flight by flight, inside a window of two nodes.
     for i in range(flights):
         base = max(0, (i - 1) * rows)
         end = start + (i + 1) * rows
@@ -136,6 +137,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
 @part
 def forward(flights, rows, window, closing, diagonal, right):
     """Solve R^T x = right in place."""
+    # Equation (32): R^-T f.
     for i in range(flights):
         base = max(0, (i - 1) * rows)
         for e in range(rows):
@@ -156,6 +158,7 @@ def forward(flights, rows, window, closing, diagonal, right):
 @kernel
 def apply_reflectors(flights, rows, start, window, closing, factor, x):
     """x <- Q x, in place; x has one entry for each unknown."""
+    # Equation (32): Q x, the reflections in reverse order.
     unknowns = closing.shape[1]
     first = flights * rows
     for e in range(closing.shape[0] - 1, -1, -1):
@@ -278,6 +281,7 @@ def solve(segment, factor, right, out):
     rows = segment.flight.matrix.shape[1] + 1
     k = segment.shape[0]
     unknowns = factor.scale.shape[0]
+    # Equation (32): the least-norm correction.
     forward(k, rows, factor.window, factor.closing, factor.diagonal, right)
     for j in range(unknowns - 1):
         out[j] = right[j]
@@ -310,6 +314,7 @@ def null_vector(segment, factor, out):
     is +1 along the last reflected axis, so its orientation is the one that the determinant's sign refers to."""
     rows = segment.flight.matrix.shape[1] + 1
     unknowns = factor.scale.shape[0]
+    # Equation (32): the tangent Q e_last.
     out[:unknowns] = 0.0
     out[unknowns - 1] = 1.0
     apply_reflectors(
@@ -327,17 +332,17 @@ def scaled_residual(segment, residual, displacement, velocity):
     rows = size + 1
     k = segment.shape[0]
     worst = 0.0
-    whole = k + 1 if segment.shape[1] == 1 else k
-    for i in range(whole):
+    full = k + 1 if segment.shape[1] == 1 else k
+    for i in range(full):
         for r in range(rows):
             value = abs(residual[i * rows + r]) / (velocity if half <= r < size else displacement)
             if not value <= worst:
                 worst = value
-    for e in range(residual.shape[0] - whole * rows):
+    for e in range(residual.shape[0] - full * rows):
         total = 0.0
         for c in range(half):
             total += abs(segment.end_map[e, c])
-        value = abs(residual[whole * rows + e]) / (displacement if total > 0.0 else velocity)
+        value = abs(residual[full * rows + e]) / (displacement if total > 0.0 else velocity)
         if not value <= worst:
             worst = value
     return worst
@@ -345,8 +350,8 @@ def scaled_residual(segment, residual, displacement, velocity):
 
 @part
 def correct(segment, y, row, target, factor, residual, maximum, rounding):
-    """Newton's corrections of y, in place, held on row . y = target (row all zero: least-norm corrections), and the factorisation at the
-    solution.
+    """Newton's corrections of y, in place, and the factorisation at the solution. y is kept on row . y = target; a row of zeros asks for
+    least-norm corrections.
 
     The factorisation is kept while a correction with it shrinks the update tenfold. Ends when the update stagnates at rounding level (what
     comes of a residual that was rounding is rounding, however large the equations' condition makes it), or when the residual is there
@@ -358,10 +363,10 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     update = factor.work[3]
     null = factor.work[4]
     size = segment.flight.matrix.shape[1]
-    held = False
+    constrained = False
     for j in range(unknowns):
         if row[j] != 0.0:
-            held = True
+            constrained = True
     iteration = 0
     length = math.inf
     previous = math.inf
@@ -419,7 +424,8 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
             residual[j] = -residual[j]
         solve(segment, factor, residual, update)
         iteration += 1
-        if held:
+        # A multiple of the null vector takes the correction to the plane row . y = target.
+        if constrained:
             along = -target
             slope = 0.0
             for j in range(unknowns):

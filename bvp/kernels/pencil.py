@@ -1,4 +1,4 @@
-"""The saddle-point matrix of a closed orbit, reduced by orthogonal transformations to a product pencil.
+"""The saddle-point matrix (12) of a closed orbit, reduced to the product pencil (31), and the sweeps that find its eigenvalues.
 
 Linearised about an orbit with impacts i = 0 .. P-1 (states z_i after each, free times t_i), the problem reads
 
@@ -10,19 +10,20 @@ turn it into
 
     E_i y_{i+1} = A_i y_i,     A_i = Q_i J_i N_i,     E_i = Q_i N_{i+1}
 
-whose cyclic product has the nontrivial Floquet multipliers as eigenvalues: `bvp.kernels.pencil` finds them. E_i is singular only where an
+whose cyclic product has the nontrivial Floquet multipliers as eigenvalues. E_i is singular only where an
 impact grazes; no inverse is formed.
 
 A node may also be a plain cut of a flight (no contact): it constrains nothing and its duration is fixed. The pencil is then
 rectangular there; row[i] < 0 marks such a node.
 
-An orthogonal sweep round the cycle of a product pencil.
-
-Periodic QR without shifts (Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11 (2001) 2389): every
-factor is kept triangular, so that small multipliers survive beside large ones.
+`sweep` is periodic QR without shifts (Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11 (2001)
+2389): every factor is kept triangular, so that small multipliers survive beside large ones.
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from bvp.kernels.compiled import inlined, part
 from bvp.kernels.flight import block_product, flow_matrix, set_2
@@ -34,6 +35,7 @@ def complement(vectors, count, out, factor):
     """Rows of `out` (N - count, N): orthonormal basis of the complement of the first `count` rows of `vectors` (overwritten).
     `factor` (>= count,): scratch."""
     size = vectors.shape[1]
+    # Householder's reflections of the vectors; their complement is the image of the other axes.
     for c in range(count):
         column = vectors[c]
         total = 0.0
@@ -85,15 +87,55 @@ def _constraints(gap, weights, after, scale, conservative, free, vectors):
     return count
 
 
+class ContactRows(NamedTuple):
+    """The contacts that the rows of a cycle's nodes count."""
+
+    gap: np.ndarray  # (m, N) g
+    rate: np.ndarray  # (m, N) g B
+    push: np.ndarray  # (m, N)
+    jump: np.ndarray  # (m,) 1 + restitution
+
+
+class Nodes(NamedTuple):
+    """The nodes of a closed orbit: its impacts, and cuts of flights."""
+
+    before: np.ndarray  # (P, N) states before each
+    after: np.ndarray  # (P, N) and after it
+    duration: np.ndarray  # (P,) of the flight after each
+    row: np.ndarray  # (P,) int64 contact; -1 for a cut
+    scale: np.ndarray  # (N,) sizes of the states' entries
+    weights: np.ndarray  # (N,) H = sum(weights z^2)/2
+
+
+class Linearised(NamedTuple):
+    """J_i and F_i of the flight after each node, which lands on the next, in states divided by their scale."""
+
+    maps: np.ndarray  # (P, N, N)
+    along: np.ndarray  # (P, N)
+
+
+class Factors(NamedTuple):
+    """A product pencil: factor i uses the first rows and columns of its arrays."""
+
+    left: np.ndarray  # (P, N, N) E_i
+    right: np.ndarray  # (P, N, N) A_i
+    height: np.ndarray  # (P,) rows m_i
+    width: np.ndarray  # (P,) columns of E_i
+    square: bool  # all heights and widths are those of the frame, and are not looked at
+
+
 @inlined
-def landings(flight, gap_rate, push, jump, before, duration, row, scale, maps, along):
-    """maps (P, N, N) and along (P, N): J_i and F_i of the flight after each node, which lands on the next, in states divided by `scale`."""
+def landings(flight, contacts, cycle, linear):
+    """Fill `linear` for the nodes of a cycle."""
+    maps, along = linear
+    before, duration, row, scale = cycle.before, cycle.duration, cycle.row, cycle.scale
     nodes, size = along.shape
+    # Equation (27): J_i and F_i, in scaled states.
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         flow_matrix(flight, duration[i], maps[i])
-        land(flight, gap_rate, push, contact, 0.0 if row[j] < 0 else jump[contact], before[j], maps[i], along[i])
+        land(flight, contacts.rate, contacts.push, contact, 0.0 if row[j] < 0 else contacts.jump[contact], before[j], maps[i], along[i])
         for r in range(size):
             along[i, r] /= scale[r]
             for c in range(size):
@@ -101,17 +143,21 @@ def landings(flight, gap_rate, push, jump, before, duration, row, scale, maps, a
 
 
 @inlined
-def pencil(weights, gap, conservative, after, row, scale, maps, along, left, right, scratch, factor):
-    """Factors of the product pencil: left[i] = E_i, right[i] = A_i. The arrays are (P, N, N); factor i uses the first rows and
-    columns: E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N less the constraints of a node and m_i = d_{i+1}, or for a cut
-    m_i = d_{i+1} of an unconstrained node. row[i] < 0 marks a cut. maps, along: of `landings`.
-    scratch (5, max(N, 2), N), factor (2,)."""
+def pencil(contacts, cycle, conservative, linear, factors, scratch, factor):
+    """Fill the left and right `factors` of the product pencil.
+
+    E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N less the constraints of a node and m_i = d_{i+1}, or for a cut
+    m_i = d_{i+1} of an unconstrained node. linear: of `landings`. scratch (5, max(N, 2), N), factor (2,)."""
+    gap, weights = contacts.gap, cycle.weights
+    after, row, scale = cycle.after, cycle.row, cycle.scale
+    maps, along = linear
+    left, right = factors.left, factors.right
     nodes, size = after.shape
     basis = scratch[0]
     following = scratch[1]
     rows = scratch[2]
     vectors = scratch[3]
-    turned = scratch[4, 0]
+    image = scratch[4, 0]
     count = _constraints(gap[max(row[0], 0)], weights, after[0], scale, conservative, row[0] < 0, vectors)
     complement(vectors, count, basis, factor)
     dimension = size - count
@@ -122,6 +168,7 @@ def pencil(weights, gap, conservative, after, row, scale, maps, along, left, rig
         count = _constraints(gap[contact], weights, after[j], scale, conservative, cut, vectors)
         complement(vectors, count, following, factor)
         next_dimension = size - count
+        # Q_i of equation (31): the rows that annihilate F_i, and the energy's gradient.
         count = 0
         if not cut:
             for r in range(size):
@@ -133,6 +180,7 @@ def pencil(weights, gap, conservative, after, row, scale, maps, along, left, rig
             count += 1
         complement(vectors, count, rows, factor)
         height = size - count
+        # E_i and A_i of equation (31).
         for a in range(height):
             for b in range(next_dimension):
                 total = 0.0
@@ -143,11 +191,11 @@ def pencil(weights, gap, conservative, after, row, scale, maps, along, left, rig
                 total = 0.0
                 for r in range(size):
                     total += rows[a, r] * maps[i, r, c]
-                turned[c] = total
+                image[c] = total
             for b in range(dimension):
                 total = 0.0
                 for r in range(size):
-                    total += turned[r] * basis[b, r]
+                    total += image[r] * basis[b, r]
                 right[i, a, b] = total
         dimension = next_dimension
         basis, following = following, basis
@@ -165,9 +213,12 @@ def departure(first, last):
 
 
 @inlined
-def trivial_directions(flight, weights, gap, after, row, turns, scale, maps, along, scratch):
-    """How well the product of saltation matrices, `turns` times round the given nodes, keeps the flow and the energy:
+def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
+    """How well the product of saltation matrices, `repeats` times round the given nodes, keeps the flow and the energy:
     (|(M - I) f|/|f|, |grad H (M - I)|/|grad H|). scratch (4, N)."""
+    gap, weights = contacts.gap, cycle.weights
+    after, row, scale = cycle.after, cycle.row, cycle.scale
+    maps, along = linear
     nodes, size = after.shape
     first = scratch[0]
     flow = scratch[1]
@@ -177,7 +228,8 @@ def trivial_directions(flight, weights, gap, after, row, turns, scale, maps, alo
     for r in range(size):
         first[r] /= scale[r]
         flow[r] = first[r]
-    for count in range(turns * nodes):
+    # The flow from node to node, by the saltation matrices.
+    for count in range(repeats * nodes):
         i = count % nodes
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
@@ -202,20 +254,21 @@ def trivial_directions(flight, weights, gap, after, row, turns, scale, maps, alo
     for r in range(size):
         first[r] = weights[r] * after[0, r] * scale[r]
         flow[r] = first[r]
-    for count in range(turns * nodes - 1, -1, -1):
+    # The energy's gradient, backwards.
+    for count in range(repeats * nodes - 1, -1, -1):
         i = count % nodes
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         cut = row[j] < 0
         if not cut:
             block_product(flight.pairs, flight.matrix, after[j], field)
-            turned = 0.0
+            along_flow = 0.0
             speed = 0.0
             for r in range(size):
-                turned += flow[r] * (field[r] / scale[r] - along[i, r])
+                along_flow += flow[r] * (field[r] / scale[r] - along[i, r])
                 speed += gap[contact, r] * scale[r] * along[i, r]
             for r in range(size):
-                flow[r] += turned / speed * gap[contact, r] * scale[r]
+                flow[r] += along_flow / speed * gap[contact, r] * scale[r]
         for c in range(size):
             total = 0.0
             for r in range(size):
@@ -236,13 +289,13 @@ def _rotation(a, b):
 
 
 @inlined
-def sweep(left, right, height, width, square, turns, scratch, frame, product, exponent):
-    """One orthogonal sweep round the cycle, which runs through the given factors `turns` times. scratch (4, N, N).
+def sweep(factors, repeats, scratch, frame, product, exponent):
+    """One orthogonal sweep round the cycle, which runs through the given factors `repeats` times. scratch (4, N, N).
 
-    frame (d_0, w): orthonormal columns at node 0, replaced by those that node P is reached with. height[i], width[i] = (m_i, d_{i+1});
-    not looked at where they are all w and `square` says so.
+    frame (d_0, w): orthonormal columns at node 0, replaced by those that node P is reached with.
     product (w, w): upper triangular product of the factors U_i^-1 T_i, scaled by 2^-exponent[j] in row j. Returns the number of
     singular factors met (grazing impacts)."""
+    left, right, height, width, square = factors
     w = frame.shape[1]
     nodes = left.shape[0]
     singular = 0
@@ -259,7 +312,7 @@ def sweep(left, right, height, width, square, turns, scratch, frame, product, ex
     for r in range(here):
         for c in range(w):
             current[r, c] = frame[r, c]
-    for count in range(turns * nodes):
+    for count in range(repeats * nodes):
         i = count % nodes
         m = w if square else height[i]
         d = w if square else width[i]
@@ -272,6 +325,7 @@ def sweep(left, right, height, width, square, turns, scratch, frame, product, ex
             for b in range(d):
                 e[a, b] = left[i, a, b]
         for c in range(w):
+            # Rotations of the rows make A_i times the frame triangular.
             for r in range(m - 1, c, -1):
                 if top[r, c] == 0.0:
                     continue
@@ -289,6 +343,7 @@ def sweep(left, right, height, width, square, turns, scratch, frame, product, ex
         for a in range(d):
             for b in range(d):
                 y[a, b] = 1.0 if a == b else 0.0
+        # Rotations of the columns make E_i triangular; they turn the next frame.
         for r in range(d - 1, -1, -1):
             for c in range(r):
                 if e[r, c] == 0.0:
@@ -314,6 +369,7 @@ def sweep(left, right, height, width, square, turns, scratch, frame, product, ex
                 for a in range(c, b + 1):
                     total += top[c, a] * product[a, b] * (2.0 ** (exponent[a] - exponent[c]) if scaled else 1.0)
                 product[c, b] = total
+        # product <- U^-1 T product, row by row, with its powers of two kept apart.
         for c in range(w - 1, -1, -1):
             if e[c, c] == 0.0:
                 singular += 1

@@ -1,14 +1,13 @@
-"""One start followed through its impacts, with the derivative of everything by the start's parameter (two degrees of freedom, undamped).
+"""Starts followed through their impacts, for two degrees of freedom without damping.
 
-The states z_k after the impacts and their derivatives along the curve of starts, taken on the section of the impact: with the flight's
-variation y' = Phi(d) z', the duration changes by d' = -(g . y')/(g B . y), the arrival by y' + B y d', and restitution acts on both alike.
-Between z_k and the next impact the motion of neighbouring starts is compared at equal times since impact k, where it is linear.
+`follow_impacts` follows one start, with the derivative of everything by the start's parameter. The states z_k after the impacts and their
+derivatives along the curve of starts, taken on the section of the impact: with the flight's variation y' = Phi(d) z', the duration changes
+by d' = -(g . y')/(g B . y), the arrival by y' + B y d', and restitution acts on both alike. Between z_k and the next impact the motion of
+neighbouring starts is compared at equal times since impact k, where it is linear.
 
-Many starts at once: follow each through its impacts, and measure how far it misses each set of ends on its way.
-
-For two degrees of freedom an orbit between ends is a zero of one number: what is transverse to the end's condition when the rest of
-it holds. At an impact that is the velocity along the stop; where the gap coordinate passes zero, the other displacement (origin);
-where its velocity passes zero, the other velocity (rest).
+`scan_starts` follows many starts, and measures the residual of each end set on their way. For two degrees of freedom an orbit between ends
+is a zero of one number: what is transverse to the end's condition when the rest of it holds. At an impact that is the velocity along the
+stop; where the gap coordinate passes zero, the other displacement (origin); where its velocity passes zero, the other velocity (rest).
 """
 
 import math
@@ -23,7 +22,7 @@ from bvp.kernels.flight import Contacts, Flight, block_product, circular, flow_s
 from bvp.kernels.impact import HIT, NONE, arrive, next_hit, restitute_state
 from bvp.kernels.multipoint import STOP
 
-STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, RESIDUAL, ACCELERATION, CLEARANCE, SECOND, TURNS, THIRD, COLUMNS = (
+STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, RESIDUAL, ACCELERATION, CLEARANCE, SECOND, TURNING_POINTS, THIRD, COLUMNS = (
     0, 4, 8, 10, 12, 13, 15, 17, 18, 20, 21, 22, 24,
 )  # fmt: skip
 """Columns of a record, one row a flight: state and its derivative after impact k (4 each); time of impact k; duration of the flight;
@@ -34,7 +33,7 @@ has two entries, the second one is the derivative by the parameter."""
 FREE, STUCK = -1.0, -2.0
 """In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up."""
 
-TURN_LIMIT = 20000
+STEP_LIMIT = 20000
 """Steps in which the turning points of one flight are looked for."""
 
 
@@ -74,6 +73,7 @@ def start_at(flow, theta, z, dz):
         second = math.sinh(theta)
         first_rate = second
         second_rate = first
+    # The curve of starts is a combination of two functions of the parameter.
     for r in range(4):
         z[r] = flow.start[0, r] + first * flow.start[1, r] + second * flow.start[2, r]
         dz[r] = first_rate * flow.start[1, r] + second_rate * flow.start[2, r]
@@ -98,6 +98,7 @@ def advance(squares, t, a, b, out_a, out_b):
 @kernel
 def amplitude(square, q, p, horizon, order):
     """Bound of |q(t)| (order 0), |q'(t)| (1), |q''(t)| (2) of one mode over a flight of at most `horizon`."""
+    # Equation (24) for one mode.
     if square > 0.0:
         w = math.sqrt(square)
         size = math.sqrt(q * q + p * p / square)
@@ -143,6 +144,7 @@ def follow_impacts(flow, theta, longest, most, record, work):
         for r in range(2):
             velocity[r] = y[r + 2]
             velocity[r + 2] = -flow.squares[r] * y[r]
+        # Equation (19): the change of the duration, and the derivative on the section of the impact.
         later = arrive(contacts.gap, contact, velocity, dy)
         record[k, DURATION] = duration
         record[k, DURATION + 1] = later
@@ -163,7 +165,7 @@ def follow_impacts(flow, theta, longest, most, record, work):
 
 
 @kernel
-def nearest_turns(flow, row, horizon, work):
+def nearest_turning_points(flow, row, horizon, work):
     """Fill the columns of clearance of one row of a record: turning points of the gap coordinate w inside its flight (up to `horizon`)."""
     z = row[:4]
     dz = row[4:8]
@@ -195,9 +197,10 @@ def nearest_turns(flow, row, horizon, work):
     f = rows[1, 2] * z[2] + rows[1, 3] * z[3]
     slope = rows[2, 0] * z[0] + rows[2, 1] * z[1]
     sign = 1 if f > 0.0 else -1 if f < 0.0 else 0
-    for _ in range(TURN_LIMIT):
+    for _ in range(STEP_LIMIT):
         if t >= duration:
             break
+        # Equation (26) for w'.
         after = min(duration, t + max(safe_step(f, slope, 0.0, w_bound, 0.0), floor))
         f_after = 0.0
         slope = 0.0
@@ -231,7 +234,7 @@ def nearest_turns(flow, row, horizon, work):
     row[CLEARANCE] = best
     row[CLEARANCE + 1] = 0.0
     row[SECOND] = second
-    row[TURNS] = count
+    row[TURNING_POINTS] = count
     row[THIRD] = best_time
     if count > 0:
         advance(flow.squares, best_time, z, dz, y, dy)
@@ -241,21 +244,40 @@ def nearest_turns(flow, row, horizon, work):
         row[CLEARANCE + 1] = -best_side * change
 
 
-@allocating
-def scan_starts(
-    flight, contacts, kind, transverse, functional, starts, wanted, most_impacts, longest, word, times, values, ends, status, nodes,
-    instants, work,
-):
-    """Follow each row of `starts` (M, N) for up to `most_impacts` inner impacts and the time `longest`.
+class EndSet(NamedTuple):
+    """The far ends that starts are scanned for."""
 
-    kind: ORIGIN, REST or STOP. transverse (2, N): the row that measures the residual, twice (after an impact at either contact).
-    functional (3, N): the row whose zeros are the crossings (origin, rest), its derivative and its second one.
-    wanted (K + 1,): 1 where the crossings after k inner impacts are looked for.
-    word (M, K + 1): contacts hit, -1 after the last. times, values (M, K + 1, C): time and residual of the c-th crossing after k inner
-    impacts, NaN where there is none (for STOP, C = 1 and the crossing is impact k + 1 itself). ends (M,): time followed.
-    status (M,): 0 followed to a limit, 1 the next impact was not found (sticking, or a search that gave up).
-    nodes (M, K, N), instants (M, K): states after the inner impacts and their times; of length 0 where they are not wanted.
-    work: of `impact.work_array`."""
+    kind: int  # ORIGIN, REST or STOP
+    transverse: np.ndarray  # (2, N) the row that measures the residual, twice (after an impact at either contact)
+    functional: np.ndarray  # (3, N) the row whose zeros are the crossings (origin, rest), and those of its two derivatives
+
+
+class ScanLimits(NamedTuple):
+    """How far each start is followed."""
+
+    wanted: np.ndarray  # (K + 1,) 1 where the crossings after k inner impacts are looked for
+    most: int  # inner impacts K
+    longest: float  # time
+
+
+class Scanned(NamedTuple):
+    """What M starts do."""
+
+    sequence: np.ndarray  # (M, K + 1) contacts hit, -1 after the last
+    times: np.ndarray  # (M, K + 1, C) time of the c-th crossing after k inner impacts, NaN where there is none; for STOP impact k + 1
+    values: np.ndarray  # (M, K + 1, C) residual there
+    ends: np.ndarray  # (M,) time followed
+    status: np.ndarray  # (M,) 0 followed to a limit, 1 the next impact was not found (sticking, or a search that gave up)
+    nodes: np.ndarray  # (M, K, N) states after the inner impacts; of length 0 where they are not wanted
+    instants: np.ndarray  # (M, K) their times
+
+
+@allocating
+def scan_starts(flight, contacts, end, starts, limits, found, work):
+    """Follow each row of `starts` (M, N), and write down its crossings of the end set. work: of `impact.work_array`."""
+    kind, transverse, functional = end
+    wanted, most_impacts, longest = limits
+    sequence, times, values, ends, status, nodes, instants = found
     size = starts.shape[1]
     z = np.empty(size)
     before = np.empty(size)
@@ -270,8 +292,8 @@ def scan_starts(
         for k in range(most_impacts + 1):
             for r in range(size):
                 before[r] = z[r]
-            found, contact, duration = next_hit(flight, contacts, leaving, z, longest - elapsed, work, scratch)
-            if found != HIT and found != NONE:
+            outcome, contact, duration = next_hit(flight, contacts, leaving, z, longest - elapsed, work, scratch)
+            if outcome != HIT and outcome != NONE:
                 status[m] = 1
                 break
             if kind != STOP and wanted[k] == 1:
@@ -286,10 +308,10 @@ def scan_starts(
                     times[m, k, c] = elapsed + zeros[c]
                     values[m, k, c] = inner(transverse[0], scratch)
             elapsed += duration
-            if found == NONE:
+            if outcome == NONE:
                 break
             flow_state(flight, before, duration, scratch)
-            word[m, k] = contact
+            sequence[m, k] = contact
             if kind == STOP:
                 times[m, k, 0] = elapsed
                 values[m, k, 0] = inner(transverse[0], scratch)
@@ -302,7 +324,7 @@ def scan_starts(
         ends[m] = elapsed
 
 
-ZERO, TURN = -1, -2
+ZERO, TURNING = -1, -2
 """Kinds of event besides impacts, whose kind is the contact hit: the gap coordinate passes zero; its velocity does."""
 
 FAILED, FULL = -1, -2
@@ -315,27 +337,35 @@ CROSSING_ROOM = 256
 def event(flight, rows, c, z, change, time, state, state_change, velocity):
     """The state (N,) after `time` from z, and its derivative along rows[c] . state = constant where `change` is that of z. Returns the
     derivative of the time."""
+    # Equation (19), for an event that is a zero of rows[c] . z.
     flow_state(flight, z, time, state)
     flow_state(flight, change, time, state_change)
     block_product(flight.pairs, flight.matrix, state, velocity)
     return arrive(rows, c, velocity, state_change)
 
 
+class Events(NamedTuple):
+    """The events of M motions, up to E of each, in order of time."""
+
+    kinds: np.ndarray  # (M, E) int64 contact hit, ZERO or TURNING
+    times: np.ndarray  # (M, E)
+    shifts: np.ndarray  # (M, E) derivatives of the times
+    states: np.ndarray  # (M, E, N) state there, before the impact where there is one
+    state_changes: np.ndarray  # (M, E, N) its derivative
+    counts: np.ndarray  # (M,) int64 events, or FAILED or FULL
+
+
 @allocating
-def sensitivities(
-    flight, contacts, functional, starts, changes, longest, kinds, times, shifts, states, state_changes, counts, work
-):
+def sensitivities(flight, contacts, functional, starts, changes, longest, events, work):
     """Follow each row of `starts` (M, N), whose derivative is that of `changes`, for the time `longest`.
 
-    functional (4, N): the rows of the gap coordinate and of its first three derivatives.
-    kinds, times, shifts (M, E): kind of each event in order of time, its time and the derivative of that. states, state_changes
-    (M, E, N): the state there, before the impact where there is one, and its derivative.
-    counts (M,): events, or FAILED or FULL. work: of `impact.work_array`."""
+    functional (4, N): the rows of the gap coordinate and of its first three derivatives. work: of `impact.work_array`."""
+    kinds, times, shifts, states, state_changes, counts = events
     size = starts.shape[1]
     room = kinds.shape[1]
     z, change, begin = np.empty(size), np.empty(size), np.empty(size)
     state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
-    zeros, turns = np.empty(CROSSING_ROOM), np.empty(CROSSING_ROOM)
+    zeros, turning = np.empty(CROSSING_ROOM), np.empty(CROSSING_ROOM)
     for m in range(starts.shape[0]):
         for r in range(size):
             z[r] = starts[m, r]
@@ -352,7 +382,7 @@ def sensitivities(
                 count = FAILED
                 break
             first = crossing_times(flight, functional[0], functional[1], functional[2], begin, duration, zeros, state)
-            second = crossing_times(flight, functional[1], functional[2], functional[3], begin, duration, turns, state)
+            second = crossing_times(flight, functional[1], functional[2], functional[3], begin, duration, turning, state)
             if first < 0 or second < 0 or first > CROSSING_ROOM or second > CROSSING_ROOM:
                 count = FAILED
                 break
@@ -363,13 +393,13 @@ def sensitivities(
             i = 0
             j = 0
             while i < first or j < second:
-                if j == second or (i < first and zeros[i] <= turns[j]):
+                if j == second or (i < first and zeros[i] <= turning[j]):
                     kind = ZERO
                     time = zeros[i]
                     i += 1
                 else:
-                    kind = TURN
-                    time = turns[j]
+                    kind = TURNING
+                    time = turning[j]
                     j += 1
                 shift = event(flight, functional, 0 if kind == ZERO else 1, begin, change, time, state, state_change, velocity)
                 kinds[m, count] = kind

@@ -1,12 +1,10 @@
-"""The reversible half map of a symmetric orbit, between the fixed sets of its two reversals.
+"""The half map (13) of a symmetric orbit between its two reversals, and the multipliers of an orbit with two degrees of freedom.
 
 At an end the reduced perturbations (tangent to the energy level, modulo the flow) split into those kept by the end's reversal (+) and
 those turned round by it (-). In these coordinates the linearised flow from one end to the other is phi = [[a, b], [c, d]], symplectic, and
 the orbit's return map, R phi^-1 R phi, is [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]] (blocks; ' is transposition), whose trace is
 2 (n - 1) + 4 tr(b'c). A zero of det c is a fold or branch point within the class of orbits between such ends, of det b the loss of
 the reversal, of det a or det d a doubling.
-
-Half map and multipliers of an orbit with two degrees of freedom.
 """
 
 import math
@@ -19,8 +17,8 @@ from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel, part, sized
 from bvp.kernels.flight import block_product, flow_matrix, set_1, set_2
 from bvp.kernels.impact import apply_impact, arrive
-from bvp.kernels.multipoint import ORIGIN, REST, STOP, count_impacts, sized_rows, start_state, unfold_impacts, unpack
-from bvp.kernels.pencil import complement, landings, pencil, sweep, trivial_directions
+from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, sized_rows, start_state, unfold_impacts, unpack
+from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, complement, landings, pencil, sweep, trivial_directions
 
 
 @inlined
@@ -122,6 +120,7 @@ def half_map(segment, y, ends, work, square, small, phi):
                 v[half + r] = -work_done / normal * segment.gap[k + 1, r]
     at = s
     for i in range(k + 1):
+        # Equation (27): each perturbation over the flight and the impact.
         flow_matrix(segment.flight, y[at], flow)
         at += size + 1
         hit = i < k or final_kind == STOP
@@ -141,6 +140,7 @@ def half_map(segment, y, ends, work, square, small, phi):
                 v[r] = x[r]
     for column in range(columns):
         x = work[5 + column]
+        # Equation (13): the entries in the coordinates of the far end.
         for b in range(half - 1):
             displacement = 0.0
             velocity = 0.0
@@ -157,12 +157,9 @@ def half_map(segment, y, ends, work, square, small, phi):
 
 
 class Period(NamedTuple):
-    """Scratch for the P impacts of a whole period, n = 2, N = 4."""
+    """Scratch for the P impacts of a full period, n = 2, N = 4."""
 
-    before: np.ndarray  # (P, N)
-    after: np.ndarray  # (P, N)
-    duration: np.ndarray  # (P,)
-    contact: np.ndarray  # (P,) int64
+    impacts: ImpactList
     maps: np.ndarray  # (P, N, N)
     left: np.ndarray  # (P, N, N)
     right: np.ndarray  # (P, N, N)
@@ -176,10 +173,7 @@ def make_period(impacts):
     """Scratch for so many impacts."""
     square = (impacts, 4, 4)
     return Period(
-        np.zeros((impacts, 4)),
-        np.zeros((impacts, 4)),
-        np.zeros(impacts),
-        np.zeros(impacts, np.int64),
+        ImpactList(np.zeros((impacts, 4)), np.zeros((impacts, 4)), np.zeros(impacts), np.zeros(impacts, np.int64)),
         np.zeros(square),
         np.zeros(square),
         np.zeros(square),
@@ -193,9 +187,11 @@ def make_period(impacts):
 @part
 def sized_period(period):
     """The same scratch, known to be for states of four entries."""
+    impacts = period.impacts
     return Period(
-        sized(period.before, 4), sized(period.after, 4), period.duration, period.contact, sized(period.maps, 4), sized(period.left, 4),
-        sized(period.right, 4), sized(period.along, 4), sized(period.rows, 4), sized(period.square, 4), sized(period.plane, 2),
+        ImpactList(sized(impacts.before, 4), sized(impacts.after, 4), impacts.duration, impacts.row), sized(period.maps, 4),
+        sized(period.left, 4), sized(period.right, 4), sized(period.along, 4), sized(period.rows, 4), sized(period.square, 4),
+        sized(period.plane, 2),
     )  # fmt: skip
 
 
@@ -203,11 +199,11 @@ def sized_period(period):
 def stability_2(segment, y, ends, scratch, result):
     """Half map, and multipliers of the reduced saddle-point matrix, for two degrees of freedom."""
     narrow = sized_rows(segment)
-    size = scratch.before.shape[1]
+    size = scratch.impacts.before.shape[1]
     impacts = count_impacts(segment.shape)
     # the second half period of an orbit solved as a quarter has the very factors of the first one: all changes its sign
-    turns = 2 if segment.shape[2] == 1 else 1
-    nodes = impacts // turns
+    repeats = 2 if segment.shape[2] == 1 else 1
+    nodes = impacts // repeats
     if segment.shape[2] != 4:
         phi = scratch.plane[0]
         result[entry.MAGNIFIED] = half_map(narrow, y, ends, scratch.rows, scratch.square, scratch.plane[1:], phi)
@@ -218,14 +214,14 @@ def stability_2(segment, y, ends, scratch, result):
     else:
         set_1(result[entry.HALF_A : entry.HALF_D + 1], math.nan)
         result[entry.MAGNIFIED] = 1.0
-    unfold_impacts(segment, y, ends, scratch.before, scratch.after, scratch.duration, scratch.contact, scratch.rows)
+    unfold_impacts(segment, y, ends, scratch.impacts, scratch.rows)
     if nodes == 0:
         set_1(result[entry.TRACE : entry.SINGULAR + 1], math.nan)
         return
-    cycle_before = scratch.before[:nodes]
-    cycle_after = scratch.after[:nodes]
-    cycle_row = scratch.contact[:nodes]
-    cycle_time = scratch.duration[:nodes]
+    cycle_before = scratch.impacts.before[:nodes]
+    cycle_after = scratch.impacts.after[:nodes]
+    cycle_row = scratch.impacts.row[:nodes]
+    cycle_time = scratch.impacts.duration[:nodes]
     maps = scratch.maps[:nodes]
     left = scratch.left[:nodes]
     right = scratch.right[:nodes]
@@ -242,9 +238,12 @@ def stability_2(segment, y, ends, scratch, result):
     for r in range(size // 2):
         scale[r] = displacement if displacement > 0.0 else 1.0
         scale[size // 2 + r] = math.sqrt(energy)
-    landings(narrow.flight, narrow.gap_rate, narrow.push, narrow.jump, cycle_before, cycle_time, cycle_row, scale, maps, along)
-    factor = scratch.plane[0, 0]
-    pencil(narrow.weights, narrow.gap, True, cycle_after, cycle_row, scale, maps, along, left, right, scratch.square, factor)
+    contacts = ContactRows(narrow.gap, narrow.gap_rate, narrow.push, narrow.jump)
+    cycle = Nodes(cycle_before, cycle_after, cycle_time, cycle_row, scale, narrow.weights)
+    linear = Linearised(maps, along)
+    factors = Factors(left, right, cycle_row, cycle_row, True)
+    landings(narrow.flight, contacts, cycle, linear)
+    pencil(contacts, cycle, True, linear, factors, scratch.square, scratch.plane[0, 0])
     dimension = 2
     frame = scratch.plane[0]
     older = scratch.plane[1]
@@ -254,15 +253,17 @@ def stability_2(segment, y, ends, scratch, result):
     for r in range(dimension):
         frame[r, r] = 1.0
     singular = 0
+    # Equation (31): sweeps until the frame settles, or the factors are of like size.
     for _ in range(4):
         for r in range(dimension):
             for c in range(dimension):
                 older[r, c] = frame[r, c]
-        singular = sweep(left, right, cycle_row, cycle_row, True, turns, scratch.square, frame, product, exponent)
+        singular = sweep(factors, repeats, scratch.square, frame, product, exponent)
         coupling = abs(older[0, 1] * frame[0, 0] + older[1, 1] * frame[1, 0])
         grade = abs(product[0, 1]) + abs(product[0, 0])
         if coupling < 1e-15 or grade < 30.0 * abs(product[1, 1]) * 2.0 ** (exponent[1] - exponent[0]):
             break
+    # The map in the frame of the last sweep: trace, determinant and eigenvalues of a 2 x 2 matrix.
     w11 = older[0, 0] * frame[0, 0] + older[1, 0] * frame[1, 0]
     w12 = older[0, 0] * frame[0, 1] + older[1, 0] * frame[1, 1]
     w21 = older[0, 1] * frame[0, 0] + older[1, 1] * frame[1, 0]
@@ -291,15 +292,12 @@ def stability_2(segment, y, ends, scratch, result):
         result[entry.LARGER_IMAGINARY] = -math.sqrt(-square)
         result[entry.SMALLER_REAL] = 0.5 * trace
         result[entry.SMALLER_IMAGINARY] = math.sqrt(-square)
-    flow, level = trivial_directions(
-        narrow.flight, narrow.weights, narrow.gap, cycle_after, cycle_row, turns, scale, maps, along, scratch.rows[1:]
-    )
+    flow, level = trivial_directions(narrow.flight, contacts, cycle, repeats, linear, scratch.rows[1:])
     result[entry.TRIVIAL] = max(flow, level)
     result[entry.SINGULAR] = singular
 
 
 @kernel
-def orbit_stability(pairs, rows, scalars, start_map, shape, y, ends, period, result):
+def orbit_stability(packed, y, ends, period, result):
     """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
-    segment = unpack(pairs, rows, scalars, start_map, shape)
-    stability_2(segment, y, sized(ends, 4), sized_period(period), result)
+    stability_2(unpack(packed), y, sized(ends, 4), sized_period(period), result)

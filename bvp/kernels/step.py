@@ -1,6 +1,6 @@
-"""One step along a family of impacting orbits: predict, correct, tangent.
+"""One step along a family of impacting orbits, equation (33): predict, correct, tangent.
 
-What is seen along the flights of an orbit: admissibility, speeds of the impacts, half-waves.
+Then the flights of the orbit are looked at: admissibility, speeds of the impacts, half-waves.
 """
 
 import math
@@ -13,8 +13,21 @@ from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel, part, sized
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import flow_state, set_1
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, sized_factor, sized_rows, start_state, total_time, unpack
+from bvp.kernels.multipoint import (
+    ORIGIN,
+    PERIODIC,
+    REST,
+    STOP,
+    Factor,
+    PackedSegment,
+    sized_factor,
+    sized_rows,
+    start_state,
+    total_time,
+    unpack,
+)
 from bvp.kernels.newton import conditioning, correct
+from bvp.kernels.stability import Period
 
 
 @part
@@ -49,13 +62,30 @@ def tangent_at(segment, y, factor, sign, smallest, old_direction, metric, tangen
     result[entry.STEEPNESS] = 1.0 / length
 
 
-@part
-def _orbit_step(segment, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
-    """Step from y by ds (ds = 0: correct y itself) and give the tangent where it lands.
+class Request(NamedTuple):
+    """What a step is asked for."""
 
-    tangent, out_tangent (2 u,): tangent and curvature. `target`: nan; where it is a number, y is held on row . y = target instead of the
-    distance ds, the row being in factor.work[5]. `most`: most iterations. metric (4, N + 2): position and direction there,
-    then at y. out (u,). result: the entries of RESULT up to `branching`."""
+    ds: float  # length; 0: correct the given point itself
+    target: float  # nan; a number: hold y on row . y = target in place of the length, the row being in factor.work[5]
+    most: int  # most iterations
+
+
+class Landing(NamedTuple):
+    """Where a step lands."""
+
+    y: np.ndarray  # (u,)
+    tangent: np.ndarray  # (2 u,) tangent, then curvature
+    result: np.ndarray  # (len(RESULT),)
+
+
+@part
+def _orbit_step(segment, factor, y, tangent, request, metric, landing):
+    """Step from y along its `tangent` (2 u,), tangent and curvature.
+
+    metric (4, N + 2): filled with position and direction where the step lands, then at y. Of the landing's result the entries up to
+    `branching` are filled."""
+    ds, target, most = request
+    out, out_tangent, result = landing
     unknowns = y.shape[0]
     old = Metric(metric[2], metric[3])
     new = Metric(metric[0], metric[1])
@@ -93,18 +123,15 @@ def _orbit_step(segment, factor, y, tangent, ds, target, most, metric, out, out_
 
 
 @kernel
-def orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
+def orbit_step(packed, factor, y, tangent, request, metric, landing):
     """See `_orbit_step`."""
-    _orbit_step(unpack(pairs, rows, scalars, start_map, shape), factor, y, tangent, ds, target, most, metric, out, out_tangent, result)
+    _orbit_step(unpack(packed), factor, y, tangent, request, metric, landing)
 
 
 @kernel
-def two_dof_orbit_step(pairs, rows, scalars, start_map, shape, factor, y, tangent, ds, target, most, metric, out, out_tangent, result):
+def two_dof_orbit_step(packed, factor, y, tangent, request, metric, landing):
     """See `_orbit_step`; N = 4."""
-    _orbit_step(
-        sized_rows(unpack(pairs, rows, scalars, start_map, shape)), sized_factor(factor), y, tangent, ds, target, most, sized(metric, 6),
-        out, out_tangent, result,
-    )  # fmt: skip
+    _orbit_step(sized_rows(unpack(packed)), sized_factor(factor), y, tangent, request, sized(metric, 6), landing)
 
 
 @kernel
@@ -148,6 +175,7 @@ def locate(segment, y, out):
 @inlined
 def metric_direction(segment, y, position, energy, alpha, tangent, out):
     """Change of `locate` along `tangent`; returns (d h, length)."""
+    # Equation (33): dp/dy times the tangent.
     size = segment.flight.matrix.shape[1]
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
@@ -171,6 +199,7 @@ def metric_direction(segment, y, position, energy, alpha, tangent, out):
 @part
 def constraint_row(segment, y, energy, alpha, position, direction, row):
     """Row r with r . dy = <direction, change of `locate` along dy>: the pseudo-arclength condition in the unknowns."""
+    # Equation (33): the row of the unknowns' changes.
     size = segment.flight.matrix.shape[1]
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
@@ -212,7 +241,7 @@ def bends(segment, observed, stop, i, end):
 
 
 @part
-def turns_of(segment, observed, coordinate, z, duration, sign, scratch, result):
+def sign_changes_of(segment, observed, coordinate, z, duration, sign, scratch, result):
     """`sign_changes` of one observed velocity along a flight; a search that gives up is noted in `result`."""
     found, last = sign_changes(
         segment.flight, observed.velocity[coordinate],
@@ -279,6 +308,7 @@ def observe(segment, observed, y, ends, work, result):
                 slowest_node = i
         if duration > 0.0:
             for stop in range(observed.gap.shape[0]):
+                # Equation (26) between the turning points of the gap.
                 distance, side, time = clearance(segment.flight, observed, stop, z, duration, work[1:3])
                 if math.isnan(distance):
                     result[entry.GAVE_UP] = 1.0
@@ -304,7 +334,8 @@ def observe(segment, observed, y, ends, work, result):
             if half_waves:
                 for coordinate in range(2):
                     sign = sign_absorber if coordinate == 0 else sign_primary
-                    found, sign = turns_of(segment, observed, coordinate, z, duration, sign, scratch, result)
+                    # Half-waves: sign changes of a velocity.
+                    found, sign = sign_changes_of(segment, observed, coordinate, z, duration, sign, scratch, result)
                     if coordinate == 0:
                         changes_absorber += found
                         sign_absorber = sign
@@ -348,9 +379,21 @@ def observe(segment, observed, y, ends, work, result):
                 result[entry.IN_PHASE] = 0.0
 
 
+class PackedObserved(NamedTuple):
+    """An `Observed` in two arrays."""
+
+    rows: np.ndarray  # (4 S + 6, N) those of the gaps, then those of the velocities where there are any
+    bounds: np.ndarray  # (2, S) lower and upper
+
+
+def pack_observed(observed):
+    """The `PackedObserved` of an `Observed`."""
+    return PackedObserved(np.vstack(observed[:4] + observed[6:]), np.array([observed.lower, observed.upper]))
+
+
 @part
 def unpack_observed(observed, bounds):
-    """The `Observed` whose rows stand one after the other in an array."""
+    """The `Observed` that `pack_observed` packed."""
     stops = bounds.shape[1]
     watched = (observed.shape[0] - 4 * stops) // 3
     at = 4 * stops
@@ -368,16 +411,24 @@ def unpack_observed(observed, bounds):
 
 
 @kernel
-def orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
-    """Admissibility and half-waves of the orbit at y: the entries of RESULT from `clearance` to `gave_up`.
-
-    observed (4 S + 6, N): the rows of `Observed` one after the other (4 S of the gaps, then the velocities where there are any),
-    bounds (2, S)."""
-    observe(unpack(pairs, rows, scalars, start_map, shape), unpack_observed(observed, bounds), y, ends, work, result)
+def orbit_observe(packed, observed, y, ends, work, result):
+    """Admissibility and half-waves of the orbit at y: the entries of RESULT from `clearance` to `gave_up`. observed: packed, too."""
+    observe(unpack(packed), unpack_observed(observed.rows, observed.bounds), y, ends, work, result)
 
 
 @kernel
-def two_dof_orbit_observe(pairs, rows, scalars, start_map, shape, observed, bounds, y, ends, work, result):
+def two_dof_orbit_observe(packed, observed, y, ends, work, result):
     """See `orbit_observe`; N = 4."""
-    segment = sized_rows(unpack(pairs, rows, scalars, start_map, shape))
-    observe(segment, unpack_observed(sized(observed, 4), bounds), y, sized(ends, 4), work, result)
+    watched = unpack_observed(sized(observed.rows, 4), observed.bounds)
+    observe(sized_rows(unpack(packed)), watched, y, sized(ends, 4), work, result)
+
+
+class CompiledProblem(NamedTuple):
+    """A problem for a kernel that takes steps of its own (`bvp.kernels.compiled.call_at`)."""
+
+    addresses: np.ndarray  # (3,) int64 of `orbit_step`, `orbit_observe` and `orbit_stability`; 0: not wanted
+    packed: PackedSegment
+    factor: Factor
+    observed: PackedObserved
+    work: np.ndarray  # scratch
+    period: Period

@@ -1,26 +1,23 @@
-"""The end of chattering from the impacts before it.
+"""The end of chattering, and impacts while other contacts stick.
 
 The bounces on a stop that presses back shrink by the restitution: the speed s of leaving obeys s -> restitution s (1 + O(s)), a map whose
 iterates are a power series in restitution^k (Koenigs), and so is everything that moves with them: time, displacements, velocities, energies
-lost. With q = restitution^stride, values after every stride-th impact are x_k = x + a_1 q^k + a_2 q^2k + ..., and Neville's scheme with
-these known ratios takes one power away after the other:
-
-    x_k^(i) = (x_k^(i-1) - q^i x_(k-1)^(i-1))/(1 - q^i)
+lost. With q = restitution^stride, values after every stride-th impact are x_k = x + a_1 q^k + a_2 q^2k + ..., and Neville's scheme,
+equation (28), takes one power away after the other.
 
 The difference between the two last orders is the error of the lower one. The stride keeps q below 1/2, so rounding grows tenfold at most.
 
-Newton's law at several contacts at once (Moreau): an impact while other contacts are held, and the end of bounces that go on together.
+Newton's law holds at several contacts at once (Moreau), equation (8). A sticking contact has no speed, and restitution keeps it so. It
+takes the impulse for this where that presses. Where it would pull, the contact opens and takes none. With r_i the rates and p_j the
+changes by a unit impulse, the impulses a solve
 
-A held contact has no speed, so restitution leaves it without: it takes the impulse that keeps it so, where that presses; where it would
-pull, the contact parts and takes none. With r_i the rates and p_j the changes by a unit impulse, the impulses a solve
-
-    r_i . (z - sum_j a_j p_j) = -restitution r_i . z   at the contact that is struck, = 0 at those that stay
+    r_i . (z - sum_j a_j p_j) = -restitution r_i . z   at the contact that is hit, = 0 at those that keep sticking
 
 The set that stays is found by Murty's principal pivoting: the first contact that errs, by a pull or by an approach, changes sides. It ends,
-for the matrix r_i . p_j is c_i M^-1 c_j with scaled columns, and held gaps do not depend on each other.
+for the matrix r_i . p_j is c_i M^-1 c_j with scaled columns, and sticking gaps do not depend on each other.
 
 Bounces of several contacts that act on each other have one accumulation point. All the speeds across them are zero there, so the velocity
-is that before less its part M^-1 c_S, whatever the order of the bounces; the contacts S that are held from there on are those that press
+is that before less its part M^-1 c_S, whatever the order of the bounces; the contacts S that stick from there on are those that press
 under the present forces, by the same pivoting with accelerations in place of rates. Bounces are followed one by one until none rises
 beyond the contact tolerance, and what is left is taken at once, which is right to the distance that they would still go.
 """
@@ -66,6 +63,7 @@ def extrapolate(table, rows, ratio, values):
     for w in range(values.shape[0]):
         new = values[w]
         power = 1.0
+        # Equation (28), one order after the other.
         for i in range(min(rows, LEVELS - 1) + 1):
             old = table[i, w]
             table[i, w] = new
@@ -81,7 +79,7 @@ def out_of_reach(modes, f, c, z, span, speed, force):
             continue
         d, slope, bend, tolerance = gauge(contacts_of(modes, f), k, z)
         kick = 0.0
-        if (modes.held[f] >> k) & 1 == 0:
+        if (modes.sticking[f] >> k) & 1 == 0:
             for r in range(modes.push.shape[2]):
                 kick += modes.rate[0, k, r] * modes.push[0, c, r]
         moved = span * (abs(slope) + abs(kick) * (speed + force * span)) + span * span * abs(bend)
@@ -91,11 +89,12 @@ def out_of_reach(modes, f, c, z, span, speed, force):
 
 
 @part
-def chatter(modes, f, c, z, x, left, counts, clock, turns, sums, table, values):
+def chatter(modes, f, c, left, motion, table, values):
     """After an impact at contact c in contact mode f: True where chattering ends here, with x and the clock and the sums at its end.
 
     `left`: time to the duration or the next break. `table` (LEVELS, 2 n + 2 + D + S), `values` one row of it.
     """
+    z, x, counts, clock, angles, sums = motion.z, motion.x, motion.counts, motion.clock, motion.angles, motion.sums
     restitution = modes.restitution[c]
     _, slope, bend, tolerance = gauge(contacts_of(modes, f), c, z)
     width = 2 * modes.shape[0]
@@ -105,6 +104,7 @@ def chatter(modes, f, c, z, x, left, counts, clock, turns, sums, table, values):
         counts[entry.BOUNCES] = 0
         return small
     fastest = fastest_rate(flight_of(modes, f))
+    # Time to the end of the bounces, were the press constant: a geometric series.
     span = -2.0 * slope / (bend * (1.0 - restitution))
     if span * fastest > CHATTER_REACH or counts[entry.BOUNCING] != c:
         counts[entry.BOUNCES] = 0
@@ -127,6 +127,7 @@ def chatter(modes, f, c, z, x, left, counts, clock, turns, sums, table, values):
             counts[entry.ROWS] += 1
             order = min(counts[entry.ROWS], LEVELS) - 1
             if order > 0:
+                # The error estimate is the difference of the two highest orders.
                 ahead = table[order, 0] - values[0]
                 time_error = abs(table[order, 0] - table[order - 1, 0])
                 size_u = 0.0
@@ -152,9 +153,9 @@ def chatter(modes, f, c, z, x, left, counts, clock, turns, sums, table, values):
                         x[r] = table[order, 1 + r]
                     for i in range(parts):
                         add(sums, i, table[order, 1 + width + i] - values[1 + width + i])
-                    advance_clock(modes, clock, turns, ahead)
-                    if modes.held[f] != 0:
-                        clock[entry.HELD_TIME] += ahead
+                    advance_clock(modes, clock, angles, ahead)
+                    if modes.sticking[f] != 0:
+                        clock[entry.STICKING_TIME] += ahead
                     clock[entry.SPAN] = ahead
                     return True
     if small:
@@ -163,10 +164,10 @@ def chatter(modes, f, c, z, x, left, counts, clock, turns, sums, table, values):
 
 
 @kernel
-def touches_sticking(modes, held, c):
-    """True where an impulse at contact c acts on a held contact."""
+def touches_sticking(modes, sticking, c):
+    """True where an impulse at contact c acts on a sticking contact."""
     for k in range(modes.side.shape[1]):
-        if (held >> k) & 1 != 0 and interacts(modes.rate[0], modes.push[0], c, k):
+        if (sticking >> k) & 1 != 0 and interacts(modes.rate[0], modes.push[0], c, k):
             return True
     return False
 
@@ -177,6 +178,7 @@ def impulses_of(modes, active, rows, c, factor, z, table):
     table (m, m + 1); 0 at all others, and at those whose gap depends on the others and stops with them. False where it would not."""
     contacts = table.shape[0]
     largest = 0.0
+    # The matrix and right side of equation (8).
     for i in range(contacts):
         for j in range(contacts):
             table[i, j] = 0.0
@@ -188,6 +190,7 @@ def impulses_of(modes, active, rows, c, factor, z, table):
         if (active >> i) & 1 == 0:
             table[i, i] = 1.0
     for k in range(contacts):
+        # Gauss-Jordan elimination of equation (8).
         # r_k . p_k is 1 before the others are eliminated.
         if not table[k, k] > INTERACTION_LEVEL:
             if k == c or not abs(table[k, contacts]) <= INTERACTION_LEVEL * largest:
@@ -209,16 +212,17 @@ def impulses_of(modes, active, rows, c, factor, z, table):
 
 
 @kernel
-def pivot(modes, active, held, rows, c, factor, z, table):
-    """The contacts of `active` that take an impulse, as `impulses_of`, which are in the last column of table: those of `held` only where it
-    presses. -1 where rounding does not decide which these are."""
+def pivot(modes, active, sticking, rows, c, factor, z, table):
+    """The contacts of `active` that take an impulse; those of `sticking` take one only where it presses. They are in the last column of
+    table, as of `impulses_of`. Returns -1 where rounding does not decide which contacts these are."""
     contacts = table.shape[0]
     for _ in range(8 * (contacts + 1)):
         if not impulses_of(modes, active, rows, c, factor, z, table):
             return int64(-1)
+        # Murty's rule: the first contact that pulls, or that approaches without an impulse, changes sides.
         wrong = -1
         for k in range(contacts):
-            if k == c or (held >> k) & 1 == 0:
+            if k == c or (sticking >> k) & 1 == 0:
                 continue
             level = rounding_level(flight_of(modes, 0), rows, k, z)
             if (active >> k) & 1 != 0:
@@ -240,6 +244,7 @@ def pivot(modes, active, held, rows, c, factor, z, table):
 @kernel
 def push_off(modes, z, table):
     """Take the impulses in the last column of table from z."""
+    # Equation (8): z less its impulses.
     contacts = table.shape[0]
     for j in range(contacts):
         for r in range(z.shape[0]):
@@ -247,45 +252,46 @@ def push_off(modes, z, table):
 
 
 @kernel
-def impact_while_sticking(modes, held, c, z, table):
-    """The impact at contact c while the contacts of the bits of `held` are held.
+def impact_while_sticking(modes, sticking, c, z, table):
+    """The impact at contact c while the contacts of the bits of `sticking` stick.
 
-    z (N,) is the state of mode 0 before it, and after it on return; table (m, m + 1) is scratch. Returns (the held contacts that stay, the
-    energy lost at c); (-1, 0) where rounding does not decide which stay."""
-    struck = int64(1) << c
+    z (N,) is the state of mode 0 before it, and after it on return; table (m, m + 1) is scratch. Returns (the contacts that keep sticking,
+    the energy lost at c); (-1, 0) where rounding does not decide which these are."""
+    hit = int64(1) << c
     restitution = modes.restitution[c]
-    active = pivot(modes, held | struck, held, modes.rate[0], c, 1.0 + restitution, z, table)
+    active = pivot(modes, sticking | hit, sticking, modes.rate[0], c, 1.0 + restitution, z, table)
     if active < 0:
         return int64(-1), 0.0
+    # Energy lost at c: impulse times the mean speed before and after.
     loss = 0.5 * modes.contact_mass[c] * table[c, table.shape[0]] * (1.0 - restitution) * row_dot(modes.rate[0], c, z)
     push_off(modes, z, table)
-    return active & ~struck, max(loss, 0.0)
+    return active & ~hit, max(loss, 0.0)
 
 
 @kernel
 def comes_to_rest(modes, still, moving, c, z, table):
-    """(contacts held from here on, contacts that only must not approach any more, time that bounces would still last) where contact c
+    """(contacts that stick from here on, contacts that only must not approach any more, time that bounces would still last) where contact c
     bounces no higher than the contact tolerance and is pressed, while others of the bits of `moving`, which are within the tolerance of
     their bound, bounce no higher either; `still` as of `at_their_bounds`. (0, 0, 0) where that is not so."""
-    struck = int64(1) << c
+    hit = int64(1) << c
     if not low(modes, c, z, 1.0) or modes.restitution[c] == 1.0:
         return int64(0), int64(0), 0.0
-    company = int64(0)
+    others = int64(0)
     for k in range(modes.side.shape[1]):
         if (moving >> k) & 1 != 0 and modes.restitution[k] < 1.0 and low(modes, k, z, 1.0):
-            company |= int64(1) << k
-    if company == 0:
+            others |= int64(1) << k
+    if others == 0:
         return int64(0), int64(0), 0.0
-    together = still | company | struck
+    together = still | others | hit
     rows = modes.acceleration[0]
     stay = pivot(modes, together, together, rows, -1, 1.0, z, table)
-    if stay < 0 or stay & struck == 0:
+    if stay < 0 or stay & hit == 0:
         return int64(0), int64(0), 0.0
     speed = 0.0
     press = math.inf
     left = 1.0
     for k in range(modes.side.shape[1]):
-        if ((company | struck) >> k) & 1 != 0:
+        if ((others | hit) >> k) & 1 != 0:
             d, slope, bend, _ = gauge(contacts_of(modes, 0), k, z)
             speed = max(speed, math.sqrt(slope * slope + 2.0 * abs(bend) * max(d, 0.0)))
         if (stay >> k) & 1 != 0:
@@ -333,8 +339,8 @@ def interacts(rate_rows, push, first, second):
 
 @kernel
 def at_their_bounds(modes, c, z):
-    """Bits of the contacts other than c within the contact tolerance of their bound, at the state z of mode 0: (those without speed, held
-    or not, for a body may lie on its stop unpressed; those with)."""
+    """Bits of the contacts other than c within the contact tolerance of their bound, at the state z of mode 0: (those without speed, those
+    with). The former need not stick: a body may lie on its stop unpressed."""
     still = int64(0)
     moving = int64(0)
     for k in range(modes.side.shape[1]):
@@ -373,7 +379,7 @@ def low(modes, k, z, heights):
 @kernel
 def clash(modes, moving, c, z):
     """(True where a contact of the bits of `moving` arrives together with c, acts on it, and it is not known which is first; how far the
-    end of bounces is left open where rounding tells, in time)."""
+    end of bounces is not known, in time)."""
     open_time = 0.0
     _, speed, press, _ = gauge(contacts_of(modes, 0), c, z)
     for k in range(modes.side.shape[1]):

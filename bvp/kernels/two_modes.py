@@ -1,4 +1,4 @@
-"""A system of two oscillating modes as one row of numbers: their turns, and what dampers take over a flight (see `bvp.kernels.fast_path`).
+"""A system of two oscillating modes as one row of numbers: rotations, and what dampers take over a flight.
 
 What is dissipated are integrals of squares of sums of two decaying oscillations: of exponentials of the sums of two rates, in closed form.
 """
@@ -8,18 +8,18 @@ import math
 from bvp.kernels.compiled import kernel, part
 
 MEAN, FREQUENCY, STEP, LOWER, UPPER, RESTITUTION, MASS, PUSH, PUSH_REST = 0, 2, 4, 5, 6, 7, 8, 9, 13
-INTO, OUT, TURNS, FORM, TERMS = 17, 33, 49, 97, 105
+INTO, OUT, ROTATIONS, FORM, TERMS = 17, 33, 49, 97, 105
 """Where the numbers of a system stand: m and w of the modes; h; the bounds; restitution; mass across the gap; (p, q) of a unit of speed
 across the gap, as the nearest doubles and what these leave; (p, q) of (u, v), 4 x 4, and back; e^{mt} (cos wt, sin wt) of both modes for
-h, h/2, .. h/2^11; mass and stiffness; then for each meter its part, weight and b . v as a row over (p, q)."""
+h, h/2, .. h/2^11; mass and stiffness; then for each damper its part, weight and b . v as a row over (p, q)."""
 
 LEVELS = 12
 
 PARTS = 3
-"""Parts of the dissipation that are told apart."""
+"""Parts of the dissipation that are counted apart."""
 
 AT = 6
-"""Numbers of a meter."""
+"""Numbers of a damper."""
 
 RECIPROCAL = tuple(1.0 / k for k in range(10, 1, -1))
 
@@ -28,18 +28,18 @@ SERIES = 0.1
 
 
 @part
-def turned(m, w, t):
+def rotated(m, w, t):
     """e^{mt} (cos wt, sin wt)."""
     e = math.exp(m * t)
     return e * math.cos(w * t), e * math.sin(w * t)
 
 
 @part
-def turned_a_little(m, w, t, c, s):
-    """(c, s) turned by e^{(m + iw)t} for |t| so small that five terms of the series hold all digits.
+def rotated_slightly(m, w, t, c, s):
+    """(c, s) rotated by e^{(m + iw)t} for |t| so small that five terms of the series hold all digits.
 
-    What the turn changes is added: were the cosine of a small angle itself rounded, it would be so to the same side in motions that hardly
-    vary from impact to impact."""
+    The change by the rotation is added. The cosine of a small angle would itself be rounded, to the same side at each impact of a motion
+    that hardly varies."""
     x = m * t
     y = w * t
     real = 1.0
@@ -56,6 +56,7 @@ def turned_a_little(m, w, t, c, s):
 @part
 def mean_decay(rate, end, t):
     """Integral of exp(rate s) over 0 <= s <= t, given its value at the end."""
+    # Equation (29) for a real rate; a series where the quotient would cancel.
     x = rate * t
     if not abs(x) <= SERIES:
         value = (end - 1.0) / rate
@@ -73,6 +74,7 @@ def mean_decay(rate, end, t):
 @part
 def mean_turn(real, imaginary, end_real, end_imaginary, t):
     """Integral of exp((real + i imaginary) s) over 0 <= s <= t, given its value at the end; imaginary is not 0."""
+    # Equation (29) for a complex rate.
     x = real * t
     y = imaginary * t
     if not abs(x) + abs(y) <= SERIES:
@@ -93,11 +95,11 @@ def mean_turn(real, imaginary, end_real, end_imaginary, t):
 
 
 @kernel
-def spend(system, terms, state, t, turns, taken):
+def spend(system, terms, state, t, rotations, taken):
     """What each part dissipates over a flight of t (infinite: all to come) from the given state, into taken (PARTS,), and their sum;
-    state: (p_1, q_1, p_2, q_2); turns: e^{mt} (cos wt, sin wt) of both modes at its end."""
+    state: (p_1, q_1, p_2, q_2); rotations: e^{mt} (cos wt, sin wt) of both modes at its end."""
     p1, q1, p2, q2 = state
-    c1, s1, c2, s2 = turns
+    c1, s1, c2, s2 = rotations
     m1 = system[MEAN]
     m2 = system[MEAN + 1]
     w1 = system[FREQUENCY]
@@ -119,6 +121,7 @@ def spend(system, terms, state, t, turns, taken):
         y1 = system[at + 2] * q1 - system[at + 3] * p1
         x2 = system[at + 4] * p2 + system[at + 5] * q2
         y2 = system[at + 4] * q2 - system[at + 5] * p2
+        # The integral of the square of a sum of two decaying oscillations.
         own = 0.5 * ((x1 * x1 + y1 * y1) * a1 + (x1 * x1 - y1 * y1) * c11) + x1 * y1 * s11
         own += 0.5 * ((x2 * x2 + y2 * y2) * a2 + (x2 * x2 - y2 * y2) * c22) + x2 * y2 * s22
         own += (x1 * x2 + y1 * y2) * cd + (y1 * x2 - x1 * y2) * sd + (x1 * x2 - y1 * y2) * cs + (x1 * y2 + y1 * x2) * ss
@@ -134,8 +137,8 @@ def taken_after(system, terms, state, t, parts):
     p1, q1, p2, q2 = state
     m1 = system[MEAN]
     m2 = system[MEAN + 1]
-    c1, s1 = turned(m1, system[FREQUENCY], t)
-    c2, s2 = turned(m2, system[FREQUENCY + 1], t)
+    c1, s1 = rotated(m1, system[FREQUENCY], t)
+    c2, s2 = rotated(m2, system[FREQUENCY + 1], t)
     taken = spend(system, terms, state, t, (c1, s1, c2, s2), parts)
     r1 = p1 * c1 + q1 * s1
     i1 = q1 * c1 - p1 * s1
@@ -150,12 +153,12 @@ def taken_after(system, terms, state, t, parts):
 
 
 @kernel
-def fraction_time(system, terms, state, length, whole, wanted, parts):
-    """The time after which the dampers have taken `wanted` of energy on a flight that takes `whole`; `length` may be infinite."""
+def fraction_time(system, terms, state, length, total, wanted, parts):
+    """The time after which the dampers have taken `wanted` of energy on a flight that takes `total`; `length` may be infinite."""
     low = 0.0
     high = length
-    left = whole - wanted
-    t = length * wanted / whole if length < math.inf else math.log(whole / left) / (-system[MEAN] - system[MEAN + 1]) if left > 0.0 else 0.0
+    left = total - wanted
+    t = length * wanted / total if length < math.inf else math.log(total / left) / (-system[MEAN] - system[MEAN + 1]) if left > 0.0 else 0.0
     for _ in range(200):
         taken, power = taken_after(system, terms, state, t, parts)
         residual = taken - wanted
@@ -166,13 +169,13 @@ def fraction_time(system, terms, state, length, whole, wanted, parts):
         # What is left decays, by and large, as an exponential.
         change = -residual / power if power > 0.0 else math.inf
         if high == math.inf or length == math.inf:
-            present = whole - taken
+            present = total - taken
             if present > 0.0 < left and power > 0.0:
                 change = math.log(present / left) * present / power
         better = t + change
         if not low <= better <= high:
             better = 0.5 * (low + high) if high < math.inf else 2.0 * t + 1.0
-        if abs(better - t) <= 1e-14 * t or abs(residual) <= 4e-16 * whole:
+        if abs(better - t) <= 1e-14 * t or abs(residual) <= 4e-16 * total:
             break
         t = better
     return t
@@ -199,8 +202,8 @@ def flown(rates, state, t):
     """The state after a flight of t."""
     m1, w1, m2, w2 = rates
     p1, q1, p2, q2 = state
-    c1, s1 = turned(m1, w1, t)
-    c2, s2 = turned(m2, w2, t)
+    c1, s1 = rotated(m1, w1, t)
+    c2, s2 = rotated(m2, w2, t)
     return p1 * c1 + q1 * s1, q1 * c1 - p1 * s1, p2 * c2 + q2 * s2, q2 * c2 - p2 * s2
 
 
@@ -216,6 +219,7 @@ def climb(rates, row, third, fourth, state, length, peak):
         later = flown(rates, state, size)
         f1, g1, h1 = derivatives(rates, row, later)
         ends = max(abs(f0), abs(f1))
+        # Equation (11): the Bezier coefficients of the cubic through both ends, widened by its error.
         hull = max(ends, max(abs(f0 + size * g0 / 3.0), abs(f1 - size * g1 / 3.0))) + fourth * size * size * size * size / 384.0
         square = size * size / 8.0
         convex = h0 * h1 > 0.0 and min(abs(h0), abs(h1)) > fourth * square

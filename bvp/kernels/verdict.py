@@ -1,10 +1,12 @@
-"""Crossings of motions by the far ends: which flights can hold an orbit, and where it is.
+"""Whether one flight of an interval of starts is decided, from the records of its ends and of its middle.
 
-Whether one flight of an interval of starts is decided, from the records of its ends and of its middle.
+`approaches` finds the crossings of the far ends, equation (34), and `refine_zero` the orbit that one of them holds.
 """
 
 import math
+from typing import NamedTuple
 
+import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import kernel, part
@@ -23,22 +25,83 @@ from bvp.kernels.shooting import (
     STUCK,
     THIRD,
     TIME,
+    Flow,
     advance,
     amplitude,
     follow_impacts,
-    nearest_turns,
+    nearest_turning_points,
 )
 
 MARGIN = 1.2
 """Factor on the bounds that are drawn from samples."""
 
 
-@kernel
-def approaches(flow, kind, row, along, r, tube, window, found, work):
-    """Crossings of one flight by zero displacement (kind ORIGIN) or zero velocity (REST), seen by all starts within r of the middle.
+class StartSearch(NamedTuple):
+    """What a scan of starts looks for, and where it keeps the starts that it follows. D: halvings of an interval."""
 
-    along (4,): derivative of the state by x; tube: how much its displacements (velocities) may differ from that. Times of crossings that
-    hold one orbit at most go into `found`. Returns their number, -1 where the interval has to be split."""
+    flow: Flow
+    times: np.ndarray  # (3,) for each kind of far end the longest time; negative where it is not looked for
+    impacts: np.ndarray  # (3,) int64 and the most inner impacts
+    longest: float  # time that starts are followed for
+    most: int  # and impacts
+    records: np.ndarray  # (3 D + 3, K + 2, COLUMNS) see `follow_impacts`
+    levels: np.ndarray  # (3 D + 3,) int64 rows filled of each record
+    work: np.ndarray  # (16, 16) scratch
+
+
+class Sample(NamedTuple):
+    """One start of an interval: its record, the rows filled, and d theta/d x there."""
+
+    record: np.ndarray  # (K + 2, COLUMNS)
+    rows: int
+    jacobian: float
+
+
+class Samples(NamedTuple):
+    """One flight of both ends and the middle of an interval of half width r: rows of records, and d theta/d x there."""
+
+    a: np.ndarray
+    m: np.ndarray
+    b: np.ndarray
+    jac_a: float
+    jac_m: float
+    jac_b: float
+    r: float
+    grain: float  # of the starts, as floating-point numbers
+
+
+class Tube(NamedTuple):
+    """A flight as all starts within r of the middle see it."""
+
+    row: np.ndarray  # of the middle's record
+    along: np.ndarray  # (4,) derivative of the state by x
+    r: float
+    width: float  # how much the displacements (velocities) of starts may differ from that
+
+
+class Visit(NamedTuple):
+    """A part of a flight near a crossing: times."""
+
+    entered: float
+    left: float
+    nearest: float  # of the least distance
+
+
+class StartBracket(NamedTuple):
+    """An interval of starts, and by how much Newton's method may end outside."""
+
+    low: float
+    high: float
+    beyond_low: float
+    beyond_high: float
+
+
+@kernel
+def approaches(flow, kind, tube, window, found, work):
+    """Crossings of one flight by zero displacement (kind ORIGIN) or zero velocity (REST), seen by all starts of a tube.
+
+    Times of crossings that hold one orbit at most go into `found`. Returns their number, -1 where the interval has to be split."""
+    row, along, r, width = tube
     y = work[7, :4]
     dy = work[8, :4]
     at = 0 if kind == ORIGIN else 2
@@ -69,6 +132,7 @@ def approaches(flow, kind, row, along, r, tube, window, found, work):
             size += row[at + k] * row[at + k]
         if size <= 1e-20 * first_rate and bend > 0.0:
             t = math.sqrt(first_rate / bend)
+    # The distance changes no faster than this, so the steps below cannot pass a crossing.
     lipschitz = fastest + MARGIN * r * turning
     count = 0
     inside = False
@@ -80,7 +144,7 @@ def approaches(flow, kind, row, along, r, tube, window, found, work):
             break
         advance(flow.squares, t, row[:4], along, y, dy)
         size = math.hypot(y[at], y[at + 1])
-        reach = MARGIN * r * (math.hypot(dy[at], dy[at + 1]) + tube)
+        reach = MARGIN * r * (math.hypot(dy[at], dy[at + 1]) + width)
         near = size <= 1.5 * reach
         if near:
             if not inside:
@@ -96,7 +160,7 @@ def approaches(flow, kind, row, along, r, tube, window, found, work):
         else:
             if inside:
                 inside = False
-                count = gather(flow, kind, row, along, r, tube, entered, t, best_time, y, dy, found, count)
+                count = gather(flow, kind, tube, Visit(entered, t, best_time), y, dy, found, count)
                 if count < 0:
                     return -1
                 advance(flow.squares, t, row[:4], along, y, dy)
@@ -104,15 +168,15 @@ def approaches(flow, kind, row, along, r, tube, window, found, work):
     if not t > window:
         return -1
     if inside:
-        count = gather(flow, kind, row, along, r, tube, entered, window, best_time, y, dy, found, count)
+        count = gather(flow, kind, tube, Visit(entered, window, best_time), y, dy, found, count)
     return count
 
 
 @kernel
-def gather(flow, kind, row, along, r, tube, entered, left, nearest, y, dy, found, count):
+def gather(flow, kind, tube, visit, y, dy, found, count):
     """Add the time of one crossing to the first `count` in `found` where it can hold an orbit. Returns their number, -1 where it is
     undecided or there is no room."""
-    verdict, time = crossing(flow, kind, row, along, r, tube, entered, left, nearest, y, dy)
+    verdict, time = crossing(flow, kind, tube, visit, y, dy)
     if verdict == 0:
         return count
     if verdict < 0 or count == found.shape[0]:
@@ -122,8 +186,10 @@ def gather(flow, kind, row, along, r, tube, entered, left, nearest, y, dy, found
 
 
 @part
-def crossing(flow, kind, row, along, r, tube, entered, left, nearest, y, dy):
+def crossing(flow, kind, tube, visit, y, dy):
     """Whether one crossing by zero can hold an orbit: 0 no, 1 one at most, -1 undecided; and the time of the least distance."""
+    row, along, r, width = tube
+    entered, left, nearest = visit
     at = 0 if kind == ORIGIN else 2
     t = nearest
     v0 = 0.0
@@ -147,12 +213,13 @@ def crossing(flow, kind, row, along, r, tube, entered, left, nearest, y, dy):
     w0 = dy[2] if kind == ORIGIN else -flow.squares[0] * dy[0]
     w1 = dy[3] if kind == ORIGIN else -flow.squares[1] * dy[1]
     half = max(left - t, t - entered)
+    # Equation (34): residual and derivative across the velocity, at the least distance.
     residual = (v0 * y[at + 1] - v1 * y[at]) / speed
     rate = (v0 * u1 - v1 * u0) / speed
     size = math.hypot(u0, u1)
     bend = math.hypot(a0, a1) + (abs(flow.squares[0]) + abs(flow.squares[1])) * speed * half
-    vary = tube + half * (math.hypot(w0, w1) + size * bend / speed)
-    if abs(residual) > MARGIN * r * (size + tube):
+    vary = width + half * (math.hypot(w0, w1) + size * bend / speed)
+    if abs(residual) > MARGIN * r * (size + width):
         return 0, t
     if abs(rate) <= MARGIN * vary:
         return -1, t
@@ -162,19 +229,19 @@ def crossing(flow, kind, row, along, r, tube, entered, left, nearest, y, dy):
 
 
 @kernel
-def refine_zero(
-    flow, kind, k, theta, time, low, high, beyond_low, beyond_high, longest, most, record, pattern, work, out
-):  # fmt: skip
+def refine_zero(search, kind, k, theta, time, bracket, record, pattern, out):
     """Newton's method for one orbit in (start, time) from the middle of an interval, kept inside it, where all starts have the impacts of
-    `pattern`, the middle's record. It may end outside by so much: beyond_low, beyond_high. out: theta, time within
+    `pattern`, the middle's record. out: theta, time within
     flight k, residual. Returns (whether it converged, starts followed)."""
+    flow, work = search.flow, search.work
+    low, high, beyond_low, beyond_high = bracket
     y = work[7, :4]
     dy = work[8, :4]
     at = 0 if kind == ORIGIN else 2
     last = math.inf
     span = high - low
     for count in range(12):
-        levels = follow_impacts(flow, theta, longest, most, record, work)
+        levels = follow_impacts(flow, theta, search.longest, k, record, work)
         if levels <= k:
             return False, count
         for i in range(k):
@@ -183,6 +250,7 @@ def refine_zero(
         if kind == STOP:
             if record[k, CONTACT] != pattern[k, CONTACT]:
                 return False, count
+            # Newton's method in theta: the velocity along the stop vanishes.
             step = -record[k, RESIDUAL] / record[k, RESIDUAL + 1]
             time = record[k, DURATION]
             out[2] = abs(record[k, RESIDUAL])
@@ -190,6 +258,7 @@ def refine_zero(
             advance(flow.squares, time, record[k, :4], record[k, 4:8], y, dy)
             v0 = y[2] if kind == ORIGIN else -flow.squares[0] * y[0]
             v1 = y[3] if kind == ORIGIN else -flow.squares[1] * y[1]
+            # Newton's method in (theta, time): the two displacements, or velocities, vanish.
             determinant = dy[at] * v1 - dy[at + 1] * v0
             if determinant == 0.0:
                 return False, count
@@ -228,7 +297,7 @@ SLACK = 1e-10
 what moves a state by less has impacts slower than this."""
 
 TOUCHING = 3.0 * CONTACT_TOLERANCE
-"""Distance below which a touch cannot be told from a hit, a fraction of the sizes that make it up."""
+"""Distance below which a touch cannot be distinguished from a hit, as a part of the sizes that make it up."""
 
 
 @kernel
@@ -249,8 +318,9 @@ def positive_between(value_a, rate_a, value_m, rate_m, value_b, rate_b, r, noise
 
 
 @kernel
-def stays_positive(column, a, m, b, jac_a, jac_m, jac_b, r, grain, noise):
+def stays_positive(column, samples, noise):
     """`positive_between` for one column of three records, with the next column as its derivative. `noise`: without that of the grain."""
+    a, m, b, jac_a, jac_m, jac_b, r, grain = samples
     return positive_between(
         a[column], a[column + 1] * jac_a, m[column], m[column + 1] * jac_m, b[column], b[column + 1] * jac_b, r,
         noise + 8.0 * grain * abs(m[column + 1]),
@@ -259,7 +329,7 @@ def stays_positive(column, a, m, b, jac_a, jac_m, jac_b, r, grain, noise):
 
 @kernel
 def touch_distance(flow, row):
-    """Distance to a stop, anywhere in a flight, below which a touch cannot be told from a hit."""
+    """Distance to a stop, anywhere in a flight, below which a touch cannot be distinguished from a hit."""
     size = 1.0
     for k in range(2):
         size += abs(flow.contacts.gap[0, k]) * amplitude(flow.squares[k], row[k], row[k + 2], row[THIRD], int64(0))
@@ -267,13 +337,14 @@ def touch_distance(flow, row):
 
 
 @kernel
-def flight_verdict(
-    flow, k, a, b, m, levels_a, levels_b, levels_m, jac_a, jac_b, jac_m, r, grain, times, impacts, longest, most, found, count, work
-):
-    """Judge flight k of an interval from the records of its ends and middle (`jac_`: d theta/d x there; r: half its width in x).
+def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, count):
+    """Judge flight k of an interval from its ends and middle; r: half its width in x; grain: of the starts, as floating-point numbers.
 
-    times, impacts (3,): for each kind of far end, the longest time and most inner impacts; a negative time where it is not looked for.
     found (3, P): times of crossings of each kind (for STOP of the impact), count (3,): how many. Returns the verdict."""
+    flow, times, impacts, longest, most, _, _, work = search
+    a, levels_a, jac_a = sample_a
+    b, levels_b, jac_b = sample_b
+    m, levels_m, jac_m = sample_m
     for kind in range(3):
         count[kind] = 0
     earliest = math.inf
@@ -358,20 +429,21 @@ def flight_verdict(
     if spread > VARIATION * VARIATION * size:
         return UNEVEN
     # -- no turning point reaches a stop
+    samples = Samples(ra, rm, rb, jac_a, jac_m, jac_b, r, grain)
     if rm[CLEARANCE] != rm[CLEARANCE]:
-        nearest_turns(flow, rm, 1.05 * longest - rm[TIME], work)
+        nearest_turning_points(flow, rm, 1.05 * longest - rm[TIME], work)
     if rm[CLEARANCE] <= wide:
         if rm[SECOND] <= wide:
             return TOUCHES
         if ra[CLEARANCE] != ra[CLEARANCE]:
-            nearest_turns(flow, ra, 1.05 * longest - ra[TIME], work)
+            nearest_turning_points(flow, ra, 1.05 * longest - ra[TIME], work)
         if rb[CLEARANCE] != rb[CLEARANCE]:
-            nearest_turns(flow, rb, 1.05 * longest - rb[TIME], work)
-        if not stays_positive(CLEARANCE, ra, rm, rb, jac_a, jac_m, jac_b, r, grain, touch_distance(flow, rm)):
+            nearest_turning_points(flow, rb, 1.05 * longest - rb[TIME], work)
+        if not stays_positive(CLEARANCE, samples, touch_distance(flow, rm)):
             return TOUCHES
     # -- the impact is a transversal one, and its arrival is known over the interval
     if not last:
-        if not stays_positive(SPEED, ra, rm, rb, jac_a, jac_m, jac_b, r, grain, 0.0):
+        if not stays_positive(SPEED, samples, 0.0):
             return SLOW
         if rm[ACCELERATION] > 0.0 and rm[SPEED] * rm[SPEED] <= 2.0 * rm[ACCELERATION] * wide:
             return SKIMS
@@ -401,13 +473,15 @@ def flight_verdict(
                 return UNEVEN
     # -- orbits
     reach = min(window + MARGIN * r * abs(rm[DURATION + 1] * jac_m), horizon) if not last else horizon
-    struck = k > 0 or flow.shape[1] >= 0  # motions without any impact are modes, known in closed form
-    if struck and k <= impacts[ORIGIN] and times[ORIGIN] > earliest:
-        count[ORIGIN] = approaches(flow, int64(ORIGIN), rm, along, r, tube_q, min(reach, times[ORIGIN] - earliest), found[ORIGIN], work)
+    with_impacts = k > 0 or flow.shape[1] >= 0  # motions without any impact are modes, known in closed form
+    if with_impacts and k <= impacts[ORIGIN] and times[ORIGIN] > earliest:
+        tube = Tube(rm, along, r, tube_q)
+        count[ORIGIN] = approaches(flow, int64(ORIGIN), tube, min(reach, times[ORIGIN] - earliest), found[ORIGIN], work)
         if count[ORIGIN] < 0:
             return NEAR_ORIGIN
-    if struck and k <= impacts[REST] and times[REST] > earliest:
-        count[REST] = approaches(flow, int64(REST), rm, along, r, tube_p, min(reach, times[REST] - earliest), found[REST], work)
+    if with_impacts and k <= impacts[REST] and times[REST] > earliest:
+        tube = Tube(rm, along, r, tube_p)
+        count[REST] = approaches(flow, int64(REST), tube, min(reach, times[REST] - earliest), found[REST], work)
         if count[REST] < 0:
             return NEAR_REST
     if not last and k <= impacts[STOP] and times[STOP] > earliest + window - MARGIN * r * abs(rm[DURATION + 1] * jac_m):

@@ -12,7 +12,7 @@ from branches.impulsive.motions import ImpulsiveMotions, Traces, impulsive_state
 from branches.impulsive.orbits import certain, impulsive_orbits, judge
 from branches.naming.labels import canonical_label, parse
 from branches.tracing import follow_family
-from bvp.kernels.shooting import TURN, ZERO
+from bvp.kernels.shooting import TURNING, ZERO
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from continuation.control import Settings
@@ -191,7 +191,7 @@ def test_motions_against_a_simulation(h):
     np.testing.assert_allclose(traces.time[1, hits], motion.stop_events.times[: len(hits)], rtol=1e-9)
     for i, j in zip(hits, hits[1:], strict=False):
         assert np.sum(kind[i:j] == ZERO) % 2 == (kind[i] != kind[j])
-        assert np.sum(kind[i:j] == TURN) % 2 == (kind[i] == kind[j])
+        assert np.sum(kind[i:j] == TURNING) % 2 == (kind[i] == kind[j])
     early = traces.time[1, :count] < 6.0
     for name in ("time", "residual", "crossing"):
         value, slope = getattr(traces, name)[:, :count][:, early], getattr(traces, f"{name}_slope")[1, :count][early]
@@ -228,9 +228,9 @@ def one_event(kind, time, **values):
         (1, {}, {}, (False, True, True, False)),
         # an impact that slows down and speeds up again can vanish in between; a turning point can touch a stop, or pass through zero
         (1, {"crossing": 0.01, "crossing_slope": -1.0}, {"crossing": 0.01, "crossing_slope": 1.0}, (False, True, False, False)),
-        (TURN, {"gap": 0.99, "gap_slope": 1.0}, {"gap": 0.99, "gap_slope": -1.0}, (False, True, False, False)),
-        (TURN, {"gap": -0.99, "gap_slope": -1.0}, {"gap": -0.99, "gap_slope": 1.0}, (False, True, False, False)),
-        (TURN, {"gap": 0.01, "gap_slope": -1.0}, {"gap": 0.01, "gap_slope": 1.0}, (False, True, False, False)),
+        (TURNING, {"gap": 0.99, "gap_slope": 1.0}, {"gap": 0.99, "gap_slope": -1.0}, (False, True, False, False)),
+        (TURNING, {"gap": -0.99, "gap_slope": -1.0}, {"gap": -0.99, "gap_slope": 1.0}, (False, True, False, False)),
+        (TURNING, {"gap": 0.01, "gap_slope": -1.0}, {"gap": 0.01, "gap_slope": 1.0}, (False, True, False, False)),
         (ZERO, {"gap": 0.0, "gap_slope": 1.0}, {"gap": 0.0, "gap_slope": -1.0}, (False, True, True, False)),
         (ZERO, {"residual": 0.1, "residual_slope": -2.0}, {"residual": -0.1, "residual_slope": -2.0}, (False, True, True, True)),
         (ZERO, {"residual": 0.1, "residual_slope": -9.0}, {"residual": 0.1, "residual_slope": 9.0}, (False, False, True, False)),
@@ -248,7 +248,7 @@ def test_judge_sees_other_events():
     motions = ImpulsiveMotions(SYSTEM, 4.0)
     none = Traces(np.array([0]), *(np.zeros((1, 1)) for _ in range(9)))
     width = np.array([0.1])
-    assert judge(one_event(ZERO, 1.0), one_event(TURN, 1.0), width, motions, 2.0)[0][0]
+    assert judge(one_event(ZERO, 1.0), one_event(TURNING, 1.0), width, motions, 2.0)[0][0]
     assert judge(one_event(ZERO, 1.0, time_slope=5.0), none, width, motions, 2.0)[0][0]
     assert not judge(one_event(ZERO, 3.8, time_slope=5.0), none, width, motions, 2.0)[0][0]
     assert judge(none, one_event(ZERO, 3.8, time_slope=0.5), width, motions, 2.0)[0][0]

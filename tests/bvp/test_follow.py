@@ -17,10 +17,10 @@ from bvp.kernels.shooting import (
     SECOND,
     SPEED,
     TIME,
-    TURNS,
+    TURNING_POINTS,
     amplitude,
     follow_impacts,
-    nearest_turns,
+    nearest_turning_points,
 )
 from bvp.kernels.verdict import positive_between
 
@@ -113,7 +113,7 @@ def test_turning_points():
             duration = min(row[DURATION], 9.0 - row[TIME])
             if duration < 1e-3:
                 continue
-            nearest_turns(curve.flow, row, 9.0 - row[TIME], np.zeros((16, 16)))
+            nearest_turning_points(curve.flow, row, 9.0 - row[TIME], np.zeros((16, 16)))
             times = np.linspace(0.0, duration, 20001)
             w = np.zeros_like(times)
             for j in range(2):
@@ -121,7 +121,7 @@ def test_turning_points():
                 w += modes.contact_gap[0, j] * (row[j] * np.cos(o * times) + row[2 + j] * np.sin(o * times) / o)
             turns = np.flatnonzero((w[1:-1] - w[:-2]) * (w[2:] - w[1:-1]) < 0.0) + 1
             distances = sorted(1.0 - w[i] if w[i] > w[i - 1] else 1.0 + w[i] for i in turns)
-            assert row[TURNS] == len(turns)
+            assert row[TURNING_POINTS] == len(turns)
             expected = [*distances, np.inf, np.inf][:2]
             assert np.allclose([row[CLEARANCE], row[SECOND]], expected, rtol=0.0, atol=1e-6)
 
@@ -135,7 +135,7 @@ def test_clearance_changes_as_its_derivative_says():
         for step in (-1e-6, 0.0, 1e-6):
             record, count = record_of(curve, parameter + step)
             for k in range(count):
-                nearest_turns(curve.flow, record[k], 9.0 - record[k, TIME], np.zeros((16, 16)))
+                nearest_turning_points(curve.flow, record[k], 9.0 - record[k, TIME], np.zeros((16, 16)))
             rows.append(record[:count])
         for k in range(min(map(len, rows))):
             if (
@@ -209,5 +209,5 @@ def test_more_turning_points_than_are_looked_through_leave_nothing_known():
         (curve,) = curves(saltus.vibro_impact_nes(mu=mu), "origin", 1e-9)
         row = np.zeros(COLUMNS)
         row[:4], row[DURATION] = (0.0, 0.0, 1e-5, 1e-5), np.inf
-        nearest_turns(curve.flow, row, 10.0, np.zeros((16, 16)))
+        nearest_turning_points(curve.flow, row, 10.0, np.zeros((16, 16)))
         assert bool(row[CLEARANCE] > 0.0) is known and bool(row[CLEARANCE] == -np.inf) is not known

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bvp.kernels.bounds import fastest_rate
-from bvp.kernels.energy_budget import doubled_integrals, integral_work, integrals, series_integrals
+from bvp.kernels.energy_budget import Products, doubled_integrals, integral_work, integrals, series_integrals
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_modes import exceptional_point
 from tests.bvp.twins import first_order
@@ -38,7 +38,7 @@ def compiled(system, first, second, z, t):
     modes = system.modes
     rows = [np.array([row]) @ modes.to_state for row in (first, second)]
     out = np.zeros(1)
-    integrals(modes.flight, *rows, np.ones(1), modes.from_state @ z, t, integral_work(len(z), 1), out)
+    integrals(modes.flight, Products(*rows, np.ones(1)), modes.from_state @ z, t, integral_work(len(z), 1), out)
     return out[0]
 
 
@@ -99,11 +99,12 @@ def test_random_systems_and_unequal_rows(n, seed, size, t):
     size = np.sqrt(exact(matrix, a, a, z, t) * exact(matrix, b, b, z, t))
     assert abs(compiled(system, a, b, z, t) - exact(matrix, a, b, z, t)) <= 1e-12 * size
     rows = [np.array([row]) @ modes.to_state for row in (a, b)]
+    products = Products(*rows, np.ones(1))
     start, fastest = modes.from_state @ z, fastest_rate(modes.flight)
     for way in ("series", "doubled"):
         out = np.zeros(1)
         if way == "series":
-            series_integrals(modes.flight, *rows, np.ones(1), start, t, fastest, int(fastest * t) + 1, integral_work(2 * n, 1), out)
+            series_integrals(modes.flight, products, start, t, fastest, int(fastest * t) + 1, integral_work(2 * n, 1), out)
         else:
-            doubled_integrals(modes.flight, *rows, np.ones(1), start, t, fastest, out)
+            doubled_integrals(modes.flight, products, start, t, fastest, out)
         assert abs(out[0] - exact(matrix, a, b, z, t)) <= 1e-12 * size

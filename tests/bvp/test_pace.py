@@ -127,7 +127,7 @@ def test_a_call_passes_as_many_events_as_it_may(slow, monkeypatch):
 
     def counted(*words):
         status = moved(*words)
-        events.append(int(words[5][bvp.kernels.contact_mode.EVENTS]))
+        events.append(int(words[3].counts[bvp.kernels.contact_mode.EVENTS]))
         return status
 
     monkeypatch.setattr(kernels, "move", counted)

@@ -8,7 +8,7 @@ from branches.search import intervals as scanning
 from branches.search.starts import curves
 from bvp.kernels.multipoint import ORIGIN
 from bvp.kernels.shooting import ACCELERATION, CLEARANCE, COLUMNS, CONTACT, DERIVATIVE, DURATION, RESIDUAL, SPEED, TIME, follow_impacts
-from bvp.kernels.verdict import CLOSED, ENDLESS, MARGIN, SKIMS, crossing, flight_verdict
+from bvp.kernels.verdict import CLOSED, ENDLESS, MARGIN, SKIMS, Sample, StartSearch, Tube, Visit, crossing, flight_verdict
 
 LONGEST, MOST = 6.0, 5
 
@@ -16,6 +16,11 @@ LONGEST, MOST = 6.0, 5
 def record_of(curve, parameter):
     record = np.full((MOST + 2, COLUMNS), np.nan)
     return record, follow_impacts(curve.flow, parameter, LONGEST, MOST, record, np.zeros((16, 16)))
+
+
+def search_of(curve, times, impacts, longest, most):
+    """A search that keeps no starts."""
+    return StartSearch(curve.flow, times, impacts, longest, most, np.empty((0, 0, COLUMNS)), np.empty(0, np.int64), np.zeros((16, 16)))
 
 
 @pytest.mark.parametrize("system", [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81)])
@@ -33,10 +38,9 @@ def test_starts_inside_a_closed_interval_have_the_same_impacts(system):
             (a, of_a), (b, of_b), (m, of_m) = (record_of(curve, x) for x in (low, high, middle))
             inside = [record_of(curve, x) for x in np.linspace(low, high, 24)[1:-1]]
             for k in range(MOST):
-                verdict = flight_verdict(
-                    curve.flow, k, a, b, m, of_a, of_b, of_m, 1.0, 1.0, 1.0, r, 4.5e-16, times, impacts, LONGEST, MOST, np.empty((3, 8)),
-                    np.zeros(3, np.int64), np.zeros((16, 16)),
-                )  # fmt: skip
+                search = search_of(curve, times, impacts, LONGEST, MOST)
+                samples = Sample(a, of_a, 1.0), Sample(b, of_b, 1.0), Sample(m, of_m, 1.0)
+                verdict = flight_verdict(search, k, *samples, r, 4.5e-16, np.empty((3, 8)), np.zeros(3, np.int64))
                 if verdict != CLOSED:
                     break
                 horizon = LONGEST - min(x[k, TIME] for x in (a, b, m))
@@ -61,7 +65,7 @@ def test_a_straight_path_past_the_origin(angle, distance, tube, expected):
     row = np.zeros(COLUMNS)
     row[:4] = np.concatenate([distance * normal - speed, speed])
     along = np.concatenate([normal, np.zeros(2)])
-    verdict, time = crossing(flow, ORIGIN, row, along, 0.01, tube, 0.5, 1.5, 0.9, np.empty(4), np.empty(4))
+    verdict, time = crossing(flow, ORIGIN, Tube(row, along, 0.01, tube), Visit(0.5, 1.5, 0.9), np.empty(4), np.empty(4))
     assert verdict == expected and abs(time - 1.0) < 1e-12
 
 
@@ -77,10 +81,9 @@ def width_of(curve, along, window, r=1e-3, acceleration=2.0):
             row[TIME], row[DURATION], row[CONTACT], row[CLEARANCE] = 1.0, window, 0.0, np.inf
             row[SPEED], row[ACCELERATION], row[RESIDUAL] = speed, acceleration, 1e6
         times, impacts = np.array([-1.0, -1.0, 2.0 + window]), np.array([1, 1, 1])
-        return flight_verdict(
-            curve.flow, 1, *records, 2, 2, 2, 1.0, 1.0, 1.0, r, 4.5e-16, times, impacts, 2.0 + window, 1, np.empty((3, 8)),
-            np.zeros(3, np.int64), np.zeros((16, 16)),
-        )  # fmt: skip
+        samples = (Sample(record, 2, 1.0) for record in records)
+        search = search_of(curve, times, impacts, 2.0 + window, 1)
+        return flight_verdict(search, 1, *samples, r, 4.5e-16, np.empty((3, 8)), np.zeros(3, np.int64))
 
     low, high = 1e-12, 10.0
     assert verdict(low) == SKIMS and verdict(high) == CLOSED

@@ -11,7 +11,7 @@ from bvp.closures import cycle_of
 from bvp.kernels import impact as restitution
 from bvp.kernels import pencil as pencils
 from bvp.kernels.flight import flow_matrix
-from bvp.multipliers import saddle_point_multipliers, scaled_arguments
+from bvp.multipliers import saddle_point_multipliers, scaled_nodes
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment
 from tests.bvp.test_multipliers import attracting_cycle
@@ -140,16 +140,17 @@ def _with(mutant):
 
 def pencil_trace(cycle, names):
     """Sum of the nontrivial multipliers from the pencil of a cycle, whose maps are made by the functions given."""
-    (before, after, duration, row, scale, weights), nodes, size = scaled_arguments(cycle)
-    modes = cycle.system.modes
-    maps, along = np.empty((nodes, size, size)), np.empty((nodes, size))
+    scaled = scaled_nodes(cycle)
+    modes, (nodes, size) = cycle.system.modes, scaled.after.shape
+    linear = pencils.Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     left, right = np.zeros((nodes, size, size)), np.zeros((nodes, size, size))
-    jump = 1.0 + modes.contact_restitution
+    contacts = pencils.ContactRows(modes.contact_gap, modes.contact_rate, modes.contact_push, 1.0 + modes.contact_restitution)
     landings = next(mutants(pencils.landings, names))[1]
-    landings(modes.flight, modes.contact_rate, modes.contact_push, jump, before, duration, row, scale, maps, along)
+    landings(modes.flight, contacts, scaled, linear)
     conservative = cycle.system.is_conservative
-    scratch = np.empty((5, size, size)), np.empty(2)
-    pencils.pencil(weights, modes.contact_gap, conservative, after, row, scale, maps, along, left, right, *scratch)
+    # The heights and widths are for the sweep alone.
+    factors = pencils.Factors(left, right, scaled.row, scaled.row, False)
+    pencils.pencil(contacts, scaled, conservative, linear, factors, np.empty((5, size, size)), np.empty(2))
     free = size - 1 - int(conservative)
     product = np.eye(free)
     for i in range(nodes):

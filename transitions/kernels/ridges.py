@@ -1,22 +1,34 @@
 """Chains of maxima of a spectrum: links from one time to the next, and the number of each chain."""
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from bvp.kernels.compiled import kernel
 
-__all__ = ["chains", "link"]
+__all__ = ["Maxima", "chains", "link"]
+
+
+class Maxima(NamedTuple):
+    """The maxima of a spectrum over frequency, column by column."""
+
+    columns: np.ndarray  # (M,) int64, sorted
+    level: np.ndarray  # (M,) frequencies in octaves, rising in each column
+    bounds: np.ndarray  # (n + 1,) int64 first maximum of each column
+    reach: np.ndarray  # (M,) largest change in octaves to the next column
 
 
 @kernel
-def link(columns, level, bounds, reach, spacing, drift, step, following, followed, opened):
+def link(maxima, spacing, drift, step, following, followed, opened):
     """Link each maximum to the one that follows it: following (M,) gets the index, -1 for none.
 
-    columns (M,): sorted; level (M,): frequencies in octaves, rising in each column; bounds (n + 1,): first maximum of each column;
-    reach (M,): largest change in octaves to the next column; step: time between columns. Across a gap the largest change is `spacing`
+    step: time between columns. Across a gap the largest change is `spacing`
     octaves, or `drift` octaves for each period of it, if that is more. followed (M,), opened (M,): arrays to write into.
 
     The first pass links maxima of neighbouring columns that are each other's nearest. The second one links across gaps of less than a
     period, to maxima without a predecessor: to the first in time, and of these to the nearest."""
+    columns, level, bounds, reach = maxima
     count = bounds.shape[0] - 1
     for i in range(columns.shape[0]):
         following[i] = -1

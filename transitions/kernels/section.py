@@ -15,15 +15,26 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.compiled import kernel, whole_at
-from bvp.kernels.contact_mode import Log, Scratch, begin_anew, contacts_of, flight_of, times_matrix
+from bvp.kernels.compiled import integer_at, kernel
+from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, times_matrix
 from bvp.kernels.extrema import rises
 from bvp.kernels.flight import flow_state, inner
 from bvp.kernels.impact import restitute_state
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED
 from bvp.kernels.shooting import event
 
-__all__ = ["COMPLETE", "EVENTS_AT_ONCE", "TIME_OVER", "Crossings", "Following", "Rows", "Work", "follow_section"]
+__all__ = [
+    "COMPLETE",
+    "Crossings",
+    "EVENTS_AT_ONCE",
+    "Following",
+    "Rows",
+    "SectionLimits",
+    "SectionStarts",
+    "TIME_OVER",
+    "Work",
+    "follow_section",
+]
 
 COMPLETE, TIME_OVER = -1, -2
 """How an orbit ended, in addition to the endings of `bvp.kernels.motion`: it has all its crossings; it reached the longest time."""
@@ -50,6 +61,20 @@ class Rows(NamedTuple):
     energy: np.ndarray  # (F, N, N) energy is z . energy z/2
 
 
+class SectionStarts(NamedTuple):
+    """The starts of M orbits."""
+
+    states: np.ndarray  # (M, 2 n) (u, v)
+    changes: np.ndarray  # (M, N) a perturbation of each along the section
+
+
+class SectionLimits(NamedTuple):
+    """Time limits."""
+
+    block_time: float  # length of the simulation in one call; a full log ends it, too
+    longest: float  # of an orbit
+
+
 class Crossings(NamedTuple):
     """The crossings of M orbits, up to P of each."""
 
@@ -67,13 +92,9 @@ class Crossings(NamedTuple):
 class Following(NamedTuple):
     """The orbit that is followed, from one call to the next."""
 
-    z: np.ndarray  # (N,) state at the end of the block
-    x: np.ndarray  # (2 n,) modal coordinates there
+    motion: MotionState  # at the end of the block
     begin: np.ndarray  # (N,) state at the beginning of the next flight
     change: np.ndarray  # (N,) perturbation there
-    numbers: np.ndarray  # (COUNTS,) of `bvp.kernels.motion.move`
-    clock: np.ndarray  # (CLOCK,)
-    dissipated: np.ndarray  # (D + S + 1, 2)
     places: np.ndarray  # (PLACES,) int64
     clocks: np.ndarray  # (CLOCKS,)
 
@@ -86,34 +107,31 @@ class Work(NamedTuple):
     velocity: np.ndarray  # (N,)
     row: np.ndarray  # (N,)
     times: np.ndarray  # (ROOM,)
-    no_loads: np.ndarray  # (0, 2)
-    no_peaks: np.ndarray  # (0,)
-    marks: np.ndarray  # (0, D + S + 3)
     log: Log
     scratch: Scratch
 
 
 @kernel
-def follow_section(simulate, phases, rows, starts, changes, block_time, longest, first, orbit, out, work):
-    """Follow each row (u, v) of `starts` (M, 2 n), from number `first` on, to its P-th crossing. The starts lie on the section.
+def follow_section(simulate, modes, rows, starts, limits, first, orbit, out, work):
+    """Follow each of `starts`, from number `first` on, to its P-th crossing. The starts lie on the section.
 
-    simulate: address of `bvp.kernels.motion.move` (`bvp.kernels.compiled.address_of`). phases: the contact modes. changes (M, N): a
-    perturbation of each start along the section. block_time: length of the simulation in one call of `simulate`; a full log ends it, too.
-    longest: time limit of an orbit. rows, orbit, out, work: `Rows`, `Following`, `Crossings`, `Work`.
+    simulate: address of `bvp.kernels.motion.move` (`bvp.kernels.compiled.address_of`). modes: the contact modes. rows, starts, limits,
+    orbit, out, work: `Rows`, `SectionStarts`, `SectionLimits`, `Following`, `Crossings`, `Work`.
 
     Returns (M, 0) when all orbits are done. Returns (orbit, contacts) if the orbit needs one more contact mode, with these stops sticking:
-    add it and call again; the orbit is then followed from its start. Returns (orbit, -1) if orbit.numbers[PASSES] are used up: set them and
+    add it and call again; the orbit is then followed from its start. Returns (orbit, -1) if motion.counts[PASSES] are used up: set them and
     call again."""
-    numbers, clock = orbit.numbers, orbit.clock
+    motion = orbit.motion
+    numbers, clock = motion.counts, motion.clock
     wanted = out.times.shape[1]
-    for m in range(first, starts.shape[0]):
+    for m in range(first, starts.states.shape[0]):
         if numbers[entry.RUNNING] == 0:
-            begin_anew(numbers, clock, work.no_loads, orbit.dissipated)
-            for r in range(starts.shape[1]):
-                orbit.x[r] = starts[m, r]
-            times_matrix(phases.enter[0], orbit.x, orbit.begin)
-            for r in range(changes.shape[1]):
-                orbit.change[r] = changes[m, r]
+            begin_anew(motion)
+            for r in range(starts.states.shape[1]):
+                motion.x[r] = starts.states[m, r]
+            times_matrix(modes.enter[0], motion.x, orbit.begin)
+            for r in range(starts.changes.shape[1]):
+                orbit.change[r] = starts.changes[m, r]
             orbit.places[MODE] = 0
             orbit.places[SIGN] = 1
             orbit.clocks[ELAPSED] = 0.0
@@ -124,25 +142,19 @@ def follow_section(simulate, phases, rows, starts, changes, block_time, longest,
         status = COMPLETE
         while out.counts[m] < wanted:
             if numbers[entry.RUNNING] == 0:
-                if orbit.clocks[ELAPSED] >= longest:
+                if orbit.clocks[ELAPSED] >= limits.longest:
                     status = TIME_OVER
                     break
                 numbers[entry.EVENTS] = 0
-                orbit.clocks[SPAN] = min(block_time, longest - orbit.clocks[ELAPSED])
+                orbit.clocks[SPAN] = min(limits.block_time, limits.longest - orbit.clocks[ELAPSED])
             numbers[entry.RUNNING] = 0
-            code = whole_at(
-                simulate,
-                (
-                    phases, orbit.clocks[SPAN], MOST, orbit.z, orbit.x, numbers, clock, work.no_loads, orbit.dissipated, work.marks,
-                    work.no_peaks, work.log, work.scratch,
-                ),
-            )  # fmt: skip
+            code = integer_at(simulate, (modes, orbit.clocks[SPAN], MOST, motion, work.log, work.scratch))
             if code == NEW_MODE:
                 return m, numbers[entry.PENDING]
             if code == PAUSED:
                 numbers[entry.RUNNING] = 1
                 return m, int64(-1)
-            if not cross(phases, rows, orbit, out, m, work):
+            if not cross(modes, rows, orbit, out, m, work):
                 status = GAVE_UP
                 break
             if out.counts[m] == wanted:
@@ -157,25 +169,26 @@ def follow_section(simulate, phases, rows, starts, changes, block_time, longest,
             clock[entry.TIME] = 0.0
             clock[entry.TIME_LOW] = 0.0
         out.statuses[m] = status
-    return starts.shape[0], int64(0)
+    return starts.states.shape[0], int64(0)
 
 
 @kernel
-def cross(phases, rows, orbit, out, m, work):
+def cross(modes, rows, orbit, out, m, work):
     """Record the crossings of orbit m in the flights of a block, and carry the perturbation to its end. Returns False if a search gave up.
 
-    The flights stand in work.log; the last of them ends at orbit.z."""
+    The flights stand in work.log; the last of them ends at the motion's state."""
+    motion = orbit.motion
     log = work.log
     wanted = out.times.shape[1]
-    events = orbit.numbers[entry.EVENTS]
+    events = motion.counts[entry.EVENTS]
     started = 0.0
     bouncing = False  # no stop sticks while bounces are summed, although the log names the contact mode in which they end
     for k in range(events + 1):
         last = k == events
         impact = not last and log.numbers[k, 0] == entry.IMPACT
         f = orbit.places[MODE]
-        flight, functional = flight_of(phases, f), rows.functional[f]
-        end = orbit.clock[entry.TIME] if last else log.values[k, 0]
+        flight, functional = flight_of(modes, f), rows.functional[f]
+        end = motion.clock[entry.TIME] if last else log.values[k, 0]
         duration = max(0.0, end - started)
         found, sign = rises(
             flight, functional[0], functional[1], functional[2], orbit.begin, duration, orbit.places[SIGN], work.times, work.row
@@ -194,21 +207,21 @@ def cross(phases, rows, orbit, out, m, work):
             out.sticking_times[m] += duration
         if out.counts[m] == wanted:
             return True
-        after = orbit.numbers[entry.MODE] if last else log.numbers[k, 2]
+        after = motion.counts[entry.MODE] if last else log.numbers[k, 2]
         if f != 0 or after != 0:
             for r in range(orbit.change.shape[0]):
                 orbit.change[r] = math.nan
         elif impact:
             contact = log.numbers[k, 1]
-            event(flight, phases.gap[0], contact, orbit.begin, orbit.change, duration, work.state, work.image, work.velocity)
-            restitute_state(contacts_of(phases, 0), contact, work.image, orbit.change)
+            event(flight, modes.gap[0], contact, orbit.begin, orbit.change, duration, work.state, work.image, work.velocity)
+            restitute_state(contacts_of(modes, 0), contact, work.image, orbit.change)
         else:
             flow_state(flight, orbit.change, duration, work.image)
             for r in range(orbit.change.shape[0]):
                 orbit.change[r] = work.image[r]
         out.impacts[m] += 1 if impact else 0
         for r in range(orbit.begin.shape[0]):
-            orbit.begin[r] = orbit.z[r] if last else log.states[k, r]
+            orbit.begin[r] = motion.z[r] if last else log.states[k, r]
         started = end
         bouncing = not last and log.numbers[k, 0] == entry.CHATTER and f == 0
         orbit.places[MODE] = after

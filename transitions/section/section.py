@@ -19,14 +19,14 @@ from bvp.checks import is_finite
 from bvp.interrupts import Pace
 from bvp.kernels import motion as motion_kernels
 from bvp.kernels.compiled import address_of
-from bvp.kernels.contact_mode import CLOCK, COUNTS, PASSES
+from bvp.kernels.contact_mode import PASSES
 from bvp.simulate import Simulator
 from bvp.texts import brief, listed, shown
 from transitions.kernels import section as kernels
 from transitions.section.plane import SectionPlane, checked_points
 
 if TYPE_CHECKING:
-    from bvp.kernels.contact_mode import ContactModes
+    from bvp.kernels.contact_mode import ContactModes, MotionState
     from bvp.system import ImpactSystem
 
 __all__ = ["Section", "SectionEnd", "follow_crossings", "section"]
@@ -216,22 +216,20 @@ def follow_crossings(
         directions = np.tile([0.5 * (high - low), plane.height(min(max(0.0, low), high))], (count, 1))
     changes = plane.tangents(starts, checked_points(directions, "directions"))
     shortest, slowest = _periods(plane)
-    limit = _PATIENCE * slowest * crossings if longest is None else float(longest)
+    limits = kernels.SectionLimits(_PERIODS * shortest, _PATIENCE * slowest * crossings if longest is None else float(longest))
     out = _no_crossings(count, crossings)
     first, sticking = 0, 0
     pace = Pace()
     while first < count:
         if sticking >= 0:  # with one more contact mode the orbit is followed from its start
-            phases = simulator.table.stacked
-            rows = kernels.Rows(*plane.rows(phases))
-            orbit, work = _arrays(simulator, phases)
-            simulate = _address_of_move(phases, work)
-        orbit.numbers[PASSES] = pace.passes
+            modes = simulator.table.stacked
+            rows = kernels.Rows(*plane.rows(modes))
+            begun = kernels.SectionStarts(np.concatenate([u, v], 1), changes @ modes.enter[0].T)
+            orbit, work = _arrays(simulator, modes)
+            simulate = _address_of_move(modes, orbit.motion, work)
+        orbit.motion.counts[PASSES] = pace.passes
         with pace:
-            first, sticking = kernels.follow_section(
-                simulate, phases, rows, np.concatenate([u, v], 1), changes @ phases.enter[0].T, _PERIODS * shortest, limit, first, orbit,
-                out, work,
-            )  # fmt: skip
+            first, sticking = kernels.follow_section(simulate, modes, rows, begun, limits, first, orbit, out, work)
         if first < count and sticking >= 0:
             simulator.table.add(int(sticking))
     return Section(plane, *out[:-1], ends=tuple(_ENDS[code] for code in out.statuses.tolist()))
@@ -245,32 +243,24 @@ def _no_crossings(m: int, k: int) -> kernels.Crossings:
     return kernels.Crossings(times, points, energies, growths, tangents, counts, impacts, np.zeros(m), statuses)
 
 
-def _arrays(simulator: Simulator, phases: ContactModes) -> tuple[kernels.Following, kernels.Work]:
+def _arrays(simulator: Simulator, modes: ContactModes) -> tuple[kernels.Following, kernels.Work]:
     """Arrays for the orbit that is followed, and to write into."""
-    n, size = simulator.system.degrees_of_freedom, phases.matrix.shape[1]
+    n, size = simulator.system.degrees_of_freedom, modes.matrix.shape[1]
     log, scratch = simulator.log(kernels.EVENTS_AT_ONCE), simulator.scratch(np.zeros(2 * n))
     z, begin, change, state, image, velocity, row = np.zeros((7, size))
     orbit = kernels.Following(
-        z=z,
-        x=np.zeros(2 * n),
+        motion=simulator.state(0, 0)._replace(z=z),
         begin=begin,
         change=change,
-        numbers=np.zeros(COUNTS, dtype=np.int64),
-        clock=np.zeros(CLOCK),
-        dissipated=np.zeros((log.sums.shape[1], 2)),
         places=np.zeros(kernels.PLACES, dtype=np.int64),
         clocks=np.zeros(kernels.CLOCKS),
     )
-    marks = np.zeros((0, len(simulator.parts) + 3))
-    times = np.zeros(kernels.ROOM)
-    return orbit, kernels.Work(state, image, velocity, row, times, np.zeros((0, 2)), np.zeros(0), marks, log, scratch)
+    return orbit, kernels.Work(state, image, velocity, row, np.zeros(kernels.ROOM), log, scratch)
 
 
-def _address_of_move(phases: ContactModes, work: kernels.Work) -> int:
+def _address_of_move(modes: ContactModes, motion: MotionState, work: kernels.Work) -> int:
     """Address of `bvp.kernels.motion.move`, compiled for the types that `Simulator.run` uses, too."""
-    line, table, counts = np.zeros(0), np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
-    arguments = (phases, 0.0, kernels.MOST, line, line, counts, line, table, table, work.marks, line, work.log, work.scratch)
-    return address_of(motion_kernels.move, arguments)
+    return address_of(motion_kernels.move, (modes, 0.0, kernels.MOST, motion, work.log, work.scratch))
 
 
 def _periods(plane: SectionPlane) -> tuple[float, float]:
