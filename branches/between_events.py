@@ -132,7 +132,7 @@ def decide_between(
 
 def _agreed(stable: list[int], solve: Callable[[int], int]) -> list[int]:
     """The stability of the points of an interval without an event, where neighbours differ in fifty digits: beside a branch point the error
-    of an orbit can be larger than double precision tells."""
+    of an orbit can be larger than its estimate in double precision."""
     out, asked = list(stable), set[int]()
     while doubtful := {k for pair in pairwise(range(len(out))) if sorted(out[k] for k in pair) == [0, 1] for k in pair} - asked:
         for k in sorted(doubtful):

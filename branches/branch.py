@@ -157,7 +157,7 @@ class Branch:
         IndexError
             For a point that the branch does not have.
         TypeError
-            For what is no whole number.
+            If it is not an integer.
         """
         try:
             i = operator.index(i)

@@ -289,7 +289,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` as UTF-8 to `path`: whole, or not at all.
+    """Write `text` as UTF-8 to `path`: completely, or not at all.
 
     Parameters
     ----------

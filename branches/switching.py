@@ -110,7 +110,7 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndar
             continue
         apart = float(np.max(np.abs(side - middle)))
         kept = float(np.max(np.abs(presentation.unknowns(problem) - middle))) < NEAR * float(np.max(np.abs(middle)))
-        # A third of three turns keeps the middle and changes the side, but takes it to no other one.
+        # A third of a 3-fold cover keeps the middle and changes the side, but takes it to no other one.
         if kept and float(np.max(np.abs(image.of(problem, side).unknowns(problem) + side - 2.0 * middle))) < 0.5 * apart:
             found.append(image)
     return sorted(found, key=lambda image: not image.is_the_same_orbit(problem))
@@ -153,7 +153,7 @@ def _event(problem: MultipointProblem, event: BranchEvent, solution: Solution, l
 
 
 class EmanatingFamily(NamedTuple):
-    """One side of a family that is born or crossed at an event.
+    """One side of a family that starts or crosses at an event.
 
     problem : MultipointProblem
         What its orbits solve.
@@ -174,7 +174,7 @@ class EmanatingFamily(NamedTuple):
 
 @takes_options_of(follow_family)
 def switch(branch: Branch, event: BranchEvent | str, **options: Any) -> list[Branch]:
-    """The families born or crossed at an event, each followed away from it.
+    """The families that start or cross at an event, each followed away from it.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def switch(branch: Branch, event: BranchEvent | str, **options: Any) -> list[Bra
     Warns
     -----
     RuntimeWarning
-        Where two families are born, and one of them is not found.
+        Where two families start, and one of them is not found.
     """
     out = []
     for emanating in emanating_families(branch, branch.event(event)):
@@ -210,15 +210,15 @@ def switch(branch: Branch, event: BranchEvent | str, **options: Any) -> list[Bra
             met = follow_family(emanating.problem, emanating.step, **{"direction": "both", **options})
             out.append(replace(met, cover=emanating.cover))
             continue
-        born = follow_family(emanating.problem, emanating.step, direction="along", **options)
-        out.append(born)
+        side = follow_family(emanating.problem, emanating.step, direction="along", **options)
+        out.append(side)
         if emanating.image is not None:
-            out.append(image_of(born, emanating.image))
+            out.append(image_of(side, emanating.image))
     return out
 
 
 def emanating_families(branch: Branch, event: BranchEvent) -> list[EmanatingFamily]:
-    """The families born or crossed at an event, as starts from which to follow them; raises what `switch` raises."""
+    """The families that start or cross at an event, as starts from which to follow them; raises what `switch` raises."""
     if event.type not in TYPES:
         raise ValueError(f"{event.id} is of type {event.type}; switching starts from BP, SB, PD or RT")
     problem = branch.problem
@@ -321,7 +321,7 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
     """Half the new orbits' periods, from each kind of instant about which they can reverse.
 
     The map over a half period (with u to -u where orbits have that symmetry; over the period where not) turns its plane by 2 pi r/s. Its
-    orbits that return after s are born in two families, one on each kind of line that a reversal keeps: for odd s every line holds
+    orbits that return after s start in two families, one on each kind of line that a reversal keeps: for odd s every line holds
     one of them on either side of the old orbit; for even s a line holds the same one on both sides.
     """
     if event.p_q is None:
@@ -329,7 +329,7 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
     p, q = event.p_q
     if problem.periodic:
         if q != 3:
-            raise ValueError(f"{event.id}: switching at a {q}-tupling needs orbits with a reversal; these have none, and triple at most")
+            raise ValueError(f"{event.id}: switching at a {p}:{q} resonance needs orbits with a reversal; without one q is 3 at most")
         return [3]
     if problem.quarters == 1:
         half = 2.0 + 4.0 * here["b"] * here["c"]
@@ -350,7 +350,7 @@ def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: Br
         try:
             return tripling_direction(Family(wide), y, known, scale)
         except SwitchError as error:
-            raise RuntimeError(f"no family of tripled orbits at {event.id}: {error}") from error
+            raise RuntimeError(f"no family of 3-fold orbits at {event.id}: {error}") from error
     _, singular, rows = np.linalg.svd(wide.jacobian(y) * scale)
     if singular[-1] > _GAP * singular[0]:
         raise RuntimeError(
@@ -361,7 +361,7 @@ def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: Br
         try:
             return branch_directions(Family(wide), y, known)[0]
         except SwitchError as error:
-            raise RuntimeError(f"no family of tripled orbits at {event.id}: {error}") from error
+            raise RuntimeError(f"no family of 3-fold orbits at {event.id}: {error}") from error
     null = rows[-2:]
     along = null @ (known / scale)
     across = np.array([-along[1], along[0]]) / np.hypot(along[0], along[1])

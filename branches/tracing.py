@@ -369,7 +369,7 @@ def _why_bracketed(details: Mapping[str, Any]) -> str:
     if details.get("kind") == "pole":
         return "its test function grows without bound there"
     if details.get("kind") == "jump":
-        return "its test function changes sign without passing zero, as far as steps can be told apart"
+        return "its test function changes sign without passing zero, as far as steps can resolve it"
     return f"nearer steps fail, as where two families nearly touch ({details.get('reason') or 'no reason given'})"
 
 

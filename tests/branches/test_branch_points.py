@@ -1,6 +1,6 @@
 """Branch points where families with more symmetry, or with several turns, are crossed.
 
-Oracles: the way there and back; the normal form of a q-tupling.
+Oracles: the way there and back; the normal form of a p:q resonance.
 """
 
 import numpy as np
@@ -81,7 +81,7 @@ def test_orbits_without_a_reversal_triple():
         ids.add(follow_family(family.problem, family.step, energy=(9.0, 10.5), quarter_period=5.1).id)
     assert len(ids) == 1
     other = next(event for event in born.events if event.type == "RT" and event.p_q[1] != 3)
-    with pytest.raises(ValueError, match="triple at most"):
+    with pytest.raises(ValueError, match="q is 3 at most"):
         emanating_families(born, other)
 
 

@@ -45,7 +45,7 @@ def test_traces_are_those_of_the_return_map(seed):
 
 @pytest.mark.parametrize("tau", [-2.5, -2.0, -1.5, 2.0])
 def test_periodic_orbits_have_the_trace_itself(tau):
-    """Doubling at tau = -2, q-tupling at tau = 2 cos(2 pi p/q)."""
+    """Doubling at tau = -2, p:q resonance at tau = 2 cos(2 pi p/q)."""
     result = np.zeros(len(RESULT))
     result[TRACE] = tau
     result[SPEEDS] = SPEED
