@@ -83,7 +83,7 @@ def test_rounding_of_the_energy_is_no_turning_point():
         return missed_events(replace(branch, points=branch.points | {"h": branch.points["h"] * (1.0 + size * noise)}))
 
     assert noisy(0.9) == []
-    # Of two points between which the energy changes least, away from events, the one is moved beyond the other.
+    # The two points between which the energy changes most change places.
     quiet = int(np.argmax(np.abs(np.diff(branch.points["h"]))))
     h = branch.points["h"].copy()
     h[quiet], h[quiet + 1] = h[quiet + 1], h[quiet]
