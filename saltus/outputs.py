@@ -9,12 +9,13 @@ import argparse
 import json
 import os
 import stat
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from branches.files import (
     DATABASE,
@@ -29,7 +30,7 @@ from branches.files import (
 )
 from bvp.interrupts import Held, held
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say, say_and_code
-from saltus.terminal import outlast, plain_stream, words_stream
+from saltus.terminal import StandardOutput, outlast, plain_stream
 
 if TYPE_CHECKING:
     from branches.export.tables import Table
@@ -244,7 +245,7 @@ class Outputs:
     @property
     def words(self) -> TextIO:
         """The stream for what is printed: standard error where standard output carries data."""
-        return words_stream(self.to_stdout)
+        return cast(TextIO, StandardOutput(sys.stderr)) if self.to_stdout else sys.stdout
 
     def report(self, lines: Iterable[str]) -> None:
         """Print lines."""

@@ -24,7 +24,6 @@ __all__ = [
     "plain_stream",
     "printable",
     "standard_output",
-    "words_stream",
 ]
 
 KEPT = "\n\t"
@@ -143,11 +142,6 @@ def standard_output() -> Iterator[StandardOutput]:
     stream = StandardOutput(sys.stdout)
     with contextlib.redirect_stdout(cast(Any, stream)), contextlib.redirect_stderr(cast(Any, StandardError(sys.stderr))):
         yield stream
-
-
-def words_stream(data: bool) -> TextIO:
-    """The stream for what is printed: standard error where standard output carries data."""
-    return cast(TextIO, StandardOutput(sys.stderr)) if data else sys.stdout
 
 
 def outlast() -> None:

@@ -67,7 +67,7 @@ def test_pipes_are_written_by_their_path(tmp_path):
 @POSIX
 @pytest.mark.parametrize(
     ("words", "schema"),
-    [(f"{QUICK} --json", 2), ("list --catalogue {catalogue} --json", 1), ("export points --catalogue {catalogue} --json", 1)],
+    [(f"{QUICK} --json", 2), ("list --catalogue {catalogue} --json", 2), ("export points --catalogue {catalogue} --json", 1)],
 )
 def test_the_path_of_standard_output_is_standard_output(catalogue, words, schema):
     """Oracle: what comes with -; as for that, a second result has no place there."""
