@@ -189,3 +189,48 @@ def reset_loads(modes, f, index, z):
         level = modes.levels[index, g, 0] - (modes.levels[index - 1, g, 0] + modes.levels[index - 1, g, 1] * span)
         for r in range(z.shape[0]):
             z[r] += modes.enter[f, r, at + 2 * g] * level + modes.enter[f, r, at + 2 * g + 1] * slope
+
+
+@kernel
+def add(sums, i, value):
+    """Add to a compensated sum: sums[i, 0] + sums[i, 1] (Neumaier)."""
+    total = sums[i, 0] + value
+    if abs(sums[i, 0]) >= abs(value):
+        sums[i, 1] += (sums[i, 0] - total) + value
+    else:
+        sums[i, 1] += (value - total) + sums[i, 0]
+    sums[i, 0] = total
+
+
+@part
+def advance_clock(modes, clock, angles, flight):
+    """Add a flight to the time, kept in two parts, and to the angles of the loads."""
+    for g in range(modes.frequency.shape[0]):
+        add(angles, g, modes.frequency[g] * flight)
+    # A compensated sum.
+    total = clock[TIME] + flight
+    clock[TIME_LOW] += (clock[TIME] - total) + flight if clock[TIME] >= flight else (flight - total) + clock[TIME]
+    clock[TIME] = total + clock[TIME_LOW]
+    clock[TIME_LOW] = (total - clock[TIME]) + clock[TIME_LOW]
+
+
+@kernel
+def log_event(log, kind, contact, motion, before, z):
+    """Write one event, where there is room."""
+    counts, clock, sums = motion.counts, motion.clock, motion.sums
+    row = counts[EVENTS]
+    if row >= log.numbers.shape[0]:
+        return
+    log.numbers[row, 0] = kind
+    log.numbers[row, 1] = contact
+    log.numbers[row, 2] = counts[MODE]
+    log.values[row, 0] = clock[TIME]
+    log.values[row, 1] = clock[SPEED]
+    log.values[row, 2] = clock[LOSS]
+    for r in range(log.before.shape[1]):
+        log.before[row, r] = before[r]
+    for r in range(z.shape[0]):
+        log.states[row, r] = z[r]
+    for i in range(sums.shape[0]):
+        log.sums[row, i] = sums[i, 0] + sums[i, 1]
+    counts[EVENTS] = row + 1

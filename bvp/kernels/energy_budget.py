@@ -21,7 +21,7 @@ import numpy as np
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import allocating, kernel, part
-from bvp.kernels.contact_mode import flight_of, times_matrix
+from bvp.kernels.contact_mode import add, advance_clock, flight_of, log_event, times_matrix
 from bvp.kernels.extrema import peak_flight
 from bvp.kernels.flight import block_product, flow_matrix, flow_state, row_dot
 
@@ -326,29 +326,6 @@ MARK_LEVEL = 4e-16
 
 
 @kernel
-def add(sums, i, value):
-    """Add to a compensated sum: sums[i, 0] + sums[i, 1] (Neumaier)."""
-    total = sums[i, 0] + value
-    if abs(sums[i, 0]) >= abs(value):
-        sums[i, 1] += (sums[i, 0] - total) + value
-    else:
-        sums[i, 1] += (value - total) + sums[i, 0]
-    sums[i, 0] = total
-
-
-@part
-def advance_clock(modes, clock, angles, flight):
-    """Add a flight to the time, kept in two parts, and to the angles of the loads."""
-    for g in range(modes.frequency.shape[0]):
-        add(angles, g, modes.frequency[g] * flight)
-    # A compensated sum.
-    total = clock[entry.TIME] + flight
-    clock[entry.TIME_LOW] += (clock[entry.TIME] - total) + flight if clock[entry.TIME] >= flight else (flight - total) + clock[entry.TIME]
-    clock[entry.TIME] = total + clock[entry.TIME_LOW]
-    clock[entry.TIME_LOW] = (total - clock[entry.TIME]) + clock[entry.TIME_LOW]
-
-
-@kernel
 def dissipated(sums, parts):
     """Sum of what the first `parts` sums hold."""
     total = 0.0
@@ -482,28 +459,6 @@ def stop_contact(modes, c, motion, work):
     lose(modes, c, loss, motion)
     clock[entry.SPEED] = abs(speed)
     clock[entry.LOSS] = loss
-
-
-@kernel
-def log_event(log, kind, contact, motion, before, z):
-    """Write one event, where there is room."""
-    counts, clock, sums = motion.counts, motion.clock, motion.sums
-    row = counts[entry.EVENTS]
-    if row >= log.numbers.shape[0]:
-        return
-    log.numbers[row, 0] = kind
-    log.numbers[row, 1] = contact
-    log.numbers[row, 2] = counts[entry.MODE]
-    log.values[row, 0] = clock[entry.TIME]
-    log.values[row, 1] = clock[entry.SPEED]
-    log.values[row, 2] = clock[entry.LOSS]
-    for r in range(log.before.shape[1]):
-        log.before[row, r] = before[r]
-    for r in range(z.shape[0]):
-        log.states[row, r] = z[r]
-    for i in range(sums.shape[0]):
-        log.sums[row, i] = sums[i, 0] + sums[i, 1]
-    counts[entry.EVENTS] = row + 1
 
 
 @kernel

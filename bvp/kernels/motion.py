@@ -13,8 +13,18 @@ from numba import int64
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.contact_mode import begin_anew, cannot_hit, contacts_of, find_mode, flight_of, reset_loads, times_matrix, write_loads
-from bvp.kernels.energy_budget import damped, fly, log_chatter, log_event, lose, stop_contact
+from bvp.kernels.contact_mode import (
+    begin_anew,
+    cannot_hit,
+    contacts_of,
+    find_mode,
+    flight_of,
+    log_event,
+    reset_loads,
+    times_matrix,
+    write_loads,
+)
+from bvp.kernels.energy_budget import damped, fly, log_chatter, lose, stop_contact
 from bvp.kernels.extrema import peak_flight
 from bvp.kernels.flight import flight_at, flow_state, row_dot
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, bounce, next_impact, rounding_level

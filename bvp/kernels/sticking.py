@@ -29,8 +29,7 @@ from numba import int64
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.contact_mode import contacts_of, flight_of
-from bvp.kernels.energy_budget import add, advance_clock
+from bvp.kernels.contact_mode import add, advance_clock, contacts_of, flight_of
 from bvp.kernels.flight import row_dot
 from bvp.kernels.impact import NEAR, gauge, rounding_level
 
