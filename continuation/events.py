@@ -379,13 +379,14 @@ def make_event(found: FoundEvent, position: Any, arclength: float, index: int) -
         data["kind"] = location.kind
         if location.reason:
             data["reason"] = location.reason
-    ends = [arclength + arclength_between(position, end) for end in (location.low, location.high)]
+    place, *ends = (arclength + arclength_between(position, step) for step in (location.step, location.low, location.high))
     return Event(
         code=found.details.code,
         test=found.index,
         status=location.status,
-        arclength=arclength + arclength_between(position, location.step),
-        bracket=(min(ends) - location.margin, max(ends) + location.margin),
+        arclength=place,
+        # Three lengths that are equal to rounding can be in any order.
+        bracket=(min(place, *ends) - location.margin, max(place, *ends) + location.margin),
         residual=location.residual,
         point=location.step,
         index=index,
