@@ -14,8 +14,19 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from branches.kernels.advance import Beginning, Block, Goal, WatchedTests, advance_block
-from branches.kernels.event_functions import COMMON, NOISE, PIVOT_NOISE, common_tests, is_orbit, two_dof_tests
+from branches.kernels import (
+    COMMON,
+    NOISE,
+    PIVOT_NOISE,
+    Beginning,
+    Block,
+    Goal,
+    WatchedTests,
+    advance_block,
+    common_tests,
+    is_orbit,
+    two_dof_tests,
+)
 from branches.orbit import label_text
 from bvp.checks import changeable
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
@@ -316,7 +327,7 @@ class Family:
             return [math.nan] * (5 if self._kind == "quarter" else 4)
         pivot = abs(float(solution["branching"]))
         level = (NOISE + PIVOT_NOISE / pivot) * float(np.max(np.abs(phi))) if pivot > 0.0 else math.inf
-        speeds = float(solution["speeds"])  # see `branches.kernels.event_functions.two_dof_tests`
+        speeds = float(solution["speeds"])  # see `branches.kernels.two_dof_tests`
         out = []
         for block in (b, a, d):
             singular = np.linalg.svd(block, compute_uv=False)

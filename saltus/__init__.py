@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from branches.grazing.at_linear_modes import families_at as families_at
     from branches.grazing.following import Neighbour as Neighbour
     from branches.grazing.following import neighbours as neighbours
-    from branches.impulsive.manifold import impulsive_manifold as impulsive_manifold
+    from branches.impulsive.motions import impulsive_manifold as impulsive_manifold
     from branches.impulsive.orbits import impulsive_orbits as impulsive_orbits
     from branches.linear_modes import LinearMode as LinearMode
     from branches.linear_modes import linear_modes as linear_modes
@@ -85,7 +85,7 @@ _HOME = {
     "branches.export.figure_data": "read_atlas write_atlas",
     "branches.grazing.at_linear_modes": "families_at",
     "branches.grazing.following": "Neighbour neighbours",
-    "branches.impulsive.manifold": "impulsive_manifold",
+    "branches.impulsive.motions": "impulsive_manifold",
     "branches.impulsive.orbits": "impulsive_orbits",
     "branches.linear_modes": "LinearMode linear_modes",
     "branches.orbit": "Orbit",

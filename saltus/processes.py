@@ -39,8 +39,8 @@ def one_thread() -> None:
 
 def prepare(**kernels: bool) -> None:
     """Report that kernels will be compiled, if they were not before, and compile some of them in a second process. If that process cannot
-    start or fails, this one compiles everything. `kernels` is as for `branches.kernels.warm.kept`."""
-    from branches.kernels.warm import kept
+    start or fails, this one compiles everything. `kernels` is as for `branches.warm.kept`."""
+    from branches.warm import kept
     from bvp.kernels.cache import keeps
 
     if kept(**kernels):
@@ -50,7 +50,7 @@ def prepare(**kernels: bool) -> None:
         return
     try:
         subprocess.Popen(
-            [sys.executable, "-m", "branches.kernels.warm"],
+            [sys.executable, "-m", "branches.warm"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -20,7 +20,7 @@ def pytest_sessionstart(session):
     other's on disk when it needs them."""
     worker = getattr(session.config, "workerinput", {}).get("workerid")
     if worker == "gw0":
-        from branches.kernels.warm import warm
+        from branches.warm import warm
 
         warm()
     elif worker == "gw1":

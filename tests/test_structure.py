@@ -95,7 +95,7 @@ def test_a_circle_is_found_also_inside_functions_and_through_packages(tmp_path):
         ("bvp", {"numpy", "numba", "scipy"}),
         ("bvp.lagrangian, bvp.system", {"sympy"}),
         ("continuation.run, continuation.generic, continuation.switching", {"scipy", "sympy", "matplotlib", "numba"}),
-        ("branches.figures.branch, branches.figures.atlas, branches.figures.orbit", {"matplotlib"}),
+        ("branches.figures.single, branches.figures.atlas", {"matplotlib"}),
     ],
 )
 def test_what_a_package_does_not_load(loaded, heavy):

@@ -11,8 +11,16 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from branches.figures.atlas_data import EVENTS
-from branches.figures.curves import curve_runs, draw_curve, draw_events_with_room, legend_entries, visible_codes
-from branches.figures.insets import Inset, draw_inset, place_insets
+from branches.figures.curves import (
+    Inset,
+    curve_runs,
+    draw_curve,
+    draw_events_with_room,
+    draw_inset,
+    legend_entries,
+    place_insets,
+    visible_codes,
+)
 from branches.figures.room import Named, Room, names_of, write_names
 from branches.figures.style import (
     BLACK,
@@ -27,9 +35,10 @@ from branches.figures.style import (
     picture_settings,
     set_axis,
     settle_layout,
+    symbol_of,
+    system_text,
     write_figure,
 )
-from branches.figures.titles import symbol_of, system_text
 from bvp.texts import shown as in_words
 from bvp.texts import takes_options_of
 

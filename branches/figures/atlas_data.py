@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.figures.titles import cited_names
+from branches.figures.style import cited_names
 from branches.naming.matching import spelled
 from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.impulsive.manifold import Manifold
+    from branches.impulsive.motions import Manifold
     from branches.impulsive.orbits import ImpulsiveOrbits
     from branches.naming.matching import ReferencePoint
     from branches.orbit import Orbit
@@ -165,7 +165,7 @@ def atlas_of(
     branches : iterable of Branch
         Of this system.
     reference_points : mapping of names to {"h", "alpha"}
-        Names that are written first where there is no room for all; see `branches.figures.titles.cited_names`.
+        Names that are written first where there is no room for all; see `branches.figures.style.cited_names`.
     manifold, impulsive : as `branches.impulsive` makes them, optional
     bounds : sequence of Bound
         Bounds of regimes, as from `regime_bounds`.

@@ -8,9 +8,8 @@ import numpy as np
 
 from branches.figures.atlas import frequency_curve, runs_of
 from branches.figures.atlas_data import atlas_of
-from branches.figures.branch import FREQUENCIES, frequency_panel, panel_curve
 from branches.figures.curves import curve_runs, draw_curve, draw_events
-from branches.figures.orbit import draw_displacements, sampled_orbit
+from branches.figures.single import FREQUENCIES, draw_displacements, frequency_panel, panel_curve, sampled_orbit
 from branches.figures.style import limits_of, set_axis
 from bvp.texts import shown
 

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.figures.style import BLACK, GREY, SMALL
-from branches.figures.titles import short_ids
+from branches.figures.style import BLACK, GREY, SMALL, short_ids
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,28 +1,38 @@
-"""The impulsive motion: at the start nothing is displaced, and only the oscillator (the primary mass) moves.
+"""Impulsive motions: at the start nothing is displaced, and only the oscillator (the primary mass) moves.
 
 At one energy the impulsive motion is one trajectory. `ImpulsiveMotions` follows it event by event, with all derivatives with respect to
-log h.
+log h. `impulsive_manifold` gives the curve of all impulsive motions, periodic and quasiperiodic: the dominant frequency of the relative
+motion against energy.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.fft import next_fast_len, rfft
 
 from branches.search.starts import ScannedSegment
-from bvp.checks import require_conservative, require_two_dof
+from bvp.checks import checked_energy_range, require_conservative, require_two_dof
 from bvp.kernels import shooting as kernel
 from bvp.kernels.impact import work_array
 from bvp.kernels.shooting import TURNING, ZERO
+from bvp.motion import MotionStatus
+from bvp.simulate import simulate
+from bvp.texts import brief
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["ImpulsiveMotions", "Traces", "check_system", "impulsive_state", "oscillator_period"]
+__all__ = [
+    "ImpulsiveMotions", "Manifold", "PERIODS", "Traces", "WINDOW", "check_system", "dominant_frequency", "impulsive_manifold",
+    "impulsive_state", "oscillator_period",
+]  # fmt: skip
 
-_LARGEST = 1 << 20
+_MOST_EVENTS = 1 << 20
 """Most events of one motion."""
 
 
@@ -167,7 +177,7 @@ class ImpulsiveMotions:
             count = np.zeros(len(levels), dtype=np.int64)
             events, work = kernel.Events(kind, time, shift, state, change, count), work_array(4, len(modes.contact_side))
             kernel.sensitivities(modes.flight, modes.contacts, self.functional, starts, changes, float(longest), events, work)
-            if not np.any(count == kernel.FULL) or self.room >= _LARGEST:
+            if not np.any(count == kernel.FULL) or self.room >= _MOST_EVENTS:
                 return kind, time, shift, state, change, np.where(count < 0, -1, count)
             self.room *= 2
 
@@ -204,3 +214,185 @@ class ImpulsiveMotions:
 
 def _pick(values: np.ndarray, which: np.ndarray) -> np.ndarray:
     return np.take_along_axis(values, which, axis=2)[..., 0]
+
+
+PERIODS = 200
+"""Periods of the oscillator that each motion is followed for."""
+
+DENSITY = 100
+"""Energies in a decade."""
+
+SAMPLES = 16
+"""Samples in the shortest of: the shortest linear period, and the mean time between two impacts on the same side."""
+
+_MOST_IMPACTS = 1 << 23
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Manifold:
+    """The curve.
+
+    h, frequency : (N,) energies, ascending, and angular frequencies; NaN where the motion could not be followed. breaks : (N - 1,) bool,
+    where the curve jumps, so that it is not to be joined. rate : (N,) samples in a period of the oscillator. failed : energy and reason
+    of each motion that could not be followed.
+    """
+
+    h: np.ndarray
+    frequency: np.ndarray
+    breaks: np.ndarray
+    rate: np.ndarray
+    periods: int
+    window: str
+    failed: tuple[tuple[float, str], ...] = ()
+
+    @property
+    def sampling(self) -> str:
+        """The samples taken, in words."""
+        rates = self.rate[np.isfinite(self.rate)]
+        return f"{rates.min():.0f} to {rates.max():.0f} samples a period" if len(rates) else "no motion was followed"
+
+    def record(self) -> dict[str, Any]:
+        """As plain data; null where there is no frequency, `breaks` as the places after which the curve is not joined."""
+        return {
+            "h": [float(h) for h in self.h],
+            "frequency": [float(f) if math.isfinite(f) else None for f in self.frequency],
+            "breaks": [int(i) for i in np.flatnonzero(self.breaks)],
+            "samples_per_period": [float(rate) if math.isfinite(rate) else None for rate in self.rate],
+            "window": self.window,
+            "periods": self.periods,
+            "failed": [{"h": h, "reason": reason} for h, reason in self.failed],
+        }
+
+
+def impulsive_manifold(
+    system: ImpactSystem,
+    energy: tuple[float, float],
+    *,
+    density: int = DENSITY,
+    periods: int = PERIODS,
+    on_energy: Callable[[int], object] | None = None,
+) -> Manifold:
+    """Follow the impulsive start at many energies, and take the largest peak of the spectrum of the gap coordinate.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+        Undamped and elastic, absorber and primary named.
+    energy : (float, float)
+    density : int
+        Energies in a decade, spaced evenly in the logarithm.
+    periods : int
+        Periods of the oscillator that each motion is followed for.
+    on_energy : callable, optional
+        Called with the number of energies done.
+
+    Returns
+    -------
+    Manifold
+        A jump is a change by more than a power law of exponent one allows, and by more than one line of the spectrum.
+    """
+    check_system(system)
+    low, high = checked_energy_range(energy, positive=True)
+    levels = np.geomspace(low, high, max(2, math.ceil(density * math.log10(high / low)) + 1))
+    frequency, rate = np.full(len(levels), np.nan), np.full(len(levels), np.nan)
+    failed = []
+    for i, h in enumerate(levels):
+        try:
+            frequency[i], rate[i] = peak_at(system, float(h), periods)
+        except RuntimeError as error:
+            failed.append((float(h), str(error)))
+        if on_energy is not None:
+            on_energy(i + 1)
+    line = 2.0 * math.pi / (periods * oscillator_period(system))
+    steepest = np.maximum(frequency[:-1], frequency[1:]) * np.diff(np.log(levels))
+    breaks = ~(np.abs(np.diff(frequency)) <= steepest + line)
+    return Manifold(levels, frequency, breaks, rate, periods, WINDOW, tuple(failed))
+
+
+def peak_at(system: ImpactSystem, energy: float, periods: int = PERIODS) -> tuple[float, float]:
+    """Dominant angular frequency of the gap coordinate of the first stop after an impulsive start, and the samples taken in a period of
+    the oscillator.
+
+    Raises
+    ------
+    RuntimeError
+        Where the motion cannot be followed; the message says why.
+    """
+    period = oscillator_period(system)
+    duration = periods * period
+    u, v = impulsive_state(system, energy)
+    gap = np.asarray(system.stops[0].gap)
+    motion = simulate(system, u, v, duration, max_impacts=_MOST_IMPACTS)
+    if motion.status is not MotionStatus.DURATION_REACHED:
+        raise RuntimeError(f"the motion ends at {motion.duration:.6g} of {duration:.6g}: {motion.status.value}")
+    fastest = period * float(np.nanmax(system.modes.frequencies)) / (2.0 * math.pi)
+    rate = SAMPLES * max(fastest, 1.0, 0.5 * len(motion.stop_events) / periods)
+    count = math.ceil(rate * periods)
+    step = duration / count
+    displacement, _ = motion.sample((np.arange(count) + 0.5) * step)
+    return dominant_frequency(displacement @ gap, step), count / periods
+
+
+WINDOW = "Hann"
+"""w(t) = sin^2(pi t/T): its side lobes fall as the third power of the distance, so two modes hardly move each other's peak."""
+
+_PADDING = 2
+_STEPS = 8
+
+
+def dominant_frequency(signal: np.ndarray, step: float) -> float:
+    """Angular frequency of the largest peak of the spectrum of a signal under the Hann window.
+
+    The mean under the window is taken off. The largest line of the padded discrete transform and its neighbours give a first place, by
+    the parabola through the logarithms of their amplitudes; from there Newton's method goes to the maximum of the transform itself,
+    which is defined at all frequencies. A single tone in the signal is returned to a relative 1e-6 and better. What has fewer than two
+    periods in the signal cannot be distinguished from a drift of its mean, and is left out.
+
+    Parameters
+    ----------
+    signal : (N,) float
+        At equal time steps; N at least 8.
+    step : float
+
+    Returns
+    -------
+    float
+        0.0 for a signal that does not vary.
+
+    Examples
+    --------
+    >>> times = np.arange(4096) * 0.05
+    >>> round(dominant_frequency(np.sin(1.234567 * times) + 0.3, 0.05), 7)
+    1.234567
+    """
+    values = np.asarray(signal, dtype=float)
+    count = len(values)
+    if count < 8:
+        raise ValueError(f"a spectrum of {count} samples; expected 8 or more")
+    window = np.sin(np.pi * (np.arange(count) + 0.5) / count) ** 2
+    windowed = (values - np.sum(window * values) / np.sum(window)) * window
+    if not np.max(np.abs(windowed)) > 1e-13 * np.max(np.abs(values), initial=1e-300):
+        return 0.0
+    padded = next_fast_len(_PADDING * count, real=True)
+    amplitude = np.abs(rfft(windowed, padded))
+    lowest = -(-2 * padded // count)
+    peak = int(np.argmax(amplitude[lowest:-1])) + lowest
+    left, middle, right = np.log(np.maximum(amplitude[peak - 1 : peak + 2], 1e-300))
+    bend = left - 2.0 * middle + right
+    line = 2.0 * np.pi / (padded * step)
+    frequency = line * (peak + (0.5 * (left - right) / bend if bend < 0.0 else 0.0))
+    times = (np.arange(count) - 0.5 * (count - 1)) * step
+    squares = times * times
+    for _ in range(_STEPS):
+        turned = windowed * np.exp(-1j * frequency * times)
+        value, first, second = np.sum(turned), -1j * (times @ turned), -(squares @ turned)
+        slope = 2.0 * (value.conjugate() * first).real
+        curvature = 2.0 * (abs(first) ** 2 + (value.conjugate() * second).real)
+        change = -slope / curvature if curvature < 0.0 else 0.0
+        if abs(change) > 2.0 * line:  # the parabola has found no maximum near the line
+            break
+        frequency += change
+        if abs(change) <= 1e-12 * frequency:
+            break
+    return float(frequency)

@@ -14,7 +14,7 @@ from branches.naming.labels import Label, Name, canonical_label, most_alike, par
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
 from branches.search.discovery import LONGEST, discover_orbits, fastest_turn
 from branches.search.orbits import Found, OrbitSearch, Problems, from_other_end
-from branches.search.sampling import Sampler
+from branches.search.starts import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
 from branches.tracing import HIGHEST, follow_family
 from bvp.checks import require_two_dof

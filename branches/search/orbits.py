@@ -1,7 +1,7 @@
 """The search for orbits: each segment that a scan finds is solved as a multipoint problem, and each orbit is kept once.
 
 Three scans find segments. `branches.search.intervals` splits the starts at an energy into intervals until each is decided.
-`branches.search.sampling` compares starts at given angles: it is fast and proves nothing. `branches.impulsive.orbits` splits a range of
+`branches.search.starts` compares starts at given angles: it is fast and proves nothing. `branches.impulsive.orbits` splits a range of
 energies until each interval is decided.
 """
 
@@ -19,8 +19,7 @@ from branches.identity import cover_of, same_segment
 from branches.naming.labels import ImpossibleLabelError, Label
 from branches.orbit import label_at
 from branches.search.intervals import SAME_START, Limits, Opening, segments
-from branches.search.sampling import Sampler
-from branches.search.starts import ScannedSegment
+from branches.search.starts import Sampler, ScannedSegment
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, format_sequence, impacts_per_period
 from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution

@@ -187,7 +187,7 @@ def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:
         return json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False)
 
     def plot(path: Path) -> None:
-        from branches.figures.branch import branch_figure
+        from branches.figures.single import branch_figure
         from branches.figures.style import write_figure
 
         write_figure(branch_figure, path, branch, frequency=frequency)

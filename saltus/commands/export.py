@@ -113,7 +113,7 @@ def _points(catalogue: Catalogue, arguments: argparse.Namespace, columns: tuple[
 
 
 def _graph(catalogue: Catalogue, arguments: argparse.Namespace, files: outputs.Outputs) -> int:
-    from branches.catalogue.graph import FLATTENED, graph_text
+    from branches.catalogue.catalogue import FLATTENED, graph_text
 
     graph = catalogue.graph()
     filters = options.filters_of(arguments)
@@ -192,7 +192,7 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
 
 def _picture(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     """Draw a picture of many families, or write the data that it is drawn from."""
-    from branches.figures.insets import parse_inset
+    from branches.figures.curves import parse_inset
 
     for kind, path in files.places.items():
         if kind != "plot" and Path(path).suffix.lower() != f".{kind}":
@@ -255,7 +255,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     curve = periodic = None
     energy = shown = arguments.energy if isinstance(arguments.energy, tuple) else None
     if arguments.impulsive:
-        from branches.impulsive.manifold import impulsive_manifold
+        from branches.impulsive.motions import impulsive_manifold
         from branches.impulsive.orbits import impulsive_orbits
         from saltus.processes import prepare
         from saltus.terminal import ProgressBar

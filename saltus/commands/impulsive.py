@@ -14,7 +14,7 @@ from saltus.tables import stability_word, table_lines, terminal_width
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from branches.export.tables import Table
-    from branches.impulsive.manifold import Manifold
+    from branches.impulsive.motions import Manifold
     from branches.impulsive.orbits import ImpulsiveOrbits
 
 __all__ = ["add_arguments", "run"]
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         # Every impulsive orbit runs from the origin to the origin in half a period, as those with a label U do.
         files.report(f"model  {line}" for line in explain(scene.system, "U11"))
 
-    from branches.impulsive.manifold import impulsive_manifold
+    from branches.impulsive.motions import impulsive_manifold
     from branches.impulsive.orbits import impulsive_orbits
     from saltus.processes import prepare
     from saltus.terminal import ProgressBar

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.record import orbit_to_csv, orbit_to_json
 
     def plot(path: Path) -> None:
-        from branches.figures.orbit import orbit_figure
+        from branches.figures.single import orbit_figure
         from branches.figures.style import write_figure
 
         write_figure(orbit_figure, path, orbit)

@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
         orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
 
     def plot(path: Path) -> None:
-        from branches.figures.orbit import orbit_figure
+        from branches.figures.single import orbit_figure
         from branches.figures.style import write_figure
 
         assert orbit is not None

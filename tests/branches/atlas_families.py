@@ -3,7 +3,7 @@
 from functools import cache
 
 from branches.figures.atlas_data import atlas_of, regime_bounds
-from branches.impulsive.manifold import impulsive_manifold
+from branches.impulsive.motions import impulsive_manifold
 from branches.impulsive.orbits import impulsive_orbits
 from branches.tracing import follow_family
 from bvp.system import vibro_impact_nes

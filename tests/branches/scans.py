@@ -3,7 +3,7 @@
 import numpy as np
 
 from branches.search.orbits import OrbitSearch
-from branches.search.sampling import Sampler, origin_starts
+from branches.search.starts import Sampler, origin_starts
 
 
 def sampled(system, end, quarter_period, energy, angles, impacts):

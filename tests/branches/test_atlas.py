@@ -17,7 +17,7 @@ from branches.export import figure_data
 from branches.export.figure_data import ExportError, read_atlas, write_atlas
 from branches.figures.atlas import atlas_figure, draw_atlas, velocities_figure
 from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescaled, thresholds_of
-from branches.figures.insets import parse_inset
+from branches.figures.curves import parse_inset
 from branches.figures.room import even_points, overlapping, short_name
 from branches.figures.style import legend_below, write_figure
 from branches.naming.labels import canonical_label, parse

@@ -14,12 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks import backbone
-from branches.figures.branch import branch_figure, crowds, write_events
 from branches.figures.curves import curve_runs, draw_events, thinned, visible_codes
-from branches.figures.orbit import orbit_figure
 from branches.figures.room import Room, even_points, overlapping
-from branches.figures.style import limits_of, new_figure, picture_settings, set_axis, settle_layout, write_figure
-from branches.figures.titles import family_text, symbol_of
+from branches.figures.single import branch_figure, crowds, orbit_figure, write_events
+from branches.figures.style import family_text, limits_of, new_figure, picture_settings, set_axis, settle_layout, symbol_of, write_figure
 from branches.files import picture_format
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced
@@ -347,7 +345,7 @@ def test_more_names_than_room_are_counted_in_the_picture():
 
 
 def test_a_picture_says_below_how_many_names_have_no_room(monkeypatch):
-    monkeypatch.setattr("branches.figures.branch.write_events", lambda *arguments: (2, 9))
+    monkeypatch.setattr("branches.figures.single.write_events", lambda *arguments: (2, 9))
     (legend,) = branch_figure(make_branch(IN_PHASE, events=[("SN", 40)])).legends
     assert legend.get_title().get_text() == "6 of 27 names have no room"
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from branches.family import RESONANCES, half_multiplication, multiplication
-from branches.kernels.event_functions import COMMON, common_tests, two_dof_tests
+from branches.kernels import COMMON, common_tests, two_dof_tests
 from bvp.kernels.multipoint import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]

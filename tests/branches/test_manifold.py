@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from branches.impulsive import manifold as module
-from branches.impulsive.manifold import dominant_frequency, impulsive_manifold, peak_at
+from branches.impulsive import motions as module
+from branches.impulsive.motions import dominant_frequency, impulsive_manifold, peak_at
 from branches.impulsive.orbits import impulsive_orbits
 from bvp.motion import MotionStatus
 from bvp.system import vibro_impact_nes

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from branches.figures.branch import branch_figure
 from branches.figures.curves import DrawnCurve, smooth
+from branches.figures.single import branch_figure
 from tests.branches.traced import traced
 
 SIZE = (470.0, 170.0)

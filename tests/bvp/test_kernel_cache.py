@@ -15,7 +15,8 @@ import pytest
 from bvp.kernels import cache
 
 ROOT = Path(__file__).resolve().parents[2]
-KERNELS = sorted(file for package in ("bvp", "branches", "transitions") for file in (ROOT / package / "kernels").glob("*.py"))
+KERNELS = sorted(file for package in ("bvp", "branches", "transitions") for file in (ROOT / package).glob("kernels/*.py"))
+KERNELS.append(ROOT / "branches/kernels.py")
 OUR_PACKAGES = {"bvp", "branches", "continuation", "transitions", "saltus"}
 
 

@@ -30,25 +30,25 @@ def test_a_second_process_that_cannot_start_is_no_failure(monkeypatch):
         raise OSError("no more processes")
 
     monkeypatch.setattr(subprocess, "Popen", refuse)
-    monkeypatch.setattr("branches.kernels.warm.kept", lambda **options: False)
+    monkeypatch.setattr("branches.warm.kept", lambda **options: False)
     processes.prepare()
 
 
 def test_cold_kernels_start_the_compiling_process(monkeypatch):
-    """Oracle: the process is this Python, running `branches.kernels.warm` with this process's paths."""
+    """Oracle: the process is this Python, running `branches.warm` with this process's paths."""
     seen = {}
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: seen.update(command=command, env=options["env"]))
-    monkeypatch.setattr("branches.kernels.warm.kept", lambda **options: False)
+    monkeypatch.setattr("branches.warm.kept", lambda **options: False)
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     processes.prepare()
-    assert seen["command"] == [sys.executable, "-m", "branches.kernels.warm"]
+    assert seen["command"] == [sys.executable, "-m", "branches.warm"]
     assert all(path in seen["env"]["PYTHONPATH"] for path in sys.path if path)
 
 
 @pytest.mark.parametrize("missing", ["advance_block", "sensitivities", "move", "scan_interval"])
 def test_what_a_command_needs_is_looked_for(monkeypatch, missing):
     """Oracle: one kernel is taken for not compiled; who needs it says so, and no other does."""
-    from branches.kernels.warm import kept
+    from branches.warm import kept
 
     monkeypatch.setattr("bvp.kernels.cache.stored", lambda kernel: kernel.py_func.__name__ != missing)
     assert kept() is (missing != "advance_block")

@@ -24,8 +24,9 @@ from branches.figures.style import (
     picture_settings,
     set_axis,
     settle_layout,
+    symbol_of,
+    system_text,
 )
-from branches.figures.titles import symbol_of, system_text
 from bvp.texts import shown
 from transitions.section.plane import SectionPlane
 from transitions.section.view import COLOURS, OrbitMark, SectionView

@@ -18,8 +18,8 @@ from branches.figures.style import (
     new_figure,
     picture_settings,
     set_axis,
+    symbol_of,
 )
-from branches.figures.titles import symbol_of
 from transitions.study.plan import Axis
 from transitions.study.study import along, numeric_axes, over
 

@@ -20,15 +20,18 @@ from branches.figures.style import (
     LINES,
     NORMAL,
     SMALL,
+    gap_symbol,
     legend_below,
     limits_of,
     new_figure,
     picture_settings,
     set_axis,
     settle_layout,
+    short_ids,
+    symbol_of,
+    system_text,
     write_figure,
 )
-from branches.figures.titles import gap_symbol, short_ids, symbol_of, system_text
 from transitions.ridges import SHARE
 from transitions.spectrum import Spectrum, TooCoarse
 

@@ -189,8 +189,8 @@ def test_an_edge_comes_back(path):
 
 
 def test_the_graph_has_the_schema_that_it_documents(path):
-    """Oracle: the words of `branches.catalogue.graph`."""
-    from branches.catalogue import graph as module
+    """Oracle: the docstring of `graph_of`."""
+    from branches.catalogue.catalogue import graph_of
 
     with saltus.Catalogue(path, "a") as catalogue:
         catalogue.connect(edge())
@@ -201,7 +201,7 @@ def test_the_graph_has_the_schema_that_it_documents(path):
     assert graph.number_of_nodes() == len(real()) + 2 and graph.number_of_edges() == 3
     for _, attributes in [*graph.nodes(data=True), *((0, data) for *_, data in graph.edges(data=True))]:
         for name, value in attributes.items():
-            assert f"``{name}``" in module.__doc__
+            assert f"``{name}``" in graph_of.__doc__
             assert isinstance(value, str | int | float | list | type(None))
     dead = next(node for node, data in graph.nodes(data=True) if data["kind"] == "dead end")
     assert graph.nodes[dead]["note"] == "no neighbour is admissible"

@@ -1,4 +1,4 @@
-"""Compile the kernels that look at an orbit and those that follow a family, and keep them on disk: `python -m branches.kernels.warm`.
+"""Compile the kernels that look at an orbit and those that follow a family, and keep them on disk: `python -m branches.warm`.
 
 Run beside a program that compiles the kernels of the search at the same time, this uses a second core at the very first run.
 """
@@ -11,7 +11,7 @@ __all__ = ["kept", "warm"]
 def kept(*, discovery: bool = False, impulsive: bool = False) -> bool:
     """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk; those of `discovery`, and of
     `impulsive` motions, too, if asked."""
-    from branches.kernels.advance import advance_block
+    from branches.kernels import advance_block
     from bvp.kernels.cache import stored
     from bvp.kernels.intervals import scan_interval
     from bvp.kernels.shooting import scan_starts

@@ -1,0 +1,276 @@
+"""What a family of orbits computes in compiled code: its test functions, and many plain steps in one call.
+
+The test functions, n = 2, are pure functions of what the kernels know of an orbit. `branches.family` calls them as they stand, and
+`advance_block` compiles the very same ones. A block predicts, corrects, judges and measures each step, and chooses the next one. Its
+duties are those of `continuation.problem.Advance`, and its judgement is that of `continuation.control`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bvp.kernels.compiled import call_at, kernel, part
+from bvp.kernels.flight import set_1
+from bvp.kernels.multipoint import (
+    ABSORBER_END,
+    ABSORBER_START,
+    BRANCHING,
+    CLEARANCE,
+    CONDITIONING,
+    CONTRACTION,
+    CONVERGED,
+    ENERGY,
+    FIRST_QUARTER,
+    FLIGHT,
+    GAVE_UP,
+    HALF_A,
+    HALF_B,
+    HALF_C,
+    HALF_D,
+    IN_PHASE,
+    QUARTER_PERIOD,
+    RESIDUAL,
+    SECOND_QUARTER,
+    SLOPE,
+    SPEED,
+    SPEEDS,
+    STEEPNESS,
+    TRACE,
+    TURN,
+    WAVES_ABSORBER,
+    WAVES_PRIMARY,
+)
+from bvp.kernels.step import Landing, Request
+from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
+
+__all__ = [
+    "Beginning", "Block", "COMMON", "Goal", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance_block", "common_tests", "is_orbit",
+    "two_dof_tests",
+]  # fmt: skip
+
+COMMON = 11
+"""Test functions that every family has, whatever its degrees of freedom."""
+
+_ACCURATE = 1e-12
+"""Scaled residual below which a solution is an orbit."""
+
+_CLEAR = 1e3
+"""Clearance that stands for every larger one."""
+
+NOISE = 2e-13
+"""Part of the half map's largest entry below which an entry is rounding: a conserved momentum makes one vanish all along a family, and
+its noise is no event."""
+
+PIVOT_NOISE = 5e-14
+"""Noise of the half map's entries, as a part of the largest one, times the smallest pivot: near a branch point an orbit is uncertain by
+rounding over the pivot, in the direction of the other family."""
+
+TANGENT_NOISE = 2e-13
+"""Noise of the slope times the square of the smallest pivot over the steepness: so the tangent turns with that uncertainty. The steepness
+is the change of the scaled unknowns for a unit of arclength."""
+
+CONDITION_NOISE = 5e-17
+"""Noise of the slope, as a part of the energy, times the square of the conditioning over the steepness, at most."""
+
+_CLEAR_SLOPE = 0.05
+"""Part of the energy up to which the noise of a slope does not count here: it is measured where a zero is (`continuation.events`)."""
+
+
+def is_orbit(result: Any) -> bool:
+    """Whether the result entries are those of an accurate orbit of which everything could be found out."""
+    return result[CONVERGED] == 1.0 and result[RESIDUAL] < _ACCURATE and not result[GAVE_UP] == 1.0
+
+
+def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> None:
+    """The first `COMMON` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's logarithm (low, high)
+    and of the quarter period's, impulsive orbits, and the key that stands for the label."""
+    level = math.log(result[ENERGY])
+    pivot = result[BRANCHING]
+    slope = abs(result[SLOPE])
+    square = result[CONDITIONING] * result[CONDITIONING]
+    error = CONDITION_NOISE * result[STEEPNESS]
+    certain = slope * pivot * pivot > TANGENT_NOISE * result[STEEPNESS]
+    certain = certain and (error < _CLEAR_SLOPE * square or slope * square > error * result[ENERGY])
+    out[0] = result[SLOPE] if certain else math.nan
+    out[1] = pivot
+    out[2] = result[CLEARANCE] if result[CLEARANCE] < _CLEAR else _CLEAR
+    out[3] = result[SPEED]
+    out[4] = result[FLIGHT]
+    out[5] = level - low if low > -math.inf else 1.0
+    out[6] = high - level if high < math.inf else 1.0
+    out[7] = longest - math.log(result[QUARTER_PERIOD]) if longest < math.inf else 1.0
+    out[8] = result[ABSORBER_START]
+    out[9] = result[ABSORBER_END]
+    waves = result[WAVES_ABSORBER] * 4096.0 + result[WAVES_PRIMARY]
+    out[10] = (waves * 4096.0 + result[FIRST_QUARTER]) * 8192.0 + result[SECOND_QUARTER] * 4.0 + result[IN_PHASE]
+
+
+def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
+    """The entries of `out` after the common ones, n = 2: the entries of the half map (`bvp.kernels.stability`), each bifurcation a plain
+    zero of one, then the distances from the `targets` of a trace: of a quarter that of the half map (tau_half), else that of the full
+    period (tau). `quarters`: quarter periods solved.
+
+    The linearised impacts are rank-one terms over the impact's speed, so an entry times the product of all speeds is smooth at a grazing,
+    where the entry itself grows without bound. Traces contain each impact of a segment with a reversal twice."""
+    a = result[HALF_A]
+    b = result[HALF_B]
+    c = result[HALF_C]
+    d = result[HALF_D]
+    product = b * c
+    largest = abs(a)
+    for entry in (b, c, d):
+        if abs(entry) > largest:
+            largest = abs(entry)
+    pivot = abs(result[BRANCHING])
+    noise = largest * (NOISE + PIVOT_NOISE / pivot) if pivot > 0.0 else math.inf
+    if abs(a) < noise:
+        a = math.nan
+    if abs(b) < noise:
+        b = math.nan
+    if abs(d) < noise:
+        d = math.nan
+    speeds = result[SPEEDS]
+    if quarters == 4:
+        tau = result[TRACE]
+        weight = speeds
+        out[11] = weight * (tau + 2.0)
+        at = 12
+    else:
+        tau = 2.0 + 4.0 * product
+        weight = speeds * speeds
+        out[11] = speeds * b
+        out[12] = speeds * a
+        out[13] = speeds * d
+        at = 14
+        if quarters == 1:
+            out[14] = weight * tau
+            at = 15
+    for i in range(len(targets)):
+        out[at + i] = weight * (tau - targets[i])
+
+
+_distance = part(distance)
+_height = part(height)
+_arclength_of = part(arclength_of)
+_refusal = part(refusal)
+_next_step = part(next_step)
+_may_hide = part(may_hide)
+_watch = part(watch)
+_is_orbit = part(is_orbit)
+_common_tests = part(common_tests)
+_two_dof_tests = part(two_dof_tests)
+
+
+class Block(NamedTuple):
+    """What is found of each step; row after row, the last one for a step that is tried and not plain. u unknowns, k inner impacts."""
+
+    y: np.ndarray  # (steps + 1, u)
+    tangent: np.ndarray  # (steps + 1, 2 u)
+    position: np.ndarray  # (steps + 1, N + 2)
+    ends: np.ndarray  # (steps + 1, k + 1, N)
+    result: np.ndarray  # (steps + 1, len(RESULT))
+    tests: np.ndarray  # (steps + 1, tests)
+    lengths: np.ndarray  # (steps + 1, 2) length asked for, arclength
+
+
+class WatchedTests(NamedTuple):
+    """The test functions of a family, as `continuation.control` watches them."""
+
+    kinds: np.ndarray  # of `continuation.control.kinds_of`
+    singular: np.ndarray  # size below which a sign is rounding
+    limits: np.ndarray  # (3,) bounds of the energy's logarithm, and of the quarter period's
+    targets: np.ndarray  # traces at which periods multiply
+
+
+class Beginning(NamedTuple):
+    """The orbit that a block of steps begins at, and the steps that led there."""
+
+    y: np.ndarray  # (u,)
+    tangent: np.ndarray  # (2 u,)
+    position: np.ndarray  # (N + 2,)
+    tests: np.ndarray  # values of the test functions there,
+    older: np.ndarray  # one step before,
+    oldest: np.ndarray  # and two steps before
+    before: float  # length of the last step
+    first: float  # and of the one before it
+
+
+class Goal(NamedTuple):
+    """Where the family closes on itself: see `continuation.problem.Advance`."""
+
+    position: np.ndarray  # (N + 2,)
+    direction: np.ndarray  # (N + 2,); nan: that of the first step
+
+
+@kernel
+def advance_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
+    """Steps from an orbit on, into `block`.
+
+    compiled: `CompiledProblem`; where its second address is 0, the fold is the only test. most: iterations of a correction.
+    metric (5, N + 2): scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length of the step to
+    take next)."""
+    addresses, packed, factor, observed, work, period = compiled
+    y, tangent, position, tests, older, oldest, before, first = beginning
+    kinds, singular, limits, targets = watched
+    full = addresses[1] != 0
+    way = metric[4]
+    for r in range(way.shape[0]):
+        way[r] = goal.direction[r]
+    height_old = _height(position, goal.position, way)
+    for count in range(block.y.shape[0] - 1):
+        result = block.result[count]
+        set_1(result, np.nan)
+        new = block.y[count]
+        ahead = block.tangent[count]
+        call_at(addresses[0], (packed, factor, y, tangent, Request(ds, math.nan, most), metric, Landing(new, ahead, result)))
+        if result[CONVERGED] != 1.0:
+            return count, 1, ds
+        ends = block.ends[count]
+        for i in range(ends.shape[0]):
+            for r in range(ends.shape[1]):
+                ends[i, r] = factor.before[i, r]
+        if full:
+            call_at(addresses[1], (packed, observed, new, ends, work, result))
+            call_at(addresses[2], (packed, new, ends, period, result))
+        place = block.position[count]
+        for r in range(place.shape[0]):
+            place[r] = metric[0, r]
+        if not _is_orbit(result):
+            return count, 1, ds
+        values = block.tests[count]
+        if full:
+            _common_tests(result, limits[0], limits[1], limits[2], values)
+            _two_dof_tests(result, packed.shape[2], targets, values)
+        else:
+            values[0] = result[SLOPE]
+        turn = result[TURN]
+        contraction = result[CONTRACTION]
+        chord = _distance(position, place)
+        if _refusal(turn, contraction, chord, ds, control) != ACCEPTED:
+            return count, 1, ds
+        height_new = _height(place, goal.position, way)
+        if height_old < 0.0 and height_new >= 0.0 and _distance(place, goal.position) <= NEAR_GOAL * chord:
+            return count, 1, ds
+        length = _arclength_of(chord, turn)
+        if _watch(kinds, singular, _may_hide, oldest, older, tests, values, first, before, length):
+            return count, 1, ds
+        block.lengths[count, 0] = ds
+        block.lengths[count, 1] = length
+        ds = _next_step(ds, turn, contraction, control)
+        if height_new != height_new and count == 0:
+            for r in range(way.shape[0]):
+                way[r] = place[r] - goal.position[r]
+            height_new = _height(place, goal.position, way)
+        first = before
+        before = length
+        height_old = height_new
+        oldest = older
+        older = tests
+        tests = values
+        position = place
+        tangent = ahead
+        y = new
+    return block.y.shape[0] - 1, 0, ds

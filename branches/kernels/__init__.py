@@ -1,1 +1,0 @@
-"""Compiled code that binds orbits to continuation."""
