@@ -110,9 +110,9 @@ def test_a_call_follows_as_many_flights_as_it_may(slow, monkeypatch):
     scan_interval, starts = branches.search.intervals.scan_interval, []
 
     def counted(*arguments):
-        before = arguments[11][0]
+        before = arguments[5][0]
         done = scan_interval(*arguments)
-        starts.append(int(arguments[11][0] - before))
+        starts.append(int(arguments[5][0] - before))
         return done
 
     monkeypatch.setattr(branches.search.intervals, "scan_interval", counted)

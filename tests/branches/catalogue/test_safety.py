@@ -512,9 +512,9 @@ def test_every_flipped_bit_of_the_work_is_noticed(good):
     unfinished(good)
     data = good.read_bytes()
     expected = read_work(good)
-    at = data.index(b'told{"beyond": 2}')
+    at = data.index(b'report{"beyond": 2}')
     noticed = 0
-    for bit in range(8 * len(b'told{"beyond": 2}')):
+    for bit in range(8 * len(b'report{"beyond": 2}')):
         flipped = bytearray(data)
         flipped[at + bit // 8] ^= 1 << bit % 8
         good.write_bytes(flipped)
@@ -524,7 +524,7 @@ def test_every_flipped_bit_of_the_work_is_noticed(good):
             with saltus.Catalogue(good) as catalogue:
                 assert check_catalogue(catalogue)[1]
             noticed += 1
-    assert noticed == 8 * len(b'told{"beyond": 2}')
+    assert noticed == 8 * len(b'report{"beyond": 2}')
 
 
 def test_a_missing_provenance_is_told(good):

@@ -246,14 +246,14 @@ def test_many_motions_are_those_run_one_by_one():
     assert (batch.sticking_time > 0.0).any()
 
 
-def test_a_motion_is_sampled_alike_after_its_mover_has_met_more_phases():
+def test_a_motion_is_sampled_alike_after_its_simulator_has_met_more_contact_modes():
     """Oracle: the samples, peaks and sums before."""
     simulator = Simulator(vibro_impact_nes(0.1, 0.1, 0.01, 0.0))
     free = simulator.run([0.0, 0.0], [0.0, 0.2], 2.0)
     times = np.linspace(0.0, 2.0, 9)
     before = [*free.sample(times), free.spent(times), free.peaks, free.after]
     stuck = simulator.run([0.0, 0.0], [0.0, 3.0], 5.0)
-    assert stuck.sticking_time > 0.0 and len(stuck.contact_modes.held) > len(free.contact_modes.held)
+    assert stuck.sticking_time > 0.0 and len(stuck.contact_modes.sticking) > len(free.contact_modes.sticking)
     for name in ("peaks", "after"):
         del free.__dict__[name]
     for one, other in zip(before, [*free.sample(times), free.spent(times), free.peaks, free.after], strict=True):
