@@ -421,7 +421,7 @@ class Family:
         """
         offset = max(1e-7, _SHORT * place)
         if (way < 0 and place > 2.0 * offset) or (way > 0 and place < room - 2.0 * offset):
-            near = self.step(before.y, before.tangent, place + way * offset)
+            near = self.step(before.step.y, before.step.tangent, place + way * offset)
             if near.converged:
                 found: Solution = near.extra
                 return found

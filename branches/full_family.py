@@ -341,7 +341,7 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     def follow(start: np.ndarray, settings: Settings) -> Course[Run]:
         run = follow_both_ways(family, start, settings)
         stuck = bool(run.points) and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends)
-        return Course(run, run.points.arclengths(), lambda i: run.points[i].y, stuck)
+        return Course(run, run.points.arclengths(), lambda i: run.points[i].step.y, stuck)
 
     run = longest_course(problem, follow, y, SETTINGS).result  # with the settings of branches, so that both have the same ends
     if not run.points:
@@ -351,7 +351,7 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     for point, end in zip((run.points[0], run.points[-1]), run.ends, strict=True):
         if not run.closed:
             certain = end.reason is EndReason.EVENT and point.event is not None and point.event.code == "GR"
-            (grazing if certain else cuts).append(point.y)
+            (grazing if certain else cuts).append(point.step.y)
     folds = [event.point.y for event in run.events if event.code == "SN"]
     found = solutions_of(run.points).result
     h, alpha = found[:, ENERGY], found[:, QUARTER_PERIOD]

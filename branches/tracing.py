@@ -303,7 +303,7 @@ class _Collector:
         if self.on_point is None and isinstance(points, PlainPoints):
             self.count += len(points)
             self.face(points[0])
-            self.halves[self.sign].extend(points)
+            self.halves[self.sign].add(points)
             return
         for point in points:
             self.count += 1
@@ -311,7 +311,7 @@ class _Collector:
                 self.begin = point
             else:
                 self.face(point)
-                self.halves[self.sign].append(point)
+                self.halves[self.sign].add([point])
             if self.on_point is not None:
                 self.on_point(self.count)
 
@@ -319,7 +319,7 @@ class _Collector:
         """Know the half that a point goes on with."""
         assert self.begin is not None
         if point.index == 1:
-            rises = self.direction == 0 or (point.parameter - self.begin.parameter) * self.direction >= 0.0
+            rises = self.direction == 0 or (point.step.parameter - self.begin.step.parameter) * self.direction >= 0.0
             self.sign = 1 if rises and not self.halves[1] else -1
         elif not self.halves[self.sign] or self.halves[self.sign][-1].index + 1 != point.index:
             self.sign = -self.sign
@@ -432,7 +432,7 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
     for k, end in enumerate(run.ends):
         place = run.points[0] if k == 0 else run.points[-1]
         if end.reason is EndReason.EVENT and place.event is not None:
-            orbit = f"h = {place.parameter:.12g}, alpha = {place.step.extra['quarter_period']:.12g}"
+            orbit = f"h = {place.step.parameter:.12g}, alpha = {place.step.extra['quarter_period']:.12g}"
             ended.append(Ended(end.reason.name, f"{place.event.code} at {orbit}: {place.event.details.get('note')}"))
         else:
             ended.append(Ended(end.reason.name, end.text))

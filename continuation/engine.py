@@ -16,6 +16,7 @@ import numpy as np
 from continuation.control import (
     BLOCK,
     JUMPED,
+    NEAR_BRANCH_POINT,
     NEAR_GOAL,
     SLOW,
     TURNED,
@@ -30,7 +31,7 @@ from continuation.control import (
 )  # fmt: skip
 from continuation.events import EventFinder, FoundEvent, arclength_between, make_event
 from continuation.location import StepRefused
-from continuation.points import PlainPoints, ReturnWatch
+from continuation.points import PlainPoints, landing
 from continuation.problem import End, EndReason, Event, Point, Problem, Step, Tally
 
 REPEATED = 1e-9
@@ -156,7 +157,6 @@ class Allowance:
 
     points: int
     resume: bool = False
-    started: bool = False
 
 
 def follow_in_blocks(
@@ -192,12 +192,10 @@ def follow_in_blocks(
     yield point
     step = first
     position: Any = first.position
-    origin: Any = position if goal is None else goal[0].position
-    values: list[float] = _floats(first.tests)
+    values = list(map(float, first.tests))
     older = oldest = finder.undefined
     length_old = length_older = 0.0
     ds = settings.initial_step
-    return_watch = None if goal is None else ReturnWatch(problem, settings, *goal)
     met: list[float] = []  # the parameter at the branch points so far
     fallback = 0.0  # length of the next try if a leap fails; inf when it has failed
     trial: Step | None = None  # the step of length ds where it was tried already
@@ -209,15 +207,15 @@ def follow_in_blocks(
                 return
         if trial is None and advance is not None:
             room = min(allowance.points, BLOCK)
-            way = None if return_watch is None else return_watch.direction
-            taken = advance(step, values, older, oldest, length_old, length_older, ds, origin, way, room, control)
+            aim, way = (first, None) if goal is None else goal
+            taken = advance(step, values, older, oldest, length_old, length_older, ds, aim.position, way, room, control)
             ds, trial = taken.ds, taken.trial
             steps = taken.steps
             count = len(steps)
             if count:
                 fallback = 0.0
-                if return_watch is None:
-                    return_watch = ReturnWatch(problem, settings, first, np.asarray(steps[0].position) - np.asarray(first.position))
+                if goal is None:
+                    goal = first, np.asarray(steps[0].position) - np.asarray(first.position)
                 arclengths = np.cumsum([arclength, *taken.lengths])[1:]
                 plain = PlainPoints(index + 1, arclengths, taken.strides, steps)
                 if stop_when is None:
@@ -231,9 +229,9 @@ def follow_in_blocks(
                         index += 1
                         allowance.points -= 1
                         yield point
-                        words = _stopped(stop_when, point)
-                        if words is not None:
-                            yield End(EndReason.STOP_WHEN, words, Tally(accepted, not_converged, slow, turned, jumped))
+                        if words := stop_when(point):
+                            detail = words if isinstance(words, str) else ""
+                            yield End(EndReason.STOP_WHEN, detail, Tally(accepted, not_converged, slow, turned, jumped))
                             return
                 point = plain[-1]
                 step = point.step
@@ -268,16 +266,16 @@ def follow_in_blocks(
             jumped += 1
             cause = f"the corrector goes {chord:.3g} away in a step of {ds:.3g}"
         else:
-            if return_watch is not None and distance(new.position, origin) <= NEAR_GOAL * chord:
-                landing = return_watch.landing(point, new, ds)
-                if landing is not None:
-                    ds, new = landing
+            if goal is not None and distance(new.position, goal[0].position) <= NEAR_GOAL * chord:
+                landed = landing(problem, settings, *goal, point, new, ds)
+                if landed is not None:
+                    ds, new = landed
                     chord = distance(position, new.position)
                     closed = True
             length = arclength_of(chord, new.turn)
             tests = new.tests
-            if type(tests) is not list:
-                tests = _floats(tests)
+            if type(tests) is not list:  # comparing array items is far slower
+                tests = list(map(float, tests))
             leaping = 0.0 < fallback < math.inf
             if leaping or watch(kinds, singular, may_hide, oldest, older, values, tests, length_older, length_old, length):
                 history = [(-length_old - length_older, oldest), (-length_old, older)]
@@ -293,7 +291,8 @@ def follow_in_blocks(
                     elif not closed:
                         # an accepted point on an event, or beside a branch point, would have test functions of undecided sign
                         on_event = any(ds - event.location.s <= tolerance and not event.details.terminal for event in found)
-                        if (on_event and ds > 4 * tolerance) or (ds > 4 * shortest and finder.is_near_branch_point(values, tests)):
+                        near = any(s and abs(b) < NEAR_BRANCH_POINT * abs(a) for a, b, s in zip(values, tests, singular, strict=True))
+                        if (on_event and ds > 4 * tolerance) or (near and ds > 4 * shortest):
                             ds *= 0.75
                             continue
         reach = ds
@@ -308,7 +307,7 @@ def follow_in_blocks(
             if passed is not None:
                 found, new = [passed[0]], passed[1]
                 crossing = passed[0].location
-                ds, tests, closed = AFTER * shortest, _floats(new.tests), False
+                ds, tests, closed = AFTER * shortest, list(map(float, new.tests)), False
                 reach = length = crossing.s + arclength_of(distance(crossing.step.position, new.position), 1.0)
             elif ds < shortest:
                 words = f"{cause} at arclength {arclength:.6g}"
@@ -356,29 +355,17 @@ def follow_in_blocks(
                 if special.code in stop_at:
                     yield End(EndReason.STOP_AT, f"{special.code} at arclength {special.arclength:.9g}", tally)
                     return
-            words = _stopped(stop_when, point)
-            if words is not None:
-                yield End(EndReason.STOP_WHEN, words, tally)
+            if stop_when is not None and (words := stop_when(point)):
+                yield End(EndReason.STOP_WHEN, words if isinstance(words, str) else "", tally)
                 return
         arclength += length
         if closed:
             yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(accepted, not_converged, slow, turned, jumped))
             return
-        if return_watch is None:
-            return_watch = ReturnWatch(problem, settings, first, np.asarray(new.position) - np.asarray(first.position))
+        if goal is None:
+            goal = first, np.asarray(new.position) - np.asarray(first.position)
         step = new
         position = new.position
         oldest, older, values = older, values, tests
         length_older, length_old = length_old, length
         ds = next_step(ds, new.turn, new.contraction, control)
-
-
-def _stopped(stop_when: StopWhen | None, point: Point) -> str | None:
-    """The text with which a condition ends the family at a point ("" if it gives none); None if the family goes on."""
-    answer = stop_when(point) if stop_when is not None else False
-    return (answer if isinstance(answer, str) else "") if answer else None
-
-
-def _floats(values: Any) -> list[float]:
-    """Test functions as a list of plain floats, whose comparison is far faster than that of array items."""
-    return values.tolist() if isinstance(values, np.ndarray) else [float(value) for value in values]

@@ -20,7 +20,6 @@ _LEFT = 10.0  # a test for branch points may have so many times its `singular` v
 _BETWEEN = (0.5, 0.25, 0.75, 0.1, 0.9)  # where a point between two events is tried, as parts of the distance
 _BESIDE = 3  # so many points on either side of a zero show the noise of its test function
 _SURE = 8.0  # so many times the noise that is seen there a value is at least where it is not noise
-_CHANGES = 16  # of one key in a step; a longer list asks for a shorter step
 
 
 def arclength_between(start: Any, step: Step) -> float:
@@ -76,10 +75,16 @@ class EventFinder:
         StepRefused
             The family is not followed inside the step: the step is not to be accepted.
         """
-        locator = Locator(self._problem, before, self._settings)
-        locator.enter(ds, after.step)
+        locator = Locator(self._problem, before, ds, after.step, self._settings)
         resolution = Resolution(self._tests, locator, history, self._settings)
-        order = sorted(range(len(self._tests)), key=lambda index: self._effort(index, before, after))
+        # The smooth ones first. Where several coincide (at a grazing an impact's speed has a plain zero, a clearance jumps and the
+        # multipliers have a pole), the steps taken for one bracket the others.
+        efforts = []
+        for index, (a, b) in enumerate(zip(before.step.tests, after.step.tests, strict=True)):
+            small, large = sorted((abs(float(a)), abs(float(b))))
+            kind = self._tests[index].kind
+            efforts.append((kind == "change", kind != "guard", -small / large if large > 0.0 else 0.0, index))
+        order = [effort[-1] for effort in sorted(efforts)]
         located, limit = self._guards([i for i in order if self._tests[i].kind == "guard"], locator, resolution, ds)
         crossings = [i for i in order if self._tests[i].kind == "crossing"]
         singular = [i for i in crossings if self._tests[i].singular]
@@ -88,7 +93,7 @@ class EventFinder:
             resolution.exclude_start(index, self._tests[index])
         located += self._zeros([i for i in crossings if i not in singular], locator, resolution, limit, before, ds)
         for index in (i for i in order if self._tests[i].kind == "change"):
-            located += [(index, change) for change in self._changes(locator, index, limit)]
+            located += [(index, change) for change in locator.changes(index, limit)]
 
         # By arclength: beside a branch point a shorter step can be corrected onto a point that is further along.
         position = before.step.position
@@ -99,27 +104,21 @@ class EventFinder:
             for i, event in enumerate(classified):
                 if zone.found and self._tests[event.index] is zone.test and zone.low - near <= event.location.s <= zone.high + near:
                     classified[i] = replace(event, absorbed=(*event.absorbed, *zone.found))
-        return self._parted(classified, locator)
 
-    def _parted(self, found: list[FoundEvent], locator: Locator) -> list[FoundEvent]:
-        """The events with a point between each two: what is known at points only, like stability, is known there too."""
-        parted = found[:1]
-        for before, after in pairwise(found):
-            low, high = before.location.s, after.location.s
-            if high - low > self._settings.coincidence_tolerance:
+        # A point between each two events: what is known at points only, like stability, is known there too.
+        parted = classified[:1]
+        for first, last in pairwise(classified):
+            low, high = first.location.s, last.location.s
+            if high - low > near:
                 for part in _BETWEEN:
                     s = low + part * (high - low)
                     try:
-                        after = replace(after, between=(s, locator.step(s)))
+                        last = replace(last, between=(s, locator.step(s)))
                         break
                     except StepRefused:
                         continue
-            parted.append(after)
+            parted.append(last)
         return parted
-
-    def is_near_branch_point(self, old: Sequence[float], new: Sequence[float]) -> bool:
-        """Whether a point is far nearer to a branch point than the one before it: rounding is larger there, and can hide signs."""
-        return any(level and abs(b) < NEAR_BRANCH_POINT * abs(a) for a, b, level in zip(old, new, self.singular, strict=True))
 
     def distance_to_branch_point(self, older: Sequence[float], old: Sequence[float], before: float) -> float:
         """Arclength from the last point to where a branch point may be; inf if none is ahead: the line through the last two values of a
@@ -138,7 +137,7 @@ class EventFinder:
             return None
         at, after = pair
         codes = []
-        for test, is_zero, *values in zip(self._tests, self._at_branch_points, before.tests, at.tests, after.tests, strict=True):
+        for test, is_zero, *values in zip(self._tests, self._at_branch_points, before.step.tests, at.tests, after.tests, strict=True):
             known = [value for value in values if value == value]
             same = len(set(known)) < 2 if test.kind == "change" else all((value > 0.0) is (known[0] > 0.0) for value in known)
             if not is_zero and not same:
@@ -166,12 +165,14 @@ class EventFinder:
             for index in tests:
                 test = self._tests[index]
                 for low, high in resolution.changes(index, limit):
-                    if any(first <= low and high <= last for first, last in done[index]) or resolution.absorbed(test, low, high):
+                    if any(first <= low and high <= last for first, last in done[index]) or resolution.absorbed(index, low, high):
                         continue
                     found = locator.crossing(index, low, high, size=_LEFT * test.singular)
                     done[index].append(found.between)
                     searching = True
-                    if locator.is_at_an_end(found) or resolution.is_branch_point(index, found.step, _LEFT):
+                    if locator.is_at_an_end(found):
+                        continue
+                    if math.isnan(found.step.tests[index]) and resolution.absorbed(index, low, high, found.step, _LEFT):
                         continue
                     found = self._refined(index, found, before, ds)
                     if found.kind == "interrupted" and found.between[1] - found.between[0] > self._settings.coincidence_tolerance:
@@ -194,8 +195,7 @@ class EventFinder:
         apart: list[Location] = []
         for found in sorted(zeros, key=lambda found: found.s):
             if apart and found.s - apart[-1].s <= self._settings.coincidence_tolerance:
-                noise = self._noise(index, found.s, locator)
-                both = self._around(index, apart[-1], found, noise, locator)
+                both, noise = self._around(index, apart[-1], found, locator)
                 low, high = both.between
                 if not any(abs(float(step.tests[index])) > noise for s, step in locator.taken if low < s < high):
                     apart[-1] = both
@@ -204,51 +204,47 @@ class EventFinder:
         crossed: list[tuple[int, Location]] = []
         for found in apart:
             if self._at_branch_points[index] and not self.singular[index]:
-                found = self._around(index, found, found, self._noise(index, found.s, locator), locator)
-                if resolution.absorbed(self._tests[index], *found.between):
+                found, _ = self._around(index, found, found, locator)
+                if resolution.absorbed(index, *found.between):
                     continue
             low, high = found.between
             if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
                 crossed.append((index, found))
         return crossed
 
-    def _around(self, index: int, first: Location, last: Location, noise: float, locator: Locator) -> Location:
-        """Two zeros, or one, as one, with the bracket up to the next steps at which the test function is more than rounding."""
-        values = [(s, float(step.tests[index])) for s, step in locator.taken if step.tests[index] == step.tests[index]]
-        certain = [s for s, value in values if abs(value) > noise]
-        low = max((s for s in certain if s < first.s), default=values[0][0])
-        high = min((s for s in certain if s > last.s), default=values[-1][0])
-        best = min(first, last, key=lambda zero: zero.residual)
-        return best._replace(kind="zero", status="located", low=locator.step(low), high=locator.step(high), between=(low, high))
+    def _around(self, index: int, first: Location, last: Location, locator: Locator) -> tuple[Location, float]:
+        """Two zeros, or one, as one, with the bracket up to the next steps at which the test function is more than rounding; and the size
+        up to which it is rounding there.
 
-    def _noise(self, index: int, s: float, locator: Locator) -> float:
-        """Size up to which a test function is rounding near a place: its distance from a straight line over a few bracket widths. Where it
-        is undefined for being rounding, all its values are more than that.
-
-        Steps are taken where the straight line leaves the noise."""
+        This size is the distance from a straight line over a few bracket widths. Where the test function is undefined for being rounding,
+        all its values are more than that. Steps are taken where the straight line leaves the noise."""
         values = [float(step.tests[index]) for _, step in locator.taken]
-        least = _ROUNDING * max((abs(value) for value in values if value == value), default=0.0)
+        noise = _ROUNDING * max((abs(value) for value in values if value == value), default=0.0)
         width = self._settings.location_tolerance
-        last = locator.taken[-1][0]
+        end = locator.taken[-1][0]
         near = []
         for k in range(-_BESIDE, _BESIDE + 1):
-            place = s + k * width
-            if 0.0 <= place <= last and not math.isnan(value := float(locator.step(place).tests[index])):
+            place = last.s + k * width
+            if 0.0 <= place <= end and not math.isnan(value := float(locator.step(place).tests[index])):
                 near.append((float(k), value))
-        if len(near) <= _BESIDE:
-            return least
-        places, around = np.array(near).T
-        line = np.polynomial.Polynomial.fit(places, around, 1).convert()
-        noise = max(least, _SURE * float(np.max(np.abs(around - line(places)))))
-        slope = float(line.deriv()(0.0))
-        reach = 2.0 * width * noise / abs(slope) if slope else 0.0
-        for place in (s - reach, s + reach):
-            if reach > _BESIDE * width and 0.0 < place < last:
-                try:
-                    locator.step(place)
-                except StepRefused:
-                    continue
-        return noise
+        if len(near) > _BESIDE:
+            places, around = np.array(near).T
+            line = np.polynomial.Polynomial.fit(places, around, 1).convert()
+            noise = max(noise, _SURE * float(np.max(np.abs(around - line(places)))))
+            slope = float(line.deriv()(0.0))
+            reach = 2.0 * width * noise / abs(slope) if slope else 0.0
+            for place in (last.s - reach, last.s + reach):
+                if reach > _BESIDE * width and 0.0 < place < end:
+                    try:
+                        locator.step(place)
+                    except StepRefused:
+                        continue
+        known = [(s, float(step.tests[index])) for s, step in locator.taken if step.tests[index] == step.tests[index]]
+        certain = [s for s, value in known if abs(value) > noise]
+        low = max((s for s in certain if s < first.s), default=known[0][0])
+        high = min((s for s in certain if s > last.s), default=known[-1][0])
+        best = min(first, last, key=lambda zero: zero.residual)
+        return best._replace(kind="zero", status="located", low=locator.step(low), high=locator.step(high), between=(low, high)), noise
 
     def _guards(
         self, guards: list[int], locator: Locator, resolution: Resolution, ds: float
@@ -258,7 +254,7 @@ class EventFinder:
         limit = ds
         for index in guards:
             test = self._tests[index]
-            if any(locator.falls(index, *end) for end in locator.ends):
+            if any(locator.value(index, low) > 0.0 >= locator.value(index, high) for low, high in locator.ends):
                 continue  # the family ends where another guard has its zero
             values = [float(step.tests[index]) for s, step in locator.taken if s <= limit]
             if test.terminal and values[0] <= 0.0 and values[-1] <= 0.0:
@@ -269,20 +265,14 @@ class EventFinder:
             for low, high in resolution.changes(index, limit, guard=True):
                 found = locator.crossing(index, low, high, guard=True)
                 jumps = found.residual > JUMP_RATIO * max(abs(locator.value(index, low)), abs(locator.value(index, high)))
-                if jumps and any(locator.falls(other, *found.between) for other in guards if other != index):
+                first, last = found.between
+                if jumps and any(locator.value(i, first) > 0.0 >= locator.value(i, last) for i in guards if i != index):
                     continue  # another one has its zero there
                 located.append((index, found))
                 if test.terminal:
                     limit = found.s
                     break
         return located, limit
-
-    def _effort(self, index: int, before: Point, after: Point) -> tuple[bool, bool, float]:
-        """Order in which events of one step are located: the smooth ones first. Where several coincide (at a grazing an impact's speed has
-        a plain zero, a clearance jumps and the multipliers have a pole), the steps taken for one bracket the others."""
-        kind = self._tests[index].kind
-        sizes = sorted((abs(float(before.tests[index])), abs(float(after.tests[index]))))
-        return kind == "change", kind != "guard", -sizes[0] / sizes[1] if sizes[1] > 0.0 else 0.0
 
     def at_start(self, before: Point, start: Point, after: Point, known: Collection[Event]) -> list[FoundEvent]:
         """The events on the very start of a run, which neither of its halves reports.
@@ -297,7 +287,7 @@ class EventFinder:
         step = start.step
         located: list[tuple[int, Location]] = []
         for index, test in enumerate(self._tests):
-            a, b = float(before.tests[index]), float(after.tests[index])
+            a, b = float(before.step.tests[index]), float(after.step.tests[index])
             count = sum(event.test == index for event in known)
             # a branch point next to the start is a zero of this function too
             absorbed = self._at_branch_points[index] and not self.singular[index] and any(self.singular[event.test] for event in known)
@@ -349,21 +339,6 @@ class EventFinder:
             return location
         margin = self._settings.location_tolerance
         return Location("zero", "located", s, step, abs(float(step.tests[index])), step, step, margin=margin, between=location.between)
-
-    def _changes(self, locator: Locator, index: int, limit: float) -> list[Location]:
-        """The changes of a key inside a step."""
-        test = self._tests[index]
-        changes = []
-        samples = [(s, key) for s, key in ((s, float(step.tests[index])) for s, step in locator.taken if s <= limit) if key == key]
-        for (low, one), (high, other) in pairwise(samples):
-            while one != other:
-                location, low = locator.change(index, low, high, test.terminal)
-                one = locator.value(index, low)
-                if not locator.is_at_an_end(location):
-                    changes.append(location)
-                if len(changes) > _CHANGES:
-                    raise StepRefused(f"the key of {test.code} changes more than {_CHANGES} times")
-        return changes
 
 
 def make_event(found: FoundEvent, position: Any, arclength: float, index: int) -> Event:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect, insort
 from collections.abc import Callable, Iterable
-from itertools import chain
+from itertools import chain, pairwise
 from operator import itemgetter
 from typing import Literal, NamedTuple
 
@@ -42,6 +42,9 @@ _VALID = 1e-3
 
 # So often the best place is given up, before a bracket that is narrow enough is taken as it stands.
 _REFUSALS = 3
+
+# Changes of one key in a step; a longer list asks for a shorter step.
+_CHANGES = 16
 
 
 class StepRefused(RuntimeError):
@@ -214,6 +217,10 @@ class Locator:
         The problem.
     before : Point
         The accepted point.
+    ds : float
+        Length of a step from it that is known,
+    after : Step
+        and this step.
     settings : Settings
         `location_tolerance`, `coincidence_tolerance` and `maximum_turn` are used.
 
@@ -225,19 +232,17 @@ class Locator:
         Lengths of the steps around each zero of a guard that was located.
     """
 
-    def __init__(self, problem: Problem, before: Point, settings: Settings) -> None:
+    def __init__(self, problem: Problem, before: Point, ds: float, after: Step, settings: Settings) -> None:
         self._problem = problem
         self._before = before.step
         self._settings = settings
         self._least_turn = math.cos(settings.maximum_turn)
-        self._known: dict[float, Step] = {0.0: before.step}
-        self.taken: list[tuple[float, Step]] = [(0.0, before.step)]
+        unknowns = before.step.y.size
+        self._known: dict[float, Step] = {0.0: before.step, ds: after}
+        # The derivatives of the unknowns by the length of the step.
+        self._slopes: dict[float, np.ndarray] = {0.0: before.step.tangent[:unknowns], ds: after.tangent[:unknowns] / after.turn}
+        self.taken: list[tuple[float, Step]] = [(0.0, before.step), (ds, after)]
         self.ends: list[tuple[float, float]] = []
-
-    def enter(self, s: float, step: Step) -> None:
-        """Make a step known."""
-        self._known[s] = step
-        insort(self.taken, (s, step), key=itemgetter(0))
 
     def step(self, s: float) -> Step:
         """The step of length s from the accepted point.
@@ -260,11 +265,11 @@ class Locator:
         inside = 0 < at < len(self.taken)
         near, guess = getattr(self._problem, "step_near", None), None
         if inside:
-            low, high = self.taken[at - 1][0], self.taken[at][0]
+            (low, first), (high, last) = self.taken[at - 1], self.taken[at]
             width = high - low
             part = (s - low) / width
-            (y, slope), (other, other_slope) = self._cubic(low), self._cubic(high)
-            guess = y + part * part * (3.0 - 2.0 * part) * (other - y)
+            slope, other_slope = self._slopes[low], self._slopes[high]
+            guess = first.y + part * part * (3.0 - 2.0 * part) * (last.y - first.y)
             guess += width * part * (1.0 - part) * ((1.0 - part) * slope - part * other_slope)
         if guess is None or near is None:
             step = self._problem.step(before.y, before.tangent, s)
@@ -274,24 +279,22 @@ class Locator:
             raise StepRefused("a shorter step does not converge")
         if not step.turn >= self._least_turn:
             raise StepRefused(f"the tangent of a shorter step turns too far (cosine {step.turn:.3g})")
+        own_slope = step.tangent[: step.y.size] / step.turn
         if inside:
-            expected = slope + part * (other_slope - slope)
-            aside = _length(step.tangent[: step.y.size] / step.turn - expected)
-            if aside > _length(other_slope - slope) + _ASIDE * _length(expected):
+            change = other_slope - slope
+            expected = slope + part * change
+            aside = own_slope - expected
+            if math.sqrt(aside @ aside) > math.sqrt(change @ change) + _ASIDE * math.sqrt(expected @ expected):
                 raise StepRefused("a shorter step goes over to another family")
-        self.enter(s, step)
+        self._known[s], self._slopes[s] = step, own_slope
+        insort(self.taken, (s, step), key=itemgetter(0))
         return step
 
     def between_families(self, low: float, high: float) -> bool:
         """Whether the unknowns change in another direction at one of two known steps than at the other: they are of two families."""
-        (_, slope), (_, other) = self._cubic(low), self._cubic(high)
-        return _length(other - slope) > _ASIDE * (_length(slope) + _length(other))
-
-    def _cubic(self, s: float) -> tuple[np.ndarray, np.ndarray]:
-        """A known step and its derivative by the length of the step."""
-        step = self._known[s]
-        slope = step.tangent[: step.y.size]
-        return step.y, slope / step.turn if s > 0.0 else slope
+        slope, other = self._slopes[low], self._slopes[high]
+        change = other - slope
+        return math.sqrt(change @ change) > _ASIDE * (math.sqrt(slope @ slope) + math.sqrt(other @ other))
 
     def value(self, index: int, s: float) -> float:
         """Value of a test function at the step of length s; `StepRefused` where it is not defined."""
@@ -342,10 +345,6 @@ class Locator:
             self.ends.append(between)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted, between=between)
 
-    def falls(self, index: int, low: float, high: float) -> bool:
-        """Whether a test function is positive at one step, and not any more at the other."""
-        return self.value(index, low) > 0.0 >= self.value(index, high)
-
     def is_at_an_end(self, location: Location) -> bool:
         """Whether an event is as near to the zero of a guard that was located as brackets are wide: the steps on either side of it then lie
         in rounding, where a pole looks like a zero."""
@@ -388,30 +387,38 @@ class Locator:
             away *= 2
         return found._replace(root=valid, value=self.value(index, valid))
 
-    def change(self, index: int, low: float, high: float, terminal: bool) -> tuple[Location, float]:
-        """The first change of key that bisection meets between steps of length low and high, and the upper end of its bracket.
+    def changes(self, index: int, limit: float) -> list[Location]:
+        """The changes of a key inside a step, up to the length `limit`, each located by bisection.
 
-        The event's point is the first with the new key, or the last with the old key where the family ends.
+        An event's point is the first with the new key, or the last with the old key where the family ends.
         """
-        key = self.value(index, low)
-        while high - low > self._settings.location_tolerance:
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-            try:
-                same = self.value(index, middle) == key
-            except StepRefused as refused:
-                if high - low > self._settings.coincidence_tolerance:
-                    raise
+        test = self._problem.tests[index]
+        changes: list[Location] = []
+        samples = [(s, key) for s, key in ((s, float(step.tests[index])) for s, step in self.taken if s <= limit) if key == key]
+        for (low, key), (last, other) in pairwise(samples):
+            while key != other:
+                high, interrupted = last, ""
+                while high - low > self._settings.location_tolerance:
+                    middle = 0.5 * (low + high)
+                    if not low < middle < high:
+                        break
+                    try:
+                        same = self.value(index, middle) == key
+                    except StepRefused as refused:
+                        if high - low > self._settings.coincidence_tolerance:
+                            raise
+                        interrupted = str(refused)
+                        break
+                    low, high = (middle, high) if same else (low, middle)
                 ends = self.step(low), self.step(high)
-                return Location("interrupted", "bracketed", low, ends[0], 0.0, *ends, str(refused)), high
-            if same:
-                low = middle
-            else:
-                high = middle
-        s = low if terminal else high
-        return Location("change", "located", s, self.step(s), 0.0, self.step(low), self.step(high)), high
-
-
-def _length(vector: np.ndarray) -> float:
-    return math.sqrt(vector @ vector)
+                if interrupted:
+                    location = Location("interrupted", "bracketed", low, ends[0], 0.0, *ends, interrupted)
+                else:
+                    s = low if test.terminal else high
+                    location = Location("change", "located", s, self.step(s), 0.0, *ends)
+                low, key = high, self.value(index, high)
+                if not self.is_at_an_end(location):
+                    changes.append(location)
+                if len(changes) > _CHANGES:
+                    raise StepRefused(f"the key of {test.code} changes more than {_CHANGES} times")
+        return changes

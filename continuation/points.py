@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, overload
 
 import numpy as np
@@ -16,12 +17,13 @@ from continuation.control import Settings, height
 from continuation.location import Locator, StepRefused, bracketed_root
 from continuation.problem import Point, Problem, Step
 
-__all__ = ["PlainPoints", "Points", "ReturnWatch"]
+__all__ = ["PlainPoints", "Points", "landing"]
 
 _PARALLEL = 0.999
 """Cosine between the tangents at one point of one curve, at least."""
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class PlainPoints(Sequence[Point]):
     """Points with no event among them, one after another; each is made when it is asked for, anew each time.
 
@@ -36,16 +38,11 @@ class PlainPoints(Sequence[Point]):
         What a step is as this run sees it; by default as it stands.
     """
 
-    __slots__ = ("arclengths", "begin", "seen", "steps", "strides")
-
-    def __init__(
-        self, begin: int, arclengths: np.ndarray, strides: np.ndarray, steps: Sequence[Step], seen: Callable[[Step], Step] | None = None
-    ) -> None:
-        self.begin = begin
-        self.arclengths = arclengths
-        self.strides = strides
-        self.steps = steps
-        self.seen = seen
+    begin: int
+    arclengths: np.ndarray
+    strides: np.ndarray
+    steps: Sequence[Step]
+    seen: Callable[[Step], Step] | None = None
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -68,15 +65,6 @@ class PlainPoints(Sequence[Point]):
         index = self.begin + place
         return Point(index, float(self.arclengths[place]), step if self.seen is None else self.seen(step), float(self.strides[place]))
 
-    def moved(self, index: int, arclength: float) -> PlainPoints:
-        """The same points further along the run."""
-        return PlainPoints(self.begin + index, self.arclengths + arclength, self.strides, self.steps, self.seen)
-
-    def reversed(self, last: int, total: float, seen: Callable[[Step], Step]) -> PlainPoints:
-        """The points of a run whose last has that index and arclength, from there to its start; they were not turned before."""
-        begin = last - (self.begin + len(self) - 1)
-        return PlainPoints(begin, total - self.arclengths[::-1], self.strides[::-1], self.steps[::-1], seen)
-
 
 Piece = list[Point] | PlainPoints
 
@@ -91,12 +79,11 @@ class Points(Sequence[Point]):
     """
 
     def __init__(self, pieces: Sequence[Piece] = ()) -> None:
-        self.pieces: list[Piece] = list(pieces)
+        self.pieces: list[Piece] = []
         self._begins: list[int] = []
         self._length = 0
-        for piece in self.pieces:
-            self._begins.append(self._length)
-            self._length += len(piece)
+        for piece in pieces:
+            self.add(piece)
 
     def __len__(self) -> int:
         return self._length
@@ -122,38 +109,24 @@ class Points(Sequence[Point]):
             return Points([part for part in parts if len(part)])
         if not -self._length <= place < self._length:
             raise IndexError(f"point {place} of {self._length}")
-        piece, at = self._found(place % self._length)
-        return piece[at]
+        k = bisect_right(self._begins, place % self._length) - 1
+        return self.pieces[k][place % self._length - self._begins[k]]
 
     def __setitem__(self, place: int, point: Point) -> None:
-        piece, at = self._found(place % self._length)
+        k = bisect_right(self._begins, place % self._length) - 1
+        piece = self.pieces[k]
         if not isinstance(piece, list):
             raise TypeError("a point of a block of steps stays as it is")
-        piece[at] = point
+        piece[place % self._length - self._begins[k]] = point
 
-    def _found(self, place: int) -> tuple[Piece, int]:
-        k = bisect_right(self._begins, place) - 1
-        return self.pieces[k], place - self._begins[k]
-
-    def append(self, point: Point) -> None:
-        """Add one point."""
-        if self.pieces and isinstance(self.pieces[-1], list):
-            self.pieces[-1].append(point)
+    def add(self, piece: Piece) -> None:
+        """Add some points; single ones are put to those before them."""
+        if isinstance(piece, list) and self.pieces and isinstance(self.pieces[-1], list):
+            self.pieces[-1] += piece
         else:
             self._begins.append(self._length)
-            self.pieces.append([point])
-        self._length += 1
-
-    def extend(self, points: Points | PlainPoints) -> None:
-        """Add others; single points are put to those before them."""
-        for piece in points.pieces if isinstance(points, Points) else (points,):
-            if isinstance(piece, PlainPoints):
-                self._begins.append(self._length)
-                self.pieces.append(piece)
-                self._length += len(piece)
-            else:
-                for point in piece:
-                    self.append(point)
+            self.pieces.append(list(piece) if isinstance(piece, list) else piece)
+        self._length += len(piece)
 
     def arclengths(self) -> np.ndarray:
         """Arclength of each, (N,)."""
@@ -163,8 +136,10 @@ class Points(Sequence[Point]):
         return np.concatenate(columns) if columns else np.empty(0)
 
 
-class ReturnWatch:
-    """Watches for the return of a run to a goal: its start, or where the run in the other direction has come to.
+def landing(
+    problem: Problem, settings: Settings, goal: Step, direction: Any, before: Point, after: Step, ds: float
+) -> tuple[float, Step] | None:
+    """Where a run comes back to a goal: its start, or the point where the run in the other direction ended.
 
     The goal is passed where the position goes through the plane on it with a normal along the curve. There the step
     is shortened to land on that plane; the family is closed if it then lands on the goal itself, in position and in the
@@ -178,39 +153,36 @@ class ReturnWatch:
         `location_tolerance` and `coincidence_tolerance` are used.
     goal : Step
         The point to come back to, its tangent pointing the way that the run goes.
-    direction : array_like
+    direction : ndarray
         Normal of the plane, roughly along the curve at the goal, the way that the run goes.
+    before : Point
+    after : Step
+        The step from `before` of length
+    ds : float
+
+    Returns
+    -------
+    (float, Step) or None
+        The step from `before` that lands on the goal, with its length; None if the step to `after` does not pass it.
     """
-
-    def __init__(self, problem: Problem, settings: Settings, goal: Step, direction: Any) -> None:
-        self._problem = problem
-        self._settings = settings
-        self._goal = goal
-        self.origin = np.asarray(goal.position, dtype=float)
-        self.direction = np.asarray(direction, dtype=float)
-
-    def landing(self, before: Point, after: Step, ds: float) -> tuple[float, Step] | None:
-        """The step from `before` that lands on the goal, and its length, if the step to `after` of length ds passes it."""
-        origin, direction = self.origin, self.direction
-        low, high = (float(height(step.position, origin, direction)) for step in (before.step, after))
-        if not low < 0.0 <= high:
-            return None
-        locator = Locator(self._problem, before, self._settings)
-        locator.enter(ds, after)
-        try:
-            found = bracketed_root(
-                lambda s: float(height(locator.step(s).position, origin, direction)), 0.0, low, ds, high, self._settings.location_tolerance
-            )
-            step = locator.step(found.root)
-        except StepRefused:
-            return None
-        near = self._settings.coincidence_tolerance
-        goal = self._goal
-        if found.interrupted or math.dist(step.position, goal.position) > near:
-            return None
-        if float(np.max(np.abs(step.y - goal.y))) > near * (1.0 + float(np.max(np.abs(goal.y)))):
-            return None
-        lengths = float(np.linalg.norm(step.tangent)) * float(np.linalg.norm(goal.tangent))
-        if not float(step.tangent @ goal.tangent) > _PARALLEL * lengths:
-            return None  # another branch through the same point
-        return found.root, step
+    origin = np.asarray(goal.position, dtype=float)
+    low, high = (float(height(step.position, origin, direction)) for step in (before.step, after))
+    if not low < 0.0 <= high:
+        return None
+    locator = Locator(problem, before, ds, after, settings)
+    try:
+        found = bracketed_root(
+            lambda s: float(height(locator.step(s).position, origin, direction)), 0.0, low, ds, high, settings.location_tolerance
+        )
+        step = locator.step(found.root)
+    except StepRefused:
+        return None
+    near = settings.coincidence_tolerance
+    if found.interrupted or math.dist(step.position, goal.position) > near:
+        return None
+    if float(np.max(np.abs(step.y - goal.y))) > near * (1.0 + float(np.max(np.abs(goal.y)))):
+        return None
+    lengths = float(np.linalg.norm(step.tangent)) * float(np.linalg.norm(goal.tangent))
+    if not float(step.tangent @ goal.tangent) > _PARALLEL * lengths:
+        return None  # another branch through the same point
+    return found.root, step

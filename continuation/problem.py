@@ -204,7 +204,7 @@ class Point:
     arclength : float
         Arclength from the first point.
     step : Step
-        The corrected point; its fields are also attributes of the point.
+        The corrected point: its unknowns, tangent, parameter and test functions.
     step_size : float
         The pseudo-arclength step that led here (0 at the start).
     event : Event or None
@@ -218,47 +218,7 @@ class Point:
     event: Event | None = None
 
     def __repr__(self) -> str:
-        return f"Point {self.index} at arclength {self.arclength:.10g}, parameter {self.parameter:.10g}"
-
-    @property
-    def y(self) -> np.ndarray:
-        """The unknowns, shape (n + 1,)."""
-        return self.step.y
-
-    @property
-    def tangent(self) -> np.ndarray:
-        """Unit tangent in the direction of growing arclength, shape (n + 1,)."""
-        return self.step.tangent
-
-    @property
-    def position(self) -> Sequence[float] | np.ndarray:
-        """Metric coordinates."""
-        return self.step.position
-
-    @property
-    def parameter(self) -> float:
-        """The reported parameter."""
-        return self.step.parameter
-
-    @property
-    def slope(self) -> float:
-        """Derivative of the parameter along the arclength."""
-        return self.step.slope
-
-    @property
-    def residual(self) -> float:
-        """Size of the residual."""
-        return self.step.residual
-
-    @property
-    def tests(self) -> Sequence[float] | np.ndarray:
-        """Values of the test functions."""
-        return self.step.tests
-
-    @property
-    def extra(self) -> Any:
-        """The problem's own data."""
-        return self.step.extra
+        return f"Point {self.index} at arclength {self.arclength:.10g}, parameter {self.step.parameter:.10g}"
 
 
 @runtime_checkable

@@ -98,12 +98,25 @@ class Resolution:
         StepRefused
             A sample cannot be taken, or too many are needed.
         """
+        zones = [zone for zone in self.zones if zone.hides(self._tests[index])]
+        taken = self._locator.taken
         while True:
-            places, values, gaps = self._samples(index, limit)
+            if len(self._places) != len(self._history) + len(taken):  # a step was taken since
+                self._places = [s for s, _ in self._history] + [s for s, _ in taken]
+                self._columns = list(zip(*(values for _, values in self._history), *(step.tests for _, step in taken), strict=True))
+            places: list[float] = []  # where the test function is to be trusted, and its values there
+            values: list[float] = []
+            gaps: list[float] = []  # and where it is not
+            for s, value in zip(self._places[: bisect_right(self._places, limit)], self._columns[index], strict=False):
+                if value != value or (zones and any(zone.low < s < zone.high for zone in zones)):
+                    gaps.append(s)
+                else:
+                    places.append(s)
+                    values.append(float(value))
             division = self._unresolved(places, values, gaps, guard, self._resolved[index])
             if division is None:
                 break
-            if len(self._locator.taken) > _MOST:
+            if len(taken) > _MOST:
                 raise StepRefused(f"the test functions need more than {_MOST} samples")
             low, high, part = division
             for shift in _ELSEWHERE:
@@ -120,26 +133,24 @@ class Resolution:
                 changes.append((low, high))
         return changes
 
-    def absorbed(self, test: TestFunction, low: float, high: float) -> bool:
-        """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code."""
-        return self._note(test, [zone for zone in self.zones if low <= zone.low and zone.high <= high and zone.hides(test)])
+    def absorbed(self, index: int, low: float, high: float, undecided: Step | None = None, factor: float = 0.0) -> bool:
+        """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code.
 
-    def is_branch_point(self, index: int, step: Step, factor: float) -> bool:
-        """Whether an undecided value of a test function is rounding at a branch point of this step, which then notes its code.
-
-        factor: so many times its level `TestFunction.singular` a test function for branch points may have there."""
+        undecided: a step where the value is not known. Then only a branch point counts at which it is rounding: there the test function of
+        the branch point is below `factor` times its level `TestFunction.singular`."""
         test = self._tests[index]
-        zones = [zone for zone in self.zones if zone.hides(test)]
-        near = [zone for zone in zones if abs(step.tests[self._tests.index(zone.test)]) < factor * zone.test.singular]
-        return math.isnan(step.tests[index]) and self._note(test, near)
-
-    def _note(self, test: TestFunction, zones: list[Zone]) -> bool:
-        """Note the code of a test function in the first of some zones, and whether there is one."""
-        if not zones:
-            return False
-        if test is not zones[0].test and test.code not in zones[0].found:
-            zones[0].found.append(test.code)
-        return True
+        for zone in self.zones:
+            if not zone.hides(test):
+                continue
+            if undecided is None:
+                belongs = low <= zone.low and zone.high <= high
+            else:
+                belongs = abs(undecided.tests[self._tests.index(zone.test)]) < factor * zone.test.singular
+            if belongs:
+                if test is not zone.test and test.code not in zone.found:
+                    zone.found.append(test.code)
+                return True
+        return False
 
     def exclude(self, index: int, test: TestFunction, low: float, high: float) -> None:
         """Make a zone around a branch point between the steps of length low and high, which its test function marked.
@@ -183,22 +194,6 @@ class Resolution:
             return place
         return None
 
-    def _samples(self, index: int, limit: float) -> tuple[list[float], list[float], list[float]]:
-        """The places in order where a test function is to be trusted, its values there, and the places where it is not."""
-        zones = [zone for zone in self.zones if zone.hides(self._tests[index])]
-        taken = self._locator.taken
-        if len(self._places) != len(self._history) + len(taken):  # a step was taken since
-            self._places = [s for s, _ in self._history] + [s for s, _ in taken]
-            self._columns = list(zip(*(values for _, values in self._history), *(step.tests for _, step in taken), strict=True))
-        places, values, gaps = [], [], []
-        for s, value in zip(self._places[: bisect_right(self._places, limit)], self._columns[index], strict=False):
-            if value != value or (zones and any(zone.low < s < zone.high for zone in zones)):
-                gaps.append(s)
-            else:
-                places.append(s)
-                values.append(float(value))
-        return places, values, gaps
-
     def _unresolved(
         self, places: list[float], values: list[float], gaps: list[float], guard: bool, resolved: set[tuple[float, ...]]
     ) -> tuple[float, float, float] | None:
@@ -237,33 +232,33 @@ class Resolution:
 
 
 def _bends(places: list[float], values: list[float], j: int) -> list[float]:
-    """Second divided differences of interval j with its neighbours on both sides; at an end of the samples, with two on one side."""
+    """Second divided differences of interval j with its neighbours on both sides; at an end of the samples, with two on one side.
+
+    A neighbour closer than a part of the interval is passed over. A difference is 0 where a value is infinite.
+    """
     least = _APART * (places[j + 1] - places[j])
-    left, right = _neighbour(places, j, -1, least), _neighbour(places, j + 1, 1, least)
+    first, last = j, j + 1
+    nodes = [first, last]
+    for backward in (True, False, True, False):  # one on each side; the second round only where a side has none
+        if len(nodes) == 4:
+            break
+        if backward:
+            i = first - 1
+            while i >= 0 and places[first] - places[i] < least:
+                i -= 1
+            if i >= 0:
+                nodes.insert(0, i)
+                first = i
+        else:
+            i = last + 1
+            while i < len(places) and places[i] - places[last] < least:
+                i += 1
+            if i < len(places):
+                nodes.append(i)
+                last = i
     bends = []
-    if left is not None:
-        bends.append(_bend(places, values, left, j, j + 1))
-    if right is not None:
-        bends.append(_bend(places, values, j, j + 1, right))
-    if left is None and right is not None and (far := _neighbour(places, right, 1, least)) is not None:
-        bends.append(_bend(places, values, j + 1, right, far))
-    if right is None and left is not None and (far := _neighbour(places, left, -1, least)) is not None:
-        bends.append(_bend(places, values, far, left, j))
+    for a, b, c in zip(nodes, nodes[1:], nodes[2:], strict=False):
+        rise = (values[b] - values[a]) / (places[b] - places[a])
+        bend = ((values[c] - values[b]) / (places[c] - places[b]) - rise) / (places[c] - places[a])
+        bends.append(bend if math.isfinite(bend) else 0.0)
     return bends
-
-
-def _neighbour(places: list[float], i: int, way: int, least: float) -> int | None:
-    """The next place before (way -1) or after (1) place i that is at least so far from it."""
-    here = places[i]
-    i += way
-    while 0 <= i < len(places):
-        if abs(places[i] - here) >= least:
-            return i
-        i += way
-    return None
-
-
-def _bend(places: list[float], values: list[float], i: int, j: int, k: int) -> float:
-    """Second divided difference; 0 where a value is infinite."""
-    bend = ((values[k] - values[j]) / (places[k] - places[j]) - (values[j] - values[i]) / (places[j] - places[i])) / (places[k] - places[i])
-    return bend if math.isfinite(bend) else 0.0

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -31,17 +31,15 @@ class Run:
         closed family, CLOSED.
     start : int
         Index of the point that the run was started from.
+    closed : bool
+        Whether the family closes on itself.
     """
 
     points: Points
     events: tuple[Event, ...]
     ends: tuple[End, End]
     start: int
-
-    @property
-    def closed(self) -> bool:
-        """Whether the family closes on itself."""
-        return self.ends[1].reason is EndReason.CLOSED
+    closed: bool = False
 
     @property
     def tally(self) -> Tally:
@@ -102,7 +100,8 @@ def follow_both_ways(
             return Run(Points([[point]]), (), (held, held), 0)
     total = settings.maximum_points
     allowance = Allowance(min(total // 2 + 1, total) if both else total, resume=both)
-    forward = _Half(problem, first, settings, stop_when, stop_at, allowance, on_points, on_event)
+    items = follow_in_blocks(problem, first, settings, stop_when, stop_at, allowance)
+    forward = _Half(items, allowance, settings, True, on_points, on_event)
     forward.go()
     if not both or forward.closed:
         return _one_way(problem, settings, forward)
@@ -111,9 +110,16 @@ def follow_both_ways(
     if not opposite.converged:
         lost = End(EndReason.NO_START, "the corrector did not converge at the start with its tangent reversed")
         return Run(forward.points, tuple(forward.events), (lost, forward.end), 0)
-    backward = _Half(
-        problem, opposite, settings, stop_when, stop_at, allowance, on_points, on_event, forward.last_place(problem)
-    )
+    # The family closes where the second half meets the last point of the first, or else the start.
+    goal = None
+    last = np.asarray(forward.points[-1].step.position, dtype=float)
+    for k in range(len(forward.points) - 2, -1, -1):
+        way = np.asarray(forward.points[k].step.position, dtype=float) - last
+        if float(np.linalg.norm(way)) > settings.coincidence_tolerance:
+            goal = _turned_round(problem, forward.points[-1].step), way
+            break
+    items = follow_in_blocks(problem, opposite, settings, stop_when, stop_at, allowance, goal)
+    backward = _Half(items, allowance, settings, False, on_points, on_event)
     backward.go()
     if forward.end.reason is EndReason.POINTS and not backward.closed and allowance.points > 0:
         forward.go()
@@ -122,54 +128,41 @@ def follow_both_ways(
     return _both_ways(problem, settings, backward, forward)
 
 
+@dataclass(eq=False)
 class _Half:
-    """One direction of a trace, which can be gone on with when its points were used up."""
+    """One direction of a run, which can be continued when its points were used up. `reports_start`: whether `on_points` gets its start."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        first: Step,
-        settings: Settings,
-        stop_when: StopWhen | None,
-        stop_at: Collection[str],
-        allowance: Allowance,
-        on_points: Callable[[Sequence[Point]], object] | None,
-        on_event: Callable[[Event], object] | None,
-        goal: tuple[Step, np.ndarray] | None = None,
-    ) -> None:
-        self.points = Points()
-        self.events: list[Event] = []
-        self.end = End(EndReason.POINTS)
-        self.closed = False
-        self._allowance = allowance
-        self._items = follow_in_blocks(problem, first, settings, stop_when, stop_at, allowance, goal)
-        self._first = not allowance.started
-        allowance.started = True
-        self._near = settings.coincidence_tolerance
-        self._exact = settings.location_tolerance
-        self._on_points = on_points
-        self._on_event = on_event
+    items: Iterator[Point | PlainPoints | Event | End]
+    allowance: Allowance
+    settings: Settings
+    reports_start: bool
+    on_points: Callable[[Sequence[Point]], object] | None
+    on_event: Callable[[Event], object] | None
+    points: Points = field(default_factory=Points)
+    events: list[Event] = field(default_factory=list)
+    end: End = End(EndReason.POINTS)
+    closed: bool = False
 
     def go(self) -> None:
         """Follow until the next end."""
-        for item in self._items:
+        for item in self.items:
             if isinstance(item, Point):
-                if item.index == 1 and item.event is not None and item.arclength <= self._exact:
+                if item.index == 1 and item.event is not None and item.arclength <= self.settings.location_tolerance:
                     self._start_is(item.event)
                     continue
-                self.points.append(item)
-                if self._on_points is not None and (item.index or self._first):
-                    self._on_points([item])
+                self.points.add([item])
+                if self.on_points is not None and (item.index or self.reports_start):
+                    self.on_points([item])
             elif isinstance(item, PlainPoints):
-                self.points.extend(item)
-                if self._on_points is not None:
-                    self._on_points(item)
+                self.points.add(item)
+                if self.on_points is not None:
+                    self.on_points(item)
             elif isinstance(item, Event):
                 item = self.events[0] if self.events and self.events[0].index == 0 else item
                 if item.index:
                     self.events.append(item)
-                if self._on_event is not None:
-                    self._on_event(item)
+                if self.on_event is not None:
+                    self.on_event(item)
             else:
                 self.end, self.closed = item, item.reason is EndReason.CLOSED
                 return
@@ -180,57 +173,35 @@ class _Half:
         first = replace(event, arclength=0.0, bracket=(min(low, 0.0), max(high, 0.0)), index=0)
         self.points = Points([[Point(0, 0.0, first.point, 0.0, first)]])
         self.events = [first]
-        self._allowance.points += 1
+        self.allowance.points += 1
 
-    def last_place(self, problem: Problem) -> tuple[Step, np.ndarray] | None:
-        """The last point seen from the other direction, and the way along the curve there; None if it is the start."""
-        last = np.asarray(self.points[-1].position, dtype=float)
-        for k in range(len(self.points) - 2, -1, -1):
-            point = self.points[k]
-            way = np.asarray(point.position, dtype=float) - last
-            if float(np.linalg.norm(way)) > self._near:
-                return _turned_round(problem, self.points[-1].step), way
-        return None
 
-    def moved(self, index: int, arclength: float) -> tuple[Points, list[Event]]:
-        """Points and events with indices and arclengths that start later."""
-        events: dict[int, Event] = {}
-        for event in self.events:
-            low, high = event.bracket
-            events[event.index] = replace(
-                event, arclength=event.arclength + arclength, bracket=(low + arclength, high + arclength), index=event.index + index
-            )
-        pieces: list[Piece] = []
-        for piece in self.points.pieces:
-            if isinstance(piece, PlainPoints):
-                pieces.append(piece.moved(index, arclength))
-            else:
-                pieces.append(
-                    [replace(p, index=p.index + index, arclength=p.arclength + arclength, event=events.get(p.index)) for p in piece]
-                )
-        return Points(pieces), list(events.values())
+def _placed(problem: Problem, half: _Half, sign: int, index: int, arclength: float) -> tuple[Points, list[Event]]:
+    """Points and events of a half in a run where its start has this index and arclength; they grow (sign 1) or fall (-1) along the half.
 
-    def reversed(self, problem: Problem) -> tuple[Points, list[Event]]:
-        """Points and events seen the other way: the last comes first, tangents are turned round."""
-        last, total = self.points[-1].index, self.points[-1].arclength
-        pieces: list[Piece] = []
-        events: list[Event] = []
-        for piece in reversed(self.points.pieces):
-            if isinstance(piece, PlainPoints):
-                pieces.append(piece.reversed(last, total, partial(_turned_round, problem)))
-                continue
-            points = []
-            for p in reversed(piece):
-                step, index, event = _turned_round(problem, p.step), last - p.index, None
-                if p.event is not None:
-                    low, high = p.event.bracket
-                    event = replace(
-                        p.event, arclength=total - p.event.arclength, bracket=(total - high, total - low), index=index, point=step
-                    )
-                    events.append(event)
-                points.append(Point(index, total - p.arclength, step, p.step_size, event))
-            pieces.append(points)
-        return Points(pieces), events
+    In a half that is seen backwards the last point comes first, and tangents are turned round.
+    """
+    pieces: list[Piece] = []
+    events: list[Event] = []
+    for piece in half.points.pieces[::sign]:
+        if isinstance(piece, PlainPoints):
+            first = index + piece.begin if sign > 0 else index - (piece.begin + len(piece) - 1)
+            seen = None if sign > 0 else partial(_turned_round, problem)
+            arclengths = arclength + sign * piece.arclengths[::sign]
+            pieces.append(PlainPoints(first, arclengths, piece.strides[::sign], piece.steps[::sign], seen))
+            continue
+        points = []
+        for p in piece[::sign]:
+            step = p.step if sign > 0 else _turned_round(problem, p.step)
+            place, event = index + sign * p.index, p.event
+            if event is not None:
+                low, high = sorted(arclength + sign * s for s in event.bracket)
+                at = event.point if sign > 0 else step
+                event = replace(event, arclength=arclength + sign * event.arclength, bracket=(low, high), index=place, point=at)
+                events.append(event)
+            points.append(Point(place, arclength + sign * p.arclength, step, p.step_size, event))
+        pieces.append(points)
+    return Points(pieces), events
 
 
 def _turned_round(problem: Problem, step: Step) -> Step:
@@ -245,17 +216,19 @@ def _one_way(problem: Problem, settings: Settings, half: _Half) -> Run:
     if not half.closed:
         return Run(points, tuple(events), (End(EndReason.NOT_ASKED), half.end), 0)
     events = _with_events_at(0, problem, settings, points, events)
-    return Run(points, tuple(events), (half.end, half.end), 0)
+    return Run(points, tuple(events), (half.end, half.end), 0, closed=True)
 
 
 def _both_ways(problem: Problem, settings: Settings, backward: _Half, forward: _Half) -> Run:
     """Both halves as one run, oriented by the forward one; closed where the backward half has met the forward one."""
-    points, events = backward.reversed(problem)
+    end = backward.points[-1]
+    points, events = _placed(problem, backward, -1, end.index, end.arclength)
     start = len(points) - 1
-    later, later_events = forward.moved(start, points[-1].arclength)
+    later, later_events = _placed(problem, forward, 1, start, points[-1].arclength)
     if later[0].event is not None:
         points[-1] = later[0]
-    points.extend(later[1:])
+    for piece in later[1:].pieces:
+        points.add(piece)
     events += later_events
     if 0 < start < len(points) - 1:
         events = _with_events_at(start, problem, settings, points, events)
@@ -263,8 +236,8 @@ def _both_ways(problem: Problem, settings: Settings, backward: _Half, forward: _
         return Run(points, tuple(events), (backward.end, forward.end), start)
     events = _with_events_at(0, problem, settings, points, events)
     tally = Tally(*(a + b for a, b in zip(backward.end.tally, forward.end.tally, strict=True)))
-    end = End(EndReason.CLOSED, f"length {points[-1].arclength:.9g}", tally)
-    return Run(points, tuple(events), (end, end), start)
+    closing = End(EndReason.CLOSED, f"length {points[-1].arclength:.9g}", tally)
+    return Run(points, tuple(events), (closing, closing), start, closed=True)
 
 
 def _with_events_at(place: int, problem: Problem, settings: Settings, points: Points, events: list[Event]) -> list[Event]:
@@ -273,24 +246,24 @@ def _with_events_at(place: int, problem: Problem, settings: Settings, points: Po
     Place 0 is where a closed family begins and ends.
     """
     last = len(points) - 1
-    before = _regular(points, range(last - 1, 0, -1) if place == 0 else range(place - 1, -1, -1))
-    after = _regular(points, range(1, last) if place == 0 else range(place + 1, last + 1))
-    if before is None or after is None:
-        return events
+    sides = []
+    for places in (
+        range(last - 1, 0, -1) if place == 0 else range(place - 1, -1, -1),
+        range(1, last) if place == 0 else range(place + 1, last + 1),
+    ):
+        if not places:
+            return events
+        regular = (point for point in map(points.__getitem__, places) if point.event is None)
+        sides.append(next(regular, points[places[0]]))
+    before, after = sides
     if place == 0:
         known = [event for event in events if event.index > before.index or event.index < after.index]
     else:
         known = [event for event in events if before.index < event.index < after.index]
     at = points[place]
     for found in EventFinder(problem, settings).at_start(before, at, after, known):
-        event = make_event(found, at.position, at.arclength, at.index)
+        event = make_event(found, at.step.position, at.arclength, at.index)
         events = [*events, event]
         if points[place].event is None:
             points[place] = replace(at, event=event)
     return sorted(events, key=lambda event: (event.arclength, event.index))
-
-
-def _regular(points: Points, places: range) -> Point | None:
-    """The first point at these places that no event was met at, or the first at all; None where there is none."""
-    first = points[places[0]] if places else None
-    return next((point for point in map(points.__getitem__, places) if point.event is None), first)

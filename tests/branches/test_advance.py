@@ -53,11 +53,11 @@ def compare(problem, y, settings=SETTINGS, **options):
     assert len(alone.points) == len(together.points) and alone.start == together.start
     for a, b in zip(alone.points, together.points, strict=True):
         assert abs(a.arclength - b.arclength) < 1e-11 and a.step_size == pytest.approx(b.step_size, rel=1e-9)
-        assert np.max(np.abs(a.y - b.y)) < 1e-11 * (1.0 + np.max(np.abs(a.y)))
+        assert np.max(np.abs(a.step.y - b.step.y)) < 1e-11 * (1.0 + np.max(np.abs(a.step.y)))
         assert a.step.iterations == b.step.iterations and (a.event is None) is (b.event is None)
-        np.testing.assert_allclose(b.tests, a.tests, rtol=1e-7, atol=1e-9)
-        np.testing.assert_allclose(b.position, a.position, rtol=1e-11, atol=1e-12)
-        assert np.array_equal(np.isnan(a.extra.result), np.isnan(b.extra.result))
+        np.testing.assert_allclose(b.step.tests, a.step.tests, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(b.step.position, a.step.position, rtol=1e-11, atol=1e-12)
+        assert np.array_equal(np.isnan(a.step.extra.result), np.isnan(b.step.extra.result))
     return alone
 
 
@@ -97,11 +97,10 @@ def test_a_block_comes_back_where_it_passes_its_goal(side):
     points = follow_both_ways(OneByOne(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 30}), both=False).points
     oldest, older, start, goal = points[1], points[2], points[3], points[20]
     first, before = older.arclength - oldest.arclength, start.arclength - older.arclength
-    aim, direction = np.array(goal.position), side * (np.array(goal.position) - np.array(points[19].position))
-    found = family.advance(
-        start.step, start.tests, older.tests, oldest.tests, before, first, points[4].step_size, aim, direction, 25, control_of(SETTINGS)
-    )
-    path = [start.position, *(step.position for step in found.steps)]
+    aim, direction = np.array(goal.step.position), side * (np.array(goal.step.position) - np.array(points[19].step.position))
+    tests = start.step.tests, older.step.tests, oldest.step.tests
+    found = family.advance(start.step, *tests, before, first, points[4].step_size, aim, direction, 25, control_of(SETTINGS))
+    path = [start.step.position, *(step.position for step in found.steps)]
     if side < 0.0:
         assert len(found.steps) == 25 and found.trial is None
         return
@@ -116,7 +115,7 @@ def test_a_short_piece_keeps_no_whole_block():
     run = follow_both_ways(Family(problem), y, Settings(**{**vars(SETTINGS), "maximum_points": 200}))
     kept = {}
     for point in run.points:
-        owner = point.y
+        owner = point.step.y
         while owner.base is not None:
             owner = owner.base
         kept[id(owner)] = owner

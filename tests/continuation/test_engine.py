@@ -20,12 +20,12 @@ def test_circle_closes_with_length_two_pi_and_two_folds():
     points, events, (end,) = parts(follow(circle(), np.array([math.cos(1.0), math.sin(1.0)])))
     assert end.reason is EndReason.CLOSED
     assert is_close(points[-1].arclength, 2 * math.pi, 1e-9)
-    np.testing.assert_allclose(points[-1].y, points[0].y, atol=1e-9)
+    np.testing.assert_allclose(points[-1].step.y, points[0].step.y, atol=1e-9)
     assert [event.code for event in events] == ["SN", "SN"]
     assert [event.point.parameter for event in events] == pytest.approx([1.0, -1.0], abs=1e-10)
     for event, angle in zip(events, (math.pi / 2 - 1, 3 * math.pi / 2 - 1), strict=True):
         assert is_close(event.arclength, angle, 1e-9)
-    radius = [math.hypot(*point.y) for point in points]
+    radius = [math.hypot(*point.step.y) for point in points]
     assert max(abs(r - 1) for r in radius) < 1e-14
 
 
@@ -50,7 +50,7 @@ def test_figure_of_eight_closes_after_both_loops_only():
     length, _ = quad(lambda t: math.hypot(math.cos(t), 2 * math.cos(2 * t)), 0, 2 * math.pi)
     assert end.reason is EndReason.CLOSED
     assert is_close(points[-1].arclength, length, 1e-3)
-    assert min(point.y[0] for point in points) == pytest.approx(-1, abs=0.05)
+    assert min(point.step.y[0] for point in points) == pytest.approx(-1, abs=0.05)
 
 
 def test_arclength_is_of_fourth_order_in_the_step():
@@ -85,19 +85,19 @@ def test_steps_keep_to_the_target_turn():
     settings = Settings(target_turn=0.05, maximum_step=1.0, target_contraction=0.4)
     points, _, _ = parts(follow(circle(), np.array([1.0, 0.0]), settings=settings))
     regular = [point for point in points if point.event is None]
-    middle = [math.acos(float(a.tangent @ b.tangent)) for a, b in zip(regular[8:-3], regular[9:-2], strict=True)]
+    middle = [math.acos(float(a.step.tangent @ b.step.tangent)) for a, b in zip(regular[8:-3], regular[9:-2], strict=True)]
     assert max(middle) < 0.06 and min(middle) > 0.04
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_direction_is_the_sign_of_the_first_slope(direction):
     points, _, _ = parts(follow(cubic(), np.array([2.0, 6.0]), direction, Settings(maximum_points=5)))
-    assert all(point.slope * direction > 0 for point in points)
-    assert (points[1].parameter - points[0].parameter) * direction > 0
+    assert all(point.step.slope * direction > 0 for point in points)
+    assert (points[1].step.parameter - points[0].step.parameter) * direction > 0
 
 
 def test_at_a_fold_the_two_directions_leave_oppositely():
-    ways = [parts(follow(circle(), np.array([0.0, 1.0]), way, Settings(maximum_points=3)))[0][-1].y[0] for way in (1, -1)]
+    ways = [parts(follow(circle(), np.array([0.0, 1.0]), way, Settings(maximum_points=3)))[0][-1].step.y[0] for way in (1, -1)]
     assert ways[0] * ways[1] < 0
 
 
@@ -106,7 +106,7 @@ def test_direction_zero_keeps_the_tangent_of_a_step():
     step = problem.begin(np.array([2.0, 6.0]))
     for given_step in (step, problem.step(step.y, -step.tangent, 0.0)):
         points, _, _ = parts(follow(problem, given_step, 0, Settings(maximum_points=2)))
-        assert float((points[1].y - points[0].y) @ given_step.tangent) > 0
+        assert float((points[1].step.y - points[0].step.y) @ given_step.tangent) > 0
     with pytest.raises(ValueError, match=r"direction = 2: expected \+1, -1 or 0"):
         next(follow(problem, step, 2))
 
@@ -114,9 +114,9 @@ def test_direction_zero_keeps_the_tangent_of_a_step():
 def test_order_after_a_fold_is_that_of_arclength():
     points, _, _ = parts(follow(cubic(), np.array([-1.5, -1.875]), settings=Settings(maximum_points=70)))
     arclength = [point.arclength for point in points]
-    parameter = [point.parameter for point in points]
+    parameter = [point.step.parameter for point in points]
     assert arclength == sorted(arclength) and parameter != sorted(parameter)
-    x = [point.y[0] for point in points]
+    x = [point.step.y[0] for point in points]
     assert x == sorted(x)
 
 
@@ -125,14 +125,14 @@ def test_does_not_jump_to_the_other_branch_of_a_hyperbola(gap):
     """The step straight on lands on the other branch with a tangent that did not turn; only the inside of the step tells."""
     start = np.array([math.hypot(1.0, gap), -1.0])
     points, events, (end,) = parts(follow(hyperbola(gap), start, settings=Settings(maximum_points=150)))
-    assert min(point.y[0] for point in points) > 0 and points[-1].y[1] > 1
+    assert min(point.step.y[0] for point in points) > 0 and points[-1].step.y[1] > 1
     assert [event for event in events if event.code == "BP"] == []
     assert end.tally.turned + end.tally.jumped > 0
 
 
 def test_does_not_jump_between_parallel_lines():
     points, _, _ = parts(follow(parallel_lines(0.01), np.array([0.0, 0.0]), settings=Settings(maximum_points=100)))
-    assert all(abs(point.y[0]) < 1e-12 for point in points)
+    assert all(abs(point.step.y[0]) < 1e-12 for point in points)
 
 
 def test_steps_that_turn_contract_badly_or_go_astray_are_halved_and_counted():
@@ -167,7 +167,7 @@ def test_curve_that_ends_gives_the_reason_and_the_words_of_the_problem():
     points, _, (end,) = parts(follow(root_end(), np.array([1.5, 0.25]), -1))
     assert end.reason is EndReason.MINIMUM_STEP
     assert "does not converge" in end.text and "not finite" in end.text and "minimum_step" in end.text
-    assert 0 <= points[-1].parameter < 1e-6
+    assert 0 <= points[-1].step.parameter < 1e-6
     points, _, (end,) = parts(follow(Line(broken=lambda s: s > 1.0), np.array([0.0]), settings=SHORT))
     assert 0 <= 1.0 - points[-1].arclength < 1e-6 and "the line is broken after 1.000" in end.text
 
@@ -185,12 +185,12 @@ def test_stop_when_is_asked_at_every_point_after_the_start():
 
     def stop(point):
         seen.append(point)
-        return "far enough" if point.parameter > 1.0 else False
+        return "far enough" if point.step.parameter > 1.0 else False
 
     problem = Line((TestFunction("A", "crossing"), lambda s: s - 0.55))
     points, _, (end,) = parts(follow(problem, np.array([0.0]), settings=SHORT, stop_when=stop))
     assert end.reason is EndReason.STOP_WHEN and end.detail == "far enough"
-    assert seen == points[1:] and points[-1].parameter > 1.0 >= points[-2].parameter
+    assert seen == points[1:] and points[-1].step.parameter > 1.0 >= points[-2].step.parameter
     assert any(point.event for point in seen)
     _, _, (end,) = parts(follow(problem, np.array([0.0]), settings=SHORT, stop_when=lambda point: point.event is not None))
     assert end.reason is EndReason.STOP_WHEN and end.detail == ""

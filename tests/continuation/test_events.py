@@ -84,7 +84,7 @@ def test_all_changes_of_a_key_in_one_step_are_found():
 def test_terminal_change_ends_on_the_old_side():
     points, events, end = run(Line((TestFunction("K", "change", terminal=True), lambda s: float(s > 1.03))))
     assert end.reason is EndReason.EVENT and points[-1].event is events[-1]
-    assert 1.03 - 1e-10 <= points[-1].parameter <= 1.03
+    assert 1.03 - 1e-10 <= points[-1].step.parameter <= 1.03
 
 
 def test_undefined_values_make_no_event():
@@ -99,7 +99,7 @@ def test_undefined_values_make_no_event():
     assert events == [] and len(points) == 60
     points, events, end = run(Line((TestFunction("G", "guard", terminal=True), crossing)))
     assert end.reason is EndReason.EVENT and events[0].details["kind"] == "outside"  # violated where it is defined again
-    assert 1.55 < points[-1].parameter < 1.75
+    assert 1.55 < points[-1].step.parameter < 1.75
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_jumps_and_poles_are_not_called_zeros(function, kind):
     seen = []
 
     def classify(index, before, at, after, location):
-        seen.append((location.kind, location.status, before.parameter, after.parameter))
+        seen.append((location.kind, location.status, before.step.parameter, after.step.parameter))
         return EventDetails("J", data={"mine": 1})
 
     _, events, _ = run(Line((TestFunction("A", "crossing"), function), classify=classify))
@@ -390,7 +390,7 @@ def test_steps_inside_that_go_over_to_another_family_are_not_used(width, start):
     problem = Hopping((TestFunction("A", "crossing", singular=1e-8), lambda s: s - 1.0), hops=lambda s: 1e-9 < 1.0 - s < width)
     points, events, ends = parts(follow(problem, np.array([start, 0.0]), settings=SHORT))
     assert [event.arclength for event in events] == pytest.approx([1.0 - start], abs=1e-9)
-    assert all(point.y[1] == 0.0 for point in points) and ends[0].reason is EndReason.POINTS
+    assert all(point.step.y[1] == 0.0 for point in points) and ends[0].reason is EndReason.POINTS
 
 
 def test_a_dip_that_stays_above_zero_is_no_event_and_costs_few_steps():

@@ -59,10 +59,10 @@ def test_side_branch_of_the_pitchfork_has_one_branch_point_that_stands_for_the_f
     assert event.code == "BP" and event.details["absorbed"] == ("SN",)
     np.testing.assert_allclose(event.point.y, [0.0, 0.0], atol=1e-7)
     assert event.bracket[0] <= event.arclength <= event.bracket[1] <= event.bracket[0] + 1e-6
-    x = [point.y[0] for point in run.points]
+    x = [point.step.y[0] for point in run.points]
     assert x == sorted(x, reverse=bool(x[0] > x[-1]))  # it went straight through
     for point in run.points:
-        assert abs(point.y[1] - point.y[0] ** 2) < 1e-12 or abs(point.y[0]) < 1e-6
+        assert abs(point.step.y[1] - point.step.y[0] ** 2) < 1e-12 or abs(point.step.y[0]) < 1e-6
 
 
 def test_both_branches_of_the_transcritical_point():

@@ -1,4 +1,4 @@
-"""Points that are made when asked for are those of a list. Oracle: the same points in a list, sliced, moved and turned by hand."""
+"""Points that are made when asked for are those of a list. Oracle: the same points in a list, sliced and turned by hand."""
 
 import numpy as np
 import pytest
@@ -18,15 +18,15 @@ SINGLE = [Point(k, 0.01 * k, step(10 + k), 0.01) for k in range(3)]
 
 
 def numbers(points):
-    return [(point.index, point.arclength, point.parameter, point.step_size, point.event) for point in points]
+    return [(point.index, point.arclength, point.step.parameter, point.step_size, point.event) for point in points]
 
 
 def joined():
     points = Points()
     for point in SINGLE:
-        points.append(point)
-    points.extend(PLAIN)
-    points.append(Point(8, 1.0, step(20), 0.1))
+        points.add([point])
+    points.add(PLAIN)
+    points.add([Point(8, 1.0, step(20), 0.1)])
     return points, [*SINGLE, *[PLAIN[k] for k in range(5)], Point(8, 1.0, step(20), 0.1)]
 
 
@@ -34,7 +34,7 @@ def test_points_are_a_sequence():
     points, known = joined()
     assert len(points) == len(known) == 9 and numbers(points) == numbers(known)
     assert [point.index for point in points] == list(range(9))
-    assert [points[k].parameter for k in range(-9, 9)] == [known[k].parameter for k in range(-9, 9)]
+    assert [points[k].step.parameter for k in range(-9, 9)] == [known[k].step.parameter for k in range(-9, 9)]
     assert points.arclengths().tolist() == [point.arclength for point in known]
     for place in (9, -10):
         with pytest.raises(IndexError, match=f"point {place} of 9"):
@@ -58,11 +58,10 @@ def test_a_single_point_is_replaced_and_one_of_a_block_is_not():
         points[4] = SINGLE[1]
 
 
-def test_moved_and_turned():
-    moved = PLAIN.moved(10, 2.0)
-    assert numbers(moved) == [(p.index + 10, p.arclength + 2.0, p.parameter, p.step_size, None) for p in PLAIN]
-    turned = PLAIN.reversed(7, 0.9, lambda step: step._replace(slope=-step.slope))
-    backwards = [PLAIN[k] for k in range(4, -1, -1)]
-    assert numbers(turned) == [(7 - p.index, 0.9 - p.arclength, p.parameter, p.step_size, None) for p in backwards]
-    assert [point.slope for point in turned] == [-1.0] * 5
+def test_a_block_seen_the_other_way():
+    turned = PlainPoints(
+        3, 0.9 - PLAIN.arclengths[::-1], PLAIN.strides[::-1], STEPS[::-1], lambda step: step._replace(slope=-step.slope)
+    )
+    assert numbers(turned) == [(10 - p.index, 0.9 - p.arclength, p.step.parameter, p.step_size, None) for p in reversed(PLAIN)]
+    assert [point.step.slope for point in turned] == [-1.0] * 5
     assert numbers(turned[1:3]) == numbers(list(turned)[1:3])

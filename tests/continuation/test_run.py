@@ -32,7 +32,7 @@ def consistent(run):
         assert run.points[event.index].arclength == event.arclength
         assert run.points[event.index].event is not None and run.points[event.index].step is event.point
     for a, b in zip(run.points, run.points[1:], strict=False):
-        assert float((b.y - a.y) @ a.tangent) >= -1e-15
+        assert float((b.step.y - a.step.y) @ a.step.tangent) >= -1e-15
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -45,14 +45,14 @@ def test_two_directions_are_one_run(start, direction):
         found = [event.point.parameter for event in run.events if event.code == code]
         assert found == pytest.approx(sorted(exact, reverse=direction < 0), abs=2e-10)
     first, last = (-2.1, 3.3) if direction > 0 else (3.3, -2.1)
-    assert run.points[0].parameter == pytest.approx(first, abs=1e-9)
-    assert run.points[-1].parameter == pytest.approx(last, abs=1e-9)
+    assert run.points[0].step.parameter == pytest.approx(first, abs=1e-9)
+    assert run.points[-1].step.parameter == pytest.approx(last, abs=1e-9)
     assert run.points[-1].arclength == pytest.approx(5.4, abs=1e-9)
     assert [end.reason for end in run.ends] == [EndReason.EVENT, EndReason.EVENT]
-    assert run.points[run.start].parameter == start and run.points[run.start].event is None
-    assert all(point.slope == direction and point.tangent[0] == direction for point in run.points)
+    assert run.points[run.start].step.parameter == start and run.points[run.start].event is None
+    assert all(point.step.slope == direction and point.step.tangent[0] == direction for point in run.points)
     for point in run.points:  # the oriented test points one way along the whole run
-        assert float(point.tests[1]) == pytest.approx(direction * (point.parameter - 0.77), abs=1e-12)
+        assert float(point.step.tests[1]) == pytest.approx(direction * (point.step.parameter - 0.77), abs=1e-12)
 
 
 @given(st.sampled_from([1e-17, -1e-17, 0.0, 1e-9, -1e-9, 3e-11]), st.sampled_from([1, -1]), st.booleans())
@@ -110,7 +110,7 @@ def test_a_direction_takes_the_points_that_the_other_leaves():
 
 def test_one_direction_alone():
     run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, both=False, direction=-1)
-    assert run.points[-1].parameter == pytest.approx(-2.1, abs=1e-9) and run.points[0].parameter == 0
+    assert run.points[-1].step.parameter == pytest.approx(-2.1, abs=1e-9) and run.points[0].step.parameter == 0
     assert run.ends[0].reason is EndReason.NOT_ASKED and "not asked for" in run.ends[0].text
     consistent(run)
 
@@ -123,7 +123,7 @@ def test_same_family_from_two_starts():
         consistent(run)
         assert len(run.events) == 2
         lengths.append(run.events[1].arclength - run.events[0].arclength)
-        assert all(np.sign(event.point.tangent[0]) == np.sign(run.points[0].tangent[0]) for event in run.events)
+        assert all(np.sign(event.point.tangent[0]) == np.sign(run.points[0].step.tangent[0]) for event in run.events)
     assert lengths[0] == pytest.approx(lengths[1], rel=1e-4)
 
 
@@ -135,7 +135,7 @@ def test_callbacks_hear_everything_as_it_is_found():
 
 
 def test_stop_conditions_hold_in_both_directions():
-    run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, stop_at={"O"}, stop_when=lambda point: point.parameter < -1)
+    run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, stop_at={"O"}, stop_when=lambda point: point.step.parameter < -1)
     assert [end.reason for end in run.ends] == [EndReason.STOP_WHEN, EndReason.STOP_AT]
     assert run.tally.accepted == run.ends[0].tally.accepted + run.ends[1].tally.accepted
 
@@ -150,7 +150,7 @@ def test_no_start_is_an_empty_run_with_words():
 def test_run_is_the_same_each_time():
     runs = [follow_both_ways(pitchfork(), np.array([1.0, 1.0]), Settings(maximum_points=60)) for _ in range(2)]
     for a, b in zip(*(run.points for run in runs), strict=True):
-        assert a.arclength == b.arclength and np.array_equal(a.y, b.y)
+        assert a.arclength == b.arclength and np.array_equal(a.step.y, b.step.y)
 
 
 @given(st.floats(0, 2 * math.pi), st.integers(90, 140), st.sampled_from([1, -1]))
@@ -164,8 +164,8 @@ def test_circle_is_covered_once_wherever_the_directions_meet(angle, number, dire
     consistent(run)
     assert run.closed and run.points[-1].arclength == pytest.approx(2 * math.pi, abs=1e-8)
     assert sorted(event.point.parameter for event in run.events) == pytest.approx([-1.0, 1.0], abs=1e-9)
-    np.testing.assert_allclose(run.points[0].y, run.points[-1].y, atol=1e-6)
-    assert run.points[run.start].y == pytest.approx(start, abs=1e-9)
+    np.testing.assert_allclose(run.points[0].step.y, run.points[-1].step.y, atol=1e-6)
+    assert run.points[run.start].step.y == pytest.approx(start, abs=1e-9)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e-17, -1e-17, 1e-12, -1e-12, 3e-10, -3e-10, 1e-8, -1e-8])
@@ -184,8 +184,8 @@ def test_event_on_the_start_of_a_closed_family_is_reported_once(offset, directio
 def test_a_condition_that_holds_at_the_start_ends_it_there(words):
     """Oracle: the definition: one point, and both ends say why."""
     seen = []
-    run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, stop_when=lambda p: p.parameter < 1 and words, on_points=seen.extend)
-    assert [point.parameter for point in run.points] == [0.0] and run.events == () and len(seen) == 1
+    run = follow_both_ways(Line(*TESTS), np.array([0.0]), SHORT, stop_when=lambda p: p.step.parameter < 1 and words, on_points=seen.extend)
+    assert [point.step.parameter for point in run.points] == [0.0] and run.events == () and len(seen) == 1
     assert all(end.reason is EndReason.STOP_WHEN and "at the start" in end.detail for end in run.ends)
     assert words is True or all("far enough" in end.detail for end in run.ends)
 
@@ -214,8 +214,8 @@ def test_a_guard_is_not_negative_at_its_event(place, power, direction):
     bound = direction * place
     guard = TestFunction("BOUND", "guard", terminal=True), lambda s: math.copysign(abs(bound - s) ** power, direction * (bound - s))
     run = follow_both_ways(Line(guard), np.array([0.0]), SHORT, direction=direction, both=False)
-    assert run.points[-1].event is not None and run.points[-1].tests[0] >= 0.0
-    assert direction * (bound - run.points[-1].parameter) >= 0.0 and run.points[-1].parameter == pytest.approx(bound, abs=1e-10)
+    assert run.points[-1].event is not None and run.points[-1].step.tests[0] >= 0.0
+    assert direction * (bound - run.points[-1].step.parameter) >= 0.0 and run.points[-1].step.parameter == pytest.approx(bound, abs=1e-10)
 
 
 @pytest.mark.parametrize("place", [1.0, 0.0, 1e-11])

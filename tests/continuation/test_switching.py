@@ -24,8 +24,8 @@ def test_pitchfork_from_the_trivial_branch_lands_on_the_side_branch():
             0.02, rel=1e-3
         )
         points, events, _ = parts(follow(problem, step, 0, Settings(maximum_points=30)))
-        assert events == [] and all(abs(abs(p.y[0]) - math.sqrt(p.y[1])) < 1e-13 for p in points)
-        assert points[-1].y[0] / step.y[0] > 1  # away from the branch point
+        assert events == [] and all(abs(abs(p.step.y[0]) - math.sqrt(p.step.y[1])) < 1e-13 for p in points)
+        assert points[-1].step.y[0] / step.y[0] > 1  # away from the branch point
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
