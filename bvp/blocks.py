@@ -216,8 +216,10 @@ def _turn_repeated(system: Dynamics, squares: np.ndarray, shapes: np.ndarray, no
 def _coupled_blocks(squares: np.ndarray, damping: np.ndarray) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Blocks of (q, p)' = (p, -w^2 q - C p) for one group, with the maps from and to its block coordinates."""
     g = len(squares)
-    # Where damping outweighs stiffness, units of the decay keep the digits of both. The frequency can be any factor less.
-    rate = np.maximum(np.sqrt(np.abs(squares)), np.maximum(np.abs(damping).max(axis=1), np.finfo(float).tiny))
+    rate = np.sqrt(np.abs(squares))
+    # All motions decay at least this fast. Displacements in units of speed over a smaller rate would lose digits.
+    rate = np.maximum(rate, np.linalg.eigvalsh(0.5 * (damping + damping.T))[0])
+    rate = np.where(rate > 0.0, rate, np.maximum(np.abs(damping).max(axis=1), np.finfo(float).tiny))
     first = np.zeros((2 * g, 2 * g))
     first[:g, g:] = np.diag(rate)
     first[g:, :g] = -np.diag(squares / rate)
