@@ -69,7 +69,7 @@ class Branch:
     cover: int = 0
     digit_work: DigitWork = DigitWork()
 
-    # Operations of modules that know this one; `saltus.methods` adds them.
+    # Operations of modules that know this one; the package `saltus` adds them.
     save: ClassVar[Callable[..., None]]
     trace: ClassVar[Callable[..., Branch]]
     switch: ClassVar[Callable[..., list[Branch]]]

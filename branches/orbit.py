@@ -73,7 +73,7 @@ class Orbit:
     on_family: bool | None = field(default=None, kw_only=True)
 
     plot: ClassVar[Callable[..., Axes]]
-    """`saltus.methods` adds it."""
+    """The package `saltus` adds it."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "solution", self.solution.frozen())

@@ -165,7 +165,7 @@ class Motion:
     contact_modes: ContactModes
     """The contact modes that `numbers` counts."""
     plot: ClassVar[Callable[..., Axes]]
-    """`saltus.methods` adds it."""
+    """The package `saltus` adds it."""
 
     def __post_init__(self) -> None:
         for field in fields(self):

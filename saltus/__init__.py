@@ -9,6 +9,7 @@ A name is imported when it is first used. So ``import saltus`` is fast.
 
 from __future__ import annotations
 
+import functools
 import importlib
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +117,7 @@ _HOME = {
 """The modules of the public names."""
 
 _WITHOUT_METHODS = ("bvp.system", "bvp.forcing", "saltus.scene", "saltus.__main__")
-"""Modules whose names lead to no object with methods of `saltus.methods`."""
+"""Modules whose names lead to no object of `_add_methods`."""
 
 _MODULES = {name: module for module, names in _HOME.items() for name in names.split()}
 
@@ -129,10 +130,34 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'saltus' has no attribute {name!r}")
     value = getattr(importlib.import_module(_MODULES[name]), name)
     if not _MODULES[name].startswith(_WITHOUT_METHODS):
-        importlib.import_module("saltus.methods")
+        _add_methods()
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
     return __all__
+
+
+@functools.cache
+def _add_methods() -> None:
+    """Give `Branch`, `Orbit`, `Motion` and `Catalogue` their methods. They are data and import no operation."""
+    from branches.branch import Branch
+    from branches.catalogue import Catalogue
+    from branches.figures.plots import plot_branch, plot_catalogue, plot_motion, plot_orbit
+    from branches.grazing.following import neighbours
+    from branches.orbit import Orbit
+    from branches.record import save, to_dataframe
+    from branches.switching import switch
+    from branches.tracing import extend
+    from bvp.motion import Motion
+
+    Branch.save = save
+    Branch.trace = extend
+    Branch.switch = switch
+    Branch.neighbours = neighbours
+    Branch.plot = plot_branch
+    Branch.to_dataframe = to_dataframe
+    Orbit.plot = plot_orbit
+    Motion.plot = plot_motion
+    Catalogue.plot = plot_catalogue

@@ -63,7 +63,7 @@ class Catalogue(CatalogueStore):
     """
 
     plot: ClassVar[Callable[..., Axes]]
-    """`saltus.methods` adds it."""
+    """The package `saltus` adds it."""
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         try:

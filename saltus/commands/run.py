@@ -118,9 +118,17 @@ def _write(
     hurry: Callable[[], bool],
 ) -> int:
     """Print and write what was computed; return the exit code."""
-    from saltus.motion.record import mode_table, motion_json, motion_record, sample_table
+    from saltus.motion.record import (
+        comparison,
+        mode_lines,
+        mode_table,
+        motion_json,
+        motion_lines,
+        motion_record,
+        of_the_start,
+        sample_table,
+    )
     from saltus.motion.simulation import impact_table
-    from saltus.motion.text import comparison, mode_lines, motion_lines, of_the_start
 
     scale = options.units_of(arguments)
     record = motion_record(report, scene, start, scale, locked, modes)

@@ -1,27 +1,29 @@
-"""A damped motion as plain data: the record for JSON, and tables of its samples and impacts."""
+"""A damped motion as plain data - the record for JSON, tables of its samples and impacts - and as the lines of its report."""
 
 from __future__ import annotations
 
 import json
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.options import Units
+from saltus.tables import table_lines
 
 if TYPE_CHECKING:
     from branches.export.tables import Table
     from bvp.forcing import Force
+    from bvp.motion import Motion
     from saltus.motion.simulation import ImpactTable, MotionReport
     from saltus.motion.start import Start
     from saltus.scene import Scene
     from transitions.empirical import IntrinsicModes
 
-__all__ = ["motion_json", "mode_table", "motion_record", "sample_table"]
+__all__ = ["comparison", "mode_lines", "mode_table", "motion_json", "motion_lines", "motion_record", "of_the_start", "sample_table"]
 
 SCHEMA = 1
 
@@ -30,6 +32,9 @@ AT_ONCE = 1 << 16
 
 PATIENCE = 2.0
 """Seconds after an interrupt in which impacts are still made text."""
+
+SHOWN = 12
+"""Impacts that are listed; the files hold all."""
 
 
 def motion_record(
@@ -92,11 +97,11 @@ def motion_json(record: dict[str, Any], impacts: ImpactTable, samples: Table | N
             if now > hurried + PATIENCE:
                 break
         listed.append(_rows_text(impacts, slice(first, first + AT_ONCE)))
-    whole = record if samples is None else {**record, "samples": plain_columns(samples)}
+    content = record if samples is None else {**record, "samples": plain_columns(samples)}
     done = len(listed) * AT_ONCE
     note = f"the first {done} of {count}: the program was interrupted" if done < count else ""
     lines = []
-    for key, value in whole.items():
+    for key, value in content.items():
         rows = isinstance(value, list) and len(value) > 0 and isinstance(value[0], dict)
         text = _listed([json.dumps(row, allow_nan=False) for row in value]) if rows else json.dumps(value, allow_nan=False)
         lines.append(f"  {json.dumps(key)}: {text}")
@@ -127,9 +132,9 @@ def sample_table(report: MotionReport, samples: int, units: Units) -> Table:
     """The motion at uniform times: displacements, velocities, energies, what was dissipated, the work of the loads."""
     times = np.linspace(0.0, report.motion.duration, samples)
     u, v = report.motion.sample(times)
-    whole, nes, lo = report.sharing.energies(report.motion, times)
+    left, nes, lo = report.sharing.energies(report.motion, times)
     by_nes, by_lo, work = report.sharing.dissipated(report.motion, times)
-    energies = {"energy": whole, "nes_energy": nes, "lo_energy": lo, "dissipated_nes": by_nes, "dissipated_lo": by_lo, "work": work}
+    energies = {"energy": left, "nes_energy": nes, "lo_energy": lo, "dissipated_nes": by_nes, "dissipated_lo": by_lo, "work": work}
     return {
         "time": times * units.time,
         "u": u * units.length,
@@ -252,3 +257,154 @@ def mode_table(modes: IntrinsicModes | None, units: Units) -> Table:
         "emd_frequencies": modes.frequencies.T * units.frequency,
         "emd_residue": modes.residue * units.length,
     }
+
+
+def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], impacts: ImpactTable) -> Iterator[str]:
+    """The lines about a motion.
+
+    Parameters
+    ----------
+    report : MotionReport
+    start : Start
+    record : dict
+        `motion_record` of it.
+    impacts : ImpactTable
+        `saltus.motion.simulation.impact_table` of it.
+    """
+    initial, motion = record["initial"], report.motion
+    yield f"start    {start.text}, energy {initial['energy']:.10g}"
+    yield from (f"leaves   {text}" for text in of_the_start(report, record, len(impacts["time"])))
+    yield f"state    u = {_numbers(initial['u'])}  v = {_numbers(initial['v'])}"
+    yield f"ended    {motion.status.value}, at time {record['duration']:.10g}"
+    last = f", the last at {record['last_impact']:.10g}" if record["last_impact"] is not None else ""
+    never = f"; none is possible any more from {record['no_impact_from']:.10g} on" if record["no_impact_from"] is not None else ""
+    yield f"impacts  {motion.impacts}{last}{never}"
+    if record["sticking"] or record["chatter"]:
+        chatter = f"chattering ends {len(record['chatter'])} times, each time known to {record['switch_error']:.1e}"
+        yield f"sticking {len(record['sticking'])} times, {record['sticking_time']:.10g} in all; {chatter}"
+    nes, lo = report.shares
+    reference = record["shares_of"]
+    left = motion.energy / report.reference if report.reference > 0.0 else 0.0
+    of = f"of the {reference['what']} {reference['energy']:.10g}"
+    first, second = report.sharing.names
+    yield f"shares   {first} {nes:.4%}  {second} {lo:.4%}  still there {left:.4%}  {of}"
+    yield f"balance  error {record['energy_balance_error']:.1e}" + _turnover(record, motion)
+    if motion.initial_energy > 0.0 and motion.marks:
+        rows = [
+            (f"{name} %", "not reached", "", "")
+            if at["time"] is None
+            else (f"{name} %", f"{at['time']:.10g}", f"{at['nes']:.4%}", f"{at['lo']:.4%}")
+            for name, at in record["at"].items()
+        ]
+        yield from table_lines(("gone", "time", f"by {first}", f"by {second}"), rows, columns="rrrr")
+    if record["peaks"] is None:
+        yield "peaks    not computed: interrupted"
+    else:
+        peaks = [(name, entry) for entries in record["peaks"].values() for name, entry in entries.items()]
+        rows = [(name, *(f"{entry[key]:.8g}" for key in ("peak", "time", "rms"))) for name, entry in peaks]
+        yield from table_lines(("", "peak", "at time", "rms"), rows, columns="lrrr")
+    yield from _impact_lines(impacts)
+    yield from _stage_lines(report, record)
+
+
+def of_the_start(report: MotionReport, record: dict[str, Any], count: int) -> list[str]:
+    """How long the motion keeps the impact sequence of the orbit that it starts on, in at most one line.
+
+    A stage may follow another family from the first impact on. `count` is the number of impacts.
+    """
+    if report.began is None:
+        return []
+    name = report.began.called
+    left = record["initial"]["left"]
+    if left is not None:
+        where = f"impact {left['impact']} is at stop {left['stop']}, that of the orbit at stop {left['expected']}"
+        return [f"{name} at {left['time']:.6g}: {where}"]
+    last = "" if record["last_impact"] is None else f", the last at {record['last_impact']:.6g}"
+    return [f"{name} at no impact: all {count} are in its impact sequence{last}"]
+
+
+def comparison(record: dict[str, Any]) -> list[str]:
+    """The lines that compare a motion with the motion of the same system with a locked sink."""
+    rows = []
+    for group in ("displacements", "drifts"):
+        for name, other in record["locked"]["peaks"][group].items():
+            own = record["peaks"][group].get(name)
+            if own is not None:
+                ratios = {key: own[key] / other[key] if other[key] else 1.0 for key in ("peak", "rms")}
+                rows.append((name, *(cell for key in ratios for cell in (f"{own[key]:.6g}", f"{other[key]:.6g}", f"{ratios[key]:.4f}"))))
+    return table_lines(("NES free and locked", "peak", "locked", "ratio", "rms", "locked", "ratio"), rows, columns="lrrrrrr")
+
+
+def _numbers(values: list[float]) -> str:
+    return " ".join(f"{value:.10g}" for value in values)
+
+
+def _turnover(record: dict[str, Any], motion: Motion) -> str:
+    """The end of the balance line where loads do work."""
+    if not motion.work:
+        return ""
+    of = f" of the {record['shares_of']['what']}, {record['energy_balance_of_turnover']:.1e} of the largest energy that passed through"
+    return f"{of}; work of the loads {record['work']:.10g}"
+
+
+def _impact_lines(impacts: ImpactTable) -> list[str]:
+    count = len(impacts["time"])
+    if not count:
+        return []
+    names = ("speed", "speed_after", "energy_lost")
+    rows = [
+        (str(k + 1), f"{impacts['time'][k]:.12g}", impacts["stop"][k], *(f"{impacts[name][k]:.8g}" for name in names))
+        for k in range(min(count, SHOWN))
+    ]
+    lines = table_lines(("impact", "time", "stop", "speed", "after", "energy lost"), rows, columns="rrlrrr")
+    return [*lines, f"   ...  and {count - SHOWN} more, which --json lists"] if count > SHOWN else lines
+
+
+def _stage_lines(report: MotionReport, record: dict[str, Any]) -> Iterator[str]:
+    from transitions.stage import changes
+
+    if report.stages is None:
+        yield f"stages   not computed: {report.why_no_stages}"
+        return
+    if report.why_no_stages and report.stages:
+        yield f"stages   {report.why_no_stages}"
+    if not report.stages:
+        yield "stages   none: no ridge of the spectrum holds for three periods"
+        return
+    scale = record["shares_of"]["energy"] or 1.0
+
+    def spent(data: dict[str, Any]) -> tuple[str, ...]:
+        span = f"{data['energies'][1]:.4g} to {data['energies'][0]:.4g}"
+        return span, *(f"{data[key] / scale:.3%}" for key in ("dissipated_nes", "dissipated_lo"))
+
+    rows = []
+    if report.began is not None:
+        data = record["initial"]["follows"]
+        follows = f"follows {report.began.called}, where it starts: {report.began.kept}"
+        rows.append(("start", "0", f"{data['end']:.5g}", "", "", *spent(data), follows))
+    for k, (stage, data) in enumerate(zip(report.stages, record["stages"], strict=True), 1):
+        span = (f"{data['start']:.5g}", f"{data['end']:.5g}", f"{data['periods']:.1f}", f"{data['frequency']:.5g}")
+        rows.append((str(k), *span, *spent(data), stage.text))
+    by = tuple(f"by {name}" for name in report.sharing.names)
+    yield from table_lines(("stage", "from", "to", "periods", "frequency", "energy", *by, "follows"), rows, columns="lrrrrrrrl")
+    rows = [
+        (data["kind"], f"{data['time']:.5g}", f"harmonic {change.harmonic} of {change.called}")
+        for change, data in zip(changes(report.stages), record["changes"], strict=True)
+    ]
+    if rows:
+        yield from table_lines(("change", "at", ""), rows, columns="lr")
+
+
+def mode_lines(record: dict[str, Any]) -> Iterator[str]:
+    """The lines about the empirical modes, from `motion_record`."""
+    modes = record["empirical"]
+    if modes is None:
+        yield f"emd      not computed: {record['stages_note']}"
+        return
+    count, index = len(modes["modes"]), modes["orthogonality"]
+    yield f"emd      {count} empirical modes of the relative displacement; index of orthogonality {index:.3g}"
+    rows = [
+        (str(k), "none" if mode["frequency"] is None else f"{mode['frequency']:.6g}", f"{mode['rms']:.6g}")
+        for k, mode in enumerate(modes["modes"], 1)
+    ]
+    yield from table_lines(("mode", "frequency", "rms"), [*rows, ("rest", "", f"{modes['residue_rms']:.6g}")], columns="rrr")

@@ -5,7 +5,7 @@ A scene is a TOML file. Unknown keys are refused.
 - ``[system]``: ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``; or matrices ``mass``, ``damping``, ``stiffness``.
 - ``[[stops]]``, with matrices: ``c``, ``lower``, ``upper``, ``restitution``, ``name``.
 - ``[coordinates]``, with matrices: ``names``, ``LO``, ``NES``; each of the last two is a name or a list of names.
-- ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.loads`).
+- ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.reading`).
 - ``[bounds]``: ``energy``, ``quarter_period`` and ``impacts``, where names are searched.
 - ``[complete]``: the same three, up to which a build finds every family.
 - ``[sections]``: ``energies`` of panels of Poincare sections; ``cited``, those that the source gives.
@@ -29,8 +29,7 @@ import numpy as np
 from bvp.checks import Frozen
 from bvp.texts import brief, shown
 from saltus.errors import BadInput, nearest, one_line
-from saltus.scene.loads import read_loads
-from saltus.scene.toml import POSITIVE, TEXT, TEXTS, WHOLE, TomlTable, parse_toml, read_toml
+from saltus.scene.reading import INTEGER, POSITIVE, TEXT, TEXTS, TomlTable, parse_toml, read_loads, read_toml
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -226,7 +225,7 @@ def _bounds(bounds: TomlTable) -> dict[str, Any]:
     if not 0.0 < energy[0] < energy[1] < math.inf:
         raise bounds.wrong("energy", list(energy), "[lowest, highest] with 0 < lowest < highest")
     quarter_period = bounds.get("quarter_period", POSITIVE)
-    impacts = bounds.get("impacts", WHOLE)
+    impacts = bounds.get("impacts", INTEGER)
     if impacts < 0:
         raise bounds.wrong("impacts", impacts, "a whole number, 0 or more")
     return {"energy": (energy[0], energy[1]), "quarter_period": quarter_period, "impacts": impacts}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus.errors import BadInput, nearest, one_line
-from saltus.scene.toml import NUMBER, POSITIVE, TEXT, TEXTS, WHOLE, TomlTable, parse_toml, read_toml
+from saltus.scene.reading import INTEGER, NUMBER, POSITIVE, TEXT, TEXTS, TomlTable, parse_toml, read_toml
 
 if TYPE_CHECKING:
     from saltus.scene import Scene
@@ -109,7 +109,7 @@ def _numbers(file: TomlTable, design: str) -> dict[str, int]:
             continue
         if only is not None and design != only:
             raise BadInput(f"{file.where}: {key} goes with design = {only!r}; a grid has the points of its parameters")
-        value = file.get(key, WHOLE)
+        value = file.get(key, INTEGER)
         if not least <= value <= most:
             raise file.wrong(key, value, f"a whole number from {least} to {most}")
         out[key] = value
@@ -134,7 +134,7 @@ def _run(run: TomlTable, forced: bool) -> dict[str, Any]:
             raise BadInput(f'{run.where}: longest goes with until = "{CLEAR}"; a duration is the longest time itself')
         out["longest"] = run.get("longest", POSITIVE._replace(expected="a time above 0"))
     if "impacts" in run.content:
-        out["impacts"] = run.get("impacts", WHOLE)
+        out["impacts"] = run.get("impacts", INTEGER)
         if out["impacts"] < 1:
             raise run.wrong("impacts", out["impacts"], "a whole number above 0")
     return out
@@ -166,7 +166,7 @@ def _axes(vary: TomlTable, design: str) -> tuple[Axis, ...]:
             raise axis.wrong("from", low, "a number above 0 on a logarithmic scale")
         points = 0
         if design == "grid":
-            points = axis.get("points", WHOLE)
+            points = axis.get("points", INTEGER)
             if points < 2:
                 raise axis.wrong("points", points, "a whole number, 2 or more")
         elif "points" in axis.content:

@@ -18,7 +18,7 @@ import saltus
 from branches.files import WriteFailure, read_input, replacing, write_text
 from saltus.errors import BadInput
 from saltus.outputs import check_picture, check_writable, write_data
-from saltus.scene.loads import read_record
+from saltus.scene.reading import read_record
 from saltus.study.file import read_study_file
 from tests.saltus.running import run
 
