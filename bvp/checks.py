@@ -352,14 +352,14 @@ def read_only(array: np.ndarray) -> np.ndarray:
 
 
 def changeable(array: np.ndarray) -> np.ndarray:
-    """The array, contiguous, as kernels are compiled for: a copy where it cannot be written to.
+    """The array as kernels are compiled for, contiguous and of floats: a copy where it cannot be written to.
 
     Examples
     --------
     >>> changeable(read_only(np.zeros(2))).flags.writeable
     True
     """
-    array = np.ascontiguousarray(array)
+    array = np.ascontiguousarray(array, dtype=float)
     return array if array.flags.writeable else array.copy()
 
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from bvp.checks import changeable, read_only
 from bvp.closures import EndsError, contact_of, end_condition, free_translation, parse_end, start_states, translation_text
-from bvp.kernels.compiled import address_of
+from bvp.kernels.compiled import address_of, entry_point
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.stability import make_period, orbit_stability
@@ -43,6 +43,12 @@ _ENTRIES = len(RESULT)
 
 _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
 """The kernels of a step and of what is seen of an orbit: the fast path for two degrees of freedom, and the general one."""
+
+_ENTRY_POINTS: dict[Any, Any] = {}
+"""The compiled code of each kernel, see `bvp.kernels.compiled.entry_point`."""
+
+_COMPILED = ("addresses", "_take_step", "_observe", "_compute_stability")
+"""What a problem has of compiled functions, which is this process's alone."""
 
 
 class NotConverged(RuntimeError):
@@ -170,8 +176,8 @@ class MultipointProblem:
         self._two_dof = self.half == 2
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process may have: the addresses of compiled functions are this one's alone."""
-        return {name: value for name, value in self.__dict__.items() if name != "addresses"}
+        """What another process may have."""
+        return {name: value for name, value in self.__dict__.items() if name not in _COMPILED}
 
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system that can drift: an orbit between them is not determined.
@@ -323,9 +329,8 @@ class MultipointProblem:
         unknowns = self.unknowns
         self._factor.work[5, :unknowns] = row
         out, result, metric = np.empty(unknowns), np.full(_ENTRIES, np.nan), np.empty((4, self.size + 2))
-        take, _ = _KERNELS[self._two_dof]
         landing = Landing(out, np.empty(2 * unknowns), result)
-        take(self._packed, self._factor, y, self._zero, Request(0.0, target, maximum), metric, landing)
+        self._take_step(self._packed, self._factor, y, self._zero, Request(0.0, target, maximum), metric, landing)
         y[:] = out
         return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
 
@@ -341,31 +346,52 @@ class MultipointProblem:
         result = np.full(_ENTRIES, np.nan)
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
-        take, observe = _KERNELS[self._two_dof]
         landing = Landing(out, out_tangent, result)
-        take(packed, factor, changeable(y), changeable(tangent), Request(ds, math.nan, maximum), metric, landing)
+        self._take_step(packed, factor, changeable(y), changeable(tangent), Request(ds, math.nan, maximum), metric, landing)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()
         if full:
-            observe(packed, self._watched, out, ends, self._work, result)
+            self._observe(packed, self._watched, out, ends, self._work, result)
             if self._two_dof:
-                orbit_stability(packed, out, ends, self._period, result)
+                self._compute_stability(packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
-    @cached_property
-    def addresses(self) -> np.ndarray:
-        """Where `orbit_step`, `orbit_observe` and `orbit_stability` stand, compiled for this problem (see `bvp.kernels.compiled`)."""
+    def _calls(self) -> tuple[tuple[Any, tuple[Any, ...]], ...]:
+        """The kernels of a point - `orbit_step`, `orbit_observe`, `orbit_stability` - each with arguments such as this problem's."""
         y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
         metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
         packed = self._packed
         take, observe = _KERNELS[self._two_dof]
-        calls = (
+        return (
             (take, (packed, self._factor, y, tangent, Request(0.0, 0.0, 0), metric, Landing(y, tangent, result))),
             (observe, (packed, self._watched, y, ends, self._work, result)),
             (orbit_stability, (packed, y, ends, self._period, result)),
         )
-        return np.array([address_of(function, arguments) for function, arguments in calls])
+
+    def _entry_point(self, k: int) -> Any:
+        """The kernel k of `_calls`, compiled. The arrays of all problems have the same types, which take long to look at."""
+        kernel = (*_KERNELS[self._two_dof], orbit_stability)[k]
+        if kernel not in _ENTRY_POINTS:
+            _ENTRY_POINTS[kernel] = entry_point(*self._calls()[k])
+        return _ENTRY_POINTS[kernel]
+
+    @cached_property
+    def _take_step(self) -> Any:
+        return self._entry_point(0)
+
+    @cached_property
+    def _observe(self) -> Any:
+        return self._entry_point(1)
+
+    @cached_property
+    def _compute_stability(self) -> Any:
+        return self._entry_point(2)
+
+    @cached_property
+    def addresses(self) -> np.ndarray:
+        """Where the kernels of `_calls` stand, compiled for this problem (see `bvp.kernels.compiled`)."""
+        return np.array([address_of(function, arguments) for function, arguments in self._calls()])
 
     def compiled(self, *, full: bool = True) -> CompiledProblem:
         """The problem for a compiled function that takes steps of its own; where not `full`, only the address of `orbit_step` is given."""

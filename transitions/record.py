@@ -16,7 +16,7 @@ from bvp.kernels.extrema import PEAK_ROWS, peak_flight
 from bvp.kernels.flight import Flight
 from bvp.kernels.impact import work_array
 from bvp.texts import brief, shown
-from transitions.kernels.extents import ExtentsScratch, extents_of_motion
+from transitions.kernels import ExtentsScratch, extents_of_motion
 
 if TYPE_CHECKING:
     from bvp.motion import Motion

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from transitions.kernels.ridges import Maxima, chains, link
+from transitions.kernels import Maxima, chains, link
 from transitions.spectrum import Spectrum
 
 __all__ = [

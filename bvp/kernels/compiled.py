@@ -68,16 +68,27 @@ def part(function: Any) -> Any:
     return _made(function, inline="always")
 
 
+def entry_point(function: Any, arguments: tuple[Any, ...]) -> Any:
+    """A kernel compiled for such arguments, to be called from Python with arguments of these types alone: it does not look at them.
+
+    A look at the types of a few named tuples takes longer than a step along a family."""
+    return _compiled(function, _types(arguments)).entry_point
+
+
 def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
     """Where a kernel, compiled for such arguments, stands in memory, for `call_at` and `integer_at`."""
-    return _address(function, tuple(nb.typeof(argument) for argument in arguments))
+    code = _compiled(function, _types(arguments))
+    return int(code.library.get_pointer_to_function(code.fndesc.llvm_cfunc_wrapper_name))
+
+
+def _types(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    return tuple(nb.typeof(argument) for argument in arguments)
 
 
 @lru_cache(maxsize=64)
-def _address(function: Any, types: tuple[Any, ...]) -> int:
+def _compiled(function: Any, types: tuple[Any, ...]) -> Any:
     function.compile(types)
-    code, description = (getattr(function.overloads[types], name) for name in ("library", "fndesc"))
-    return int(code.get_pointer_to_function(description.llvm_cfunc_wrapper_name))
+    return function.overloads[types]
 
 
 def _calling(result: Any) -> Any:

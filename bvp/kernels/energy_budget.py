@@ -1,6 +1,6 @@
 """Exact integrals of products along a flight: sum over R products of weight (a . z(s)) (b . z(s)), integrated over 0 <= s <= t.
 
-Where every block that takes part turns or decays at rates that differ - pairs that oscillate, pairs whose two real rates are apart, single
+Where every block of the product rotates or decays at rates that differ - pairs that oscillate, pairs whose two real rates are apart, single
 rates, loads that are constant - a . z is a sum of exponentials, and the integral of each product is
 
     (exp(x t) - 1)/x,   x a sum of two rates,

@@ -262,16 +262,16 @@ def move(modes, duration, most, motion, log, scratch):
             times_matrix(modes.from_modes[0], x, z)
         still |= sticking
         fast = abs(row_dot(modes.rate[0], c, z)) > rounding_level(flight_of(modes, 0), modes.rate[0], c, z)
-        left, settled = resolve_impact(modes, still, moving & ~sticking, c, motion, scratch)
+        left, resolved = resolve_impact(modes, still, moving & ~sticking, c, motion, scratch)
         if left < 0:
             return INTERACTING
         if fast:
             counts[entry.IDLE] = 0
             clock[entry.PROGRESS] = clock[entry.TIME]
         elastic = modes.restitution[c] == 1.0
-        if f != 0 or settled or not elastic or modes.frequency.shape[0]:
+        if f != 0 or resolved or not elastic or modes.frequency.shape[0]:
             times_matrix(modes.to_modes[0], z, x)
-        if settled:
+        if resolved:
             log_event(log, entry.IMPACT, c, motion, before, z)
             if logged:
                 times_matrix(modes.leave[0], z, before)

@@ -174,7 +174,7 @@ def nearest_turning_points(flow, row, horizon, work):
     rows = work[9:13]
     w_bound = 0.0
     for r in range(2):
-        # w, w', w'', w''' as rows: each derivative turns (a, b) into (-w^2 b, a).
+        # w, w', w'', w''' as rows: each derivative maps (a, b) to (-w^2 b, a).
         rows[0, r] = flow.contacts.gap[0, r]
         rows[0, r + 2] = 0.0
     for order in range(1, 4):

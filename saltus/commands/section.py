@@ -170,7 +170,7 @@ def _caption(scene: Scene, energies: list[float]) -> str:
 def _compile(plane: SectionPlane) -> None:
     """Have the kernels compiled before time is measured."""
     from saltus.processes import report_compiling
-    from transitions.kernels.section import follow_section
+    from transitions.kernels import follow_section
     from transitions.section.section import follow_crossings
 
     report_compiling(follow_section)

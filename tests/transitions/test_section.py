@@ -9,7 +9,7 @@ import pytest
 import saltus
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.traced import traced
-from transitions.kernels import section as kernels
+from transitions import kernels
 from transitions.section import section as section_module
 from transitions.section.plane import SectionPlane
 from transitions.section.section import SectionEnd, follow_crossings, section

@@ -1,6 +1,6 @@
 """Poincare sections: many motions of one energy, each followed from crossing to crossing.
 
-Flights are exact. Impacts and crossings are found by bounds, so that none is missed (`transitions.kernels.section`).
+Flights are exact. Impacts and crossings are found by bounds, so that none is missed (`transitions.kernels`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from bvp.kernels.compiled import address_of
 from bvp.kernels.contact_mode import PASSES
 from bvp.simulate import Simulator
 from bvp.texts import brief, listed, shown
-from transitions.kernels import section as kernels
+from transitions import kernels
 from transitions.section.plane import SectionPlane, checked_points
 
 if TYPE_CHECKING:

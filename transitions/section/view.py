@@ -13,7 +13,7 @@ import numpy as np
 from bvp.kernels.extrema import rises
 from bvp.kernels.flight import flow_state
 from bvp.simulate import Simulator
-from transitions.kernels.section import ROOM
+from transitions.kernels import ROOM
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import Rotations
 from transitions.section.section import Section

@@ -1,4 +1,4 @@
-"""Crossings of a section by many motions: times by bounds, states by exact flight, growth of a perturbation by its variational flow.
+"""Kernels of what is looked for in motions: crossings of a section, extents, chains of a spectrum's maxima.
 
 The section is f = row . z = 0 with f' > 0. The bounds of `bvp.kernels.extrema` give instants between which f has one zero at most: either
 it changes its sign, or it has none. The sign is carried from flight to flight, so that a crossing at an impact counts once.
@@ -17,7 +17,8 @@ from numba import int64
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import integer_at, kernel
 from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, times_matrix
-from bvp.kernels.extrema import rises
+from bvp.kernels.energy_budget import Products, integrals
+from bvp.kernels.extrema import peak_flight, rises
 from bvp.kernels.flight import flow_state, inner
 from bvp.kernels.impact import restitute_state
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED
@@ -27,13 +28,18 @@ __all__ = [
     "COMPLETE",
     "Crossings",
     "EVENTS_AT_ONCE",
+    "ExtentsScratch",
     "Following",
+    "Maxima",
     "Rows",
     "SectionLimits",
     "SectionStarts",
     "TIME_OVER",
     "Work",
+    "chains",
+    "extents_of_motion",
     "follow_section",
+    "link",
 ]
 
 COMPLETE, TIME_OVER = -1, -2
@@ -250,3 +256,125 @@ def record_crossing(rows, f, z, image, change, time, out, m):
     scale = 1.0 / size
     for r in range(change.shape[0]):
         change[r] *= scale
+
+
+class ExtentsScratch(NamedTuple):
+    """Arrays to write into, which need not be kept."""
+
+    peak: np.ndarray  # scratch, edge and work of `bvp.kernels.extrema.peak_flight`
+    edge: np.ndarray
+    work: np.ndarray
+    integral: np.ndarray  # of `bvp.kernels.energy_budget.integral_work`
+    squares: np.ndarray  # (R,)
+    before: np.ndarray  # (R,)
+
+
+@kernel
+def extents_of_motion(modes, flights, rows, weight, scratch, best, where, total):
+    """Largest values best (R,), the indices where (R,) of their flights, and the integrals total (R,) of the squares, over flights.
+
+    rows (F, 2 R, N): the functionals and their rates, in each contact mode; weight (R,): ones. Returns False if the search for a peak
+    gave up."""
+    begins, numbers, states, end = flights
+    before = scratch.before
+    count = best.shape[0]
+    for k in range(begins.shape[0]):
+        f = numbers[k, 2]
+        flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]
+        own = flight_of(modes, f)
+        for c in range(count):
+            before[c] = best[c]
+        if not peak_flight(own, rows[f], states[k], flight, best, scratch.peak, scratch.edge, scratch.work):
+            return False
+        values = rows[f, :count]
+        integrals(own, Products(values, values, weight), states[k], flight, scratch.integral, scratch.squares)
+        for c in range(count):
+            if best[c] > before[c]:
+                where[c] = k
+            total[c] += scratch.squares[c]
+    return True
+
+
+class Maxima(NamedTuple):
+    """The maxima of a spectrum over frequency, column by column."""
+
+    columns: np.ndarray  # (M,) int64, sorted
+    level: np.ndarray  # (M,) frequencies in octaves, rising in each column
+    bounds: np.ndarray  # (n + 1,) int64 first maximum of each column
+    reach: np.ndarray  # (M,) largest change in octaves to the next column
+
+
+@kernel
+def link(maxima, spacing, drift, step, following, followed, opened):
+    """Link each maximum to the one that follows it: following (M,) gets the index, -1 for none.
+
+    step: time between columns. Across a gap the largest change is `spacing`
+    octaves, or `drift` octaves for each period of it, if that is more. followed (M,), opened (M,): arrays to write into.
+
+    The first pass links maxima of neighbouring columns that are each other's nearest. The second one links across gaps of less than a
+    period, to maxima without a predecessor: to the first in time, and of these to the nearest."""
+    columns, level, bounds, reach = maxima
+    count = bounds.shape[0] - 1
+    for i in range(columns.shape[0]):
+        following[i] = -1
+        followed[i] = False
+    for column in range(count - 1):
+        j = bounds[column + 1]
+        stop = bounds[column + 2]
+        back = -1  # the maximum of this column that is nearest to j
+        for i in range(bounds[column], bounds[column + 1]):
+            while j + 1 < stop and abs(level[j + 1] - level[i]) < abs(level[j] - level[i]):
+                j += 1
+            if j >= stop:
+                break
+            # The nearest of this column to j: levels rise, so the distances fall and rise once.
+            back = i
+            while back + 1 < bounds[column + 1] and abs(level[back + 1] - level[j]) < abs(level[back] - level[j]):
+                back += 1
+            if back == i and (i == bounds[column] or abs(level[i] - level[j]) < abs(level[i - 1] - level[j])):
+                if abs(level[i] - level[j]) <= reach[i]:
+                    following[i] = j
+                    followed[j] = True
+    # Maxima without a predecessor, in order of time. Only these can be linked across a gap.
+    free = 0
+    for i in range(columns.shape[0]):
+        if not followed[i]:
+            opened[free] = i
+            free += 1
+    begin = 0
+    for end in range(columns.shape[0]):
+        if following[end] >= 0:
+            continue
+        while begin < free and columns[opened[begin]] <= columns[end]:
+            begin += 1
+        period = 2.0 * math.pi / 2.0 ** level[end]
+        chosen = -1
+        apart = 0.0
+        for k in range(begin, free):
+            i = opened[k]
+            gap = (columns[i] - columns[end]) * step
+            if columns[i] > columns[end] + int(period / step) or (chosen >= 0 and columns[i] > columns[chosen]):
+                break
+            away = abs(level[i] - level[end])
+            if not followed[i] and away <= max(spacing, drift * gap / period) and (chosen < 0 or away < apart):
+                chosen = i
+                apart = away
+        if chosen >= 0:
+            following[end] = chosen
+            followed[chosen] = True
+
+
+@kernel
+def chains(following, number):
+    """Number the chains of maxima in the order of their first ones: number (M,) gets the chain of each. `following` is the result of
+    `link`. Returns the number of chains."""
+    for i in range(number.shape[0]):
+        number[i] = -1
+    count = 0
+    for i in range(number.shape[0]):
+        if number[i] < 0:
+            number[i] = count
+            count += 1
+        if following[i] >= 0:
+            number[following[i]] = number[i]
+    return count

@@ -1,1 +1,0 @@
-"""Compiled arithmetic of `transitions`, on plain arrays."""
