@@ -137,7 +137,7 @@ def unphysical(problem: MultipointProblem, solution: Solution) -> str | None:
 
 
 def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
-    """Scales of the unknowns (u,): displacements, velocities, times."""
+    """Typical size of each unknown at the orbit y, (len(y),): one scale each for displacements, velocities and times."""
     problem.residual(y)
     problem._factor.before[:] = problem.end_states(y)
     set_scale(problem.segment, changeable(y), problem._factor)

@@ -125,7 +125,7 @@ class Orbit:
 
     @property
     def period(self) -> float:
-        """T."""
+        """Period T."""
         return 4.0 * self.alpha
 
     @property

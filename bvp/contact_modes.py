@@ -210,14 +210,14 @@ def _free_acceleration(
 
 
 def _snapped(matrix: np.ndarray) -> np.ndarray:
-    """Entries that are 0 or 1 to rounding, exactly: a motion that goes through the modal coordinates and back in the mode without stops
-    held is the same one."""
+    """The matrix with entries within rounding of -1, 0 or 1 set to exactly these. A state that is transformed to the free mode and back
+    then keeps its value exactly."""
     nearest = np.round(matrix)
     return np.where((np.abs(matrix - nearest) <= 16.0 * len(matrix) * EPSILON) & (np.abs(nearest) <= 1.0), nearest, matrix)
 
 
 def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:
-    """True where the gap of a stop is not fixed by the held ones."""
+    """Whether the gap of a stop can still change while the stops with the gap rows `rows` stick."""
     if not len(rows):
         return True
     row = np.array(system.stops[stop].gap)
@@ -226,27 +226,28 @@ def _moves(system: ImpactSystem, rows: np.ndarray, stop: int) -> bool:
 
 
 class ContactModeTable:
-    """The contact modes of a system under its loads that a run has met so far, stacked for the kernels. It grows when a run asks for one
-    more."""
+    """The contact modes of a system under its loads that a run has met so far, stacked for the kernels. A run adds a mode when it first
+    enters it."""
 
     def __init__(self, system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> None:
         self.system, self.forcing, self.terms = system, forcing, terms
         self.modes = [contact_mode_of(system, 0, forcing, terms)]
 
     def add(self, held: int) -> None:
-        """Make one more mode."""
+        """Add the contact mode in which the stops of the bit set `held` stick."""
         self.modes.append(contact_mode_of(self.system, held, self.forcing, self.terms))
         self.__dict__.pop("stacked", None)
 
     @cached_property
     def stacked(self) -> ContactModes:
-        """All modes in arrays of one size: smaller ones have entries that stay 0, and blocks that act on the last of these alone."""
+        """All modes in arrays of one size, that of the largest mode. A smaller mode is padded with states that stay 0."""
         count = max(len(mode.pairs) for mode in self.modes)
         size = max(len(mode.matrix) + (len(mode.pairs) < count) for mode in self.modes)
         modes = self.system.modes
         contacts = len(modes.contact_side)
         n, y = self.system.degrees_of_freedom, 2 * len(self.forcing.loads)
         number, terms = len(self.modes), len(self.terms.weight)
+        # A mode with fewer blocks gets blocks of size one that act on the last padded state only.
         pairs = np.empty((number, count, 2), dtype=np.int64)
         pairs[:] = size - 1, -1
         stacked = {

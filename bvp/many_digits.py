@@ -185,7 +185,7 @@ class DigitOrbit:
         Raises
         ------
         ValueError
-            For a periodic closure, which has no ends.
+            For a periodic closure: it has no ends.
         """
         if self.problem.periodic:
             raise ValueError("a periodic closure has no half map; its trace decides its stability")

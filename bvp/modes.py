@@ -212,7 +212,7 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     Raises
     ------
     RuntimeError
-        Where Jacobi's method does not converge.
+        If Jacobi's method does not converge.
     """
     n = mass.shape[0]
     scale = 1.0 / np.sqrt(np.diag(mass))
@@ -227,8 +227,8 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
     rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), np.abs(stiffness), np.abs(shapes))
     squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
-    # An entry of a free translation that is rounding of the others, in kinetic energy and in displacement, is 0: a translation goes any
-    # distance, and would carry bodies along that have no part in it.
+    # In a free translation (square 0), an entry at rounding level in kinetic energy and in displacement is set to 0. A translation can
+    # cover any distance, so rounding would move bodies that do not take part in it.
     size = np.abs(shapes)
     weight = size * np.sqrt(np.diag(mass))[:, None]
     leak = (weight <= 8.0 * n * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))

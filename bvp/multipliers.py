@@ -251,8 +251,9 @@ def _is_level(product: np.ndarray, exponent: np.ndarray) -> bool:
 
 
 def _block_eigenvalues(turn: np.ndarray, product: np.ndarray, exponent: np.ndarray) -> np.ndarray:
-    """Eigenvalues of turn . diag(2^exponent) product. Those of a 2 x 2 block come from trace and determinant, the smaller of
-    two real ones as determinant over larger."""
+    """Eigenvalues of turn . diag(2^exponent) . product, where `turn` is orthogonal.
+
+    For a 2 x 2 block they follow from trace and determinant. The smaller real one is determinant / larger, which avoids cancellation."""
     largest = float(np.max(exponent))
     factor = product * np.exp2(exponent - largest)[:, None]
     matrix = turn @ factor

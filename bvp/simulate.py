@@ -127,7 +127,8 @@ class Simulator:
         marks: Sequence[float],
         on_progress: Callable[[float], object] | None,
     ) -> Motion:
-        """The same, up to where it is when an interrupt comes."""
+        """The motion from (u, v), or the part computed before an interrupt. The kernel returns at each new contact mode, when its log is
+        full, and now and then to report progress; this loop calls it again."""
         system = self.system
         start = checked_state(system, u, v)
         fractions = self._checked(duration, max_impacts, marks)

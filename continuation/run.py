@@ -144,7 +144,7 @@ class _Half:
     closed: bool = False
 
     def go(self) -> None:
-        """Follow until the next end."""
+        """Collect points and events until the run ends; a run that ended because its points were used up can be continued."""
         for item in self.items:
             if isinstance(item, Point):
                 if item.index == 1 and item.event is not None and item.arclength <= self.settings.location_tolerance:
@@ -158,6 +158,7 @@ class _Half:
                 if self.on_points is not None:
                     self.on_points(item)
             elif isinstance(item, Event):
+                # `_start_is` has already stored an event at the start: report that one, with its index 0.
                 item = self.events[0] if self.events and self.events[0].index == 0 else item
                 if item.index:
                     self.events.append(item)

@@ -113,8 +113,8 @@ def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractCo
 
 
 def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
-    """Replace a part of an id by the full id; other names stay as they are. The part is the beginning of the id or of its hash, or the id
-    as a table shortens it. The catalogues are those of `lookup`."""
+    """Replace a shortened id by the full id of a catalogue; return any other name unchanged. A shortened id is the beginning of the id or
+    of its hash, or the id as a table shortens it. `lookup` describes which catalogues are searched."""
     from branches.naming.labels import LabelSyntaxError, parse_name
     from branches.naming.matching import NameNotFound
 
@@ -237,7 +237,7 @@ def edge_record(edge: Edge) -> dict[str, Any]:
 
 
 def same_meeting(one: Edge, other: Edge) -> bool:
-    """Whether two edges are one meeting of two families, which each of them reports.
+    """Whether two edges describe the same event, each seen from one of the two families that meet there.
 
     Examples
     --------

@@ -54,7 +54,7 @@ class IntrinsicModes:
 
 
 def sifting() -> Any:
-    """The sifting of EMD-signal.
+    """Return the sifting object of the package EMD-signal.
 
     Raises
     ------

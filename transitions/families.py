@@ -118,8 +118,8 @@ class FamilyHarmonics:
         return out
 
     def read(self, gap: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Harmonics of a few orbits: indices (r,) of their points, and the shares (r, 32). An orbit that cannot be corrected at its point
-        is left out; if none can, `bvp.multipoint.NotConverged` is raised."""
+        """Harmonics of a few orbits: indices (r,) of their points, and the shares (r, 32). Orbits whose correction fails are left out.
+        If all fail, the function raises `bvp.multipoint.NotConverged`."""
         if gap not in self._tables:
             from bvp.multipoint import NotConverged
 
@@ -142,7 +142,9 @@ class FamilyHarmonics:
         return {}
 
     def shares_at(self, point: float | np.ndarray, gap: tuple[float, ...]) -> np.ndarray:
-        """Shares (..., 32) of the amplitude that the harmonics have at places of the family: indices (...) of its points or between two."""
+        """Share of each harmonic in the amplitude of the gap coordinate, (..., 32), at the points `point` (...) of the family.
+
+        A fractional index interpolates between two points. Without `load` the first harmonic has the whole amplitude."""
         if self.load is None:
             return np.broadcast_to(np.eye(1, _HARMONICS)[0], (*np.shape(point), _HARMONICS))
         at, table = self.read(gap)

@@ -227,12 +227,12 @@ class _Build:
         )
 
     def _take_up(self) -> bool:
-        """Go on with what an earlier run left; False where there was none."""
+        """Continue the build of an earlier run; False if there is none."""
         if not refuse_other_plan(self.catalogue, self.plan):
             return False
         with readable(self.catalogue.path, "what its build has come to"):
             noted = self.catalogue.progress("report")
-            # a build that an older version began lacks what that version did not count
+            # An older version did not count everything: its report lacks those entries.
             full = {name: value for name, value in self.report.items() if name in _COUNTED_LATER} | noted
             if {name: type(value) for name, value in full.items()} != {name: type(value) for name, value in self.report.items()}:
                 raise TypeError
@@ -256,7 +256,7 @@ class _Build:
             self._extend(Seed(kind, value, self.plan) for kind, value in found)
 
     def _extend(self, seeds: Iterable[Seed]) -> None:
-        """Connect the seeds of families that are known, and queue the others."""
+        """Connect each seed of a known family to it, and queue the other seeds."""
         named = []
         for seed in seeds:
             place = self.known.place(self.system, seed.images) if seed.images else None
@@ -281,7 +281,7 @@ class _Build:
                 self.on_progress(Progress(len(self.known), len(self.frontier), self.points, self.events, level))
 
     def _connect_last(self) -> None:
-        """Connect the seeds that are not followed to the families known in the end. A grazing without any gets a dead end."""
+        """Connect the seeds that are not followed to the families known at the end. A grazing without a neighbour gets a dead end."""
         with self.catalogue.transaction():
             unknown: dict[tuple[str, str], Link] = {}
             for name, seed in self.last:
@@ -328,7 +328,7 @@ class _Build:
     def _images(self, name: str, seed: Seed) -> tuple[Presentation, ...]:
         if seed.images:
             return seed.images
-        if name not in self.images:  # of a build that is gone on with
+        if name not in self.images:  # The build continues an earlier run, which did not store the images.
             self.images[name] = tuple(presentations(*self._solved(seed.value)))
         return self.images[name]
 
@@ -339,6 +339,9 @@ class _Build:
         return self.problems[key], unknowns_of(self.problems[key], orbit)
 
     def _take(self, name: str, seed: Seed, answer: Answer | None) -> None:
+        """Store the result of one seed: add or connect its family, queue the seeds found, and count failures.
+
+        `answer` is None if the seed was not followed because its family or its grazing was already known."""
         _, place = self.places.pop(name, (0, None))
         self.images.pop(name, None)
         if seed.kind == "grazing":
@@ -350,14 +353,14 @@ class _Build:
             assert place is not None
             self._connect(seed.link, place.id)
             return
-        self._count(**{name: getattr(answer, name) for name in ("beyond", "failed", "halves", "lost", "incomplete")})
+        self._count(**{key: getattr(answer, key) for key in ("beyond", "failed", "halves", "lost", "incomplete")})
         if answer.branch is not None and answer.branch.digit_work.orbits:
             self.report["digits"] = (DigitWork(**self.report["digits"]) + answer.branch.digit_work)._asdict()
             self._note()
         if answer.branch is not None and answer.packed is not None:
             id = next((id for id in answer.branch.full_family.ids if id in self.catalogue), None)
             if id is not None:
-                # Beside a branch point the family of an orbit is known only after following it.
+                # Near a branch point two families are too close: only following the orbit shows which one it belongs to.
                 if not self._covers(self.catalogue.family(id), answer.branch, seed):
                     at = float(answer.branch.points["h"][answer.branch.start])
                     self._count(failed=[f"{id}: a piece of it, followed from h = {at:.10g}, is not kept"])
@@ -370,7 +373,7 @@ class _Build:
                 self._extend(answer.seeds)
             reached = seed.link
             if reached is not None and reached.source == id and reached.kind == "switch":
-                # What was computed as the new family's first orbit led back to the old one.
+                # The corrector converged to the family that the seed came from.
                 self._connect(replace(reached, kind="dead end", note=_LOST), None)
                 self._count(lost=[f"{id}: {reached.event} at h = {reached.h:.10g}: {_LOST}"])
             else:

@@ -32,15 +32,16 @@ class Bounds:
     Parameters
     ----------
     energy : (float, float)
+        Lowest and highest energy.
     quarter_period : float
-        Longest.
+        Longest quarter period.
     impacts : int
-        Most in half a period.
+        Largest number of impacts in half a period.
 
     Raises
     ------
     ValueError
-        For limits that are reversed, negative or no numbers.
+        If a limit is reversed, negative or not a number.
 
     Examples
     --------

@@ -172,8 +172,9 @@ class KnownFamilies:
         return len(self._curves.get((images[0].ends, images[0].sequence), []))
 
     def place(self, system: ImpactSystem, images: Sequence[Presentation], first: int = 0) -> FamilyPlace | None:
-        """The known family to which one of an orbit's images belongs; None if there is none. The `first` families with these ends and this
-        impact sequence are left out, in the order in which they were added."""
+        """The known family that contains one of an orbit's images; None if there is none.
+
+        The search skips the `first` families with these ends and this impact sequence, which the caller has already tested."""
         weights = np.concatenate([system.modes.squares, np.ones(len(system.modes.squares))])
         for image in images:
             curves = self._curves.get((image.ends, image.sequence), [])[first:]
@@ -249,7 +250,7 @@ def kept_orbit(system: ImpactSystem, presentation: Presentation) -> EventOrbit:
 
 
 def orbit_of_event(branch: Branch, event: BranchEvent) -> EventOrbit:
-    """The orbit of a branch's event, from the branch's point."""
+    """The orbit at an event of a branch, as plain numbers."""
     columns = branch.points
     start = np.concatenate([columns["start_u"][event.point], columns["start_v"][event.point]])
     times = columns["flight_times"][event.point]

@@ -65,12 +65,12 @@ class CatalogueStore(CatalogueFile):
         return int(self._select("SELECT count(*) FROM families")[0][0])
 
     def points(self, id: str) -> dict[str, np.ndarray]:
-        """The columns of a family's points, as `branches.branch.Branch.points` has them. They cannot be written to.
+        """The columns of a family's points, read-only, with the keys of `branches.branch.Branch.points`.
 
         Raises
         ------
         CatalogueDamaged
-            If they do not fit their checksum.
+            If the stored points do not match their checksum.
         """
         from bvp.checks import Frozen
 

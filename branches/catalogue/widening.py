@@ -38,15 +38,16 @@ class CannotWiden(CatalogueError):
 
 
 def holds(branch: Branch, other: Branch) -> bool:
-    """Whether one branch of a family contains another: its two ends, and orbits between them.
+    """Whether `branch` contains `other`, tested at both ends of `other` and at `PLACES` - 2 points between them.
 
     Parameters
     ----------
     branch, other : Branch
-        Of one system.
+        Branches of the same system.
     """
     known = KnownFamilies()
     known.add("", branch)
+    # The ends come first: they are the points that a narrower branch most often lacks.
     last = len(other) - 1
     places = sorted({round(k * last / (PLACES - 1)) for k in range(PLACES)}, key=lambda i: (i not in (0, last), i))
     return all(known.find(other.problem, other.unknowns(i)) is not None for i in places)

@@ -279,6 +279,7 @@ def _events(branch: Branch, piece: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _impulsive_curve(found: ImpulsiveOrbits) -> AtlasCurve:
+    """The impulsive orbits as one curve without a name: unconnected points of the figure."""
     from branches.naming.labels import parse
 
     labels = [orbit.label for orbit in found.orbits]

@@ -236,7 +236,7 @@ def _unions(base: int, parts: list[int]) -> Iterator[int]:
 
 
 def _flips(base: int, parts: list[int]) -> Iterator[int]:
-    """A set with up to two of the parts added or taken away."""
+    """Yield the bit sets that differ from `base` by one or two of the parts."""
     for i, part in enumerate(parts):
         yield base ^ part
         for other in parts[:i]:

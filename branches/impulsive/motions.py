@@ -231,11 +231,11 @@ _MOST_IMPACTS = 1 << 23
 @brief
 @dataclass(frozen=True, eq=False)
 class Manifold:
-    """The curve.
+    """Dominant frequency of the impulsive motions against energy.
 
-    h, frequency : (N,) energies, ascending, and angular frequencies; NaN where the motion could not be followed. breaks : (N - 1,) bool,
-    where the curve jumps, so that it is not to be joined. rate : (N,) samples in a period of the oscillator. failed : energy and reason
-    of each motion that could not be followed.
+    h, frequency : (N,) energies, ascending, and angular frequencies; NaN if the motion could not be followed. breaks : (N - 1,) bool,
+    True if the curve jumps between two energies and is not drawn there. rate : (N,) samples in a period of the oscillator. failed :
+    energy and reason of each motion that could not be followed.
     """
 
     h: np.ndarray
@@ -248,12 +248,12 @@ class Manifold:
 
     @property
     def sampling(self) -> str:
-        """The samples taken, in words."""
+        """The range of sampling rates, in words."""
         rates = self.rate[np.isfinite(self.rate)]
         return f"{rates.min():.0f} to {rates.max():.0f} samples a period" if len(rates) else "no motion was followed"
 
     def record(self) -> dict[str, Any]:
-        """As plain data; null where there is no frequency, `breaks` as the places after which the curve is not joined."""
+        """As plain data: null for a missing frequency; `breaks` lists the indices after which the curve jumps."""
         return {
             "h": [float(h) for h in self.h],
             "frequency": [float(f) if math.isfinite(f) else None for f in self.frequency],

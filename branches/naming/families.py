@@ -286,9 +286,10 @@ def _elsewhere(name: Name, families: list[tuple[Found, Branch]]) -> str:
 
 
 def _at_reference_point(search: Search, label: Label, point: Mapping[str, float]) -> list[tuple[Found, Branch]]:
-    """The family through the orbit that a reference point with two numbers chooses, with an orbit in the range of energies.
+    """The family through the orbit nearest to a reference point (h, alpha), with one of its orbits in the range of energies.
 
-    Orbits with the label come first, then those that have its impacts with other half-waves.
+    An orbit with the same label is preferred; otherwise one with the same impacts and other half-waves. The list is empty if no orbit
+    is near, or if the reference point does not give both numbers.
     """
     if "h" not in point or "alpha" not in point:
         return []

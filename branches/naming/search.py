@@ -164,7 +164,7 @@ class Search:
         return [(orbit, branch) for branch, orbit in out.items()]
 
     def nothing(self) -> str:
-        """What was searched, and what exists."""
+        """The message of a search that found nothing: where it searched, and which similar orbits exist."""
         low, high = self.energy
         where = f"at h = {low:g}" if low == high else f"for h in {low:g}:{high:g}"
         counts = self.impacts[0] if len(self.impacts) == 1 else f"{self.impacts[0]} to {self.impacts[-1]}"

@@ -136,7 +136,8 @@ def discover_orbits(
         Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them. A system
         without odd symmetry has no such orbits. There the default is `WITHOUT_ORIGIN`.
     budget : int, optional
-        Starts followed at most. The default is a million, and less where the fastest mode turns more than `LONG` within a segment.
+        Largest number of starts that are followed. The default is a million, or fewer if the phase of the fastest mode advances by
+        more than `LONG` within a segment.
 
     Returns
     -------
@@ -174,7 +175,8 @@ def discover_orbits(
 
 
 def segment_limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:
-    """Longest time and most inner impacts of a segment between two kinds of end."""
+    """Longest time and largest number of inner impacts of a segment between two kinds of end; (-1, -1) if there is no such segment."""
+    # A segment with the origin at one end only is a quarter of a period; every other segment is half a period.
     quarter = (first == "origin") != (far == "origin")
     time = quarter_period * (1.0 if quarter else 2.0) * (1.0 + 1e-12)
     if impacts is None:

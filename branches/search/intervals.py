@@ -73,7 +73,7 @@ class Opening(NamedTuple):
 def segments(
     system: ImpactSystem, start: str, energy: float, limits: Limits, budget: int, counts: Counter[str], openings: list[Opening]
 ) -> Iterator[tuple[ScannedSegment, bool]]:
-    """All segments between the starts of a kind at an energy and the far ends.
+    """All segments from one end set to the far ends at an energy.
 
     Parameters
     ----------
@@ -83,18 +83,18 @@ def segments(
     energy : float
     limits : Limits
     budget : int
-        Number of starts followed, with those in `counts`, after which no more are followed.
+        The search stops when it has followed this many starts, including those in `counts`.
     counts : Counter
-        The stages of the scan are added to it.
+        The scan adds its numbers to it.
     openings : list of Opening
-        Intervals of starts that stay open are added to it.
+        The scan adds to it the intervals that it could not decide.
 
     Yields
     ------
     segment : ScannedSegment
-        In a system with odd symmetry, it or its mirror image.
+        In a system with odd symmetry, the segment or its mirror image.
     is_complete : bool
-        Whether all its impacts are found when its start is followed.
+        Whether following the start finds all impacts of the segment.
     """
     longest = max(time for time, _ in limits.values())
     left = deque(curves(system, start, energy))
@@ -103,6 +103,7 @@ def segments(
         crossings, opened, of_scan = scan(curve, limits, max(1, budget - counts["starts"]))
         counts.update(of_scan)
         for opening in opened:
+            # An undecided interval is scanned again as a curve of states after its last common impact, where the states lie further apart.
             image = resumed(curve, opening, longest) if counts["starts"] < budget else None
             if image is not None:
                 left.append(image)

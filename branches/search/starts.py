@@ -127,12 +127,12 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
     Returns
     -------
     list of StartCurve
-        Empty where the energy does not reach the end set.
+        Empty if the energy is too low for the end set.
 
     Raises
     ------
     ValueError
-        For rest or stop ends of a system that nothing holds along its stop: its starts are not bounded.
+        For rest or stop ends if no stiffness acts along the stop: the set of starts is unbounded.
     """
     if end == "origin":
         speed = math.sqrt(2.0 * energy)
@@ -146,7 +146,7 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
     across = _across(gap)
     a, b, c = ((modes.squares * x) @ y for x, y in ((normal, normal), (normal, across), (across, across)))
     if c <= 1e-12 * float(np.max(np.abs(modes.squares))):
-        raise ValueError(f"the ends rest and stop need a system that is held along its stop; the stiffness there is {c:.3g}")
+        raise ValueError(f"the ends rest and stop need a positive stiffness along the stop; received {c:.3g}")
     stiffness = a - b * b / c
     if abs(stiffness) <= 1e-12 * float(np.max(np.abs(modes.squares))) * float(normal @ normal):
         stiffness = 0.0
@@ -171,7 +171,10 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
 
 
 def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, slide: np.ndarray, across: np.ndarray) -> list[StartCurve]:
-    """Displacements at rest inside the gap: w = W f(x), s = S g(x) about the line on which the force along the stop vanishes."""
+    """Curves of starts at rest inside the gap.
+
+    The potential energy 2 V = stiffness w^2 + along s^2 is constant. w is the gap coordinate, and s is the distance along the stop from
+    the point where the force along the stop is zero. The curve is an ellipse, two lines or a hyperbola, by the sign of `stiffness`."""
     stop = system.stops[0]
     size = math.sqrt(2.0 * energy / along)
     branches = (1.0,) if system.has_odd_symmetry else (1.0, -1.0)

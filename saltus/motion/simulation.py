@@ -129,12 +129,12 @@ def default_duration(scene: Scene) -> float | None:
 def run_scene(
     scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
 ) -> MotionReport:
-    """Run a scene from a start; `on_progress` as of `bvp.simulate.simulate`.
+    """Simulate a scene from a start. `on_progress` receives the time reached, as in `bvp.simulate.simulate`.
 
     Raises
     ------
     ValueError
-        Where the start lies beyond a stop.
+        If the start lies beyond a stop.
     """
     from transitions.sharing import sharing_of
 
@@ -202,6 +202,7 @@ def _simulate(
     nes: tuple[int, ...],
     on_progress: Callable[[float], object] | None,
 ) -> MotionReport:
+    """Simulate the motion and compute its energy shares, also for the part before an interrupt."""
     from bvp.motion import MotionStatus
     from bvp.simulate import simulate
 
@@ -211,15 +212,16 @@ def _simulate(
             system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=shared.dampers, on_progress=on_progress
         )
     except KeyboardInterrupt as error:
-        # What was computed before travels with the error.
+        # The error carries the part of the motion that was computed before the interrupt.
         if not hasattr(error, "motion"):
             raise
         motion = replace(error.motion, status=MotionStatus.INTERRUPTED)
     if motion.status is not MotionStatus.INTERRUPTED or len(motion.times) <= MOST_IN_A_HURRY:
         with contextlib.suppress(KeyboardInterrupt):
             watched = _watched(motion, nes)
-    came_in = math.fsum([*motion.dissipated.values(), motion.energy])
-    return MotionReport(motion, shared, watched, motion.initial_energy if motion.initial_energy > 0.0 else came_in)
+    # A motion from rest has no initial energy: its percentages refer to the energy that the loads supplied.
+    supplied = math.fsum([*motion.dissipated.values(), motion.energy])
+    return MotionReport(motion, shared, watched, motion.initial_energy if motion.initial_energy > 0.0 else supplied)
 
 
 def _watched(motion: Motion, nes: tuple[int, ...]) -> Watched:

@@ -246,7 +246,7 @@ def _sections(sections: TomlTable) -> tuple[tuple[float, ...], tuple[float, ...]
 
 
 def _names(names: TomlTable) -> dict[str, Mapping[str, float]]:
-    """Each name with its cited point; an empty one where the name alone says which family is meant."""
+    """Map each name to its reference point; the point is empty if the name alone identifies the family."""
     from branches.naming.labels import parse_name
 
     points: dict[str, Mapping[str, float]] = {}
