@@ -84,10 +84,8 @@ def undamped_blocks(mass: np.ndarray, squares: np.ndarray, shapes: np.ndarray) -
     matrix = np.zeros((2 * n, 2 * n))
     matrix[:n, n:] = np.eye(n)
     matrix[n:, :n] = -np.diag(squares)
-    two = np.eye(2)
-    return Blocks(
-        "undamped", shapes, _pairs(n), np.zeros(n), -squares, matrix, np.kron(two, shapes), np.kron(two, shapes.T @ mass)
-    )
+    two, pairs = np.eye(2), np.column_stack([np.arange(n), np.arange(n, 2 * n)])
+    return Blocks("undamped", shapes, pairs, np.zeros(n), -squares, matrix, np.kron(two, shapes), np.kron(two, shapes.T @ mass))
 
 
 def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
@@ -122,8 +120,9 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
         matrix[:n, n:] = np.eye(n)
         matrix[n:, :n] = -np.diag(squares)
         matrix[n:, n:] = -np.diag(np.diag(damping))
-        mean, delta = traceless(matrix, _pairs(n))
-        return Blocks("proportional", shapes, _pairs(n), mean, delta, matrix, to_state, from_state)
+        pairs = np.column_stack([np.arange(n), np.arange(n, 2 * n)])
+        mean, delta = traceless(matrix, pairs)
+        return Blocks("proportional", shapes, pairs, mean, delta, matrix, to_state, from_state)
     pieces: list[np.ndarray] = []
     columns: list[np.ndarray] = []
     rows: list[np.ndarray] = []
@@ -310,11 +309,6 @@ def _nearest(t: np.ndarray, start: int, end: int) -> int:
             best, distance = k, apart
         k += width
     return best
-
-
-def _pairs(n: int) -> np.ndarray:
-    """(k, n + k) for each mode."""
-    return np.stack([np.arange(n), np.arange(n, 2 * n)], axis=1).astype(np.int64)
 
 
 def traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

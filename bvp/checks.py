@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem, Stop
 
 __all__ = [
-    "EPSILON", "Frozen", "InvalidSystem", "changeable", "check_positive_definite", "check_same_stops", "check_size", "checked_energy_range",
-    "checked_number", "is_finite", "read_only", "real", "real_list", "reals", "refuse_unknown", "repeated_contacts", "require_conservative",
-    "require_system", "require_two_dof", "square", "symmetric",
+    "EPSILON", "Frozen", "InvalidSystem", "changeable", "check_positive_definite", "check_size", "checked_energy_range", "checked_number",
+    "is_finite", "read_only", "real", "reals", "refuse_unknown", "repeated_contacts", "require_conservative", "require_system",
+    "require_two_dof", "same_obstacles", "square",
 ]  # fmt: skip
 
 EPSILON = float(np.finfo(float).eps)
@@ -76,8 +76,8 @@ def is_finite(value: Any) -> bool:
         return False
 
 
-def reals(value: Any) -> np.ndarray:
-    """Numbers, in nested lists or an array, as a new array of floats; errors as for `real`.
+def reals(value: Any, *, flat: bool = False) -> np.ndarray:
+    """Numbers, in nested lists or an array, as a new array of floats; errors as for `real`. `flat`: nested lists are refused.
 
     Examples
     --------
@@ -86,6 +86,9 @@ def reals(value: Any) -> np.ndarray:
     >>> reals([0.0, True])
     Traceback (most recent call last):
     TypeError: expected numbers; received True
+    >>> reals([[1, 2]], flat=True)
+    Traceback (most recent call last):
+    ValueError: expected a list of numbers that is not nested; received [[1, 2]]
     """
     if not isinstance(value, np.ndarray):
         _refuse_bytes_and_booleans(value)
@@ -93,25 +96,10 @@ def reals(value: Any) -> np.ndarray:
     if array.dtype.kind not in "iufO":
         raise TypeError(f"expected numbers; received {shown(value)}")
     if array.dtype.kind == "O":
-        return np.array([real(entry) for entry in array.ravel()], dtype=float).reshape(array.shape)
-    return np.array(array, dtype=float)
-
-
-def real_list(value: Any) -> list[float]:
-    """Numbers in one list, which is not nested, as floats; errors as for `real`.
-
-    Examples
-    --------
-    >>> real_list((1, 2))
-    [1.0, 2.0]
-    >>> real_list([[1, 2]])
-    Traceback (most recent call last):
-    ValueError: expected a list of numbers that is not nested; received [[1, 2]]
-    """
-    array = reals(value)
-    if array.ndim != 1:
+        array = np.array([real(entry) for entry in array.ravel()], dtype=float).reshape(array.shape)
+    if flat and array.ndim != 1:
         raise ValueError(f"expected a list of numbers that is not nested; received {shown(value)}")
-    return array.tolist()
+    return np.array(array, dtype=float)
 
 
 def checked_energy_range(value: Any, *, positive: bool = False) -> tuple[float, float]:
@@ -131,7 +119,7 @@ def checked_energy_range(value: Any, *, positive: bool = False) -> tuple[float, 
     ValueError: energy range 0:1: expected 0 < LO < HI < inf
     """
     try:
-        low, high = real_list(value)
+        low, high = reals(value, flat=True).tolist()
     except (TypeError, ValueError):
         raise ValueError(f"energy range {shown(value)}: expected two numbers (LO, HI)") from None
     if not 0.0 <= low < high or (positive and not 0.0 < low < high < math.inf):
@@ -183,8 +171,8 @@ def check_size(value: float, what: str, *, least: float = SMALLEST) -> None:
         raise InvalidSystem(f"{what} is too {kind} to compute with; received {value:g}, expected {expected}")
 
 
-def square(value: Any, name: str, size: int | None = None) -> np.ndarray:
-    """A finite (size, size) float matrix, copied."""
+def square(value: Any, name: str, size: int | None = None, *, symmetric: bool = True) -> np.ndarray:
+    """A finite (size, size) float matrix, copied; where it has to be symmetric, to a few roundings, its symmetric part."""
     try:
         matrix = reals(value)
     except (TypeError, ValueError):
@@ -198,11 +186,8 @@ def square(value: Any, name: str, size: int | None = None) -> np.ndarray:
         raise InvalidSystem(f"{name} holds finite numbers; entry ({i + 1}, {j + 1}) is {matrix[i, j]}")
     for i, j in np.argwhere(matrix):
         check_size(float(matrix[i, j]), f"entry ({i + 1}, {j + 1}) of {name}", least=SMALLEST if name == "mass" and i == j else 0.0)
-    return matrix
-
-
-def symmetric(matrix: np.ndarray, name: str) -> np.ndarray:
-    """The symmetric part, where the matrix is symmetric to a few roundings of its larger entry."""
+    if not symmetric:
+        return matrix
     defect = np.abs(matrix - matrix.T)
     if np.any(defect > 8.0 * EPSILON * np.maximum(np.abs(matrix), np.abs(matrix.T))):
         i, j = np.unravel_index(int(np.argmax(defect)), defect.shape)
@@ -283,7 +268,7 @@ LEVEL = 1e-13
 """Part of their size up to which rows and bounds are the same: that of the contact tolerance, within which hits are at one instant."""
 
 
-def _pairs(stops: Sequence[Stop]) -> list[tuple[tuple[int, float], tuple[int, float]]]:
+def same_obstacles(stops: Sequence[Stop]) -> list[tuple[tuple[int, float], tuple[int, float]]]:
     """(stop, side) and a later (stop, side) that are the same obstacle."""
     found: list[tuple[int, float, np.ndarray, float]] = []
     out = []
@@ -304,23 +289,6 @@ def _pairs(stops: Sequence[Stop]) -> list[tuple[tuple[int, float], tuple[int, fl
     return out
 
 
-def check_same_stops(stops: Sequence[Stop]) -> None:
-    """Refuse two restitutions at one place.
-
-    Raises
-    ------
-    InvalidSystem
-        For two stops that end the same gap at the same place with restitutions that differ.
-    """
-    for (first, side), (second, _) in _pairs(stops):
-        a, b = stops[first], stops[second]
-        if a.restitution != b.restitution:
-            raise InvalidSystem(
-                f"stops {a.name} and {b.name} end the same gap at the same place, {a.lower if side < 0.0 else a.upper:g} of stop {a.name}, "
-                f"with restitutions {a.restitution:g} and {b.restitution:g}; give them one, or leave one of them out"
-            )
-
-
 def repeated_contacts(stops: Sequence[Stop]) -> set[int]:
     """Contacts (in the order of `bvp.modes.Modes`) that an earlier one stands for.
 
@@ -331,7 +299,7 @@ def repeated_contacts(stops: Sequence[Stop]) -> set[int]:
     {2}
     """
     order = [(k, side) for k, stop in enumerate(stops) for side, bound in ((-1.0, stop.lower), (1.0, stop.upper)) if math.isfinite(bound)]
-    return {order.index(later) for _, later in _pairs(stops)}
+    return {order.index(later) for _, later in same_obstacles(stops)}
 
 
 def read_only(array: np.ndarray) -> np.ndarray:

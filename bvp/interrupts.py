@@ -7,12 +7,14 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
 __all__ = ["Held", "Pace", "held"]
 
 
+@dataclass(eq=False)
 class Held:
     """A handler of interrupts: the first one is kept, a second one raises `KeyboardInterrupt`.
 
@@ -22,11 +24,10 @@ class Held:
         Whether there was one.
     """
 
-    def __init__(self) -> None:
-        self.came = False
-        self._raises = False
-        self._kept = False
-        self._inside: Held | None = None
+    came: bool = False
+    _raises: bool = False
+    _kept: bool = False
+    _inside: Held | None = None
 
     def __call__(self, number: int, frame: object) -> None:
         if self._inside is not None:
@@ -49,21 +50,6 @@ class Held:
         """Keep interrupts from now on."""
         self._raises, self._kept = False, True
 
-    @contextmanager
-    def inner(self) -> Iterator[Held]:
-        """A handler inside of this one, which keeps what would raise here."""
-        handler = Held()
-        if not self._raises or self._inside is not None:
-            yield handler
-            return
-        self._inside = handler
-        try:
-            yield handler
-        finally:
-            self._inside = None
-            if self._kept:
-                self.came, handler.came = handler.came, False
-
 
 @contextmanager
 def held() -> Iterator[Held]:
@@ -85,11 +71,19 @@ def held() -> Iterator[Held]:
     True
     """
     before = signal.getsignal(signal.SIGINT)
-    if isinstance(before, Held):
-        with before.inner() as handler:
-            yield handler
-        return
     handler = Held()
+    if isinstance(before, Held):
+        if not before._raises or before._inside is not None:
+            yield handler
+            return
+        before._inside = handler  # it keeps what would raise there
+        try:
+            yield handler
+        finally:
+            before._inside = None
+            if before._kept:
+                before.came, handler.came = handler.came, False
+        return
     if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
         yield handler
         return

@@ -135,24 +135,27 @@ def system_modes(system: ImpactSystem) -> Modes:
                 contacts.append((gap, rate, acceleration, push, side, bound, stop.restitution, k, letter + sign))
     gaps, rates, accelerations, pushes, sides, bounds, restitutions, stops, letters = zip(*contacts, strict=True)
     opposite = [next((j for j, other in enumerate(stops) if other == k and j != i), i) for i, k in enumerate(stops)]
+    arrays: dict[str, Any] = {
+        "pairs": blocks.pairs,
+        "mean": blocks.mean,
+        "delta": blocks.delta,
+        "matrix": blocks.matrix,
+        "to_state": blocks.to_state,
+        "from_state": blocks.from_state,
+        "shapes": blocks.shapes,
+        "contact_gap": gaps,
+        "contact_rate": rates,
+        "contact_acceleration": accelerations,
+        "contact_push": pushes,
+        "contact_side": sides,
+        "contact_bound": bounds,
+        "contact_restitution": restitutions,
+    }
     return Modes(
-        pairs=_array(blocks.pairs),
-        mean=_array(blocks.mean),
-        delta=_array(blocks.delta),
-        matrix=_array(blocks.matrix),
-        to_state=_array(blocks.to_state),
-        from_state=_array(blocks.from_state),
+        **{name: np.array(values, order="C") + 0 for name, values in arrays.items()},  # contiguous copies without negative zeros
         frequencies=np.sqrt(np.where(squares < 0.0, np.nan, squares)),
         squares=squares,
-        shapes=_array(blocks.shapes),
         layout=blocks.layout,
-        contact_gap=_array(gaps),
-        contact_rate=_array(rates),
-        contact_acceleration=_array(accelerations),
-        contact_push=_array(pushes),
-        contact_side=_array(sides),
-        contact_bound=_array(bounds),
-        contact_restitution=_array(restitutions),
         contact_stop=np.array(stops, dtype=np.int64),
         contact_opposite=np.array(opposite, dtype=np.int64),
         contact_letters=letters,
@@ -182,11 +185,6 @@ def balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
         push[i] += moved * np.spacing(push[i])
         off += moved * steps[i]
     return push
-
-
-def _array(values: Any) -> np.ndarray:
-    """A contiguous copy without negative zeros."""
-    return np.array(values, order="C") + 0
 
 
 def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

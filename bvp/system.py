@@ -17,15 +17,13 @@ import numpy as np
 from bvp.checks import (
     InvalidSystem,
     check_positive_definite,
-    check_same_stops,
     check_size,
     checked_number,
     read_only,
-    real_list,
     reals,
     refuse_unknown,
+    same_obstacles,
     square,
-    symmetric,
 )
 from bvp.texts import brief, listed, shown
 
@@ -72,7 +70,7 @@ class Stop:
         if not isinstance(self.name, str) or (self.name and not (len(self.name) == 1 and "a" <= self.name <= "z")):
             raise InvalidSystem(f"the name of a stop is one lower-case letter a to z; received {shown(self.name)}")
         try:
-            gap = tuple(real_list(self.gap))
+            gap = tuple(reals(self.gap, flat=True).tolist())
         except (TypeError, ValueError):
             raise InvalidSystem(f"the gap row of {label} is a list of numbers; received {shown(self.gap)}") from None
         if not gap or not all(math.isfinite(x) for x in gap):
@@ -117,6 +115,15 @@ class ImpactSystem:
     model, parameters : str, mapping or None
         The named model that made the system and its parameters, for `describe`.
 
+    Attributes
+    ----------
+    degrees_of_freedom : int
+        n, the number of displacements.
+    is_conservative : bool
+        True where nothing loses or gains energy: no damping, restitution 1 at every stop.
+    has_odd_symmetry : bool
+        True where u -> -u is a symmetry: every stop has lower == -upper.
+
     Raises
     ------
     InvalidSystem
@@ -141,18 +148,33 @@ class ImpactSystem:
     primary: int | None = None
     model: str | None = None
     parameters: Mapping[str, float] | None = field(default=None, repr=False)
+    degrees_of_freedom: int = field(init=False, repr=False)
+    is_conservative: bool = field(init=False, repr=False)
+    has_odd_symmetry: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         mass = square(self.mass, "mass")
         n = mass.shape[0]
-        damping = square(self.damping, "damping", n)
-        stiffness = symmetric(square(self.stiffness, "stiffness", n), "stiffness")
-        mass = symmetric(mass, "mass")
+        damping = square(self.damping, "damping", n, symmetric=False)
+        stiffness = square(self.stiffness, "stiffness", n)
         check_positive_definite(mass)
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             object.__setattr__(self, name, read_only(value))
         object.__setattr__(self, "stops", _named_stops(self.stops, n))
-        coordinates = _coordinate_names(self.coordinates, n)
+        coordinates = self.coordinates
+        if isinstance(coordinates, str) or not isinstance(coordinates, Sequence):
+            raise InvalidSystem(f"coordinates is a list of {n} names; received {shown(coordinates)}")
+        coordinates = tuple(coordinates) or tuple(f"u{k + 1}" for k in range(n))
+        for name in coordinates:
+            if not isinstance(name, str) or not name:
+                raise InvalidSystem(f"the name of a coordinate is a string that is not empty; received {shown(name)}")
+        if len(coordinates) != n:
+            names = ", ".join(coordinates)
+            raise InvalidSystem(f"the system has {n} coordinates, each with a name; received {len(coordinates)}: {names}")
+        for k, name in enumerate(coordinates):
+            if name in coordinates[:k]:
+                first = coordinates.index(name) + 1
+                raise InvalidSystem(f"coordinates have different names; numbers {first} and {k + 1} are both {name!r}")
         object.__setattr__(self, "coordinates", coordinates)
         for key in ("absorber", "primary"):
             index = getattr(self, key)
@@ -160,6 +182,9 @@ class ImpactSystem:
                 raise InvalidSystem(f"{key} is the index of a coordinate, 0 to {n - 1}; received {shown(index)}")
         if self.absorber is not None and self.absorber == self.primary:
             raise InvalidSystem(f"absorber and primary are two coordinates; both are {coordinates[self.absorber]}")
+        object.__setattr__(self, "degrees_of_freedom", n)
+        object.__setattr__(self, "is_conservative", self.why_not_conservative() is None)
+        object.__setattr__(self, "has_odd_symmetry", all(stop.lower == -stop.upper for stop in self.stops))
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         stops = [f"{stop.name}: {stop.lower:g} to {stop.upper:g}, restitution {stop.restitution:g}" for stop in self.stops]
@@ -167,11 +192,6 @@ class ImpactSystem:
         model = [("model", f"{self.model}: {parameters}")] if self._is_its_model() else []
         title = f"ImpactSystem with {self.degrees_of_freedom} degrees of freedom"
         return title, [*model, ("coordinates", listed(self.coordinates)), ("stops", listed(stops, 3))]
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """n, the number of displacements."""
-        return self.mass.shape[0]
 
     def energy(self, u: Any, v: Any) -> Any:
         """Kinetic and elastic energy (v M v + u K u)/2.
@@ -193,11 +213,6 @@ class ImpactSystem:
         u, v = reals(u), reals(v)
         total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
         return float(total) if np.ndim(total) == 0 else total
-
-    @property
-    def is_conservative(self) -> bool:
-        """True where nothing loses or gains energy: no damping, restitution 1 at every stop."""
-        return self.why_not_conservative() is None
 
     def why_not_conservative(self) -> str | None:
         """One sentence that names what loses energy, or None."""
@@ -228,11 +243,6 @@ class ImpactSystem:
             return vibro_impact_nes(**{**(self.parameters or {}), "lam": 0.0, "rho": 1.0})
         stops = tuple(replace(stop, restitution=1.0) for stop in self.stops)
         return replace(self, damping=np.zeros_like(self.damping), stops=stops, model=None, parameters=None)
-
-    @property
-    def has_odd_symmetry(self) -> bool:
-        """True where u -> -u is a symmetry: every stop has lower == -upper."""
-        return all(stop.lower == -stop.upper for stop in self.stops)
 
     @cached_property
     def modes(self) -> Modes:
@@ -397,22 +407,6 @@ MODELS = {"vibro_impact_nes": (vibro_impact_nes, ("mu", "sigma", "lam", "rho"))}
 """Named models: the function that makes one and the names of its parameters."""
 
 
-def _coordinate_names(names: Any, n: int) -> tuple[str, ...]:
-    """The names given, or u1, u2, ... where none are."""
-    if isinstance(names, str) or not isinstance(names, Sequence):
-        raise InvalidSystem(f"coordinates is a list of {n} names; received {shown(names)}")
-    names = tuple(names) or tuple(f"u{k + 1}" for k in range(n))
-    for name in names:
-        if not isinstance(name, str) or not name:
-            raise InvalidSystem(f"the name of a coordinate is a string that is not empty; received {shown(name)}")
-    if len(names) != n:
-        raise InvalidSystem(f"the system has {n} coordinates, each with a name; received {len(names)}: {', '.join(names)}")
-    for k, name in enumerate(names):
-        if name in names[:k]:
-            raise InvalidSystem(f"coordinates have different names; numbers {names.index(name) + 1} and {k + 1} are both {name!r}")
-    return names
-
-
 def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
     """The stops with a name each, and gap rows of the right length."""
     if isinstance(stops, Stop):
@@ -429,5 +423,11 @@ def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
     for stop in named:
         if len(stop.gap) != n:
             raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
-    check_same_stops(named)
+    for (i, side), (j, _) in same_obstacles(named):
+        a, b = named[i], named[j]
+        if a.restitution != b.restitution:
+            raise InvalidSystem(
+                f"stops {a.name} and {b.name} end the same gap at the same place, {a.lower if side < 0.0 else a.upper:g} of stop {a.name}, "
+                f"with restitutions {a.restitution:g} and {b.restitution:g}; give them one, or leave one of them out"
+            )
     return named

@@ -74,12 +74,12 @@ def chosen(
             raise not_taken(f"the {what} of families is text", text)
     if energy is not None or impacts is not None:
         # Imported here because it loads numpy, which browsing does not need.
-        from bvp.checks import is_finite, real_list
+        from bvp.checks import is_finite, reals
 
         if energy is not None and not is_finite(energy):
             raise not_taken("the energy of families is a finite number", energy)
         try:
-            least, most = (0.0, 0.0) if impacts is None else real_list(impacts)
+            least, most = (0.0, 0.0) if impacts is None else reals(impacts, flat=True).tolist()
         except (TypeError, ValueError):
             raise not_taken("the impacts of families are two numbers, the least and the most", impacts) from None
     families = list(families)
