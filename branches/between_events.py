@@ -184,7 +184,7 @@ class Missed(NamedTuple):
     """Two points of a branch between which an event is missed.
 
     types: of the events that would explain it. points: indices of the two points, between which the other points leave the side open.
-    h, alpha: at these points. text: what was found, in words. hidden: whether rounding hides the event, as double precision decides the
+    h, alpha: at these points. text: what was found. hidden: whether rounding hides the event, as double precision decides the
     stability of neither orbit. It was seen in fifty digits, and cannot be located.
     """
 
@@ -197,7 +197,7 @@ class Missed(NamedTuple):
 
 
 class _Level(NamedTuple):
-    """A level of the trace. name: in words. side: of each point, +1 above, -1 below, 0 open. events: those at which the trace crosses the
+    """A level of the trace. name: a text. side: of each point, +1 above, -1 below, 0 open. events: those at which the trace crosses the
     level. touching: types of events at which it can also turn back. types: of the events at such crossings. limit: of stability."""
 
     name: str

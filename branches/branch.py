@@ -162,7 +162,7 @@ class Branch:
         try:
             i = operator.index(i)
         except TypeError:
-            raise TypeError(f"a point is a whole number; received {shown(i)}, expected 0 to {len(self) - 1}") from None
+            raise TypeError(f"a point is an integer; received {shown(i)}, expected 0 to {len(self) - 1}") from None
         if not -len(self) <= i < len(self):
             raise IndexError(f"point {shown(i)} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
         problem = self.problem
@@ -279,11 +279,11 @@ class Branch:
 
 def _positive(value: Any, name: str) -> float:
     """A finite number above 0."""
-    words = "energy h" if name == "h" else "quarter period alpha"
+    quantity = "energy h" if name == "h" else "quarter period alpha"
     try:
         number = real(value)
     except (TypeError, ValueError):
-        raise TypeError(f"the {words} is a number; received {shown(value)}") from None
+        raise TypeError(f"the {quantity} is a number; received {shown(value)}") from None
     if not 0.0 < number < math.inf:
-        raise ValueError(f"the {words} is a finite number above 0; received {number:g}")
+        raise ValueError(f"the {quantity} is a finite number above 0; received {number:g}")
     return number

@@ -42,7 +42,7 @@ class BranchEvent(NamedTuple):
 
 
 class Ended(NamedTuple):
-    """Why a branch ends where it does: `reason`, the name of a member of `continuation.EndReason`, and `text` in words."""
+    """Why a branch ends where it does: `reason`, the name of a member of `continuation.EndReason`, and `text`."""
 
     reason: str
     text: str

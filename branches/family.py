@@ -109,10 +109,10 @@ _GRAZING = (
 """The three kinds of grazing: the test function, the verb of its notes, and what describes it."""
 
 
-def unphysical(problem: MultipointProblem, solution: Solution) -> str | None:
+def unphysical(problem: MultipointProblem, solution: Solution, tolerance: float = BEYOND) -> str | None:
     """Why a solution of the equations is no orbit; None if it is one.
 
-    It can pass beyond a stop, an impact can pull, or a flight can go back in time.
+    It can pass beyond a stop, an impact can pull, or a flight can go back in time. The grazing orbit counts as one unless `tolerance` is 0.
 
     Examples
     --------
@@ -123,15 +123,15 @@ def unphysical(problem: MultipointProblem, solution: Solution) -> str | None:
     'flight 1 of 1 passes beyond stop - by 0.96 at 0.813044 after its start'
     """
     inner = problem.inner
-    if solution["clearance"] < -BEYOND:
+    if solution["clearance"] <= -tolerance:
         touch = _describe_touch(problem, solution)
         _, flight, time = touch["graze"]
         depth = -solution["clearance"]
         return f"flight {flight + 1} of {inner + 1} passes beyond stop {touch['stop']} by {depth:.2g} at {time:.6g} after its start"
-    if solution["speed"] < -BEYOND * (2.0 * solution["energy"]) ** 0.5:
+    if solution["speed"] <= -tolerance * (2.0 * solution["energy"]) ** 0.5:
         impact = _describe_vanishing(problem, solution)["note"].partition(" vanishes")[0]
         return f"{impact} would have to pull: its speed of approach is {solution['speed']:.2g}"
-    if solution["flight"] < -BEYOND * solution["quarter_period"]:
+    if solution["flight"] <= -tolerance * solution["quarter_period"]:
         return f"flight {int(solution['flight_index']) + 1} of {inner + 1} goes back in time: it lasts {solution['flight']:.2g}"
     return None
 

@@ -16,7 +16,7 @@ from typing import IO
 from bvp.texts import shown
 
 __all__ = [
-    "DATABASE", "PICTURE_FORMATS", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "picture_format", "read_input",
+    "DATABASE", "FIGURE_FORMATS", "SQLITE", "WriteFailure", "is_database", "is_special", "one_line", "figure_format", "read_input",
     "reason", "replacing", "write_text",
 ]  # fmt: skip
 
@@ -26,7 +26,7 @@ DATABASE = "it is an SQLite file, as catalogues are; expected another file"
 SQLITE = b"SQLite format 3\0"
 """How such a file begins."""
 
-PICTURE_FORMATS = ("png", "pdf", "svg")
+FIGURE_FORMATS = ("png", "pdf", "svg")
 
 MOST_BYTES = 1 << 30
 """Size of the largest file that is read: longer ones are no input, but a pipe or a file by mistake."""
@@ -52,11 +52,11 @@ _WORDS = {
 
 
 class WriteFailure(RuntimeError):
-    """A file could not be written; the message names it and says why in words."""
+    """A file could not be written; the message names it and says why."""
 
 
 def reason(error: OSError) -> str:
-    """Say in words why the operating system refused.
+    """Say why the operating system refused.
 
     Parameters
     ----------
@@ -113,29 +113,29 @@ def is_special(path: str | os.PathLike[str]) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
-def picture_format(path_or_file: str | os.PathLike[str] | IO[bytes], format: str | None = None) -> str:
+def figure_format(path_or_file: str | os.PathLike[str] | IO[bytes], format: str | None = None) -> str:
     """The format of a figure: the given one, else the suffix of the file's name.
 
     Raises
     ------
     ValueError
-        For a format that is not one of `PICTURE_FORMATS`.
+        For a format that is not one of `FIGURE_FORMATS`.
 
     Examples
     --------
-    >>> picture_format("backbone.PDF")
+    >>> figure_format("backbone.PDF")
     'pdf'
-    >>> picture_format("backbone.jpg")
+    >>> figure_format("backbone.jpg")
     Traceback (most recent call last):
     ...
-    ValueError: unknown picture format 'jpg' of 'backbone.jpg': expected png, pdf or svg
+    ValueError: unknown figure format 'jpg' of 'backbone.jpg': expected png, pdf or svg
     """
     name = getattr(path_or_file, "name", "") if hasattr(path_or_file, "write") else os.fspath(path_or_file)
     name = name if isinstance(name, str) else ""
     found = Path(name).suffix[1:] if format is None else format.lstrip(".")
-    if found.lower() in PICTURE_FORMATS:
+    if found.lower() in FIGURE_FORMATS:
         return found.lower()
-    what = f"unknown picture format {found!r}" if found else "no picture format"
+    what = f"unknown figure format {found!r}" if found else "no figure format"
     raise ValueError(f"{what}{f' of {name!r}' if name else ''}: expected png, pdf or svg")
 
 

@@ -145,7 +145,7 @@ class FullFamily:
         low, high = min(energy[0], float(h.min()) * (1.0 - _SLACK)), max(energy[1], float(h.max()) * (1.0 + _SLACK))
         return (low, high), max(quarter_period, float(alpha.max()) * (1.0 + _SLACK))
 
-    def words(self) -> str:
+    def cut_text(self) -> str:
         """That a range of energies cut the family into pieces, and where the others are; empty where it did not."""
         if not self.others:
             return ""

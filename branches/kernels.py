@@ -69,8 +69,8 @@ PIVOT_NOISE = 5e-14
 rounding over the pivot, in the direction of the other family."""
 
 TANGENT_NOISE = 2e-13
-"""Noise of the slope times the square of the smallest pivot over the steepness: so the tangent turns with that uncertainty. The steepness
-is the change of the scaled unknowns for a unit of arclength."""
+"""Noise of the slope times the square of the smallest pivot over the steepness: the direction of the tangent is uncertain by as much. The
+steepness is the change of the scaled unknowns for a unit of arclength."""
 
 CONDITION_NOISE = 5e-17
 """Noise of the slope, as a part of the energy, times the square of the conditioning over the steepness, at most."""

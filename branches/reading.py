@@ -36,12 +36,12 @@ def _short(value: Any) -> str:
     return shown if len(shown) <= 40 else shown[:37] + "..."
 
 
-def _kind(words: str, fits: Callable[[Any], bool]) -> Check:
+def _kind(expected: str, fits: Callable[[Any], bool]) -> Check:
     """Make a check that a value is of a kind."""
 
     def check(value: Any, where: str) -> None:
         if not fits(value):
-            raise RecordError(f"{where} is {_short(value)}, expected {words}")
+            raise RecordError(f"{where} is {_short(value)}, expected {expected}")
 
     return check
 
@@ -51,13 +51,13 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
-def _is_whole(value: Any) -> bool:
+def _is_integer(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
 NUMBER = _kind("a number", _is_number)
 NUMBER_OR_NULL = _kind("a number or null", lambda value: value is None or _is_number(value))
-WHOLE = _kind("a whole number", _is_whole)
+INTEGER = _kind("an integer", _is_integer)
 TEXT = _kind("a string", lambda value: isinstance(value, str))
 TEXT_OR_NULL = _kind("a string or null", lambda value: value is None or isinstance(value, str))
 TRUTH = _kind("true or false", lambda value: isinstance(value, bool))
@@ -67,8 +67,8 @@ TABLE = _kind("an object", lambda value: isinstance(value, Mapping))
 
 def _list_of(entry: Check, count: int | None = None) -> Check:
     """Make a check of a list, of a given length if `count` is given."""
-    words = "a list" if count is None else f"a list of {count}"
-    is_list = _kind(words, lambda value: isinstance(value, list) and (count is None or len(value) == count))
+    expected = "a list" if count is None else f"a list of {count}"
+    is_list = _kind(expected, lambda value: isinstance(value, list) and (count is None or len(value) == count))
 
     def check(value: Any, where: str) -> None:
         is_list(value, where)
@@ -115,7 +115,7 @@ POINT = _object(
     alpha=NUMBER,
     frequency=NUMBER,
     frequency_index=NUMBER_OR_NULL,
-    half_waves=WHOLE,
+    half_waves=INTEGER,
     start=_object(u=NUMBERS, v=NUMBERS),
     flight_times=NUMBERS,
     velocities=_or_null(NUMBERS),
@@ -141,11 +141,11 @@ EVENT = _object(
     residual=NUMBER_OR_NULL,
     label=TEXT,
     stop=TEXT_OR_NULL,
-    p_q=_or_null(_list_of(WHOLE, 2)),
+    p_q=_or_null(_list_of(INTEGER, 2)),
     breaks=TEXT_OR_NULL,
     note=TEXT_OR_NULL,
-    point=WHOLE,
-    number=WHOLE,
+    point=INTEGER,
+    number=INTEGER,
     stable=TRUTH_OR_NULL,
     multiplier=NUMBER_OR_NULL,
 )
@@ -195,7 +195,7 @@ def check_branch(record: Any, schema: int) -> None:
     TABLE(record, "the file")
     if "schema" not in record:
         raise RecordError("it lacks 'schema'")
-    if record["schema"] != schema or not _is_whole(record["schema"]):
+    if record["schema"] != schema or not _is_integer(record["schema"]):
         raise RecordError(f"its schema is {_short(record['schema'])}, expected {schema}")
     BRANCH(record, "the file")
     points = record["points"]
@@ -243,11 +243,11 @@ def check_points(problem: MultipointProblem, points: Mapping[str, np.ndarray]) -
     size = 0.5 * np.sum((np.abs(v) @ np.abs(system.mass)) * np.abs(v) + (np.abs(u) @ np.abs(system.stiffness)) * np.abs(u), axis=1)
     alpha = np.sum(points["flight_times"], axis=1) / problem.quarters
     own = {"h": (np.atleast_1d(system.energy(u, v)), size, "start has the energy"), "alpha": (alpha, alpha, "flight_times make")}
-    for name, (values, scale, words) in own.items():
+    for name, (values, scale, source) in own.items():
         off = np.flatnonzero(~(np.abs(points[name] - values) <= AGREEMENT * scale))
         if off.size:
             i = int(off[0])
-            raise RecordError(f"points[{i}].{name} is {points[name][i]:.12g}, but its {words} {values[i]:.12g}")
+            raise RecordError(f"points[{i}].{name} is {points[name][i]:.12g}, but its {source} {values[i]:.12g}")
 
 
 def read_branch(path: str | os.PathLike[str]) -> Branch:

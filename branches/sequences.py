@@ -155,7 +155,7 @@ def join_family_id(ends: Ends, sequence: Iterable[str], digest: str) -> str:
 
 
 def check_ends(ends: Ends) -> None:
-    """Refuse ends that do not exist, in words."""
+    """Refuse ends that do not exist."""
     if tuple(ends) != PERIODIC:
         parse_ends("-".join(ends))
 

@@ -145,7 +145,7 @@ def _last_events(branch: Branch, events: tuple[BranchEvent, ...]) -> list[tuple[
 
 
 def _event(problem: MultipointProblem, event: BranchEvent, solution: Solution, label: str) -> BranchEvent:
-    """An event of the image: the same, in the words of its own orbit."""
+    """An event of the image: the same, in terms of its own orbit."""
     if event.type != "GR":
         return event._replace(label=label)
     said = Family(problem).grazing(event.note or "", solution)
@@ -320,7 +320,7 @@ def _windows(problem: MultipointProblem, event: BranchEvent, here: Solution) -> 
 def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solution) -> list[tuple[int, int] | int]:
     """Half the new orbits' periods, from each kind of instant about which they can reverse.
 
-    The map over a half period (with u to -u where orbits have that symmetry; over the period where not) turns its plane by 2 pi r/s. Its
+    The map over a half period (with u to -u where orbits have that symmetry; over the period where not) rotates its plane by 2 pi r/s. Its
     orbits that return after s start in two families, one on each kind of line that a reversal keeps: for odd s every line holds
     one of them on either side of the old orbit; for even s a line holds the same one on both sides.
     """

@@ -80,7 +80,7 @@ def follow_family(
         Type of the events to end at.
     stop_when : callable, optional
         Called with each `Orbit`, the start's first (its attributes are computed when asked for); the family ends where it gives
-        True or words. A condition that holds at the start ends it there, with one point.
+        True or a text. A condition that holds at the start ends it there, with one point.
     on_event, on_end, on_point : callable, optional
         Called with each event as it is found (its `number` counts from the start), each end, and the number of points so far.
     settings : continuation.Settings
@@ -107,7 +107,7 @@ def follow_family(
         raise TraceError(f"stop_when = {shown(stop_when)}: expected a function of an orbit")
     if points is not None:
         if isinstance(points, bool) or not isinstance(points, int | np.integer):
-            raise TraceError(f"points = {shown(points)}: expected a whole number, at least 1")
+            raise TraceError(f"points = {shown(points)}: expected an integer, at least 1")
         if not 1 <= points < 1 << 63:
             raise TraceError(f"points = {shown(points)}: expected at least 1")
         settings = replace(settings, maximum_points=points)

@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from branches.files import (
     DATABASE,
-    PICTURE_FORMATS,
+    FIGURE_FORMATS,
     WriteFailure,
+    figure_format,
     is_database,
     is_special,
-    picture_format,
     reason,
     replacing,
     write_text,
@@ -137,14 +137,14 @@ def check_picture(path: str) -> None:
     --------
     >>> check_picture("branch.pgn")
     Traceback (most recent call last):
-    saltus.errors.BadInput: unknown picture format 'pgn' of 'branch.pgn': expected png, pdf or svg; nearest: png
+    saltus.errors.BadInput: unknown figure format 'pgn' of 'branch.pgn': expected png, pdf or svg; nearest: png
     """
     if path == STANDARD_OUTPUT:
         raise BadInput("a picture cannot go to standard output: expected a file ending in .png, .pdf or .svg")
     try:
-        picture_format(path)
+        figure_format(path)
     except ValueError as error:
-        raise BadInput(f"{error}{nearest(Path(path).suffix.lstrip('.'), PICTURE_FORMATS)}") from error
+        raise BadInput(f"{error}{nearest(Path(path).suffix.lstrip('.'), FIGURE_FORMATS)}") from error
     check_writable(path)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.report import Table, number
 from benchmarks.speed_error.methods import OWN, OWN_SHORT, Task
-from branches.figures.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, new_figure, picture_settings
+from branches.figures.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, figure_settings, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -214,7 +214,7 @@ def draw_work_precision(path: Path, rows: Sequence[Row], tasks: Sequence[Task]) 
     names = list(dict.fromkeys(row["method"] for row in rows if "method" in row and row["seconds"]))
     columns = min(2, max(1, len(drawn)))
     lines = -(-len(drawn) // columns)
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(0.8 + 2.5 * max(1, lines))
         panels = figure.subplots(max(1, lines), columns, squeeze=False).ravel()
         for panel, task in zip(panels, drawn, strict=False):
@@ -265,7 +265,7 @@ def draw_growth(path: Path, rows: Sequence[Row]) -> None:
     rows : sequence of dict
         Only rows of growth are drawn.
     """
-    with picture_settings():
+    with figure_settings():
         from matplotlib.ticker import NullFormatter
 
         figure = new_figure(2.6)

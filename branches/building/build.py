@@ -96,9 +96,9 @@ def build(
         the last level found nothing new, and no range of energies is open), ``open`` (ranges (low, high) without a complete search: see
         `branches.building.plan.open_ranges`), ``incomplete`` (energies at which a search is not complete), ``beyond`` (neighbours outside
         the bounds), ``halves`` (families of which one side of a branch point was followed, the other being its image), ``lost``
-        (bifurcations at which no new family was found, in words), ``digits`` (``orbits`` solved in fifty digits to decide their stability,
-        and the ``seconds`` that it took), ``missed`` (events that a family needs and does not have, in words), ``failed`` (what could not
-        be done, in words).
+        (bifurcations at which no new family was found), ``digits`` (``orbits`` solved in fifty digits to decide their stability,
+        and the ``seconds`` that it took), ``missed`` (events that a family needs and does not have), ``failed`` (what could not
+        be done); all as texts.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Work that grows while it is done, on any executor, with a result that does not depend on how many work or who is first.
 
 Seeds wait in a queue. Executors work ahead on those near its front, but what comes of them is taken in the queue's order, one at a time:
-new seeds go to the end. A seed that turns out to be known when its turn comes is taken without its result, whether it was worked on or
+new seeds go to the end. A seed that is known when its turn comes is taken without its result, whether it was worked on or
 not, so that what was known by chance at the time of submission changes nothing but the time.
 """
 

@@ -179,7 +179,7 @@ class Seed(NamedTuple):
     """A piece of work.
 
     kind: "energy", "mode", "name", "orbit" or "grazing". value: the energy; (index of the mode, k of its k-fold cover); the name; the orbit
-    as an `EventOrbit`; or a `Grazing`. plan: of the whole build. wide: whether the wider bounds of the plan hold for the family and its
+    as an `EventOrbit`; or a `Grazing`. plan: of the complete build. wide: whether the wider bounds of the plan hold for the family and its
     neighbours. further: how many more generations of neighbours it gives, None without a limit. Below 0 the family is not followed, only
     connected if it is known in the end. link: how the orbit's family was reached, None if it was found by itself. images: the orbit's
     presentations (`branches.identity.presentations`), by which it is recognised; may be empty.
@@ -221,7 +221,7 @@ class Grazing(NamedTuple):
 class Link:
     """An edge of the graph before the family on its other side is known.
 
-    source: id of the family or linear mode. event, type: of the event there. kind: of the edge. note: in words. target: id of the node on
+    source: id of the family or linear mode. event, type: of the event there. kind: of the edge. note: a text. target: id of the node on
     the other side, if it is known without a search. here, there: the event's orbit as the two families have it. width: of the event's
     bracket.
     """
@@ -245,9 +245,9 @@ class Answer(NamedTuple):
 
     seeds: the next ones. branch: the family that was followed, with its `full_family` known. packed: its rows for the catalogue. ends:
     links without a family on the other side, with the reason as their note. beyond: how many neighbours are outside the bounds. failed:
-    what could not be done, in words. halves: 1 for a family of which one side of a branch point was followed because the other is its
-    image (`is_half`). lost: bifurcations at which no new family was found, in words. incomplete: energies at which the search is not
-    complete. missed: events that the family needs and does not have, in words (`branches.missed`).
+    what could not be done. halves: 1 for a family of which one side of a branch point was followed because the other is its
+    image (`is_half`). lost: bifurcations at which no new family was found. incomplete: energies at which the search is not
+    complete. missed: events that the family needs and does not have (`branches.between_events`).
     """
 
     seeds: tuple[Seed, ...]

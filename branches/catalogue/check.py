@@ -178,8 +178,8 @@ def _point(branch: Branch, i: int, grazing: bool) -> Iterator[tuple[str, str]]:
         ("flight", found["flight"], 1.0),
     ):
         if not value >= least * scale:
-            words = {"clearance": "a flight pierces a stop by", "speed": "an impact has the speed", "flight": "a flight takes the time"}
-            yield kind, f"it is inadmissible: {words[kind]} {abs(value) if kind == 'clearance' else value:.1e}"
+            texts = {"clearance": "a flight pierces a stop by", "speed": "an impact has the speed", "flight": "a flight takes the time"}
+            yield kind, f"it is inadmissible: {texts[kind]} {abs(value) if kind == 'clearance' else value:.1e}"
     if found["gave_up"] == 1.0:
         yield "admissibility", "whether it is admissible could not be decided"
 

@@ -1,4 +1,4 @@
-"""The SQLite file of a catalogue: connections, tables, one writer at a time, and errors in the user's words.
+"""The SQLite file of a catalogue: connections, tables, one writer at a time, and errors as messages for the user.
 
 ``docs/reference/catalogue.md`` describes every column. Columns of numbers have no declared type, so SQLite keeps every float64 as it is,
 also the sign of a zero. NaN is stored as NULL.
@@ -37,13 +37,13 @@ class CatalogueInUse(CatalogueError):
 
 
 _MESSAGES: tuple[tuple[str, type[Exception], str], ...] = (
-    ("SQLITE_FULL", WriteFailure, "cannot write {path}: no space is left on the device; what it held is whole"),
+    ("SQLITE_FULL", WriteFailure, "cannot write {path}: no space is left on the device; what it held is complete"),
     ("SQLITE_READONLY", WriteFailure, "cannot write {path}: it, or its directory, is read-only"),
     ("SQLITE_(BUSY|LOCKED)", CatalogueInUse, "{path} is being read or written by another program; try again when it has finished"),
     (
         "SQLITE_IOERR_(WRITE|FSYNC|TRUNCATE|SHMSIZE)",
         WriteFailure,
-        "cannot write {path}: the system refused to write it, or the files -wal and -shm beside it{limit}; what it held is whole",
+        "cannot write {path}: the system refused to write it, or the files -wal and -shm beside it{limit}; what it held is complete",
     ),
     ("SQLITE_NOTADB", CatalogueDamaged, "{path} is no catalogue: it is no SQLite file"),
     ("SQLITE_CANTOPEN", CatalogueError, "cannot open {path}, or the files -wal and -shm beside it"),
@@ -85,7 +85,7 @@ def readable(path: Path, what: str) -> Iterator[None]:
 
 @contextmanager
 def translated(path: Path) -> Iterator[None]:
-    """Report SQLite's errors at a file in the user's words: `CatalogueError` or `CatalogueDamaged` if it cannot be read, `WriteFailure` if
+    """Report SQLite's errors at a file in terms of the user: `CatalogueError` or `CatalogueDamaged` if it cannot be read, `WriteFailure` if
     it cannot be written. It keeps its contents then."""
     try:
         yield

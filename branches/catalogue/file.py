@@ -251,7 +251,7 @@ class CatalogueFile:
             raise CatalogueError(f"{self.path} is written by process {self._process}, not by this one, which was forked from it")
 
     def _require_transaction(self) -> None:
-        # SQLite rolls the whole transaction back if the disk is full. What follows must not be committed alone.
+        # SQLite rolls the complete transaction back if the disk is full. What follows must not be committed alone.
         if not self._connection.in_transaction:
             raise WriteFailure(f"cannot write {self.path}: an earlier failure has taken the transaction back")
 

@@ -341,7 +341,7 @@ def unknowns_of(problem: MultipointProblem, orbit: EventOrbit) -> np.ndarray:
 
 def distance_from_orbit(problem: MultipointProblem, y: np.ndarray, start: np.ndarray) -> float:
     """The distance of a state (2 n,), in physical coordinates, from the orbit y, its mirror image and both run backwards, relative to the
-    size of the state. A state determines the whole motion."""
+    size of the state. A state determines the complete motion."""
     modes, half = problem.modes, problem.half
     if problem.inner or problem.periodic or any(kind == STOP for kind in problem.kinds):
         cycle = cycle_of(problem, y)

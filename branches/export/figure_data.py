@@ -42,7 +42,7 @@ DATA_FORMATS = ("csv", "json", "npz", "mat")
 
 
 class ExportError(ValueError):
-    """A file that holds no data of a picture, or a format that does not exist; the message is one line."""
+    """A file that holds no data of a figure, or a format that does not exist; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -344,7 +344,7 @@ _LAYOUT = Layout("atlas", COLUMNS, ("velocities",), TEXTS, INTEGERS, schema=2, r
 
 
 def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
-    """Write the data of a picture: csv, json, npz or mat, as the file's name ends.
+    """Write the data of a figure: csv, json, npz or mat, as the file's name ends.
 
     Parameters
     ----------
@@ -363,7 +363,7 @@ def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
 
 
 def read_atlas(path: str | os.PathLike[str]) -> Atlas:
-    """Read the data of a picture.
+    """Read the data of a figure.
 
     Parameters
     ----------

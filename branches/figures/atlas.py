@@ -29,17 +29,17 @@ from branches.figures.style import (
     ORANGE,
     SMALL,
     YELLOW,
+    figure_settings,
     legend_below,
     limits_of,
     new_figure,
-    picture_settings,
     set_axis,
     settle_layout,
     symbol_of,
     system_text,
     write_figure,
 )
-from bvp.texts import shown as in_words
+from bvp.texts import shown as in_message
 from bvp.texts import takes_options_of
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         For another frequency, nothing to draw, or an inset outside the figure.
     """
     if frequency not in FREQUENCIES:
-        raise ValueError(f"unknown frequency {in_words(frequency)}: expected index or fundamental")
+        raise ValueError(f"unknown frequency {in_message(frequency)}: expected index or fundamental")
     curves = [frequency_curve(curve, frequency) for curve in atlas.curves]
     manifold = np.stack([atlas.manifold_h, atlas.manifold_frequency], axis=1)
     stars = _stars(atlas, "frequency" if frequency == "fundamental" else "frequency_index")
@@ -103,7 +103,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
     modes = atlas.thresholds
     x_limits = limits_of(np.append(points[:, 0], [mode.h for mode in modes if mode.h < points[:, 0].max()]), 0.04, log=True)
     frequencies = np.append(points[:, 1], [mode.frequency for mode in modes if mode.h > x_limits[0]])
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(5.6)
         figure.suptitle(_title(atlas, "Families of periodic orbits" if curves else "Impulsive motions"))
         axes = figure.subplots()
@@ -196,7 +196,7 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_VELOCITY_NAMES) -> Figu
         raise ValueError("there is nothing to draw: velocities are those at zero displacement, where no orbit of these families starts")
     _require_energies(energies)
     left_out = len({curve.family for curve in atlas.curves}) - len({curve.family for curve in curves})
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(7.2)
         figure.suptitle(_title(atlas, "Families of periodic orbits"))
         panels = figure.subplots(len(chosen), 1, sharex=True, squeeze=False)[:, 0]
@@ -256,11 +256,11 @@ def _energy_axis(axes: Axes, atlas: Atlas, limits: tuple[float, float]) -> None:
 
 def _frequency_axis(axes: Axes, atlas: Atlas, frequency: str, values: np.ndarray) -> None:
     symbol = r"2\pi/T" if frequency == "fundamental" else r"m\,2\pi/T"
-    words = "frequency" if frequency == "fundamental" else "frequency index"
+    name = "frequency" if frequency == "fundamental" else "frequency index"
     if atlas.natural_frequency != 1.0:
-        words += " (rad/s)"
+        name += " (rad/s)"
     log = bool(np.nanmax(values) > _MANY_FOLD * np.nanmin(values) > 0)
-    set_axis(axes, "y", limits_of(values, 0.04, log=log), 7, words, symbol, log=log)
+    set_axis(axes, "y", limits_of(values, 0.04, log=log), 7, name, symbol, log=log)
 
 
 def frequency_curve(curve: AtlasCurve, frequency: str) -> Named:

@@ -1,6 +1,6 @@
-"""What the pictures of many families show, as plain columns: made from branches, or read from a file that was exported.
+"""What the figures of many families show, as plain columns: made from branches, or read from a file that was exported.
 
-A picture is drawn from these columns alone, so it can be drawn again from them.
+A figure is drawn from these columns alone, so it can be drawn again from them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ COLUMNS = ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable")
 """Columns of numbers of a family, besides `velocities` and `label`; named as in the files of a branch."""
 
 EVENTS = ("SN", "SB", "PD", "GR")
-"""Types of special points that are marked in pictures of many families; the first of those at one point counts."""
+"""Types of special points that are marked in figures of many families; the first of those at one point counts."""
 
 
 @brief
@@ -90,7 +90,7 @@ class Bound:
 class Atlas:
     """All that is drawn, in the units of the scale.
 
-    manifold : (h, frequency, joined) of the impulsive motions, joined (N,) bool tells whether a point is joined to the next.
+    manifold : (h, frequency, joined) of the impulsive motions, joined (N,) bool says whether a point is joined to the next.
     impulsive : columns h, alpha, frequency, frequency_index, velocities of the periodic impulsive orbits, and their labels.
     clearance, natural_frequency : lengths and angular frequencies are these times the dimensionless ones.
     energy : the range that was asked for, if one was; linear modes that graze below it are not shown.
@@ -182,7 +182,7 @@ def atlas_of(
     curves = []
     for branch in branches:
         if branch.system.describe() != system.describe():
-            raise ValueError(f"the family {branch.label or branch.id} belongs to another system than the picture")
+            raise ValueError(f"the family {branch.label or branch.id} belongs to another system than the figure")
         for piece in _pieces(branch, energy):
             labels = piece["label"]
             label = branch.label if branch.label in labels else str(labels[len(labels) // 2])
@@ -302,7 +302,7 @@ def _impulsive_curve(found: ImpulsiveOrbits) -> AtlasCurve:
 
 
 def regime_bounds(system: ImpactSystem, branches: Iterable[Branch]) -> tuple[tuple[Bound, ...], list[str]]:
-    """The energies that part the regimes I to IV, as far as the families given tell them.
+    """The energies that part the regimes I to IV, as far as the given families show them.
 
     The paper (Lee et al., Physica D 238 (2009) 1868, Fig. 6) gives no numbers; these are ours: I/II where L11- grazes; II/III at the
     symmetry breaking of S13+ of lowest energy; III/IV at the impulsive orbit on the family of S31O11.
@@ -311,7 +311,7 @@ def regime_bounds(system: ImpactSystem, branches: Iterable[Branch]) -> tuple[tup
     -------
     bounds : tuple of Bound
     missing : list of str
-        What could not be told, in words.
+        What could not be found, as messages.
     """
     bounds, missing = [], []
     mode = next((mode for mode in thresholds_of(system) if mode.label == "L11-"), None)

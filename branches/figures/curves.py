@@ -226,15 +226,15 @@ def visible_codes(panels: Iterable[tuple[Axes, Mapping[int, np.ndarray]]]) -> se
         low, high = np.array(axes.bbox.extents).reshape(2, 2)
         for code, run in runs.items():
             points = axes.transData.transform(run)
-            whole = np.isfinite(points).all(axis=1)
+            finite = np.isfinite(points).all(axis=1)
             # Segments from each point to the next. A point without a neighbour in its run is drawn as a dot.
-            first = np.flatnonzero(whole & np.append(whole[1:], False))
-            alone = np.flatnonzero(whole & ~np.append(whole[1:], False) & ~np.append(False, whole[:-1]))
+            first = np.flatnonzero(finite & np.append(finite[1:], False))
+            alone = np.flatnonzero(finite & ~np.append(finite[1:], False) & ~np.append(False, finite[:-1]))
             begin, end = points[np.append(first, alone)], points[np.append(first + 1, alone)]
             seen = ((np.maximum(begin, end) >= low) & (np.minimum(begin, end) <= high)).all(axis=1)
             lengths = np.hypot(*(np.clip(end, low, high) - np.clip(begin, low, high)).T) * 72 / axes.figure.dpi
             lengths[len(first) :] = np.inf
-            of_pieces = np.bincount(np.cumsum(~whole)[np.append(first, alone)][seen], lengths[seen])
+            of_pieces = np.bincount(np.cumsum(~finite)[np.append(first, alone)][seen], lengths[seen])
             if seen.any() and (code >= 0 or of_pieces.max() > _SEEN):
                 codes.add(code)
     return codes
@@ -271,7 +271,7 @@ class Inset:
     frequency: tuple[float, float] | None = None
 
     def __str__(self) -> str:
-        """Its name in a message: what `parse_inset` reads, after the word."""
+        """Its name in a message: what `parse_inset` reads, after `inset`."""
         ranges = [self.energy] if self.frequency is None else [self.energy, self.frequency]
         return "inset " + ",".join(f"{low:g}:{high:g}" for low, high in ranges)
 
@@ -324,14 +324,14 @@ def place_insets(axes: Axes, insets: Sequence[Inset], curves: Sequence[np.ndarra
         return []
     ranges = [(inset.energy, _frequencies(inset, curves, axes.get_yscale() == "log")) for inset in insets]
     room = room_now()
-    whole = room.frame
+    outer = room.frame
     beside: list[int] = []
     while True:
         shown = [room.to_page(np.array(part).T).ravel() for part in ranges]
         for inset, box in zip(insets, shown, strict=True):
             if not room.ink_in(box[None])[0]:
                 raise ValueError(f"{inset}: nothing is drawn there")
-        boxes = dict(zip(beside, _column(insets, beside, shown, room.frame, whole), strict=True))
+        boxes = dict(zip(beside, _column(insets, beside, shown, room.frame, outer), strict=True))
         for k in range(len(insets)):
             if k in boxes:
                 continue
@@ -343,7 +343,7 @@ def place_insets(axes: Axes, insets: Sequence[Inset], curves: Sequence[np.ndarra
             return [Place(insets[k], *ranges[k], boxes[k]) for k in range(len(insets))]
         # Narrower axes have other empty places: all insets inside are placed anew.
         beside = sorted([*beside, k])
-        _narrow(axes, insets, beside, shown, whole)
+        _narrow(axes, insets, beside, shown, outer)
         room = room_now()
 
 
@@ -360,11 +360,11 @@ def _frequencies(inset: Inset, curves: Sequence[np.ndarray], log: bool) -> tuple
 def _inside(room: Room, taken: np.ndarray, least: np.ndarray) -> np.ndarray | None:
     """The largest box (4,) in the frame that covers neither a curve nor a box that is taken (a, 4), of this size (2,) at least."""
     frame = room.frame
-    whole = frame[2:] - frame[:2]
-    if (least > np.array([_WIDEST, _HIGHEST]) * whole).any():
+    outer = frame[2:] - frame[:2]
+    if (least > np.array([_WIDEST, _HIGHEST]) * outer).any():
         return None
     for part in _SIZES:
-        size = np.maximum(np.array(part) * whole, least)
+        size = np.maximum(np.array(part) * outer, least)
         steps = [np.linspace(frame[i] + 3.0, frame[2 + i] - 3.0 - size[i], _STEPS) for i in range(2)]
         corners = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2)
         boxes = np.concatenate([corners, corners + size], axis=1)
@@ -375,9 +375,9 @@ def _inside(room: Room, taken: np.ndarray, least: np.ndarray) -> np.ndarray | No
     return None
 
 
-def _narrow(axes: Axes, insets: Sequence[Inset], beside: Sequence[int], shown: Sequence[np.ndarray], whole: np.ndarray) -> None:
-    """Make room beside the axes, which were `whole` (4,) at first, for the widest of the insets."""
-    width, full = axes.bbox.width * 72 / axes.figure.dpi, whole[2] - whole[0]
+def _narrow(axes: Axes, insets: Sequence[Inset], beside: Sequence[int], shown: Sequence[np.ndarray], outer: np.ndarray) -> None:
+    """Make room beside the axes, which were `outer` (4,) at first, for the widest of the insets."""
+    width, full = axes.bbox.width * 72 / axes.figure.dpi, outer[2] - outer[0]
     share, widest = max(((shown[k][2] - shown[k][0]) / width, k) for k in beside)
     # The narrower axes leave room for the share of them that is shown, enlarged, and for the margins.
     part = max(_BESIDE, (_LARGER * share + (_SPACE[0] + _BESIDE_APART) / full) / (1.0 + _LARGER * share))
@@ -388,7 +388,7 @@ def _narrow(axes: Axes, insets: Sequence[Inset], beside: Sequence[int], shown: S
 
 
 def _column(
-    insets: Sequence[Inset], beside: Sequence[int], shown: Sequence[np.ndarray], frame: np.ndarray, whole: np.ndarray
+    insets: Sequence[Inset], beside: Sequence[int], shown: Sequence[np.ndarray], frame: np.ndarray, outer: np.ndarray
 ) -> list[np.ndarray]:
     """The boxes of the insets beside the axes, one below the other."""
     if not beside:
@@ -398,9 +398,9 @@ def _column(
         raise ValueError(f"{insets[beside[-1]]}: there is no place beside the others; expected fewer insets or smaller parts")
     out = []
     for row, k in enumerate(beside):
-        high = min(height, max(_LARGER * (shown[k][3] - shown[k][1]) + _SPACE[1], whole[2] - frame[2] - _BESIDE_APART))
+        high = min(height, max(_LARGER * (shown[k][3] - shown[k][1]) + _SPACE[1], outer[2] - frame[2] - _BESIDE_APART))
         top = frame[3] - row * height
-        out.append(np.array([frame[2] + _BESIDE_APART, top - high, whole[2], top]))
+        out.append(np.array([frame[2] + _BESIDE_APART, top - high, outer[2], top]))
     return out
 
 

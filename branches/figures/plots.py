@@ -1,4 +1,4 @@
-"""Plots on the axes of a user's own figure, with the curves, marks and axis texts of the pictures."""
+"""Plots on the axes of a user's own figure, with the curves, marks and axis texts of the figures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def plot_branch(branch: Branch, ax: Axes | None = None, *, frequency: str = "ind
     """
     _check(frequency)
     panel = frequency_panel(branch, frequency)
-    ax = _energy_axes(ax, branch.points["h"], panel.values, panel.words, panel.symbol)
+    ax = _energy_axes(ax, branch.points["h"], panel.values, panel.axis, panel.symbol)
     curve = panel_curve(branch, panel, wide=True)
     draw_curve(ax, curve_runs(curve.stable, curve.x, curve.y, curve.breaks), "frequency")
     if events and branch.events:
@@ -87,8 +87,8 @@ def plot_catalogue(catalogue: Catalogue, ax: Axes | None = None, *, frequency: s
         raise ValueError(f"{catalogue.path} has no family that fits: nothing to plot")
     atlas = atlas_of(catalogue.system, [catalogue.branch(row.id) for row in rows])
     curves = [frequency_curve(curve, frequency) for curve in atlas.curves]
-    words, symbol = ("frequency index", r"m\,2\pi/T") if frequency == "index" else ("frequency", r"2\pi/T")
-    ax = _energy_axes(ax, np.concatenate([curve.x for curve in curves]), np.concatenate([curve.y for curve in curves]), words, symbol)
+    name, symbol = ("frequency index", r"m\,2\pi/T") if frequency == "index" else ("frequency", r"2\pi/T")
+    ax = _energy_axes(ax, np.concatenate([curve.x for curve in curves]), np.concatenate([curve.y for curve in curves]), name, symbol)
     draw_curve(ax, runs_of(curves), "frequency", 0.6)
     return ax
 
@@ -135,14 +135,14 @@ def _displacements(ax: Axes | None, source: Orbit | Motion, times: np.ndarray, u
     return ax
 
 
-def _energy_axes(ax: Axes | None, h: np.ndarray, values: np.ndarray, words: str, symbol: str) -> Axes:
+def _energy_axes(ax: Axes | None, h: np.ndarray, values: np.ndarray, name: str, symbol: str) -> Axes:
     """Axes with energies on a logarithmic axis. Their limits grow where something is drawn already."""
     wide = [limits_of(h, log=True), limits_of(values)]
     if ax is not None and ax.has_data():
         wide = [(min(a, b), max(c, d)) for (a, c), (b, d) in zip(wide, (ax.get_xlim(), ax.get_ylim()), strict=True)]
     ax = _new() if ax is None else ax
     set_axis(ax, "x", wide[0], 8, "energy", "h", log=True)
-    set_axis(ax, "y", wide[1], 6, words, symbol)
+    set_axis(ax, "y", wide[1], 6, name, symbol)
     return ax
 
 

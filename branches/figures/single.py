@@ -24,17 +24,17 @@ from branches.figures.style import (
     VERMILION,
     event_look,
     family_text,
+    figure_settings,
     gap_symbol,
     legend_below,
     limits_of,
     new_figure,
-    picture_settings,
     set_axis,
     settle_layout,
     symbol_of,
     system_text,
 )
-from bvp.texts import shown as in_words
+from bvp.texts import shown as in_message
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,7 @@ class _Panel(NamedTuple):
     values: np.ndarray
     event_values: np.ndarray
     breaks: np.ndarray
-    words: str
+    axis: str
     symbol: str
     note: str = ""
 
@@ -81,7 +81,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
         For another frequency, a branch without points, and energies that a logarithmic axis cannot show.
     """
     if frequency not in FREQUENCIES:
-        raise ValueError(f"unknown frequency {in_words(frequency)}: expected index or fundamental")
+        raise ValueError(f"unknown frequency {in_message(frequency)}: expected index or fundamental")
     energies = np.asarray(branch.points["h"], dtype=float)
     if not len(energies):
         raise ValueError("the branch has no points to draw")
@@ -90,7 +90,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     panels = [frequency_panel(branch, frequency), *_start_panels(branch)]
     event_energies = np.array([event.h for event in branch.events], dtype=float)
     names, kinds = [event.id for event in branch.events], [event.type for event in branch.events]
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(5.4)
         figure.suptitle(f"{family_text(branch.label, branch.ends, branch.sequence)}   ({system_text(branch.system)})")
         layout: list[Any] = [["frequency"] * (len(panels) - 1), [panel.name for panel in panels[1:]]]
@@ -102,14 +102,14 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
             margin = (0.18 if wide else 0.22) if kinds else 0.08  # room for a name above and below
             shown = np.concatenate([panel.values, panel.event_values])
             log = bool(panel.name == "frequency" and np.nanmax(shown) > _MANY_FOLD * np.nanmin(shown) > 0)
-            set_axis(axes[panel.name], "y", limits_of(shown, margin, log=log), 5, panel.words, panel.symbol, log=log)
+            set_axis(axes[panel.name], "y", limits_of(shown, margin, log=log), 5, panel.axis, panel.symbol, log=log)
             if panel.note:
                 axes[panel.name].set_ylabel(axes[panel.name].get_ylabel() + panel.note)
             curve = panel_curve(branch, panel, wide=wide)
             drawn.append((axes[panel.name], panel, curve, curve_runs(curve.stable, curve.x, curve.y, curve.breaks)))
         entries = legend_entries(visible_codes((axes, runs) for axes, _, _, runs in drawn), kinds)
         columns = -(-len(entries) // -(-len(entries) // 6))
-        legend = legend_below(figure, entries, columns, title=" " if kinds else None)  # space for the words below
+        legend = legend_below(figure, entries, columns, title=" " if kinds else None)  # space for the texts below
         settle_layout(figure)
         left_out = names_in_all = 0
         for panel_axes, panel, curve, runs in drawn:
@@ -210,15 +210,15 @@ def _start_panels(branch: Any) -> list[_Panel]:
     chosen = [system.absorber, system.primary]
     if None in chosen:
         chosen = list(range(min(2, len(system.coordinates))))
-    values, words, note = np.asarray(points["velocities"], dtype=float), "start velocity", ""
+    values, axis, note = np.asarray(points["velocities"], dtype=float), "start velocity", ""
     moving = bool(np.isfinite(values).any())
     if not moving:
-        values, words, note = np.asarray(points["start_u"], dtype=float), "start displacement", "\n(no start has zero displacement)"
+        values, axis, note = np.asarray(points["start_u"], dtype=float), "start displacement", "\n(no start has zero displacement)"
     panels = []
     for k in chosen:
         symbol = f"{symbol_of(system.coordinates[k], velocity=moving)}(0)"
         unbroken = np.zeros(len(values) - 1, dtype=bool)
-        panels.append(_Panel(f"start{k}", values[:, k], _at_events(branch, values[:, k]), unbroken, words, symbol, note))
+        panels.append(_Panel(f"start{k}", values[:, k], _at_events(branch, values[:, k]), unbroken, axis, symbol, note))
     return panels
 
 
@@ -248,7 +248,7 @@ def orbit_figure(orbit: Any) -> Figure:
     at = np.array([impact.time for impact in orbit.impacts], dtype=float)
     u_at = orbit.sample(at)[0] if len(at) else np.empty((0, u.shape[1]))
     rows = 1 + len(system.stops)
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(1.3 + 1.3 * max(rows, 2))
         figure.suptitle(_title(orbit))
         layout: list[Any] = [["displacement", "plane"], *([f"stop{k}", "plane"] for k in range(len(system.stops)))]
@@ -333,8 +333,8 @@ def _draw_gap(axes: Axes, stop: Any, system: Any, times: np.ndarray, gap: np.nda
     (line,) = axes.plot(times, gap, color=BLUE, linewidth=1.1, zorder=3)
     line.set_gid(name)
     _mark_impacts(axes, at, gap_at, name)
-    words = "relative displacement\n" if np.count_nonzero(stop.gap) > 1 else "displacement\n"
-    set_axis(axes, "y", limits, 4, words, gap_symbol(stop.gap, system.coordinates))
+    axis = "relative displacement\n" if np.count_nonzero(stop.gap) > 1 else "displacement\n"
+    set_axis(axes, "y", limits, 4, axis, gap_symbol(stop.gap, system.coordinates))
     far = [b for b in bounds if b not in near]
     if far:
         walls = " and ".join(f"{b:.6g}".replace("-", "\N{MINUS SIGN}") for b in far)

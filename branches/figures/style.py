@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.files import picture_format, replacing
+from branches.files import figure_format, replacing
 from branches.naming.labels import Label, parse, parse_name
 from branches.naming.matching import REFERENCE_TOLERANCE, Track, fits_otherwise, matches, nearest_crossing, reaches
 from branches.sequences import PERIODIC
@@ -87,13 +87,13 @@ _SETTINGS: dict[str, Any] = {
     "hatch.linewidth": 0.4,
     "savefig.dpi": "figure",
     "text.hinting": "none",  # text has the same size at every resolution, so what was placed apart stays apart
-    "pdf.fonttype": 42,  # whole fonts, as journals ask
+    "pdf.fonttype": 42,  # complete fonts, as journals ask
     "svg.hashsalt": "saltus",
     "svg.fonttype": "path",
 }
 
 
-def picture_settings() -> AbstractContextManager[Any]:
+def figure_settings() -> AbstractContextManager[Any]:
     """Settings for making and saving a figure. The user's own matplotlib settings have no effect and are restored afterwards."""
     from matplotlib import style
 
@@ -180,7 +180,7 @@ def limits_of(values: np.ndarray, margin: float = 0.06, *, log: bool = False) ->
 
 
 def set_axis(
-    axes: Axes, which: str, limits: tuple[float, float], count: int, words: str, symbol: str, *, log: bool = False
+    axes: Axes, which: str, limits: tuple[float, float], count: int, name: str, symbol: str, *, log: bool = False
 ) -> None:
     """Set the limits of an axis, at most about `count` ticks, and its text.
 
@@ -191,12 +191,12 @@ def set_axis(
     axes : Axes
     which : "x" or "y"
     limits, count : as they are
-    words, symbol : text of the axis, and its symbol in mathematics
+    name, symbol : text of the axis, and its symbol in mathematics
     log : whether the axis is logarithmic
     """
     from matplotlib import ticker
 
-    label = f"{words}{' ' if words and not words.endswith(chr(10)) else ''}${symbol}$"
+    label = f"{name}{' ' if name and not name.endswith(chr(10)) else ''}${symbol}$"
     axes.set(**{f"{which}scale": "log" if log else "linear", f"{which}lim": limits, f"{which}label": label})
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_minor_formatter(ticker.NullFormatter())
@@ -241,15 +241,15 @@ def write_figure(
     WriteFailure
         If the file cannot be written. An old file is then unchanged.
     """
-    kind = picture_format(path, format)
-    picture = io.BytesIO()
-    with picture_settings():
-        make(*arguments, **options).savefig(picture, format=kind, metadata=_UNDATED[kind])
+    kind = figure_format(path, format)
+    image = io.BytesIO()
+    with figure_settings():
+        make(*arguments, **options).savefig(image, format=kind, metadata=_UNDATED[kind])
     if hasattr(path, "write"):
-        path.write(picture.getvalue())
+        path.write(image.getvalue())
         return
     with replacing(path) as beside:
-        beside.write_bytes(picture.getvalue())
+        beside.write_bytes(image.getvalue())
 
 
 _GREEK = {"mu": r"\mu", "sigma": r"\sigma", "lam": r"\lambda", "rho": r"\rho", "alpha": r"\alpha"}
@@ -273,7 +273,7 @@ def symbol_of(name: str, *, velocity: bool = False) -> str:
 
 
 def system_text(system: Any) -> str:
-    """The system in a title's words: the parameters of its model, or its size where it is given by matrices."""
+    """The system in a title: the parameters of its model, or its size where it is given by matrices."""
     described = system.describe()
     numbers = {k: v for k, v in described.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
     if numbers:
@@ -286,7 +286,7 @@ _SHORTEST = 4  # digits of a hash
 
 
 def short_ids(ids: Iterable[str]) -> dict[str, str]:
-    """Short texts for the ids of families in one picture: the first digits of the hash, as many as tell it from the others.
+    """Short texts for the ids of families in one figure: the first digits of the hash, as many as tell it from the others.
 
     Examples
     --------

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.branch import Branch, BranchEvent
-from branches.family import Family
+from branches.family import Family, unphysical
 from branches.grazing.touching import Candidate, Touching, candidate, touching
 from branches.identity import is_solved_as_it_is
 from branches.linear_modes import mode_of
 from branches.sequences import Ends, format_sequence, impacts_per_period
 from branches.tracing import follow_family
 from bvp.kernels.step import locate, metric_direction
-from bvp.multipoint import MultipointProblem, Solution
+from bvp.multipoint import MultipointProblem
 from bvp.texts import brief, takes_options_of
 from continuation.switching import SwitchError, branch_directions
 
@@ -308,28 +308,14 @@ def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str
         step = family.step(y, tangent, ds)
         if not step.converged or not step.turn > _STRAIGHT:
             continue  # nearer than this, the speeds at the nodes may be lost in rounding
-        reason = _why(problem, step.extra)
-        if reason:
+        found = unphysical(problem, step.extra, 0.0)
+        if found is not None:
+            reason = found
             break
         steps.append(step)
     if not steps:
         sides.append(reason)
     return steps
-
-
-def _why(problem: MultipointProblem, solution: Solution) -> str:
-    """Why a solution is no orbit; "" where it is one."""
-    inner = problem.inner
-    if solution["speed"] <= 0.0:
-        node = int(solution["speed_node"])
-        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
-        return f"the impact {place} would have to pull"
-    if solution["clearance"] <= 0.0:
-        side = "+" if solution["clearance_side"] > 0.0 else "-"
-        return f"flight {int(solution['clearance_flight']) + 1} of {inner + 1} goes through the {side} side of a stop"
-    if solution["flight"] <= 0.0:
-        return f"flight {int(solution['flight_index']) + 1} of {inner + 1} has a negative duration"
-    return ""
 
 
 def leaves_upward(branch: Branch, point: int) -> bool:

@@ -248,7 +248,7 @@ class Manifold:
 
     @property
     def sampling(self) -> str:
-        """The range of sampling rates, in words."""
+        """The range of sampling rates, as text."""
         rates = self.rate[np.isfinite(self.rate)]
         return f"{rates.min():.0f} to {rates.max():.0f} samples a period" if len(rates) else "no motion was followed"
 

@@ -224,10 +224,10 @@ def solve_impulsive(problem: MultipointProblem, y: np.ndarray) -> Solution:
         if good:
             break
     else:
-        raise NotConverged(f"Newton's corrections did not settle (residual {worst:.1e})")
+        raise NotConverged(f"Newton's corrections did not converge (residual {worst:.1e})")
     solution = problem.step(y, np.zeros(2 * problem.unknowns), 0.0, maximum=0)
     if solution is None:
-        raise NotConverged("Newton's corrections did not settle")
+        raise NotConverged("Newton's corrections did not converge")
     return solution
 
 

@@ -86,7 +86,7 @@ class Label:
         for field in ("m", "n", "p", "q"):
             value = getattr(self, field)
             if value is not None and (not isinstance(value, int) or value < 0):
-                raise ValueError(f"{field} of a label is {value!r}, expected a whole number, 0 or more")
+                raise ValueError(f"{field} of a label is {value!r}, expected an integer, 0 or more")
         reason = why_impossible(self)
         if reason is not None:
             raise ImpossibleLabelError(f"{self} cannot be a periodic orbit: {reason}")
@@ -102,10 +102,10 @@ class Label:
 
 
 def why_impossible(label: Label) -> str | None:
-    """Why no orbit can have this label, in words; None where one can.
+    """Why no orbit can have this label; None where one can.
 
     The displacements vanish at both ends of a half period, so each velocity changes sign in it. Over a half period a symmetric
-    orbit turns into its own negative, so its velocities change sign an odd number of times, and its quarters have equally many
+    orbit becomes its own negative, so its velocities change sign an odd number of times, and its quarters have equally many
     impacts.
     """
     if label.m == 0 or label.n == 0:

@@ -176,8 +176,8 @@ class Search:
         turn = fastest_turn(self.system, self.longest)
         if turn > LONGEST:
             text += (
-                f"; the fastest mode turns by {turn:.4g} rad within half of the longest period, and the angles are too far apart for "
-                f"orbits in which it turns by more than {LONGEST:g}"
+                f"; the fastest mode rotates by {turn:.4g} rad within half of the longest period, and the angles are too far apart for "
+                f"orbits in which it rotates by more than {LONGEST:g}"
             )
         if self.name.family is not None and self.others:
             known = [

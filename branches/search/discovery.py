@@ -161,7 +161,7 @@ def discover_orbits(
     if budget is None:
         budget = math.ceil(BUDGET / max(1.0, fastest_turn(system, quarter_period) / LONG))
     if isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63:
-        raise ValueError(f"the most starts is {shown(budget)}, expected a whole number above 0 and below 2^63")
+        raise ValueError(f"the most starts is {shown(budget)}, expected an integer above 0 and below 2^63")
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
     search = OrbitSearch(system, kept_problems(system))
     for start in ("origin", "rest", "stop"):
@@ -187,7 +187,7 @@ def segment_limits(first: str, far: str, quarter_period: float, impacts: int | N
 
 
 def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
-    """Angle by which the fastest mode turns within the longest segment, half a period (rad)."""
+    """Angle by which the fastest mode rotates within the longest segment, half a period (rad)."""
     return 2.0 * quarter_period * math.sqrt(max(0.0, float(np.max(system.modes.squares))))
 
 
@@ -202,11 +202,11 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
     turn = fastest_turn(system, quarter_period)
     if turn > LONGEST:
         raise ValueError(
-            f"the fastest mode (frequency {turn / (2.0 * quarter_period):.4g}) turns by {turn:.4g} within half of the longest period "
+            f"the fastest mode (frequency {turn / (2.0 * quarter_period):.4g}) rotates by {turn:.4g} within half of the longest period "
             f"searched, expected {LONGEST:g} or less: a quarter period up to {LONGEST / turn * quarter_period:.3g} can be searched"
         )
     if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or impacts < 0):
-        raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected a whole number, 0 or more")
+        raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected an integer, 0 or more")
     if impacts is not None and impacts > MOST_BOUND:
         raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected {MOST_BOUND} or less, or no bound")
     if ends is None:

@@ -64,7 +64,7 @@ class Found:
 class Unpolished(NamedTuple):
     """A segment that a scan found and that is not solved.
 
-    parameter, low, high: what the scan varies, and the interval of it. alpha, residual: of the segment. reason: in words.
+    parameter, low, high: what the scan varies, and the interval of it. alpha, residual: of the segment. reason: a text.
     """
 
     ends: Ends

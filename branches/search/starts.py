@@ -5,8 +5,8 @@ the origin are a circle of velocities. The starts at rest are a conic of displac
 of position along the stop and speed. If the system has odd symmetry, half of each is left out.
 
 An orbit between two ends is a zero of one number along a curve (`bvp.kernels.shooting`). The fast scan looks for changes of its sign
-between neighbouring angles whose motions hit the same stops. It can miss zeros. A name is searched at many energies, so the scan need not
-find every orbit at each.
+between neighbouring angles whose motions hit the same stops. It can overlook zeros. A name is searched at many
+energies, so the scan need not find every orbit at each.
 """
 
 from __future__ import annotations

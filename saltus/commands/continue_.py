@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         with interrupt.released(), catalogues.lookup(arguments.name, arguments, scene) as catalogue:
             branch, code = _follow(arguments, scene, files, catalogue, interrupt)
         if branch.others:
-            files.report([f"cut    {branch.full_family.words()}"])
+            files.report([f"cut    {branch.full_family.cut_text()}"])
         files.report(_warnings(branch))
         code = max(code, _write(branch, files, arguments.frequency))
         if place is not None and any(end.reason == "INTERRUPTED" for end in branch.ended):

@@ -17,8 +17,8 @@ from benchmarks import backbone
 from branches.figures.curves import curve_runs, draw_events, thinned, visible_codes
 from branches.figures.room import Room, even_points, overlapping
 from branches.figures.single import branch_figure, crowds, orbit_figure, write_events
-from branches.figures.style import family_text, limits_of, new_figure, picture_settings, set_axis, settle_layout, symbol_of, write_figure
-from branches.files import picture_format
+from branches.figures.style import family_text, figure_settings, limits_of, new_figure, set_axis, settle_layout, symbol_of, write_figure
+from branches.files import figure_format
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced
 
@@ -172,7 +172,7 @@ def text_boxes(figure, kind):
     from matplotlib.backends.backend_svg import RendererSVG
     from matplotlib.text import Text
 
-    with picture_settings():
+    with figure_settings():
         figure.set_dpi(200 if kind == "png" else 72)
         figure.canvas.draw()
         size = figure.get_size_inches() * figure.dpi
@@ -328,7 +328,7 @@ def test_without_a_start_at_zero_displacement_the_panels_show_displacements_and_
 
 def test_more_names_than_room_are_counted_in_the_picture():
     """Sixty special points of seven types in a panel of 1.6 by 1.1 inches: the names that fit stay apart; the rest is said."""
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(1.7)
         figure.set_size_inches(2.2, 1.7)
         axes = figure.subplots(subplot_kw={"xticks": [], "yticks": [], "xlim": (0, 1), "ylim": (0, 1), "xlabel": "energy"})
@@ -384,7 +384,7 @@ def test_unknown_formats_are_refused_in_one_line(tmp_path, target):
             write_figure(figure_of, target, data)
         assert "\n" not in str(caught.value)
     with pytest.raises(ValueError, match="'gif'.*png, pdf or svg"):
-        picture_format("picture.png", "gif")
+        figure_format("picture.png", "gif")
 
 
 def test_bad_branches_are_refused_in_one_line():
@@ -547,7 +547,7 @@ def test_names_overlap_nothing(points, squeezed):
     here, as in a figure, every name has room."""
     places = np.array(points) * (0.2 if squeezed else 1.0) + 10
     places = places[thinned(places, 2.5)]
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(3.5)
         axes = figure.add_axes((0.05, 0.05, 0.9, 0.9), xlim=(0.0, 230.0), ylim=(0.0, 230.0))
         room = Room(axes, [])
@@ -572,7 +572,7 @@ def test_names_overlap_nothing(points, squeezed):
 
 def test_a_name_without_any_room_is_left_out(capsys):
     """Oracle: a panel smaller than the name; nothing is printed."""
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(1.0)
         axes = figure.add_axes((0.0, 0.0, 0.05, 0.1))
         assert Room(axes, []).write(["a long name"], np.array([[5.0, 5.0]])) == [None]

@@ -219,7 +219,7 @@ def test_pieces_of_a_cut_family():
         orbits = whole_branch.orbits_at(energy=h)
         assert min(abs(orbit.alpha / alpha - 1.0) for orbit in orbits) < 1e-3
     assert branch.points["alpha"].max() < min(alpha for _, alpha in other)
-    assert "into 2 pieces" in branch.full_family.words()
+    assert "into 2 pieces" in branch.full_family.cut_text()
     assert traced("S11O00-").others == () and traced("S13O00+").others == ()
 
 

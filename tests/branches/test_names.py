@@ -103,7 +103,7 @@ def test_a_mode_too_fast_for_the_scan_is_told_where_nothing_is_found():
     from benchmarks.backbone import Backbone
 
     fast = vibro_impact_nes(mu=1e-8)
-    with pytest.raises(NameNotFound, match=r"fastest mode turns by 6\.325e\+04 rad within half of the longest period"):
+    with pytest.raises(NameNotFound, match=r"fastest mode rotates by 6\.325e\+04 rad within half of the longest period"):
         found("S13O00+", (0.05, 20.0), system=fast)
     orbit, _ = found("S11O00-", (0.05, 20.0), system=fast)
     assert abs(Backbone.of(fast).energy(orbit.alpha) / orbit.h - 1) < 1e-10

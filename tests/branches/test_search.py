@@ -286,7 +286,7 @@ CASES = [
     (dict(quarter_period=-1.0), "quarter period is -1.0"),
     (dict(system=saltus.vibro_impact_nes(mu=1e-9)), "fastest mode .*1e.04.* turns by 4e.04 .*quarter period up to 0.5 can be searched"),
     (dict(impacts=-2), "impacts of half a period is -2"),
-    (dict(impacts=1.5), "1.5, expected a whole number"),
+    (dict(impacts=1.5), "1.5, expected an integer"),
     (dict(ends=("origin-sop",)), "unknown ends 'origin-sop'.*nearest: origin-stop"),
     (dict(ends=()), "no ends"),
     (dict(system=saltus.vibro_impact_nes(rho=0.5)), "restitution 0.5"),

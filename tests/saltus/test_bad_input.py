@@ -103,7 +103,7 @@ CASES = [
     ("continue S13O00+ --json {missing}/a.json", ["cannot write", "directory", "does not exist"]),
     ("continue S13O00+ --csv {here}", ["cannot write", "is a directory"]),
     ("continue S13O00+ --plot {here}/a.pgn", ["'pgn'", "nearest: png"]),
-    ("continue S13O00+ --plot {here}/a", ["no picture format", "png, pdf or svg"]),
+    ("continue S13O00+ --plot {here}/a", ["no figure format", "png, pdf or svg"]),
     ("continue S13O00+ --plot {missing}/a.png", ["cannot write", "does not exist"]),
     ("continue S13O00+ --plot -", ["standard output", ".png"]),
     ("continue S13O00+ --json - --csv -", ["--json", "--csv", "standard output"]),

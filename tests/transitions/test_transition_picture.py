@@ -186,7 +186,7 @@ def test_what_cannot_be_drawn_or_read_is_told_in_one_line(drawn, tmp_path):
         with pytest.raises(ValueError, match=said) as caught:
             transition_figure(changed, behind)
         assert "\n" not in str(caught.value)
-    with pytest.raises(ValueError, match="unknown picture format"):
+    with pytest.raises(ValueError, match="unknown figure format"):
         draw_transition(transition, atlas, tmp_path / "a.jpg")
     with pytest.raises(ExportError, match="unknown format"):
         write_transition(transition, tmp_path / "a.xls")

@@ -18,10 +18,10 @@ from branches.figures.style import (
     ORANGE,
     SMALL,
     VERMILION,
+    figure_settings,
     legend_below,
     limits_of,
     new_figure,
-    picture_settings,
     set_axis,
     settle_layout,
     symbol_of,
@@ -165,7 +165,7 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
         raise ValueError("there is nothing to draw: no section")
     several = len(views) > 1
     rows = math.ceil(len(views) / _COLUMNS) if several else 1
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(0.9 + _PANEL * rows if several else _SINGLE)
         figure.suptitle(_title(views, several))
         grid = figure.subplots(rows, _COLUMNS if several else 1, squeeze=False).ravel()

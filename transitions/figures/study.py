@@ -13,10 +13,10 @@ from branches.figures.style import (
     LINES,
     PALE,
     VERMILION,
+    figure_settings,
     legend_below,
     limits_of,
     new_figure,
-    picture_settings,
     set_axis,
     symbol_of,
 )
@@ -75,7 +75,7 @@ def map_figure(study: Study, value: str = "nes_share", best: str = "nes_share", 
     x, y = axes if axes is not None else tuple(numeric)[:2] if len(numeric) >= 2 else _refuse_map(study)
     found = over(study, numeric[x], numeric[y], _values(study, value))
     top = study.best(best)
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(5.2)
         panel = figure.subplots()
         figure.suptitle(_title(study))
@@ -106,7 +106,7 @@ def lines_figure(study: Study, value: str = "nes_share", best: str = "nes_share"
     values = _values(study, value)
     top = study.best(best)
     names = next((axis.values for axis in study.plan.axes if axis.is_family), ())
-    with picture_settings():
+    with figure_settings():
         figure, panels = _panels(study, len(study.plan.axes))
         alone = len(study.plan.axes) == 1
         shown: list[np.ndarray] = []
@@ -146,7 +146,7 @@ def best_figure(study: Study, best: str = "nes_share", value: str | None = None)
     values, top = _values(study, name), study.best(best)
     at = int(np.searchsorted(study.runs, top.run))
     near = np.searchsorted(study.runs, top.neighbours)
-    with picture_settings():
+    with figure_settings():
         figure, panels = _panels(study, len(study.plan.axes), _given(study, top))
         shown: list[np.ndarray] = []
         for panel, axis in zip(panels, study.plan.axes, strict=True):

@@ -20,11 +20,11 @@ from branches.figures.style import (
     LINES,
     NORMAL,
     SMALL,
+    figure_settings,
     gap_symbol,
     legend_below,
     limits_of,
     new_figure,
-    picture_settings,
     set_axis,
     settle_layout,
     short_ids,
@@ -212,7 +212,7 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
             raise ValueError(f"a motion is in natural units; the families have a clearance of {atlas.clearance:g}")
         atlas = _with_name(atlas, transition.start)
     spectrum = shown_spectrum(transition)
-    with picture_settings():
+    with figure_settings():
         figure = new_figure(7.6)
         begin = "rest" if record.from_rest else rf"energy $h = {record.energy[0]:.6g}$"
         figure.suptitle(f"Motion from {begin}   ({system_text(transition.system)})")

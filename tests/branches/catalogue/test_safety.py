@@ -226,7 +226,7 @@ def test_a_file_that_may_not_grow(tmp_path):
     path = tmp_path / "limited.sqlite"
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
         catalogue._connection.execute("PRAGMA max_page_count = 60")
-        with pytest.raises(WriteFailure, match=r"no space is left on the device; what it held is whole"):
+        with pytest.raises(WriteFailure, match=r"no space is left on the device; what it held is complete"):
             for k in range(100):
                 catalogue.add(renamed(real()[0], k))
     assert k > 1 and whole(path, k)
