@@ -284,7 +284,7 @@ CASES = [
     (dict(energy=math.nan), "the energy is nan"),
     (dict(energy=math.inf), "the energy is inf"),
     (dict(quarter_period=-1.0), "quarter period is -1.0"),
-    (dict(system=saltus.vibro_impact_nes(mu=1e-9)), "fastest mode .*1e.04.* turns by 4e.04 .*quarter period up to 0.5 can be searched"),
+    (dict(system=saltus.vibro_impact_nes(mu=1e-9)), "fastest mode .*1e.04.* rotates by 4e.04 .*quarter period up to 0.5 can be searched"),
     (dict(impacts=-2), "impacts of half a period is -2"),
     (dict(impacts=1.5), "1.5, expected an integer"),
     (dict(ends=("origin-sop",)), "unknown ends 'origin-sop'.*nearest: origin-stop"),
