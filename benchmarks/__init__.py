@@ -1,4 +1,4 @@
-"""Benchmarks: speed, error and memory of saltus beside other programs, measured in the same run. Not installed.
+"""Benchmarks: speed, error and memory of saltus and of other programs, measured in the same run. They are not installed.
 
     python -m benchmarks --help
 """

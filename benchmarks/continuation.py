@@ -1,4 +1,4 @@
-"""`python -m benchmarks continuation`: points beside shooting, their layers, whole families, the memory of a branch, whole processes.
+"""`python -m benchmarks continuation`: points compared with shooting, their layers, full families, the memory of a branch, processes.
 
     python -m benchmarks continuation                                print all tables (about ten minutes)
     python -m benchmarks continuation --quick                        the same with few repeats (less than a minute)

@@ -1,4 +1,4 @@
-"""Time of a point that saltus accepts: the engine's run measured point by point, complete or with the orbit alone, and layer by layer.
+"""Time for each point that saltus accepts: in a complete run, for the orbit alone, and layer by layer.
 
 A point's layers are compiled arithmetic, the call into compiled code, and the Python around it. They are measured from the blocks of steps
 of a run: the blocks are repeated with the same arguments, one layer at a time. The differences are what each layer costs.

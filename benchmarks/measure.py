@@ -1,4 +1,4 @@
-"""The one way to measure: processor times of calls, repeated works, and whole processes."""
+"""Measurement of processor time: of calls, of repeated work, and of processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m benchmarks sections` and `studies`: Poincare sections and many damped runs, beside scipy's integrator on the same starts.
+"""`python -m benchmarks sections` and `studies`: Poincare sections and many damped runs, compared with scipy's integrator.
 
 The integrator is `scipy.integrate.solve_ivp` (DOP853) with events. Nothing guarantees that the events are complete: it misses an impact
 between two of its steps.

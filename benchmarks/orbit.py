@@ -1,4 +1,4 @@
-"""`python -m benchmarks orbit NAME`: an orbit by the paper's nonsmooth time transformation, beside the exact one."""
+"""`python -m benchmarks orbit NAME`: an orbit by the paper's nonsmooth time transformation, compared with the exact one."""
 
 from __future__ import annotations
 

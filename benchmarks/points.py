@@ -1,4 +1,4 @@
-"""Tables of one accepted point: its time and error beside shooting, and its time layer by layer."""
+"""Tables for one accepted point: its time and error compared with shooting, and its time layer by layer."""
 
 from __future__ import annotations
 

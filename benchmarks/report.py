@@ -1,4 +1,4 @@
-"""Tables of figures: in the terminal, as Markdown, and in a page between two marks; and the machine that they were measured on."""
+"""Tables of results - in the terminal, as Markdown, and in a page between two marks - and a description of the machine."""
 
 from __future__ import annotations
 

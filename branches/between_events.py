@@ -1,4 +1,4 @@
-"""What lies between the events of a branch: stability, which changes only at them, and events that are missing there.
+"""Checks of a branch between its events: the stability of its points, and events that were missed.
 
 A decided orbit between two neighbouring events decides those around it. Where rounding leaves many neighbouring orbits undecided, an
 entry of their half maps is nearly zero, and an event among them could not be located either. Some of these orbits are solved in fifty

@@ -1,4 +1,4 @@
-"""A branch: a family of periodic orbits as it was followed, with its events and its ends. Operations on branches are in other modules."""
+"""A branch: a followed family of periodic orbits, with its events and its ends. Operations on branches are in other modules."""
 
 from __future__ import annotations
 

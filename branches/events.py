@@ -1,4 +1,4 @@
-"""Special points of a branch, the reasons of its ends, and the work of deciding stability; nothing here loads numpy or compiled kernels."""
+"""Special points of a branch, the reasons of its ends, and counters of stability work. Importing this loads neither numpy nor kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A family of impacting orbits as the engine sees it: steps, test functions, and what an event means.
+"""A family of impacting orbits as a problem of the continuation engine: steps, test functions, and the classification of events.
 
 Connects `bvp.multipoint` (the orbits) with `continuation` (the engine). The test functions are those of a symmetric orbit's half map
 phi = [[a, b], [c, d]] between its ends (see `bvp.kernels.stability`): each bifurcation is a plain zero of one entry, so no event

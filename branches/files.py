@@ -1,4 +1,4 @@
-"""Files are written beside their place and moved into it, so that a failed run leaves the old file as it was."""
+"""Safe writing of files: a temporary file replaces the target on success, so a failed run leaves the old file unchanged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The full family of a branch that may have been cut: followed on beyond its cut ends, for its id and its other pieces.
+"""The full family of a branch that may be cut: it is followed past the cut ends, to find its id and its other pieces.
 
 A branch can be cut by a range of energies, by a number of points, by a condition, or because only one side of a bifurcation was asked
 for. Its family does not depend on that. Through a regular orbit with given ends and impact sequence there is one family only. So one orbit

@@ -1,4 +1,4 @@
-"""Which orbit is which, and which family: one presentation of each orbit, and the marks that identify a family.
+"""Identification of orbits and families: one canonical presentation of each orbit, and the marks that identify a family.
 
 An orbit can be solved between other ends, started at another impact, at its other end, as its mirror image -u, backwards in time, or run
 through several times. `canonical_orbit` takes all of these to one presentation.

@@ -1,4 +1,4 @@
-"""What a family of orbits computes in compiled code: its test functions, and many plain steps in one call.
+"""Compiled code for families of orbits: the test functions, and the advance by many steps in one call.
 
 The test functions, n = 2, are pure functions of what the kernels know of an orbit. `branches.family` calls them as they stand, and
 `advance_block` compiles the very same ones. A block predicts, corrects, judges and measures each step, and chooses the next one. Its

@@ -1,4 +1,4 @@
-"""One periodic orbit, and the columns that describe many: label, stability, multipliers, and how reliable they are."""
+"""One periodic orbit, and the columns that describe many orbits: label, stability, multipliers and their accuracy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A presentation of a periodic orbit: an interval of its period, as a multipoint problem solves it; and the symmetries of an orbit.
+"""Presentations of a periodic orbit - the segments of its period that a multipoint problem can solve - and its symmetries.
 
 One orbit can be solved between different ends, started at different times, or run through more than once. Each presentation holds the
 unknowns of the multipoint problem that has its ends and its impact sequence.

@@ -1,4 +1,4 @@
-"""Reading a branch from a file. Anything else is refused in one line: by its schema, keys, types, or numbers that contradict each other."""
+"""Reading of a branch from a file. A file with a wrong schema, wrong keys or types, or contradictory numbers is refused in one line."""
 
 from __future__ import annotations
 

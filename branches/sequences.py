@@ -1,4 +1,4 @@
-"""Impact sequences: which stops a solved segment hits, in which order, and what its symmetries make of that.
+"""Impact sequences: the stops that a segment hits, in order of time, and their images under the symmetries.
 
 A **sequence** is a tuple of contact letters, one for each impact strictly inside the segment, in order of time: `+` and `-` for
 the two sides of a single stop, `a+`, `a-`, `b+`, ... where there are several. The **ends** of the segment are kept apart from

@@ -1,4 +1,4 @@
-"""From a bifurcation of a branch onto the families that start there or cross there.
+"""Switching at a bifurcation of a branch: the families that start there or cross there.
 
 At a branch point both families solve the same multipoint problem. Where a symmetry breaks, the period doubles or is multiplied by q, the
 new family solves another one - a longer segment between other ends, or the periodic closure - of which the old family is a solution

@@ -1,4 +1,4 @@
-"""Tracing: from an orbit to the branch of its family, and its events and ends in the terms of the record."""
+"""Tracing: from an orbit to the branch of its family, with events and ends in the terms of the file format."""
 
 from __future__ import annotations
 

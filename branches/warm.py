@@ -1,4 +1,4 @@
-"""Compile the kernels that look at an orbit and those that follow a family, and keep them on disk: `python -m branches.warm`.
+"""Compilation of the kernels for orbits and families, which are then kept on disk: `python -m branches.warm`.
 
 Run beside a program that compiles the kernels of the search at the same time, this uses a second core at the very first run.
 """

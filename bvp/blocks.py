@@ -1,5 +1,6 @@
-"""Real blocks of damped free flight: z' = B z with B in blocks of size one and two, and larger only where nothing smaller is
-accurate.
+"""The first-order form z' = B z of damped free flight, with B in real blocks of size one and two.
+
+A block is larger only if smaller ones would be inaccurate.
 
 Modes that damping does not couple keep their real pair (q_k, p_k), whatever their damping ratio. A group of coupled modes
 goes through the real Schur form, whose blocks are cut apart with Sylvester equations as long as the transformation stays well

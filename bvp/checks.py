@@ -1,4 +1,4 @@
-"""Values that come from a user and go out to one: checked when they come in, not to be changed when they go out.
+"""Checks of values that a user passes in, and read-only forms of values that a user gets back.
 
 Each refusal is one line that says what was received and what was expected.
 """

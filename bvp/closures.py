@@ -1,4 +1,4 @@
-"""How a solved segment closes: the conditions at its two ends, and the full period that the reversals there make of it."""
+"""The end conditions of a solved segment, and the full period that follows from them by reversal."""
 
 from __future__ import annotations
 

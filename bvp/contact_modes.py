@@ -1,4 +1,4 @@
-"""Contact modes: the motion with none of the stops sticking, and with some of them, each as blocks for one and the same flight.
+"""Contact modes: the free motion, and the motion while some of the stops stick. All use the same flight kernels.
 
 While the gaps w_S = c_S . u of the stops S are held, u = T r + U w_S with T a basis of c_S u = 0 and U = M^-1 c' (c M^-1 c')^-1: the
 reduced motion T'MT r'' + T'CT r' + T'KT r = T'(f - K U w_S) has one degree of freedom less for each stop held. Kinetic energy keeps r and w

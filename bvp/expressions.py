@@ -1,4 +1,4 @@
-"""Expressions given as text, and limits for all: how large they may become when multiplied out, and how long sympy may take over them."""
+"""Expressions given as text, with limits on their size and on the time that sympy may take."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions of two oscillating modes and one stop, many in one compiled call: the system as numbers, and the call.
+"""The fast path for many motions of a system with two oscillating modes and one stop, in one compiled call.
 
 `bvp.simulate` runs every motion of every system, and keeps a record. Here are those alone that neither grow, graze, chatter to an end nor
 stick, of systems with two degrees of freedom, both of which oscillate, and one stop. The others are declined: `bvp.simulate` runs them.

@@ -1,4 +1,4 @@
-"""Loads f(t) of M u'' + C u' + K u = f(t), and the terms of the energy budget: the power of each load and of each damper.
+"""Loads f(t) of M u'' + C u' + K u = f(t), and the terms of the energy budget: the power of each load and each damper.
 
 A load is constant, harmonic, or a sampled record that is linear between its samples.
 

@@ -1,4 +1,4 @@
-"""An interrupt (Ctrl-C) waits while a result that is complete is made ready and written."""
+"""Delay of an interrupt (Ctrl-C) until a complete result is ready and written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Periodic orbits in fifty digits, from the multipoint equations: for what double precision leaves undecided, and as a reference.
+"""Periodic orbits in fifty digits from the multipoint equations. They decide what double precision cannot, and serve as references.
 
 The modes are computed anew from the system's matrices. The equations are those of `bvp.kernels.multipoint`, with the full start state
 as an unknown and the start's end as equations of their own. They are evaluated in fifty digits and corrected with the pseudo-inverse of

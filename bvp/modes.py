@@ -1,5 +1,4 @@
-"""The modes of free flight: the first-order form z' = B z of M u'' + C u' + K u = 0 with B in blocks, and the rows of the
-contacts.
+"""The modes of free flight: the first-order form z' = B z of M u'' + C u' + K u = 0 with B in blocks, and the gap rows of the contacts.
 
 Undamped and proportionally damped systems keep the real undamped modes, u = Phi q, v = Phi p, Phi^T M Phi = I, z = (q, p).
 Modes that damping couples are block-diagonalised together (`bvp.blocks`).

@@ -1,4 +1,4 @@
-"""What a motion is when it has been run: its events, its dense output, and where its energy went."""
+"""The result of a simulation: its events, its dense output and its energy budget."""
 
 from __future__ import annotations
 

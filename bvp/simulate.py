@@ -1,4 +1,4 @@
-"""Motions of any system between its stops: damped, forced, with inelastic impacts, chattering and sticking, and where the energy goes."""
+"""Simulation of a system between its stops: damped, forced, with inelastic impacts, chattering, sticking and an energy budget."""
 
 from __future__ import annotations
 

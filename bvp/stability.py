@@ -1,4 +1,4 @@
-"""Which orbits are stable, decided by more than the error of the numbers it is decided by.
+"""The stability of orbits. An orbit is called stable or unstable only if the numbers show it beyond their errors.
 
 A reversible orbit between two ends has the half map phi = [[a, b], [c, d]] (`bvp.kernels.stability`), symplectic. With nu the
 eigenvalues of b'c, the return map there and back has the traces 2 + 4 nu, and 1 + nu are the eigenvalues of d'a: the orbit is

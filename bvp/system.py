@@ -1,4 +1,4 @@
-"""Impacting systems: linear dynamics M u'' + C u' + K u = 0 between rigid stops, checked when made.
+"""Impacting systems: linear dynamics M u'' + C u' + K u = 0 between rigid stops. The input is checked on construction.
 
 A `Stop` bounds one gap coordinate w = c . u on one or both sides; at a bound the velocity jumps along M^-1 c with Newton's
 restitution. An `ImpactSystem` carries the three matrices, the stops and the names of the coordinates.

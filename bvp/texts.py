@@ -1,4 +1,4 @@
-"""Texts that a user reads: values in messages, short texts of objects, and the options of a function in its help.
+"""Text for users: values in messages, the short repr of objects, and the options in a function's help.
 
 This file loads no other library, so that a message costs nothing.
 """

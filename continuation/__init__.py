@@ -1,4 +1,4 @@
-"""Following one-parameter families of solutions: step control, events, switching; any problem, no mechanics.
+"""Continuation of one-parameter families of solutions: step control, events, switching. It works for any problem and knows no mechanics.
 
 The public names are loaded when first used, so importing the package costs nothing.
 """

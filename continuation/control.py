@@ -1,4 +1,4 @@
-"""Settings of a run, and step control: which steps are accepted, how long the next one is, which ones are searched for events.
+"""Settings of a run, and step control: it accepts or rejects a step, chooses the next length, and selects steps to search for events.
 
 The engine calls the functions of this file as they are. A problem that advances in compiled code compiles the same ones: each is a pure
 function of numbers and sequences (lists, tuples or arrays alike) and uses only `math` and its arguments.

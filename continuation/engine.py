@@ -1,4 +1,4 @@
-"""Following a family by pseudo-arclength: step control, refusal of steps, events as they come, and the reason for the end.
+"""Pseudo-arclength continuation: step control, rejection of steps, events in order, and the reason why the run ends.
 
 Plain points come in blocks from a problem that can advance by itself, or one by one; both ways use the same functions of
 `continuation.control`. Everything else - event location, refused steps, a family that closes - is done here.

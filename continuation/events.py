@@ -1,4 +1,4 @@
-"""The events of one step: which test functions ask for a look, where their events are, and which of them are one."""
+"""The events of one step: which test functions change sign, where, and which zeros belong to the same event."""
 
 from __future__ import annotations
 

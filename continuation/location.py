@@ -1,4 +1,4 @@
-"""Locating an event inside one step: bracketing root finding and bisection along the steps from the accepted point before it.
+"""Location of an event inside one step, by bracketing root finding and by bisection from the last accepted point.
 
 The unknown is the length s of a step from the accepted point, so every trial is a corrected point of the family and no error
 is carried from trial to trial.

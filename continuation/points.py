@@ -1,4 +1,4 @@
-"""The points of a run, and whether the run has come back to one of them.
+"""The points of a run, and the check whether the run has returned to one of them.
 
 Points of a block of steps stay in its arrays until they are asked for.
 """

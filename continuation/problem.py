@@ -1,4 +1,4 @@
-"""The contract between a problem and the engine, and what a run consists of: steps, points, events, and the reason of its end.
+"""The contract between a problem and the engine, and the parts of a run: steps, points, events, and the reason of its end.
 
 The engine in `continuation.engine` follows the solutions of n equations in n + 1 unknowns y. All that it knows of them it gets
 from an object with the duties of `Problem`. Everything is measured in the problem's own *metric*: a few coordinates,

@@ -1,4 +1,4 @@
-"""Test functions inside one step: sampled until no pair of zeros can hide between neighbouring samples."""
+"""Sampling of a test function inside one step, fine enough that no pair of zeros can hide between two samples."""
 
 from __future__ import annotations
 

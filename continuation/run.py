@@ -1,4 +1,4 @@
-"""A run in both directions from its start, put together in order of arclength."""
+"""A run in both directions from its start, ordered by arclength."""
 
 from __future__ import annotations
 

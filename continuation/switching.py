@@ -1,4 +1,4 @@
-"""Leaving a branch point along another branch: directions, corrected first points, and the branch point to full accuracy."""
+"""Branch switching at a branch point: the point to full accuracy, the directions of the branches, and the first points along them."""
 
 from __future__ import annotations
 

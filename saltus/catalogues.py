@@ -1,4 +1,4 @@
-"""The catalogue of a command: its option, opening it and saving in it, and its rows as plain data for JSON."""
+"""The catalogue that a command uses: its option, opening it, saving in it, and its rows as plain data for JSON."""
 
 from __future__ import annotations
 

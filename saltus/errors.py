@@ -1,4 +1,4 @@
-"""Errors in the user's words: what was received, what was expected, the nearest thing that exists, and the exit code."""
+"""Error messages for users - the value received, what was expected, the nearest name that exists - and exit codes."""
 
 from __future__ import annotations
 

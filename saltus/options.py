@@ -1,4 +1,4 @@
-"""Command-line arguments: a parser with errors of one line, the kinds of value, and the options that several commands share."""
+"""Command-line arguments: a parser with one-line errors, the types of values, and the options that several commands share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Output files of the commands: one grammar of options, checked together before the work, written together after it.
+"""Output files of the commands: one set of options, checked before the work and written after it.
 
 A file is written whole or not at all. ``-`` is standard output.
 """

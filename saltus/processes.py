@@ -1,4 +1,4 @@
-"""What processes need before they compute - one thread, compiled kernels - and where work runs: processes here, or a Dask cluster."""
+"""Worker processes: their threads and compiled kernels, and the choice of processes here or a Dask cluster."""
 
 from __future__ import annotations
 

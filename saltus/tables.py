@@ -1,4 +1,4 @@
-"""Tables and lines of text that fit the terminal, and the cells that several tables share."""
+"""Tables and lines of text that fit the terminal, and cells that several tables share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a command prints: one stream for standard output that does not fail by surprise, standard error, and the progress of long runs.
+"""Printing by commands: a standard output that can be closed at any time, standard error, and the progress of long runs.
 
 Standard output may be closed, full, or left by its reader. A name that is printed may hold bytes that are no text, or control characters
 of the terminal. Files that a command was asked for are written all the same.

@@ -1,1 +1,1 @@
-"""Damped motion: where the energy goes, what its spectrum says over time, and which families of the undamped system it follows."""
+"""Damped motion: its energy budget, its spectrum over time, and the families of the undamped system that it follows."""

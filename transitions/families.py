@@ -1,4 +1,4 @@
-"""Families of the undamped system beside a motion's spectrum: the harmonics of the gap coordinate that their orbits have.
+"""Families of the undamped system, for comparison with a motion's spectrum: the harmonics of the gap coordinate along each family.
 
 An orbit of period T shows a ridge at each harmonic k 2 pi/T with a large enough share of its amplitude. The frequency is that of the
 family's points. The shares are read from a few orbits along the family, when they are first needed, and interpolated.

@@ -1,4 +1,4 @@
-"""Which family a ridge follows, and for how long: the cheapest way to cut the ridge into intervals of one family, or of none.
+"""The families that a ridge follows, and for how long. Dynamic programming cuts the ridge into intervals of one family or none.
 
 A family fits by the frequency of the ridge, by the lines of the motion (the ridge and those beside it) and by the number of impacts.
 """

@@ -1,4 +1,4 @@
-"""Kernels of what is looked for in motions: crossings of a section, extents, chains of a spectrum's maxima.
+"""Kernels of the analysis of motions: section crossings, extents, and chains of spectral maxima.
 
 The section is f = row . z = 0 with f' > 0. The bounds of `bvp.kernels.extrema` give instants between which f has one zero at most: either
 it changes its sign, or it has none. The sign is carried from flight to flight, so that a crossing at an impact counts once.

@@ -1,4 +1,4 @@
-"""Ridges of a wavelet spectrum: maxima over frequency that continue in time, and the intervals in which one of them is the largest."""
+"""Ridges of a wavelet spectrum: maxima over frequency that continue in time, and the intervals where one ridge dominates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The nonlinear energy sink (NES) and the rest (LO): the share of each in a motion's energy and losses, and a system with its NES locked.
+"""Energy shares of the nonlinear energy sink (NES) and of the rest (LO), their losses, and the system with a locked NES.
 
 The NES has its kinetic energy and the springs between it and the rest. It dissipates in the stops and dampers of the gaps between it and
 the rest. Everything else belongs to the LO (Lee et al., Physica D 238 (2009) 1868, section 3). Without an NES the energies have no shares;

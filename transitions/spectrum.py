@@ -1,4 +1,4 @@
-"""The wavelet spectrum of a signal: the amplitude that it has at each frequency and time.
+"""The wavelet spectrum of a signal: its amplitude at each frequency and time.
 
 The complex Morlet wavelet psi(t) = exp(-t^2/B) exp(2 pi i C t)/sqrt(pi B) has unit response to a tone of its own frequency.
 So twice the modulus of the transform, divided by the square root of the scale, is an amplitude: a pure tone of amplitude A shows A.

@@ -1,4 +1,4 @@
-"""Stages of a motion: intervals in which one ridge of its spectrum is the largest, and the families of the undamped system beside it."""
+"""Stages of a motion: intervals where one ridge of its spectrum dominates, and the families that it follows there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A motion with its stages: the data of its picture, the families behind it, and its files (CSV, JSON, NPZ, MAT)."""
+"""A motion with its stages: the data of its figure, the families in it, and its files (CSV, JSON, NPZ, MAT)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text files of AUTO-07p: its constants and the first orbit are written, its table and its points are read."""
+"""The text files of AUTO-07p: writing its constants and the first orbit, and reading its table and points."""
 
 from __future__ import annotations
 

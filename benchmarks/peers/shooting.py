@@ -1,4 +1,4 @@
-"""Plain shooting continuation of the vibro-impact sink on `scipy.integrate.solve_ivp`: what a user writes in an afternoon.
+"""Plain shooting continuation of the vibro-impact sink with `scipy.integrate.solve_ivp`, as a user would write it in an afternoon.
 
 The unknowns are the two velocities at the origin. The equation is that the momentum vanishes at impact k + 1, which reverses the orbit.
 DOP853 integrates the motion with an event on the gap, and a loop applies the restitution. The Jacobian is a finite difference at the

@@ -1,1 +1,1 @@
-"""Speed against error: every method does every task at all its settings, each in a fresh process."""
+"""Speed against error: every method solves every task at all its settings, each in a new process."""

@@ -1,4 +1,4 @@
-"""Work in a fresh process, so that the time to its first answer and its memory are its own, and so that it can be stopped."""
+"""One measurement in a new process: the time to the first answer and the memory are its own, and it can be stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Building a catalogue: each orbit found is followed, and the neighbours of each family are found, until nothing new comes.
+"""Building a catalogue: follow each orbit found and look for the neighbours of each family, until nothing new is found.
 
 Seeds are taken in the order in which they were found, for any number of workers. The result of a seed and the seeds that it gives are
 kept in one transaction. So a build that was interrupted continues where it was.

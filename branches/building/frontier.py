@@ -1,4 +1,4 @@
-"""Work that grows while it is done, on any executor, with a result that does not depend on how many work or who is first.
+"""A queue of work that grows while it is processed by any executor. Results do not depend on the number of workers or their timing.
 
 Seeds wait in a queue. Executors work ahead on those near its front, but what comes of them is taken in the queue's order, one at a time:
 new seeds go to the end. A seed that is known when its turn comes is taken without its result, whether it was worked on or

@@ -1,4 +1,4 @@
-"""The plan of a build - its bounds, names and energies, level by level - and its pieces of work, as objects and as JSON values."""
+"""The plan of a build - bounds, names and energies, level by level - and its pieces of work, as objects and as JSON values."""
 
 from __future__ import annotations
 

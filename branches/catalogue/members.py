@@ -1,4 +1,4 @@
-"""Which of several families an orbit belongs to, and the orbits of events that edges store.
+"""Identification of the family that an orbit belongs to, and the orbits that edges store for their events.
 
 An orbit belongs to a family if it is a point of the family's curve. It must lie between two neighbouring points of the family, and, after
 a correction on the hyperplane through the orbit, on the curve to within the error of both.

@@ -1,4 +1,4 @@
-"""A branch as the rows of a catalogue, which a worker makes and sends to the process that writes.
+"""Conversion of a branch to the rows of a catalogue. A worker does it; another process writes the rows.
 
 The columns `QUERIED` are columns of a table, for queries. All others are in one compressed array, a numpy .npz file with one member:
 ``bytes`` (W, N) uint8, byte k of each of the N points in row k. The layout lists [name, dtype, shape] of the columns in this order.

@@ -1,4 +1,4 @@
-"""Rows of a catalogue: families without their points, events, edges, nodes that are no families, and the scene.
+"""Rows of a catalogue: families (without their points), events, edges, other nodes, and the scene.
 
 Neither numpy nor compiled kernels are needed to read them.
 """

@@ -1,4 +1,4 @@
-"""Catalogues of schema 2: read as they are, and converted when they are opened to write.
+"""Catalogues of schema 2: they can be read, and are converted when they are opened for writing.
 
 Temporary views show the old tables with the columns of today's, in their order. If the checksum of an old row fits, the view computes
 the checksum that the row would have today, otherwise NULL. Only the blobs of the points are decoded here.

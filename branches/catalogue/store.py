@@ -1,4 +1,4 @@
-"""The contents of a catalogue: families, points, events, nodes, edges, and the work of a build; one transaction for each change."""
+"""The contents of a catalogue: families, points, events, nodes, edges, and the queue of a build. Each change is one transaction."""
 
 from __future__ import annotations
 

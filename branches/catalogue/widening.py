@@ -1,4 +1,4 @@
-"""Replacing a part of a family by a wider branch: events get new numbers, and the edges follow them."""
+"""Replacement of a cut branch by a wider one: its events get new numbers, and the edges are updated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The data that a figure is drawn from, as files: columns of one length, and a head that holds for all of them.
+"""The data of a figure as files: columns of equal length, and a header with the values that are the same for all rows.
 
 CSV: a first line ``# {...}`` with the head as JSON, then a line of names and a line for each row; an empty cell does not exist.
 JSON: the head with ``"columns": {name: [...]}``; null does not exist. NPZ and MAT: an array for each column, and ``about``, the head as

@@ -1,4 +1,4 @@
-"""How a curve of a family is drawn: smooth, with its stability and markers at its special points; and insets, which show parts larger.
+"""Drawing of family curves with their stability and special points, and of insets that enlarge a part of a figure.
 
 An inset is inside the axes where it covers no curve, else beside them.
 """

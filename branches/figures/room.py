@@ -1,4 +1,4 @@
-"""Free room in a panel, and the names of families there, which textalloc places.
+"""Free room in a panel, and the placement of family names there by textalloc.
 
 All lengths are points (1/72 inch), places are counted from the lower left corner of the figure, and boxes are (left, bottom, right, top).
 Nothing is random, so a figure is the same each time.

@@ -1,4 +1,4 @@
-"""The texts and the look that all figures share: titles, cited names, sizes in print, colours, markers, axes, legend, files."""
+"""The text and style that all figures share: titles, sizes, colours, markers, axes, legends and files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The families that meet at grazing: each candidate is solved at the grazing orbit, and followed to the side where it is an orbit."""
+"""The families that meet at a grazing orbit: each candidate is solved there, and followed to the side where its orbits are admissible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A grazing orbit over its full period: every impact, every touch of a stop, its symmetries, and the problems that it solves.
+"""A grazing orbit over its full period: its impacts, its touches of stops, its symmetries, and the problems that it solves.
 
 At grazing, an impact of zero speed and a touch are the same motion: each grazing instant may count as an impact or not. Each choice keeps
 some of the symmetries. It gives a candidate: the multipoint problem of a family that may meet others at the orbit.

@@ -1,4 +1,4 @@
-"""From a name to the one family that has it: the search finds orbits, families are followed to tell them apart, and one is traced.
+"""Choice of the one family that a name selects: the search finds orbits, their families are followed and compared.
 
 A reference point never starts a family. It chooses among what was found, and its energy is one of those that are searched: at that energy
 `branches.search.discovery` lists every orbit.

@@ -1,4 +1,4 @@
-"""What a label stands for: which labels match it, of what orbit it is a cover, and which family a reference point selects.
+"""Matching of labels: which labels match a name, which orbit a label covers, and which family a reference point selects.
 
 A scene gives a reference point (h, alpha) for a bare name. It chooses among the orbits that a search finds at its energy. Orbits with the
 label itself come first. If the literature counts half-waves otherwise, orbits of the same kind with the same impacts follow. A catalogue

@@ -1,4 +1,4 @@
-"""The search for a name: a label by scans at many energies, an id by every orbit between its ends at more and more energies."""
+"""The search for a name. A label is searched by scans at many energies, and an id by all orbits with its ends at more and more energies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The complete scan of starts at an energy (`bvp.kernels.intervals`): every crossing of a far end, and what is not decided.
+"""The complete scan of the starts at an energy (`bvp.kernels.intervals`): all crossings of a far end, and the undecided intervals.
 
 An interval of starts can be as narrow as rounding and still be undecided at one of its flights. The flights before that one are decided,
 so the states after their impacts are a short smooth curve. `resumed` returns this curve, which is scanned in place of the interval. Its

@@ -1,4 +1,4 @@
-"""The search for orbits: each segment that a scan finds is solved as a multipoint problem, and each orbit is kept once.
+"""The search for orbits: each scanned segment is solved as a multipoint problem, and each orbit is kept once.
 
 Three scans find segments. `branches.search.intervals` splits the starts at an energy into intervals until each is decided.
 `branches.search.starts` compares starts at given angles: it is fast and proves nothing. `branches.impulsive.orbits` splits a range of

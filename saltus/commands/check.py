@@ -1,4 +1,4 @@
-"""`saltus check`: whether a catalogue is what it says; nothing is repaired."""
+"""`saltus check`: verify every checksum, point and edge of a catalogue. It repairs nothing."""
 
 from __future__ import annotations
 

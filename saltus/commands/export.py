@@ -1,4 +1,4 @@
-"""`saltus export WHAT`: what a catalogue holds, as pictures or as data."""
+"""`saltus export WHAT`: write the contents of a catalogue as figures or as data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a damped motion starts: on an orbit of the undamped system, with an impulsive velocity, in a state that is given, or at rest."""
+"""The start of a damped motion: an orbit of the undamped system, an impulsive velocity, a given state, or rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The model that is chosen for a system, and why: nothing that the system lacks is computed."""
+"""The automatic choice of a model for a system, with its reasons: results that the system cannot have are not computed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading the files of a scene or study: TOML tables whose entries are read by name and type, the loads in them, and records of loads.
+"""Reading of the TOML files of scenes and studies, with their loads and load records. Each entry is read by name and type.
 
 Each error is one line that says what was received and what was expected. The loads of a scene are ``[ground]``, the motion of the ground,
 and ``[[forces]]`` on coordinates, each a harmonic, a record or a constant.

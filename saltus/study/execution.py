@@ -1,4 +1,4 @@
-"""Execution of a study: the start of each run, then block after block on an executor. Each block is kept on disk when it is finished.
+"""Execution of a study: the start of each run, then block after block on an executor. Each finished block is saved on disk.
 
 A run that starts on an orbit needs the family of that orbit, in the undamped elastic system of the run. Each family is followed once.
 """

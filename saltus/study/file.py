@@ -1,4 +1,4 @@
-"""A study's TOML file: checked whole, before anything starts."""
+"""A study's TOML file. It is checked completely before anything starts."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Pictures of motions that are no periodic orbits; matplotlib is loaded only when one is drawn."""
+"""Figures of motions that are not periodic. matplotlib is loaded only when a figure is drawn."""

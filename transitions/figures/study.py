@@ -1,4 +1,4 @@
-"""Figures of a study: a result over two parameters, against each parameter, and about the best run."""
+"""Figures of a study: a result over two parameters, against each parameter, and around the best run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of a motion: its time series, where its energy is and where it goes, its spectrum, and that over the families."""
+"""The figure of a motion: its time series, its energy, its spectrum, and the spectrum against energy over the families."""
 
 from __future__ import annotations
 

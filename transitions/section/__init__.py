@@ -1,1 +1,1 @@
-"""Poincare sections: the plane, the motions on it, fixed points and rotation numbers, and what is shown of them."""
+"""Poincare sections: the plane, the motions on it, fixed points, rotation numbers, and their tables."""

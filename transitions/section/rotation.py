@@ -1,4 +1,4 @@
-"""Fixed points of a section's map, and rotation numbers of orbits: turns around an elliptic fixed point at each crossing.
+"""Fixed points of a section's map, and rotation numbers: turns of an orbit around an elliptic fixed point per crossing.
 
 A fixed point is a periodic orbit that crosses the section once. A rotation number is a mean over the crossings with the weight
 exp(-1/(t (1 - t))), which converges faster than any power on a curve (Das, Sander, Saiki, Yorke, Nonlinearity 30 (2017) 4111). On a chaotic

@@ -1,4 +1,4 @@
-"""What is shown of a section: the periodic orbits that cross it, and its data as rows of a table and as a record for JSON."""
+"""The results of a section: the periodic orbits that cross it, its rows as a table, and its record for JSON."""
 
 from __future__ import annotations
 

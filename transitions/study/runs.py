@@ -1,4 +1,4 @@
-"""The runs of one block: a compiled call does as many as it can, the general simulation does the others one by one."""
+"""The runs of one block: one compiled call simulates most of them, and the general simulator does the others one by one."""
 
 from __future__ import annotations
 
