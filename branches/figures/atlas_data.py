@@ -1,4 +1,4 @@
-"""What the figures of many families show, as plain columns: made from branches, or read from a file that was exported.
+"""The data of figures of many families, as plain columns: collected from branches, or read from an exported file.
 
 A figure is drawn from these columns alone, so it can be drawn again from them.
 """

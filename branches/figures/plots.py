@@ -1,4 +1,4 @@
-"""Plots on the axes of a user's own figure, with the curves, marks and axis texts of the figures."""
+"""Plots of branches, orbits and motions on the axes of a user's own figure."""
 
 from __future__ import annotations
 
