@@ -265,11 +265,12 @@ def checked_damper(damping: np.ndarray, dampers: Mapping[str, Any]) -> dict[str,
 
 
 LEVEL = 1e-13
-"""Part of their size up to which rows and bounds are the same: that of the contact tolerance, within which hits are at one instant."""
+"""Relative difference below which two gap rows or bounds are equal. It matches the contact tolerance, which decides when two hits are
+simultaneous."""
 
 
 def same_obstacles(stops: Sequence[Stop]) -> list[tuple[tuple[int, float], tuple[int, float]]]:
-    """(stop, side) and a later (stop, side) that are the same obstacle."""
+    """Pairs of contacts, (stop, side) and a later (stop, side), that are the same obstacle."""
     found: list[tuple[int, float, np.ndarray, float]] = []
     out = []
     for k, stop in enumerate(stops):
@@ -290,7 +291,7 @@ def same_obstacles(stops: Sequence[Stop]) -> list[tuple[tuple[int, float], tuple
 
 
 def repeated_contacts(stops: Sequence[Stop]) -> set[int]:
-    """Contacts (in the order of `bvp.modes.Modes`) that an earlier one stands for.
+    """Contacts (in the order of `bvp.modes.Modes`) that repeat an earlier contact.
 
     Examples
     --------
@@ -303,7 +304,7 @@ def repeated_contacts(stops: Sequence[Stop]) -> set[int]:
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """The same numbers as an array that cannot be written to, nor be made so: not a copy, its memory is lent by a read-only buffer.
+    """A view of the array that is read-only for good. A read-only buffer owns the view, so numpy refuses to make it writable again.
 
     Examples
     --------
@@ -320,7 +321,7 @@ def read_only(array: np.ndarray) -> np.ndarray:
 
 
 def changeable(array: np.ndarray) -> np.ndarray:
-    """The array as kernels are compiled for, contiguous and of floats: a copy where it cannot be written to.
+    """The array in the form that kernels accept: contiguous, float and writable. It is copied if necessary.
 
     Examples
     --------

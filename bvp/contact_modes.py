@@ -285,8 +285,8 @@ class ContactModeTable:
         )
 
 PARTICULAR_LIMIT = 30.0
-"""Largest particular solution that is split off, in gaps, and in what the load moves without resonance: the digits that its difference can
-lose."""
+"""Largest size of a particular solution that is split off, relative to the gaps and to the response far from resonance. A larger one would
+lose digits in the difference z - X y."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,7 +308,8 @@ class Joined:
 def join(
     system: ImpactSystem, blocks: Blocks, basis: np.ndarray, loads: np.ndarray, frequency: np.ndarray, sizes: np.ndarray
 ) -> Joined:
-    """Each block beside its loads, split where the particular solution is of the size of the gaps, joined where it is not."""
+    """Combine the blocks with the loads. A load is split off by its particular solution if that is no larger than a few gaps; else the load
+    and its block become one larger block."""
     m, count = basis.shape[1], len(loads)
     gaps = np.array([stop.gap for stop in system.stops])
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
@@ -380,7 +381,7 @@ def _mass_inverse(blocks: Blocks) -> np.ndarray:
 
 
 def _ratios(block: np.ndarray) -> np.ndarray:
-    """Units, powers of two, in which the two entries of a pair that turn each other into the other are alike."""
+    """Powers of two that balance the two off-diagonal entries of a 2 x 2 block."""
     if len(block) != 2 or block[0, 1] == 0.0 or block[1, 0] == 0.0:
         return np.ones(len(block))
     return np.array([1.0, 2.0 ** float(np.round(0.5 * np.log2(abs(block[0, 1] / block[1, 0]))))])

@@ -1,7 +1,8 @@
 """The fast path for many motions of a system with two oscillating modes and one stop, in one compiled call.
 
-`bvp.simulate` runs every motion of every system, and keeps a record. Here are those alone that neither grow, graze, chatter to an end nor
-stick, of systems with two degrees of freedom, both of which oscillate, and one stop. The others are declined: `bvp.simulate` runs them.
+`bvp.simulate` runs every motion of every system, and keeps a record. The fast path covers
+systems with two oscillating degrees of freedom and one stop. It declines motions that grow, graze, stick or chatter to an end;
+`bvp.simulate` runs those.
 """
 
 from __future__ import annotations
@@ -34,28 +35,30 @@ SETTLES = 1e-9
 """Decay, of the rate of a mode, from which on it counts as coming to rest."""
 
 NEAR, WORST, SEEN = 1e-3, 1e3, 1e-6
-"""Rates nearer to each other, modes nearer to parallel, and one that moves the gap less, are left to `bvp.simulate`."""
+"""Limits of the fast path: rates too close to each other, modes too close to parallel, or a mode that hardly moves the gap.
+`bvp.simulate` runs such systems."""
 
 MOST_TERMS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class FastPathRuns:
-    """What is left of b motions.
+    """Results of b motions on the fast path.
 
     Attributes
     ----------
     reason : (b,) int64 ndarray
         CLEARED (no impact is possible any more), TIMED (the duration), FULL_COUNT (the most impacts) or DECLINED (nothing else holds then).
     duration, last_impact : (b,) ndarray
-        Time reached, that of the last impact where none is possible any more and the rest counts to infinite time; NaN for no impact.
+        Time reached, and time of the last impact (NaN: no impact). If no further impact is possible, the duration is the time of the last
+        impact, and the dissipation after it counts to infinite time.
     impacts : (b,) int64 ndarray
     peaks : (b, 2) ndarray
         Largest |u_1| and |u_2|.
     dissipated : (b, 3) ndarray
         By the dampers across the gap, by the others, at the stop.
     times : (b, Q) ndarray
-        When each fraction of the initial energy is dissipated; NaN where it is not.
+        When each fraction of the initial energy is dissipated; NaN if it is not.
     initial_energy, energy : (b,) ndarray
         At the start and at the end, or at rest where the motion counts to infinite time.
     """
@@ -77,7 +80,7 @@ class FastPathRuns:
 
 
 def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = None) -> np.ndarray | None:
-    """The numbers of a system that `bvp.kernels.fast_path` takes; None for one that is not of the kind.
+    """The row of numbers that describes a system to `bvp.kernels.fast_path`; None if the fast path does not cover the system.
 
     Parameters
     ----------
@@ -88,7 +91,7 @@ def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = 
     Raises
     ------
     ValueError
-        For dampers that are not two, or do not sum to the damping matrix.
+        If there are not two dampers, or they do not sum to the damping matrix.
 
     Examples
     --------

@@ -213,7 +213,7 @@ def forcing_of(forces: Any, n: int) -> Forcing:
 
 @dataclass(frozen=True, eq=False)
 class BudgetTerms:
-    """What a run sums up over its flights: integrals of weight (a . y)(b . v) or weight (b . v)^2.
+    """The terms of the energy budget that a run sums over its flights: integrals of weight (a . y)(b . v) or weight (b . v)^2.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ def budget_terms(dampers: dict[str, np.ndarray], forcing: Forcing, stops: int) -
 
 
 def split_damping(system: ImpactSystem) -> dict[str, np.ndarray]:
-    """C as {"gaps": sum of the dampers across the gaps, "rest": what is left}.
+    """Split the damping matrix C into {"gaps": the sum of the dampers across the gaps, "rest": the remainder}.
 
     A gap between two coordinates, c = (.. a .. b ..), has the damper d c c' that explains the entry C_ij = d a b; one of a single
     coordinate, c = (.. a ..), the damper from there to the ground, a^2 d = sum_j C_ij. What would be negative, or is asymmetric, or belongs

@@ -53,9 +53,9 @@ class Held:
 
 @contextmanager
 def held() -> Iterator[Held]:
-    """Keep an interrupt until the end of the block, where the caller decides what follows from it.
+    """Delay an interrupt until the end of the block, where the caller decides what to do.
 
-    Inside another such block the outer one keeps it. Where interrupts are handled otherwise, or ignored, nothing changes.
+    If blocks are nested, the outer one keeps the interrupt. If the program handles or ignores interrupts itself, nothing changes.
 
     Yields
     ------
@@ -95,15 +95,16 @@ def held() -> Iterator[Held]:
 
 
 SHORT, LONG = 0.05, 0.2
-"""Seconds: a call that takes less is followed by one that does twice as much, one that takes more by one that does a quarter."""
+"""Seconds. After a call shorter than `SHORT` the next one does twice as much; after one longer than `LONG` it does a quarter."""
 
 FIRST, MOST = 256, 1 << 20
 
 
 class Pace:
-    """How many passes of a loop the next call may make, by the time that the last one took.
+    """Number of passes that the next compiled call may make, adapted to the time of the last call.
 
-    What is computed must not depend on it: a call goes on exactly where the one before has returned.
+    Python handles an interrupt only between calls, so calls must be short. Results do not depend on the number: each call continues
+    exactly where the last one stopped.
 
     Attributes
     ----------

@@ -119,7 +119,7 @@ def _system(
 
 
 class _Names:
-    """What the symbols of the expressions mean: coordinates, velocities, parameters with exact values."""
+    """The meaning of the symbols in the expressions: coordinates, velocities, parameters with exact values."""
 
     def __init__(self, coordinates: Any, velocities: Any, time: Any, parameters: Mapping[Any, Any] | None):
         import sympy

@@ -29,7 +29,7 @@ DIGITS = 50
 
 _ROUNDS = 60
 _NEAR = mp.mpf(10) ** -8
-"""Residual below which the Jacobian is as good as that of the orbit, in double precision, and is kept."""
+"""Residual below which the Jacobian no longer changes in double precision, so it is kept for further corrections."""
 
 _GOOD = mp.mpf(10) ** (10 - DIGITS)
 """Largest residual of an orbit, relative to its state."""
@@ -206,7 +206,7 @@ class DigitOrbit:
 
     @cached_property
     def stable(self) -> bool | None:
-        """Whether the orbit is linearly stable; None at a limit of stability, and for what has no half map and more than two modes."""
+        """Whether the orbit is linearly stable. None at a limit of stability, and for an orbit without reversal in more than two modes."""
         problem, m = self.problem, self.problem.half - 1
         if not m:
             return True
@@ -318,7 +318,7 @@ class _Equations:
         self.sizes = np.array((sizes + [1.0]) * (problem.inner + 1))
         self.first = self._conditions(problem.kinds[0], problem.inner + 1)
         self.last = self._conditions(problem.kinds[1], problem.inner)
-        # Energy is kept: that part of the return which changes it most follows from the others.
+        # Energy is conserved, so one of the closure equations follows from the others: leave out the one that changes the energy most.
         z = self.x[: 2 * self.n]
         slopes = modes.rate(z)[self.n :] + [p * self.speed for p in z[self.n :]]
         self.left_out = max(range(2 * self.n), key=lambda k: abs(slopes[k]))

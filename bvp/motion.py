@@ -57,7 +57,7 @@ STATUS = {
     kernels.CYCLING: MotionStatus.UNDECIDED,
     kernels.GAVE_UP: MotionStatus.EXHAUSTED,
 }
-"""What the kernels return, but for what asks to be called again."""
+"""Status of each final return value of the kernels. The other values ask for another call."""
 
 
 class EventKind(Enum):
@@ -95,7 +95,7 @@ class ContactInterval:
 @brief
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a motion recorded: k events, each the begin of a flight (row 0 is the start). Its arrays cannot be written to.
+    """A simulated motion: k events, each at the beginning of a flight (row 0 is the start). The arrays are read-only.
 
     Attributes
     ----------
@@ -104,12 +104,12 @@ class Motion:
     duration : float
         Time reached.
     kinds : (k,) int64 ndarray
-        Values of `EventKind`. CHATTER stands where bounces begin to be summed, STICK where they end.
+        Values of `EventKind`. CHATTER marks the time from which bounces are summed as a series, and STICK the time when they end.
     times : (k,) ndarray
     contacts : (k,) int64 ndarray
         Index into `Modes.contact_letters`, -1 for none.
     speeds, losses : (k,) ndarray
-        Speed of approach across the gap and energy lost, at impacts and where a contact begins to be held.
+        Speed of approach across the gap and energy lost, at impacts and when a contact begins to stick.
     before : (k, 2n) ndarray
         (u, v) just before each event.
     sums : (k, D + S + 1) ndarray
@@ -122,7 +122,7 @@ class Motion:
     last_impact : float or None
         Time of the last impact.
     clear_from : float or None
-        Time from which it is proven that no impact is possible any more; None where it is not.
+        Time after which no impact is possible, by proof; None if there is no proof.
     sticking_time : float
         Time with a sticking contact.
     switch_error : float

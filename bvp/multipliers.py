@@ -28,23 +28,24 @@ __all__ = [
 ]
 
 SWEEPS = 60
-"""Sweeps round the cycle after which blocks that have not come apart are taken as they are."""
+"""Largest number of sweeps round the cycle. Diagonal blocks that are still coupled then are kept as they are."""
 
 GRADE = 30.0
 """Ratio of sizes within a diagonal block below which its eigenvalues need no further sweep."""
 
 APART = 1e-15
-"""Coupling of two diagonal blocks below which they are taken apart."""
+"""Two diagonal blocks are separate if their coupling is below this."""
 
 GRAZING_LIMIT = 1e-13
 """|g . f| / (|g| |f|) below which an impact counts as grazing and the multipliers as unbounded."""
 
 PAIRING_LIMIT = 1e-6
 TRIVIAL_LIMIT = 1e-8
-"""What `reliable` asks for; the trivial directions count against the largest multiplier, which magnifies rounding."""
+"""Largest errors of reliable multipliers. The error of the trivial directions is relative to the largest multiplier, which magnifies
+rounding."""
 
 TRIVIAL_LOST = 1.0
-"""Change of the trivial directions from which on the saltation product has lost the trivial multiplier: not one digit is left."""
+"""Relative error of the trivial directions at which the product of saltation matrices has lost every digit of the trivial multiplier."""
 
 
 @dataclass(frozen=True)

@@ -42,13 +42,13 @@ RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 _ENTRIES = len(RESULT)
 
 _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
-"""The kernels of a step and of what is seen of an orbit: the fast path for two degrees of freedom, and the general one."""
+"""The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones."""
 
 _ENTRY_POINTS: dict[Any, Any] = {}
 """The compiled code of each kernel, see `bvp.kernels.compiled.entry_point`."""
 
 _COMPILED = ("addresses", "_take_step", "_observe", "_compute_stability")
-"""What a problem has of compiled functions, which is this process's alone."""
+"""Attributes that refer to compiled functions. They are valid in this process only and are not pickled."""
 
 
 class NotConverged(RuntimeError):

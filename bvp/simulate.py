@@ -337,16 +337,16 @@ def simulate(
     forces : Constant, Harmonic, Record or a list of them, optional
         Loads f(t) (`bvp.forcing`).
     dampers : mapping of str to (n, n) array_like, optional
-        Named parts that sum to the damping matrix, whose dissipation is reported apart; by default those across gaps and the rest.
+        Named parts that sum to the damping matrix. The dissipation of each is reported. By default: the dampers across gaps, and the rest.
     marks : sequence of float
-        Fractions of the initial energy: the time at which that much is dissipated is found.
+        Fractions of the initial energy. The motion records when each of them is dissipated.
     on_progress : callable, optional
-        Called with the time that the motion has come to, some times a second.
+        Called a few times a second with the time that the motion has reached.
 
     Returns
     -------
     Motion
-        `status` says how it ended; no ending is an exception, whatever the restitution, but for a start beyond a stop.
+        `status` says how it ended. Only a start beyond a stop raises an exception.
 
     Raises
     ------
@@ -369,7 +369,7 @@ def simulate(
     >>> u[:, 0], v[:, 0]
     (array([0.75, 1.  , 0.5 ]), array([ 1., -1., -1.]))
 
-    One that falls from height 1/2, g = 1, and keeps half its speed: it rests at t = 1 + 2 v r/(g (1 - r)) = 3.
+    A ball that falls from height 1/2 with g = 1 and keeps half its speed at each impact. It comes to rest at t = 1 + 2 v r/(g (1 - r)) = 3.
 
     >>> from bvp.forcing import Constant
     >>> ball = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [Stop((1.0,), lower=0.0, restitution=0.5)])

@@ -88,7 +88,7 @@ def balance(problem: MultipointProblem, rate: np.ndarray | float) -> tuple[Any, 
 
 
 def roundings(impacts: np.ndarray | float, pivot: np.ndarray | float) -> np.ndarray:
-    """Error of a number of size 1 that is computed over the flights of a segment from a solution with that smallest pivot.
+    """Rounding error of a number of size 1 that is computed along a segment, for a solution with a given smallest pivot.
 
     Examples
     --------

@@ -41,7 +41,7 @@ NEAR_BRANCH_POINT = 0.1
 """A test function for branch points falls below this part of its size before, if a branch point is near."""
 
 BLOCK = 64
-"""Most steps that a problem is asked to advance before the engine looks up: an interruption loses no more than these."""
+"""Largest number of steps in one call of a problem's `advance`. An interrupt loses at most these steps."""
 
 NEAR_GOAL = 2.0
 """A point that has just passed the goal, nearer to it than this many chords, may be the goal itself: the family may close."""

@@ -92,7 +92,7 @@ def follow(
     Parameters
     ----------
     problem : Problem
-        What is followed; see its duties.
+        The equations of the family; `Problem` lists its duties.
     start : ndarray (n + 1,) or Step
         A guess of the first point, or a point that is corrected already.
     direction : int
@@ -101,7 +101,7 @@ def follow(
     settings : Settings, optional
         Step control, limits, tolerances.
     stop_when : callable, optional
-        Called with every `Point` after the start; the family ends there when it gives True, or words that say why.
+        Called with every `Point` after the start. The run ends there if it returns True or a text with the reason.
     stop_at : collection of str, optional
         The family ends at the first event with one of these codes.
 
@@ -117,18 +117,22 @@ def follow(
     Raises
     ------
     ValueError
-        A direction or a test function that is not known.
+        For an unknown direction or test function.
 
     Notes
     -----
-    The point that comes next is corrected from the last one; the step is refused and halved when the corrector fails or
-    contracts badly, when the tangent turns by more than `Settings.maximum_turn`, when the chord is more than twice the step,
-    or when the steps to an event inside it are refused for one of these reasons: a step that jumps to another branch flips the
-    orientation of a bordered determinant without passing its zero. The next step grows or shrinks so that the turn and the
-    contraction come to their targets, for both go with the square of the step.
+    Each point is corrected from the last one. A step is refused and halved if
 
-    An event within `Settings.location_tolerance` of the start is that of the start, and not reported here
-    (`continuation.follow_both_ways`, which sees both sides, reports it); a guard is reported there too.
+    - the corrector fails or contracts badly,
+    - the tangent turns by more than `Settings.maximum_turn`,
+    - the chord is more than twice the step, or
+    - a step to an event inside it is refused for one of these reasons. This detects a jump to another branch: it changes the sign of
+      a bordered determinant without a zero.
+
+    Turn and contraction grow with the square of the step, so the next length is chosen to bring both to their targets.
+
+    An event or a guard within `Settings.location_tolerance` of the start belongs to the start. It is not reported here:
+    `continuation.follow_both_ways`, which sees both sides, reports it.
 
     Examples
     --------
@@ -168,12 +172,12 @@ def follow_in_blocks(
     allowance: Allowance,
     goal: tuple[Step, np.ndarray] | None = None,
 ) -> Iterator[Point | PlainPoints | Event | End]:
-    """The run that `follow` describes, from a corrected and oriented start; points that a block of steps computed come together, where no
-    condition has to be asked of each.
+    """The run that `follow` describes, from a corrected and oriented start. Without `stop_when`, the points of a block of steps are
+    yielded together.
 
-    It gives an `End` with reason POINTS whenever the allowance is used up; an allowance that can be raised lets it go on when
-    it is asked for more. Every other `End` is the last item. The family is closed when it comes back to the `goal`, a point
-    with the direction in which the run would pass it; the start, if not given.
+    It yields an `End` with reason POINTS when the allowance is used up. If the caller raises the allowance, the next item continues
+    the run. Every other `End` is the last item. The family is closed when the run returns to the `goal` (a point, and the direction
+    in which the run would pass it). The default goal is the start.
     """
     take = problem.step
     advance = getattr(problem, "advance", None)

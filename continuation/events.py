@@ -30,8 +30,11 @@ def arclength_between(start: Any, step: Step) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundEvent:
-    """An event of a step: which test, where, what the problem says it is, the codes that it absorbed, and a point between it and the event
-    before it in the same step (the length of a step, and the step)."""
+    """An event found in a step.
+
+    index: of its test function. location, details: where it is, and the problem's classification. absorbed: codes of other events at
+    the same point. between: a point between it and the previous event of the same step, as (length of the step, step).
+    """
 
     index: int
     location: Location
@@ -44,7 +47,7 @@ class EventFinder:
     """Finds the events of each step of a run.
 
     Each test function is sampled inside the step until no pair of its zeros can hide (see `continuation.resolution`). The points taken to
-    locate one event are samples of all test functions: their signs are compared again. What is found does not depend on how the
+    locate one event are samples of all test functions: their signs are compared again. The events do not depend on how the
     family is divided into steps.
     """
 
@@ -95,7 +98,7 @@ class EventFinder:
         for index in (i for i in order if self._tests[i].kind == "change"):
             located += [(index, change) for change in locator.changes(index, limit)]
 
-        # By arclength: beside a branch point a shorter step can be corrected onto a point that is further along.
+        # By arclength: near a branch point the corrector can take a shorter step to a point that is further along.
         position = before.step.position
         located.sort(key=lambda pair: (arclength_between(position, pair[1].step), pair[1].s, pair[0]))
         classified = self._classified(located, before, after)
@@ -105,7 +108,7 @@ class EventFinder:
                 if zone.found and self._tests[event.index] is zone.test and zone.low - near <= event.location.s <= zone.high + near:
                     classified[i] = replace(event, absorbed=(*event.absorbed, *zone.found))
 
-        # A point between each two events: what is known at points only, like stability, is known there too.
+        # A point between each two events: a record of the branch needs the stability between them, which only points have.
         parted = classified[:1]
         for first, last in pairwise(classified):
             low, high = first.location.s, last.location.s
@@ -130,7 +133,8 @@ class EventFinder:
         return ahead
 
     def passed(self, before: Point) -> tuple[FoundEvent, Step] | None:
-        """The branch point just ahead, and the point behind it, where the problem can tell them and nothing else happens between."""
+        """The branch point just ahead and the point behind it. None if the problem cannot compute them, or if there is another event
+        between."""
         beyond = getattr(self._problem, "beyond", None)
         pair = None if beyond is None else beyond(before.step)
         if pair is None:
@@ -323,9 +327,9 @@ class EventFinder:
         return [replace(event, absorbed=absorbed.get(i, ())) for i, event in enumerate(found) if i not in dropped]
 
     def _refined(self, index: int, location: Location, before: Point, ds: float) -> Location:
-        """The event where the problem has it to full accuracy, if it can tell.
+        """The event located by the problem's own equations for it, if it has such; else the location as given.
 
-        Of a jump it has none, but where the steps inside fail beside the zero, a zero looks like a jump."""
+        A jump is included: if steps fail near a zero, the zero looks like a jump."""
         if self._refine is None or location.kind not in ("interrupted", "zero", "jump"):
             return location
         step = self._refine(index, location.step)

@@ -192,7 +192,7 @@ class GenericProblem:
         return scale * vector
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
-        """A fold or a branch point where its test has a zero, not a jump or a pole; a user's test stands as it is."""
+        """A fold or a branch point where its test has a zero, not a jump or a pole; events of a user's test are kept unchanged."""
         if index < 2 and location.kind in ("pole", "jump"):
             return None
         return EventDetails(self.tests[index].code)

@@ -30,17 +30,18 @@ _STEEP = 4.0
 # Where in the bracket a function is tried that could be evaluated neither at the best place nor near it.
 _OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)
 
-# A function that cannot be evaluated at its root (at a branch point the tangent turns by a right angle) is tried beside it: at this many
-# of the least distances that the bracket asks for, on its far side first.
+# A function may be undefined at its root: at a branch point the tangent turns by a right angle. It is then evaluated near the root, at
+# these multiples of the smallest useful distance, on the far side first.
 _BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)
 
-# So much of its length the direction of the unknowns may differ from that between its neighbours, besides what these differ by.
+# Largest relative difference between the direction of the unknowns and the direction between its neighbours, in addition to the
+# difference of the neighbours.
 _ASIDE = 0.2
 
 # A guard is positive at its zero by this part of its value at the valid end of the bracket.
 _VALID = 1e-3
 
-# So often the best place is given up, before a bracket that is narrow enough is taken as it stands.
+# After this many failed evaluations at the best place, a bracket that is narrow enough is accepted without a value at its root.
 _REFUSALS = 3
 
 # Changes of one key in a step; a longer list asks for a shorter step.
@@ -337,7 +338,7 @@ class Locator:
         status: Status = "located" if kind == "zero" else "bracketed"
         ends = self.step(found.low), self.step(found.high)
         between = found.low, found.high
-        if found.low == found.high:  # an exact zero: points on both sides of it tell the signs there
+        if found.low == found.high:  # an exact zero: the signs are known only on both sides of it
             between = max(low, found.root - 0.5 * tolerance), min(high, found.root + 0.5 * tolerance)
             for s in between:
                 self.step(s)

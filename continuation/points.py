@@ -1,6 +1,6 @@
 """The points of a run, and the check whether the run has returned to one of them.
 
-Points of a block of steps stay in its arrays until they are asked for.
+Points of a block of steps stay in its arrays; a `Point` is created on access.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ _PARALLEL = 0.999
 
 @dataclass(slots=True, eq=False, repr=False)
 class PlainPoints(Sequence[Point]):
-    """Points with no event among them, one after another; each is made when it is asked for, anew each time.
+    """A sequence of consecutive points without events. Each `Point` is created on access.
 
     Parameters
     ----------
     begin : int
-        Place of the first in the run; the others follow it.
+        Index of the first point in the run.
     arclengths, strides : (N,) float
         Arclength of each, and the length of the step that led there.
     steps : sequence of N Step
     seen : callable, optional
-        What a step is as this run sees it; by default as it stands.
+        Converts a step to the orientation of the run; by default steps are unchanged.
     """
 
     begin: int

@@ -113,7 +113,7 @@ class Step(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """Plain steps that a problem took by itself, as the engine would have.
+    """Result of a problem's `advance`: several steps without events in one call, equal to the steps of the engine.
 
     ``advance(step, tests, older, oldest, before, first, ds, goal, direction, room, control)`` starts at `step` with its `tests`, those of
     the two points before it (`older`, `oldest`; nan where there are none) and the arclengths from `older` and from `oldest` to the next
@@ -126,14 +126,14 @@ class Advance(NamedTuple):
     Attributes
     ----------
     steps : sequence of Step
-        The accepted steps in order; their tests are lists. They may be made when they are asked for, of arrays in which they stand: the
-        engine asks for the last two.
+        The accepted steps in order; their tests are lists. They may be created on access from arrays, since the engine needs only the
+        last two.
     strides, lengths : (N,) float
-        Of each, the length asked for and the arclength.
+        Requested length and arclength of each step.
     ds : float
         Length of the step after them.
     trial : Step or None
-        The step of length `ds`, if it was tried and is not plain; the engine decides what it is.
+        The step of length `ds`, if it was tried and is not plain. The engine then examines it.
     """
 
     steps: Sequence[Step]
@@ -144,7 +144,7 @@ class Advance(NamedTuple):
 
 
 class EventDetails(NamedTuple):
-    """What a problem makes of a located event: its final `code`, whether the family ends there, and free `data`."""
+    """A problem's classification of a located event: its final `code`, whether the family ends there, and free `data`."""
 
     code: str
     terminal: bool = False
@@ -223,17 +223,17 @@ class Point:
 
 @runtime_checkable
 class Problem(Protocol):
-    """What a problem owes the engine.
+    """The interface that the engine needs from a problem.
 
     1. `tests` is fixed for the life of the problem.
     2. `begin(y)` corrects y onto the curve with no condition on the arclength, and gives the tangent in either
        orientation, the same for the same y.
     3. `step(y, tangent, ds)` solves for the point of the curve on the hyperplane at the distance ds from y along the unit
        tangent, in the metric, and gives the tangent there pointing to the same side (`turn` > 0). ds may have
-       either sign, and may be 0: then y itself is given back, with test functions in the given orientation. It never raises
-       because of the numbers: what fails has ``converged=False``.
-    4. The result depends on the arguments alone, so that any step can be taken again. Arrays are new with each step.
-    5. `classify(index, before, at, after, location)` says what the event of test `index` is; None: spurious, drop it.
+       either sign, and may be 0: then y itself is given back, with test functions in the given orientation. It does not raise
+       if the numbers are bad: a failed step has ``converged=False``.
+    4. The result depends on the arguments alone, so that any step can be repeated. Each step has new arrays.
+    5. `classify(index, before, at, after, location)` returns the type of the event of test `index`; None if it is spurious.
        `before` and `after` are the points between which it was found (`after` need not be kept), `at` is the step at the
        event, and ``location.kind`` says how it was found: ``"zero"``, ``"change"``, ``"pole"``, ``"jump"``, ``"outside"``
        or ``"interrupted"``.

@@ -24,7 +24,7 @@ _FLOOR = 10.0
 """Intervals shorter than this many location tolerances are not divided further."""
 
 _CORES = 2.0
-"""A test function that is undefined in an interval is sampled towards that gap until this many times its width is left on either side."""
+"""If a test function is undefined in an interval, samples approach this interval to within this many times its width on either side."""
 
 _APART = 0.05
 """Least distance of a neighbouring sample, as a part of the interval: a second difference over less is rounding."""
@@ -37,7 +37,7 @@ _ELSEWHERE = (0.0, 0.1, -0.1, 0.25, -0.25)
 
 
 class Zone(NamedTuple):
-    """Where the equations are so nearly singular that test functions which vanish at the branch point have no certain sign.
+    """An interval around a branch point where the equations are nearly singular, so the signs of some test functions are uncertain.
 
     low, high: lengths of the steps to its ends, which are samples; infinite where it reaches beyond the step. test: that of the branch
     point. found: codes of the events met that are the branch point itself.
@@ -199,8 +199,8 @@ class Resolution:
     ) -> tuple[float, float, float] | None:
         """The longest interval that is to be divided, and where.
 
-        The longest, because towards a pole an interval that is far longer than the next one gets a value there that says nothing of it.
-        resolved: intervals that need not, each with the places next to it; those that are found are added."""
+        The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. resolved: the
+        intervals that need no division, each with the places next to it; the function adds those that it finds."""
         longest, division = self._floor, None
         for j in range(bisect_left(places, 0.0), len(places) - 1):
             low, high, a, b = places[j], places[j + 1], values[j], values[j + 1]

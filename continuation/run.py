@@ -22,7 +22,7 @@ class Run:
     Attributes
     ----------
     points : Points
-        In order of arclength, which is 0 at the first; those of a block of steps are made when asked for. Tangents, slopes and oriented
+        In order of arclength, which is 0 at the first. Points of a block of steps are created on access. Tangents, slopes and oriented
         test functions point along growing arclength.
     events : tuple of Event
         In order of arclength; ``events[k].index`` is the index of its point.
