@@ -32,7 +32,7 @@ from branches.naming.search import Limits
 from branches.presentation import presentations, segment_images, symmetries, with_canonical_sequence
 from branches.search.discovery import WITHOUT_ORIGIN, discover_orbits
 from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
-from branches.switching import TYPES, EmanatingFamily, emanating_families
+from branches.switching import TYPES, emanating_families
 from branches.tracing import SETTINGS, follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, NotConverged
@@ -281,13 +281,8 @@ def _end(branch: Branch, event: BranchEvent, note: str | None) -> Link:
     return Link(branch.id, event.id, event.type, "dead end", event.h, event.alpha, None, note, here=here, width=width)
 
 
-def _has_event(family: EmanatingFamily) -> bool:
-    """Whether the family that is crossed has an event of its own there, at which switching finds the one that crosses it."""
-    return family.cover <= (_TUPLED if family.problem.periodic else _MULTIPLIED)
-
-
 def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tuple[list[Seed], int, list[Link]]:
-    """The families that are born or cross at a bifurcation."""
+    """The families that emanate from a bifurcation, or cross there."""
     link = replace(_end(branch, event, event.note), kind="switch")
     try:
         with warnings.catch_warnings(record=True) as caught:
@@ -305,11 +300,11 @@ def _across_bifurcation(branch: Branch, event: BranchEvent, source: Seed) -> tup
             continue
         seed = _reached(seed, link, source, branch.problem, branch.unknowns(event.point))
         assert seed.link is not None
-        if family.cover and _has_event(family):
-            # Of a family of more symmetry, or of a multiple cover, that is crossed: the same event on that family has the edge.
+        if 0 < family.cover <= (_TUPLED if family.problem.periodic else _MULTIPLIED):
+            # The family that is crossed has more symmetry, or is of a multiple cover. Its own event there has the edge.
             seeds.append(seed._replace(link=None))
         elif seed.link.there is None:
-            # The corrector fell onto another family that is near: it is followed, but was not born here.
+            # The corrector fell onto another family that is near: it is followed, but does not emanate here.
             dead.append(replace(link, kind="dead end", note=f"{_OTHER} {'-'.join(image.ends)}:{''.join(image.sequence)}"))
             seeds.append(seed._replace(link=None))
         else:

@@ -255,7 +255,7 @@ def orbit_figure(orbit: Any) -> Figure:
         axes = figure.subplot_mosaic(layout, width_ratios=[1.35, 1.0])
         draw_displacements(axes["displacement"], system, times, u, at, u_at)
         for k, stop in enumerate(system.stops):
-            mine = np.array([_of_stop(impact, stop, system) for impact in orbit.impacts], dtype=bool)
+            mine = np.array([len(system.stops) == 1 or impact.stop.rstrip("+-") == stop.name for impact in orbit.impacts], dtype=bool)
             gap = np.asarray(stop.gap, dtype=float)
             _draw_gap(axes[f"stop{k}"], stop, system, times, u @ gap, at[mine], u_at[mine] @ gap)
         left = ["displacement", *(f"stop{k}" for k in range(len(system.stops)))]
@@ -280,11 +280,6 @@ def sampled_orbit(orbit: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     times = np.unique(np.concatenate(parts))
     u, v = orbit.sample(times)
     return times, np.asarray(u, dtype=float), np.asarray(v, dtype=float)
-
-
-def _of_stop(impact: Any, stop: Any, system: Any) -> bool:
-    letter = impact.stop.rstrip("+-")
-    return len(system.stops) == 1 or letter == stop.name
 
 
 def _title(orbit: Any) -> str:
