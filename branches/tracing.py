@@ -17,7 +17,7 @@ from branches.family import SETTINGS, Family, scales_of, unphysical
 from branches.full_family import solutions_of
 from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range
-from bvp.interrupts import held
+from bvp.interrupts import defer_interrupts
 from bvp.multipoint import MultipointProblem
 from bvp.texts import shown, takes_options_of
 from continuation.control import Settings
@@ -135,7 +135,7 @@ def follow_family(
         )
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
-    with held() as interrupt:
+    with defer_interrupts() as interrupt:
         branch = _branch_of(problem, run, energy)
         if on_end is not None:
             for ended in dict.fromkeys(branch.ended):
@@ -296,7 +296,7 @@ class _Collector:
         try:
             yield
         except (KeyboardInterrupt, RuntimeError) as error:
-            with held():
+            with defer_interrupts():
                 raise _with_branch(error, self.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
 
     def points(self, points: Sequence[Point]) -> None:

@@ -60,7 +60,7 @@ class Size(NamedTuple):
         return Size(self.terms * other.terms, self.bits + other.bits)
 
     def power(self, exponent: int) -> Size:
-        """Of a power with a whole exponent."""
+        """Of a power with an integer exponent."""
         k = abs(exponent)
         # Beyond the limit the number itself says nothing, and takes long to compute.
         terms = math.comb(self.terms + k - 1, k) if k * self.terms < MOST_TERMS else MOST_TERMS + 1
@@ -109,8 +109,8 @@ def size_of_text(node: ast.AST) -> Size:
             return left.plus(right).checked()
         if isinstance(node.op, ast.Pow):
             exponent = node.right.operand if isinstance(node.right, ast.UnaryOp) else node.right
-            whole = isinstance(exponent, ast.Constant) and isinstance(exponent.value, int)
-            return (left.power(exponent.value) if whole else left).checked()  # type: ignore[attr-defined]
+            is_integer = isinstance(exponent, ast.Constant) and isinstance(exponent.value, int)
+            return (left.power(exponent.value) if is_integer else left).checked()  # type: ignore[attr-defined]
         return left.times(right).checked()
     return Size()
 

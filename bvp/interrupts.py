@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
-__all__ = ["Held", "Pace", "held"]
+__all__ = ["InterruptHandler", "Pace", "defer_interrupts"]
 
 
 @dataclass(eq=False)
-class Held:
+class InterruptHandler:
     """A handler of interrupts: the first one is kept, a second one raises `KeyboardInterrupt`.
 
     Attributes
@@ -27,7 +27,7 @@ class Held:
     came: bool = False
     _raises: bool = False
     _kept: bool = False
-    _inside: Held | None = None
+    _inside: InterruptHandler | None = None
 
     def __call__(self, number: int, frame: object) -> None:
         if self._inside is not None:
@@ -52,18 +52,18 @@ class Held:
 
 
 @contextmanager
-def held() -> Iterator[Held]:
+def defer_interrupts() -> Iterator[InterruptHandler]:
     """Delay an interrupt until the end of the block, where the caller decides what to do.
 
     If blocks are nested, the outer one keeps the interrupt. If the program handles or ignores interrupts itself, nothing changes.
 
     Yields
     ------
-    Held
+    InterruptHandler
 
     Examples
     --------
-    >>> with held() as interrupt:
+    >>> with defer_interrupts() as interrupt:
     ...     signal.raise_signal(signal.SIGINT)
     ...     print("goes on")
     goes on
@@ -71,8 +71,8 @@ def held() -> Iterator[Held]:
     True
     """
     before = signal.getsignal(signal.SIGINT)
-    handler = Held()
-    if isinstance(before, Held):
+    handler = InterruptHandler()
+    if isinstance(before, InterruptHandler):
         if not before._raises or before._inside is not None:
             yield handler
             return

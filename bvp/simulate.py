@@ -11,7 +11,7 @@ import numpy as np
 from bvp.checks import checked_damper, is_finite, reals, require_system
 from bvp.contact_modes import ContactModeTable
 from bvp.forcing import budget_terms, forcing_of, split_damping
-from bvp.interrupts import Held, Pace, held
+from bvp.interrupts import InterruptHandler, Pace, defer_interrupts
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
 from bvp.kernels.energy_budget import integral_work
@@ -104,7 +104,7 @@ class Simulator:
         ValueError, KeyboardInterrupt
             As `bvp.simulate.simulate`.
         """
-        with held() as interrupt:
+        with defer_interrupts() as interrupt:
             motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
         if interrupt.came:
             error = KeyboardInterrupt()
@@ -118,7 +118,7 @@ class Simulator:
 
     def _run(
         self,
-        interrupt: Held,
+        interrupt: InterruptHandler,
         u: Any,
         v: Any,
         duration: float,
@@ -231,7 +231,7 @@ class Simulator:
         if not (is_finite(duration) and duration >= 0.0):
             raise ValueError(f"duration is a finite time of 0 or more; received {shown(duration)}")
         if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or not 0 <= max_impacts < 1 << 63:
-            raise ValueError(f"max_impacts is a whole number of 0 or more; received {shown(max_impacts)}")
+            raise ValueError(f"max_impacts is an integer of 0 or more; received {shown(max_impacts)}")
         fractions = np.unique(reals(marks))
         if not np.all((fractions > 0.0) & (fractions < 1.0)):
             raise ValueError(f"marks are fractions of the initial energy between 0 and 1; received {list(marks)}")

@@ -27,15 +27,15 @@ def shown(value: Any) -> str:
     Examples
     --------
     >>> shown(10**400), shown([0.1])
-    ('a whole number of 1329 bits, beyond all floats', '[0.1]')
+    ('an integer of 1329 bits, beyond all floats', '[0.1]')
     """
     if isinstance(value, int) and value.bit_length() > 1024:
-        return f"a whole number of {value.bit_length()} bits, beyond all floats"
+        return f"an integer of {value.bit_length()} bits, beyond all floats"
     try:
         text = " ".join(repr(value).split())
     except ValueError:
-        # Python writes no whole number of more than some thousand digits, nor a list with one.
-        return f"a {type(value).__name__} with a whole number beyond all floats"
+        # Python writes no integer of more than some thousand digits, nor a list with one.
+        return f"a {type(value).__name__} with an integer beyond all floats"
     return text if len(text) <= 200 else f"{text[:120]} ... {text[-40:]}"
 
 
@@ -148,7 +148,7 @@ def takes_options_of(inner: Callable[..., Any]) -> Callable[[Function], Function
 
 
 def _entries(doc: str) -> list[tuple[str, str]]:
-    """The entries of the section Parameters of a docstring: the names, and the whole text."""
+    """The entries of the section Parameters of a docstring: the names, and the full text."""
     found = re.search(r"^Parameters\n-+\n(.*?)(?:\n\n|\Z)", inspect.cleandoc(doc), re.DOTALL | re.MULTILINE)
     texts = re.findall(r"^\S.*(?:\n +.*)*", found[1], re.MULTILINE) if found else []
     return [(text.partition("\n")[0].partition(" :")[0], text) for text in texts]

@@ -209,7 +209,7 @@ class Settings:
     minimum_step           1e-7      a step refused at this length ends the family
     maximum_step           0.2       no step is longer
     target_turn            0.1       angle in radians between successive tangents that the steps aim at
-    maximum_turn           0.4       a step whose tangent turns by more radians is refused
+    maximum_turn           0.4       a step whose tangent rotates by more radians is refused
     target_contraction     0.05      contraction of the corrector that the steps aim at
     maximum_contraction    0.5       a step whose corrector contracts no better is refused
     maximum_growth         2.0       a step is at most this many times as long as the one before
@@ -253,7 +253,7 @@ class Settings:
             if not value > 0:
                 raise SettingsError(f"{field.name} = {value!r}: expected a number above 0")
         if int(self.maximum_points) != self.maximum_points:
-            raise SettingsError(f"maximum_points = {self.maximum_points!r}: expected a whole number")
+            raise SettingsError(f"maximum_points = {self.maximum_points!r}: expected an integer")
         if not self.maximum_turn < math.pi / 2:
             raise SettingsError(f"maximum_turn = {self.maximum_turn!r}: expected an angle below pi/2 radians")
         if not self.maximum_contraction < 1:

@@ -124,7 +124,7 @@ def follow(
     Each point is corrected from the last one. A step is refused and halved if
 
     - the corrector fails or contracts badly,
-    - the tangent turns by more than `Settings.maximum_turn`,
+    - the tangent rotates by more than `Settings.maximum_turn`,
     - the chord is more than twice the step, or
     - a step to an event inside it is refused for one of these reasons. This detects a jump to another branch: it changes the sign of
       a bordered determinant without a zero.
@@ -262,7 +262,7 @@ def follow_in_blocks(
             cause = "the corrector does not converge"
         elif verdict == TURNED:
             turned += 1
-            cause = "the tangent turns too far"
+            cause = "the tangent rotates too far"
         elif verdict == SLOW:
             slow += 1
             cause = f"the corrector contracts by {new.contraction:.3g} only"

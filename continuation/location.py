@@ -30,7 +30,7 @@ _STEEP = 4.0
 # Where in the bracket a function is tried that could be evaluated neither at the best place nor near it.
 _OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)
 
-# A function may be undefined at its root: at a branch point the tangent turns by a right angle. It is then evaluated near the root, at
+# A function may be undefined at its root: at a branch point the tangent rotates by a right angle. It is then evaluated near the root, at
 # these multiples of the smallest useful distance, on the far side first.
 _BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)
 
@@ -254,7 +254,7 @@ class Locator:
         Raises
         ------
         StepRefused
-            It does not converge, its tangent turns too far, or it is on another family than the known steps on both sides: near a branch
+            It does not converge, its tangent rotates too far, or it is on another family than the known steps on both sides: near a branch
             point two families are so near to each other that the corrector can go over. They differ in the direction of the unknowns, even
             where they do not in the metric.
         """
@@ -279,7 +279,7 @@ class Locator:
         if not step.converged:
             raise StepRefused("a shorter step does not converge")
         if not step.turn >= self._least_turn:
-            raise StepRefused(f"the tangent of a shorter step turns too far (cosine {step.turn:.3g})")
+            raise StepRefused(f"the tangent of a shorter step rotates too far (cosine {step.turn:.3g})")
         own_slope = step.tangent[: step.y.size] / step.turn
         if inside:
             change = other_slope - slope

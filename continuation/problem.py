@@ -32,7 +32,7 @@ class TestFunction(NamedTuple):
         ``"crossing"``: an event where the value changes sign.
         ``"guard"``: the value is positive where the family is valid; an event where it falls to zero. Rising is no event. A
         start outside (value <= 0) that stays outside of a terminal guard is an event at the start.
-        ``"change"``: an event where the value, a whole number used as a key, changes; located by bisection.
+        ``"change"``: an event where the value, an integer used as a key, changes; located by bisection.
         A value nan means: not defined here; it never makes an event.
     terminal : bool
         The family ends at the event, and the event's point is its last.
@@ -42,7 +42,7 @@ class TestFunction(NamedTuple):
         The value changes sign when the tangent is reversed (a slope, a determinant bordered by the tangent).
     absorbs : tuple of str
         Codes of events that are this same event when they coincide with it, and are then not reported: a branch point on a
-        curve that turns back there is a branch point, not a branch point and a fold.
+        curve that folds back there is a branch point, not a branch point and a fold.
     singular : float
         Of a test for branch points: the equations are so nearly singular where its value is smaller that the signs of other test functions
         are rounding there. 0 for all others.

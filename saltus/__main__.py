@@ -116,7 +116,7 @@ def _command(words: list[str]) -> int:
     summary = f"print the completion script of {', '.join(SHELLS)}"
     parser.add_argument("--print-completion", metavar="SHELL", choices=SHELLS, help=summary)
     completing = words[:1] != [] and words[0].partition("=")[0] == "--print-completion"
-    asked = None if completing else next((word for word in words if not word.startswith("-")), None)
+    asked = None if completing else next((text for text in words if not text.startswith("-")), None)
     if asked is not None and asked not in COMMANDS:
         raise BadInput(f"unknown command {asked!r}, expected {' or '.join(COMMANDS)}{nearest(asked, COMMANDS)}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")

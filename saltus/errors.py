@@ -23,8 +23,8 @@ class BadInput(ValueError):
     """Input that cannot be used; the message is one line for the user."""
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """The known word nearest to the received one, as the end of a message; nothing if no known word is similar.
+def nearest(text: str, known: Iterable[str]) -> str:
+    """The known name nearest to the received text, as the end of a message; nothing if none is similar.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     candidates = list(known)
     # Case is no difference that a user means.
     lowered = {candidate.lower(): candidate for candidate in reversed(candidates)}
-    found = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.5)
+    found = difflib.get_close_matches(text.lower(), lowered, n=1, cutoff=0.5)
     return f"; nearest: {lowered[found[0]]}" if found else ""
 
 

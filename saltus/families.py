@@ -278,7 +278,7 @@ def orbits_of(branch: Branch, name: Name, energy: float | None = None, alpha: fl
 
 
 def _distinct(orbits: list[Orbit]) -> list[Orbit]:
-    """Each orbit once: a family that turns back on itself passes through the same orbit twice, the second time from its other end."""
+    """Each orbit once: a family that folds back on itself passes through the same orbit twice, the second time from its other end."""
     from branches.identity import same_orbit
 
     kept: list[Orbit] = []

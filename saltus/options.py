@@ -43,7 +43,7 @@ SHELLS = ("bash", "zsh", "tcsh")
 _LOOKS_NEGATIVE = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
 
 MOST = 10**15
-"""Largest whole number of an option: what counts beyond it has no end."""
+"""Largest integer of an option: what counts beyond it has no end."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -64,19 +64,19 @@ class OneLineParser(argparse.ArgumentParser):
         """Return the options that the help shows."""
         return sorted(set(re.findall(r"--[a-z][a-z-]*", self.format_help())))
 
-    def refuse(self, word: str, words: Sequence[str]) -> NoReturn:
-        """Raise for a word, of those of the command line, that is no option and no argument of this parser."""
-        option = word.partition("=")[0]
-        if "--" in words and word.startswith("-") and word not in words[: words.index("--")]:
-            after = "" if word == "--" else f" after --, where nothing is an option: expected {option} before --"
-            raise BadInput(f"unexpected argument {word!r}{after} (see {self.prog} --help)")
+    def refuse(self, text: str, words: Sequence[str]) -> NoReturn:
+        """Raise for a text, one of the words of the command line, that is no option and no argument of this parser."""
+        option = text.partition("=")[0]
+        if "--" in words and text.startswith("-") and text not in words[: words.index("--")]:
+            after = "" if text == "--" else f" after --, where nothing is an option: expected {option} before --"
+            raise BadInput(f"unexpected argument {text!r}{after} (see {self.prog} --help)")
         if not option.startswith("-"):
-            raise BadInput(f"unexpected argument {word!r} (see {self.prog} --help)")
+            raise BadInput(f"unexpected argument {text!r} (see {self.prog} --help)")
         raise BadInput(f"unknown option {option} of {self.prog}{nearest(option, self.options())}")
 
 
 def _one_of(found: re.Match[str]) -> str:
-    """What argparse says about a word that is none of its choices, with the nearest of them."""
+    """What argparse says about a text that is none of its choices, with the nearest of them."""
     known = found[2].replace("'", "").split(", ")
     return f"received {found[1]!r}, expected one of {', '.join(known)}{nearest(found[1], known)}"
 
@@ -107,13 +107,13 @@ def joined_values(words: list[str]) -> list[str]:
     ['continue', 'S13+', '--energy=-1:2', '--json', '-']
     """
     joined: list[str] = []
-    for word in words:
-        if word.startswith("--") and word.endswith("=--") and "--" not in joined:
-            raise BadInput(f"{word}: -- is no value of an option")
-        if joined and joined[-1].startswith("--") and "=" not in joined[-1] and _LOOKS_NEGATIVE.match(word):
-            joined[-1] += "=" + word
+    for text in words:
+        if text.startswith("--") and text.endswith("=--") and "--" not in joined:
+            raise BadInput(f"{text}: -- is no value of an option")
+        if joined and joined[-1].startswith("--") and "=" not in joined[-1] and _LOOKS_NEGATIVE.match(text):
+            joined[-1] += "=" + text
         else:
-            joined.append(word)
+            joined.append(text)
     return joined
 
 
@@ -144,22 +144,22 @@ def positive(text: str) -> float:
 
 
 def whole_above_zero(text: str) -> int:
-    """Read a whole number above 0.
+    """Read an integer above 0.
 
     Examples
     --------
     >>> whole_above_zero("99999999999999999999")
     Traceback (most recent call last):
-    argparse.ArgumentTypeError: received '99999999999999999999', expected a whole number above 0, up to 1e15
+    argparse.ArgumentTypeError: received '99999999999999999999', expected an integer above 0, up to 1e15
     """
     try:
         value = int(text)
     except ValueError:
         value = 0
     if value < 1:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected a whole number above 0")
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected an integer above 0")
     if value > MOST:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected a whole number above 0, up to 1e15")
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected an integer above 0, up to 1e15")
     return value
 
 

@@ -1,6 +1,6 @@
 """Output files of the commands: one set of options, checked before the work and written after it.
 
-A file is written whole or not at all. ``-`` is standard output.
+A file is written completely or not at all. ``-`` is standard output.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from branches.files import (
     replacing,
     write_text,
 )
-from bvp.interrupts import Held, held
+from bvp.interrupts import InterruptHandler, defer_interrupts
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say, say_and_code
 from saltus.terminal import StandardOutput, outlast, plain_stream
 
@@ -43,7 +43,7 @@ __all__ = [
     "add_arguments",
     "after",
     "apart",
-    "check_picture",
+    "check_figure",
     "check_writable",
     "json_text",
     "output_folder",
@@ -130,17 +130,17 @@ def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
     return folder
 
 
-def check_picture(path: str) -> None:
+def check_figure(path: str) -> None:
     """Refuse a figure whose format is unknown, or that could not be written. The suffix of the path gives the format.
 
     Examples
     --------
-    >>> check_picture("branch.pgn")
+    >>> check_figure("branch.pgn")
     Traceback (most recent call last):
     saltus.errors.BadInput: unknown figure format 'pgn' of 'branch.pgn': expected png, pdf or svg; nearest: png
     """
     if path == STANDARD_OUTPUT:
-        raise BadInput("a picture cannot go to standard output: expected a file ending in .png, .pdf or .svg")
+        raise BadInput("a figure cannot go to standard output: expected a file ending in .png, .pdf or .svg")
     try:
         figure_format(path)
     except ValueError as error:
@@ -177,12 +177,12 @@ TEXTS = {
 ARRAYS = {"npz": "write all data as arrays of numpy", "mat": "write all data as arrays of Matlab"}
 """Kinds of files of arrays, with the help of their options."""
 
-KINDS = {**TEXTS, **ARRAYS, "plot": "draw a picture: FILE.png, FILE.pdf or FILE.svg"}
+KINDS = {**TEXTS, **ARRAYS, "plot": "draw a figure: FILE.png, FILE.pdf or FILE.svg"}
 """Every kind of output file: `KINDS` names the options of all commands."""
 
 
 class NotDrawn(RuntimeError):
-    """What was computed has no such picture; the message says why in words."""
+    """What was computed has no such figure; the message says why in words."""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *kinds: str, **meanings: str) -> None:
@@ -196,7 +196,7 @@ def outputs_of(arguments: argparse.Namespace) -> Outputs:
     places = {kind: path for kind in KINDS if (path := getattr(arguments, kind, None)) is not None}
     for kind, path in places.items():
         if kind == "plot":
-            check_picture(path)
+            check_figure(path)
         elif kind in ARRAYS and path == STANDARD_OUTPUT:
             raise BadInput(f"{kind} cannot go to standard output: expected a file")
         else:
@@ -293,7 +293,7 @@ class Outputs:
         Returns
         -------
         int
-            The exit code: 130 if an interrupt came, 2 if a file could not be written, 1 if a picture could not be drawn. Each is
+            The exit code: 130 if an interrupt came, 2 if a file could not be written, 1 if a figure could not be drawn. Each is
             reported on standard error.
         """
         direct = {**(files or {}), **({} if plot is None else {"plot": plot})}
@@ -318,7 +318,7 @@ class Outputs:
                 write_data(path, csv_text(made()))
 
         code = DONE
-        with held() as interrupt:
+        with defer_interrupts() as interrupt:
             for kind, path in self.places.items():
                 try:
                     write_one(kind, path)
@@ -345,7 +345,7 @@ def json_text(record: dict[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def after(interrupt: Held, code: int) -> int:
+def after(interrupt: InterruptHandler, code: int) -> int:
     """The exit code after work that an interrupt had to wait for."""
     if interrupt.came and code != INTERRUPTED:
         say("interrupted; what was computed is written")

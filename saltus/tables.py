@@ -53,7 +53,7 @@ def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]], *, width: in
         Most characters in a line; by default any number.
     columns : str
         One letter a column: ``l`` and ``r`` give the alignment, left by default; ``t`` is text, which can wrap; ``i`` is ids of families,
-        which can be shortened. Other cells stay whole: where they do not fit, each row takes several lines.
+        which can be shortened. Other cells stay complete: where they do not fit, each row takes several lines.
 
     Returns
     -------

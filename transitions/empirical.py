@@ -101,7 +101,7 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
 
     times, signal, step = checked(times, signal)
     if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
-        raise ValueError(f"most is a whole number of 1 or more; received {shown(most)}")
+        raise ValueError(f"most is an integer of 1 or more; received {shown(most)}")
     # EMD-signal stops at absolute ranges and sums, which fit signals of size 1.
     size = float(np.ptp(signal)) or 1.0
     sifter = sifting()

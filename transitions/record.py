@@ -219,7 +219,7 @@ class Extents:
 
 
 def extents(motion: Motion, rows: Any = None) -> Extents:
-    """Extents of linear functionals of the displacements over a whole motion.
+    """Extents of linear functionals of the displacements over a full motion.
 
     Peaks are turning points, which bounds of the motion locate, as in `Motion.peaks`. Squares are integrated exactly.
 

@@ -162,7 +162,7 @@ def morlet_spectrum(
     signal : (m,) float
         Its rest position at each end is subtracted. Otherwise the edges of the record would show it.
     rate : (m,) float, optional
-        Its derivative at the same times. With it a record with too large a step is found at any frequency: a tone that the samples miss
+        Its derivative at the same times. With it a record with too large a step is found at any frequency: a tone between the samples
         has another rate than the tone that they seem to show.
     frequencies : (float, float), optional
         Lowest and highest angular frequency. By default the band with all but 1e-4 of the power, and an octave more on each side. The
@@ -171,7 +171,7 @@ def morlet_spectrum(
         Frequencies in an octave.
     wavelet : Wavelet, optional
     most : int, optional
-        Largest number of times, for a picture.
+        Largest number of times, for a figure.
 
     Returns
     -------
@@ -196,7 +196,7 @@ def morlet_spectrum(
     wavelet = wavelet or Wavelet()
     times, signal, step = checked(times, signal)
     if isinstance(per_octave, bool) or not isinstance(per_octave, int) or per_octave < 1:
-        raise ValueError(f"per_octave is a whole number of 1 or more; received {shown(per_octave)}")
+        raise ValueError(f"per_octave is an integer of 1 or more; received {shown(per_octave)}")
     span = (float(times[0]), float(times[-1]))
     size = _power_of_two(signal)
     signal = signal / size  # no square of it overflows

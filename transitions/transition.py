@@ -29,7 +29,7 @@ BACKBONE = 1.0
 """Largest number of impacts in half a period of the families that are drawn behind every motion."""
 
 SHOWN = 20_000
-"""Largest number of times in a spectrum that is drawn. The picture has fewer columns."""
+"""Largest number of times in a spectrum that is drawn. The figure has fewer columns."""
 
 _SINGLE = ("times", "energy", "nes_energy", "lo_energy", "dissipated_nes", "dissipated_lo")
 _WIDE = ("displacements", "velocities")
@@ -66,7 +66,7 @@ class Transition:
 
     @cached_property
     def spectrum(self) -> Spectrum:
-        """The wavelet spectrum of the relative displacement, at the times of a picture."""
+        """The wavelet spectrum of the relative displacement, at the times of a figure."""
         return spectrum_of(self.record, self.gap, wavelet=self.wavelet, frequencies=self.frequencies, most=SHOWN)
 
     def with_stages(self, stages: Sequence[Stage]) -> Transition:

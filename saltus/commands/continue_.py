@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bvp.interrupts import Held, held
+from bvp.interrupts import InterruptHandler, defer_interrupts
 from saltus import __version__, catalogues, options, outputs, tables
 from saltus.errors import DONE, FAILED, INTERRUPTED, exit_code, one_line, say
 from saltus.options import energy_range, whole_above_zero
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="AXIS",
         choices=("index", "fundamental"),
         default="index",
-        help="axis of the picture: index (default), m 2 pi/T with m the half-waves of the NES, or fundamental, 2 pi/T",
+        help="axis of the figure: index (default), m 2 pi/T with m the half-waves of the NES, or fundamental, 2 pi/T",
     )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--save", action="store_true", help="keep the family in a catalogue")
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         files.report(f"model  {line}" for line in explain(scene.system, arguments.name))
     place = catalogues.place_to_save(arguments, scene) if arguments.save else None
-    with held() as interrupt:
+    with defer_interrupts() as interrupt:
         with interrupt.released(), catalogues.lookup(arguments.name, arguments, scene) as catalogue:
             branch, code = _follow(arguments, scene, files, catalogue, interrupt)
         if branch.others:
@@ -106,7 +106,7 @@ def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> 
 
 
 def _follow(
-    arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs, catalogue: Catalogue | None, interrupt: Held
+    arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs, catalogue: Catalogue | None, interrupt: InterruptHandler
 ) -> tuple[Branch, int]:
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
     from saltus.families import trace

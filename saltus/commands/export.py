@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["add_arguments", "run"]
 
 WHAT = {
-    "fep": "frequency-energy plot: a picture, or its data",
-    "velocities": "start velocities against energy: a picture, or its data",
+    "fep": "frequency-energy plot: a figure, or its data",
+    "velocities": "start velocities against energy: a figure, or its data",
     "graph": "the graph: json (node-link), graphml, dot",
     "points": "a row a point: csv, json, npz, mat",
     "orbits": "a row an orbit: csv, json, npz, mat",
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for what, summary in WHAT.items():
         part = parsers.add_parser(what, help=summary, description=summary[0].upper() + summary[1:] + ".")
         if what in PICTURES:
-            _add_picture(part)
+            _add_figure_options(part)
         else:
             _add_data(part, what)
         part.set_defaults(parser=part)
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not files.places:
         known = [f"--{kind}" for kind in outputs.KINDS if hasattr(arguments, kind)]
         raise BadInput(f"missing: {' or '.join(known)} (see saltus export {arguments.what} --help)")
-    return _picture(arguments, files) if arguments.what in PICTURES else _data(arguments, files)
+    return _figure(arguments, files) if arguments.what in PICTURES else _data(arguments, files)
 
 
 def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
@@ -167,7 +167,7 @@ def _distance_to(h: float, alpha: float) -> Callable[[Orbit], float]:
     return lambda orbit: abs(orbit.h / h - 1.0) + abs(orbit.alpha / alpha - 1.0)
 
 
-def _add_picture(parser: argparse.ArgumentParser) -> None:
+def _add_figure_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``fep`` and ``velocities``."""
     outputs.add_arguments(parser, "plot", "json", "csv", "npz", "mat")
     parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
@@ -190,8 +190,8 @@ def _add_picture(parser: argparse.ArgumentParser) -> None:
     options.add_scene(parser)
 
 
-def _picture(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
-    """Draw a picture of many families, or write the data that it is drawn from."""
+def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
+    """Draw a figure of many families, or write the data that it is drawn from."""
     from branches.figures.curves import parse_inset
 
     for kind, path in files.places.items():
@@ -199,7 +199,7 @@ def _picture(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
             raise BadInput(f"--{kind} {path}: expected a file ending in .{kind}")
     for option in ("names", "inset"):
         if "plot" not in files.places and getattr(arguments, option):
-            raise BadInput(f"--{option} is of a picture; expected --plot FILE with it")
+            raise BadInput(f"--{option} is of a figure; expected --plot FILE with it")
     insets = [parse_inset(text) for text in arguments.inset]
     if sum((bool(arguments.branches), arguments.data is not None, arguments.catalogue is not None)) > 1:
         raise BadInput("families come from one place: give one of --catalogue, --branches and --data")

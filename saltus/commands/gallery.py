@@ -43,23 +43,23 @@ class Figure:
     words: tuple[str, ...]
     files: tuple[str, ...]
 
-    def command(self, stem: str, picture: str) -> list[str]:
+    def command(self, stem: str, suffix: str) -> list[str]:
         """The words of the command that makes the figure.
 
         Parameters
         ----------
         stem : str
             The place of its files without ending.
-        picture : {"png", "pdf", "svg"}
+        suffix : {"png", "pdf", "svg"}
 
         Examples
         --------
         >>> Figure("one", "A motion.", ("run", "--impulse", "1"), ("--plot", "{stem}.{format}")).command("out/one", "pdf")
         ['run', '--impulse', '1', '--plot', 'out/one.pdf']
         """
-        return [*self.words, *self._filled(stem, picture)]
+        return [*self.words, *self._filled(stem, suffix)]
 
-    def written(self, stem: str, picture: str) -> list[str]:
+    def written(self, stem: str, suffix: str) -> list[str]:
         """The files that it writes.
 
         Examples
@@ -67,14 +67,14 @@ class Figure:
         >>> Figure("one", "A motion.", ("run",), ("--plot", "{stem}.{format}", "--samples", "9")).written("out/one", "pdf")
         ['out/one.pdf']
         """
-        return [word for word, raw in zip(self._filled(stem, picture), self.files, strict=True) if raw.startswith("{stem}")]
+        return [text for text, raw in zip(self._filled(stem, suffix), self.files, strict=True) if raw.startswith("{stem}")]
 
-    def _filled(self, stem: str, picture: str) -> list[str]:
+    def _filled(self, stem: str, suffix: str) -> list[str]:
         # Not str.format: a folder's name may hold braces.
-        values = {"{stem}": stem, "{format}": picture, "{caption}": self.caption}
+        values = {"{stem}": stem, "{format}": suffix, "{caption}": self.caption}
         out = []
-        for word in self.files:
-            head, dot, ending = word.partition(".")
+        for text in self.files:
+            head, dot, ending = text.partition(".")
             out.append(values.get(head, head) + dot + values.get(ending, ending))
         return out
 
@@ -196,27 +196,27 @@ def run(arguments: argparse.Namespace) -> int:
     return code
 
 
-def captions(gallery: Gallery, figures: list[Figure], picture: str) -> str:
+def captions(gallery: Gallery, figures: list[Figure], suffix: str) -> str:
     """The text of the page that lists figures with their captions."""
     lines = [f"# {gallery.title}", "", f"After {gallery.source}.", ""]
     for figure in figures:
-        files = " ".join(f"[{name}]({name})" for name in _names(figure, picture))
+        files = " ".join(f"[{name}]({name})" for name in _names(figure, suffix))
         lines += [f"- {files}", f"  {figure.caption}", f"  `saltus {' '.join(figure.words)}`"]
     return "\n".join(lines) + "\n"
 
 
-def _names(figure: Figure, picture: str) -> list[str]:
+def _names(figure: Figure, suffix: str) -> list[str]:
     """The files of a figure: what its command writes, and what it prints."""
-    return [*figure.written(figure.name, picture), f"{figure.name}.txt"]
+    return [*figure.written(figure.name, suffix), f"{figure.name}.txt"]
 
 
-def _make(figure: Figure, folder: Path, picture: str, more: list[str]) -> int:
-    """Run the command of a figure; keep what it prints beside the picture. Return its exit code; errors go to standard error."""
+def _make(figure: Figure, folder: Path, suffix: str, more: list[str]) -> int:
+    """Run the command of a figure; keep what it prints beside the figure. Return its exit code; errors go to standard error."""
     from saltus.__main__ import main
 
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        code = main([*figure.command(str(folder / figure.name), picture), *more])
+        code = main([*figure.command(str(folder / figure.name), suffix), *more])
     if code == DONE:
         try:
             write_data(str(folder / f"{figure.name}.txt"), printed.getvalue())

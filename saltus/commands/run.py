@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bvp.interrupts import held
+from bvp.interrupts import defer_interrupts
 from saltus import catalogues, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.motion import start as start_options
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--emd", action="store_true", help="report the empirical modes of the relative displacement (EMD-signal)")
     catalogues.add_file(parser, "take the families that stages follow from this catalogue, and that of --on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
-    parser.add_argument("--caption", metavar="TEXT", default="", help="a text under the panels of the picture")
+    parser.add_argument("--caption", metavar="TEXT", default="", help="a text under the panels of the figure")
     options.add_units(parser)
     options.add_scene(parser, uses=("ground", "forces"))
 
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.samples is not None and arguments.samples < 2:
         raise BadInput(f"--samples {arguments.samples}: expected 2 at least, the begin and the end of the motion")
     if arguments.caption and arguments.plot is None:
-        raise BadInput("--caption stands under the picture; expected --plot FILE with it")
+        raise BadInput("--caption stands under the figure; expected --plot FILE with it")
     scene = options.scene_of(arguments)
 
     from saltus.motion.simulation import NOT_ASKED, default_duration, modes_of_motion, require_sifting, run_locked, run_scene, with_stages
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
         from saltus.scene.model import explain_motion
 
         files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
-    with held() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
+    with defer_interrupts() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
         with interrupt.released():
             start = start_options.start_of_motion(arguments, scene)
             prepare_motion()
@@ -172,7 +172,7 @@ def _write(
         caption = " ".join([*filter(None, [arguments.caption]), *captions])
         draw_transition(report.shown, _behind(report.shown, catalogue, start.branch), path, caption=caption)
         if (scale.length, scale.frequency) != (1.0, 1.0):
-            files.report(["note   the picture is in natural units"])
+            files.report(["note   the figure is in natural units"])
 
     with catalogues.given(arguments, scene.underlying) as catalogue:
         code = files.write({"json": text, "csv": series}, table=table, about=about, plot=plot)

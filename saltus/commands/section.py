@@ -35,7 +35,7 @@ HEADER = f"{'energy h':>11} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="H", type=_energies, help="the energy h; of panels: LO:HI, or H1,H2,... rising")
-    parser.add_argument("--panels", action="store_true", help="a section of each energy of the scene, or of --energy, in one picture")
+    parser.add_argument("--panels", action="store_true", help="a section of each energy of the scene, or of --energy, in one figure")
     parser.add_argument("--plate", dest="panels", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument("--orbits", metavar="N", type=whole_above_zero, default=150, help="motions, spread over the section (default: 150)")
     parser.add_argument("--crossings", metavar="K", type=whole_above_zero, default=400, help="points of each motion (default: 400)")
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     files = outputs.outputs_of(arguments)
     if arguments.names is not None and (arguments.plot is None or arguments.catalogue is None):
-        raise BadInput("--names counts the orbits named in the picture; expected --plot FILE and --catalogue FILE with it")
+        raise BadInput("--names counts the orbits named in the figure; expected --plot FILE and --catalogue FILE with it")
     scene = options.scene_of(arguments)
     energies = _asked(arguments, scene)
 
@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _energies(text: str) -> tuple[float, ...] | tuple[float, float, str]:
-    """Read H, LO:HI or H1,H2,...; a range ends with the word "range"."""
+    """Read H, LO:HI or H1,H2,...; a range ends with "range"."""
     if ":" in text:
         return (*energy_range(text), "range")
     values = tuple(positive(part) for part in text.split(","))
@@ -246,7 +246,9 @@ def _remarks(view: SectionView, why: str | None) -> list[str]:
         for k, centre in enumerate(view.rotations.centres):
             numbers = view.rotations.numbers[view.rotations.about == k]
             numbers = numbers[numbers == numbers]
-            found = f"{len(numbers)} orbits" + (f" at {numbers.min():.6g} to {numbers.max():.6g} turns a crossing" if len(numbers) else "")
+            found = f"{len(numbers)} orbits"
+            if len(numbers):
+                found += f" at {numbers.min():.6g} to {numbers.max():.6g} rotations a crossing"
             lines.append(f"about  {centre.place}, elliptic, period {centre.period:.6g}: {found}")
         count = int((view.rotations.numbers != view.rotations.numbers).sum())
         lines.append(f"about  none: {count} orbits, chaotic or round no elliptic fixed point")

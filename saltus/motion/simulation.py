@@ -114,7 +114,7 @@ class MotionReport:
 
     @property
     def shares(self) -> tuple[float, float]:
-        """(NES, LO) dissipated over the whole motion."""
+        """(NES, LO) dissipated over the full motion."""
         nes, lo = self.sharing.totals(self.motion.dissipated)
         return (nes / self.reference, lo / self.reference) if self.reference > 0.0 else (0.0, 0.0)
 

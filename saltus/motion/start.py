@@ -39,7 +39,7 @@ class Start:
     branch : Branch or None
         Its family.
     name : str
-        What the family is called: the name that was asked for where that is a whole label, "" for its id.
+        What the family is called: the name that was asked for where that is a complete label, "" for its id.
     """
 
     kind: str
@@ -195,7 +195,7 @@ def _called(name: Name, orbit: Orbit) -> str:
 def _impulsive_orbit(branch: Branch, name: Name, energy: float | None) -> tuple[float, float]:
     """Energy and quarter period of a family's impulsive orbit: of the one that it has, or of that which the values select.
 
-    A family that turns back on itself passes through the same orbit twice, the second time from its other end: that is one."""
+    A family that folds back on itself passes through the same orbit twice, the second time from its other end: that is one."""
     found: list[BranchEvent] = []
     for event in branch.events:
         known = any(abs(event.h / other.h - 1.0) < 1e-9 and abs(event.alpha / other.alpha - 1.0) < 1e-9 for other in found)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["explain", "explain_motion", "explain_search", "explain_section"]
 
-_PARTS = {1: "whole", 2: "half", 4: "quarter"}
+_PARTS = {1: "full", 2: "half", 4: "quarter"}
 
 
 def explain(system: ImpactSystem, name: str) -> list[str]:
@@ -156,7 +156,7 @@ def _of_ends(family: str) -> list[str]:
     ends = split_family_id(family)[0]
     if ends == PERIODIC:
         return [
-            "the orbit has no reversal -> whole-period problem that closes on itself, with a phase condition",
+            "the orbit has no reversal -> full-period problem that closes on itself, with a phase condition",
             "conservative, so periodic orbits are not isolated -> one unfolding parameter, zero on solutions",
         ]
     part = _PARTS[segments_per_period(ends)]

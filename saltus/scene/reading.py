@@ -97,7 +97,7 @@ def _is_number(value: Any) -> bool:
 NUMBER = Kind("a number", _is_number, float)
 FINITE = Kind("a finite number", lambda value: _is_number(value) and math.isfinite(value), float)
 POSITIVE = Kind("a number above 0", lambda value: _is_number(value) and 0.0 < value < math.inf, float)
-INTEGER = Kind("a whole number", lambda value: isinstance(value, int) and not isinstance(value, bool))
+INTEGER = Kind("an integer", lambda value: isinstance(value, int) and not isinstance(value, bool))
 TEXT = Kind("a string", lambda value: isinstance(value, str))
 TEXTS = Kind("a list of strings", lambda value: isinstance(value, list) and all(isinstance(entry, str) for entry in value), tuple)
 _MATRIX = Kind(

@@ -227,7 +227,7 @@ def _bounds(bounds: TomlTable) -> dict[str, Any]:
     quarter_period = bounds.get("quarter_period", POSITIVE)
     impacts = bounds.get("impacts", INTEGER)
     if impacts < 0:
-        raise bounds.wrong("impacts", impacts, "a whole number, 0 or more")
+        raise bounds.wrong("impacts", impacts, "an integer, 0 or more")
     return {"energy": (energy[0], energy[1]), "quarter_period": quarter_period, "impacts": impacts}
 
 

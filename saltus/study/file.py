@@ -111,7 +111,7 @@ def _numbers(file: TomlTable, design: str) -> dict[str, int]:
             raise BadInput(f"{file.where}: {key} goes with design = {only!r}; a grid has the points of its parameters")
         value = file.get(key, INTEGER)
         if not least <= value <= most:
-            raise file.wrong(key, value, f"a whole number from {least} to {most}")
+            raise file.wrong(key, value, f"an integer from {least} to {most}")
         out[key] = value
     return out
 
@@ -136,7 +136,7 @@ def _run(run: TomlTable, forced: bool) -> dict[str, Any]:
     if "impacts" in run.content:
         out["impacts"] = run.get("impacts", INTEGER)
         if out["impacts"] < 1:
-            raise run.wrong("impacts", out["impacts"], "a whole number above 0")
+            raise run.wrong("impacts", out["impacts"], "an integer above 0")
     return out
 
 
@@ -168,7 +168,7 @@ def _axes(vary: TomlTable, design: str) -> tuple[Axis, ...]:
         if design == "grid":
             points = axis.get("points", INTEGER)
             if points < 2:
-                raise axis.wrong("points", points, "a whole number, 2 or more")
+                raise axis.wrong("points", points, "an integer, 2 or more")
         elif "points" in axis.content:
             raise BadInput(f"{axis.where}: points goes with design = 'grid'; a hypercube has runs")
         axes.append(Axis(name, (), low, high, scale, points))

@@ -249,7 +249,7 @@ def test_samples_lie_on_the_flights(seed, lam):
         (([0.0], [1.0], -1.0), "duration is a finite time of 0 or more; received -1.0"),
         (([0.0], [1.0], math.nan), "duration is a finite time"),
         (([0.0, 0.0], [1.0], 1.0), "u is a list of 1 finite numbers"),
-        (([0.0], [1.0], 1.0, -1), "max_impacts is a whole number of 0 or more; received -1"),
+        (([0.0], [1.0], 1.0, -1), "max_impacts is an integer of 0 or more; received -1"),
         (([0.0], [1.0], 1.0, 10, "-"), r"no contact '-'; nearest: '\+'"),
     ],
 )

@@ -23,8 +23,8 @@ from bvp.stability import stability
 HUGE = 10**400
 DIGITS = 10**5000
 """More digits than Python writes."""
-LONG = "a whole number of 16610 bits, beyond all floats"
-BEYOND = "a whole number of 1329 bits, beyond all floats"
+LONG = "an integer of 16610 bits, beyond all floats"
+BEYOND = "an integer of 1329 bits, beyond all floats"
 
 
 def system(**changes):
@@ -48,11 +48,11 @@ CALLS = [
     (lambda branch: system(mu=HUGE), f"mu is a number; received {BEYOND}"),
     (lambda branch: saltus.load_scene(mu=HUGE), BEYOND),
     (lambda branch: saltus.Stop((HUGE,), 0.0, 1.0), "the gap row of a stop is a list of numbers; received (1000"),
-    (lambda branch: saltus.Stop((1.0,), 0.0, 10**5000), "upper of a stop is a number; received a whole number of 16610 bits"),
+    (lambda branch: saltus.Stop((1.0,), 0.0, 10**5000), "upper of a stop is a number; received an integer of 16610 bits"),
     (lambda branch: saltus.ImpactSystem([[10**5000]], [[0.0]], [[1.0]], [saltus.Stop((1.0,), 0.0)]), "mass is a square matrix of numbers"),
     (lambda branch: saltus.simulate(system(), [HUGE, 0], [0, 0], 1.0), "u is a list of 2 numbers; received [1000"),
     (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], HUGE), f"duration is a finite time of 0 or more; received {BEYOND}"),
-    (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], 1.0, HUGE), f"max_impacts is a whole number of 0 or more; received {BEYOND}"),
+    (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], 1.0, HUGE), f"max_impacts is an integer of 0 or more; received {BEYOND}"),
     (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], 1.0).sample([HUGE]), "times is a list of times; received [1000"),
     (lambda branch: saltus.trace("S13O00+", energy=(0.1, HUGE)), "energy range (0.1, 1000"),
     (lambda branch: saltus.trace("S13O00+", energy=(0.1, 1.0), points=HUGE), f"points = {BEYOND}: expected at least 1"),
@@ -69,7 +69,7 @@ CALLS = [
     (lambda branch: branch.orbit(DIGITS), f"point {LONG} does not exist: the branch has"),
     (lambda branch: branch.orbit(Integer(DIGITS)), f"point {LONG} does not exist: the branch has"),
     (lambda branch: branch.trace(-DIGITS), f"point {LONG} does not exist: the branch has"),
-    (lambda branch: branch.orbit(0).sample([DIGITS]), "times are numbers; received a list with a whole number beyond all floats"),
+    (lambda branch: branch.orbit(0).sample([DIGITS]), "times are numbers; received a list with an integer beyond all floats"),
     (lambda branch: branch.orbit(0).sample(HUGE), f"times are numbers; received {BEYOND}"),
     (lambda branch: branch.neighbours(DIGITS), f"an event is one of branch.events or its id; received {LONG}"),
     (lambda branch: branch.save(DIGITS), f"a path is text; received {LONG}, expected the name of a file"),
@@ -78,7 +78,7 @@ CALLS = [
     (lambda branch: saltus.Catalogue(DIGITS), f"a catalogue is the name of a file; received {LONG}"),
     (lambda branch: saltus.trace(DIGITS), f"a name is text such as S13O00+ or U8353-@h=1.9; received {LONG}"),
     (lambda branch: saltus.trace("S13O00+", direction=DIGITS), f"direction {LONG}: expected up, down or both"),
-    (lambda branch: saltus.section(system(), 1.0, crossings=DIGITS), f"crossings is a whole number from 1 to 1000000000; received {LONG}"),
+    (lambda branch: saltus.section(system(), 1.0, crossings=DIGITS), f"crossings is an integer from 1 to 1000000000; received {LONG}"),
     # bytes and text for numbers
     (lambda branch: system(mu=b"0.1"), "mu is a number; received b'0.1'"),
     (lambda branch: saltus.Stop((b"1",), 0.0), "the gap row of a stop is a list of numbers; received (b'1',)"),

@@ -415,7 +415,7 @@ def test_the_picture(capsys, tmp_path, catalogue, kind):
     words = ("run", "--on", "S13O00+", "--energy", "0.4", *DAMPED, "--duration", "60")
     assert run(capsys, *words, "--plot", tmp_path / f"own.{kind}")[0] == 0
     code, out, _ = run(capsys, *words, "--plot", tmp_path / f"kept.{kind}", "--catalogue", catalogue, "--clearance", "0.1")
-    assert code == 0 and "the picture is in natural units" in out
+    assert code == 0 and "the figure is in natural units" in out
     for name in ("own", "kept"):
         assert (tmp_path / f"{name}.{kind}").read_bytes().startswith(begins)
 

@@ -257,7 +257,7 @@ def test_a_family_with_several_orbits_asks_which(tmp_path, capsys):
         ("runs = 60\n", "", ["runs is missing"]),
         ('design = "hypercube"\n', "", ["design is missing", "grid or hypercube"]),
         ("runs = 60", "runs = 0", ["runs = 0", "from 2"]),
-        ("runs = 60", "runs = 1.5", ["runs = 1.5", "whole number"]),
+        ("runs = 60", "runs = 1.5", ["runs = 1.5", "integer"]),
         ("to = 1.0\n", "to = 1.5\n", ["to = 1.5", "0 to 1"]),
         ("to = 10.0", "to = 0.01", ["to = 0.01", "above from"]),
         ("from = 0.06", "from = -1", ["from = -1", "above 0"]),

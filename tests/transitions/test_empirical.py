@@ -82,7 +82,7 @@ def test_a_missing_package_is_told_in_one_line(monkeypatch):
         (TIMES**2, TIMES, None, "equal steps"),
         (TIMES[:5], TIMES[:5], None, "8 times or more"),
         (TIMES, np.exp(1j * TIMES), None, "real numbers; received complex128"),
-        (TIMES, np.cos(TIMES), 0, "most is a whole number"),
+        (TIMES, np.cos(TIMES), 0, "most is an integer"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(times, signal, most, said):

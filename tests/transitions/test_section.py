@@ -368,7 +368,7 @@ def test_the_plane_and_its_boundary():
         (lambda: SectionPlane(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), [Stop((1, 0), -1, 1)]), 1.0), "LO = u1 or u2"),
         (lambda: SectionPlane(vibro_impact_nes(), 0.0), "above 0; received 0.0"),
         (lambda: SectionPlane(vibro_impact_nes(), math.nan), "received nan"),
-        (lambda: section(vibro_impact_nes(), 1.0, orbits=0), "orbits is a whole number from 1 to 1000000000; received 0"),
+        (lambda: section(vibro_impact_nes(), 1.0, orbits=0), "orbits is an integer from 1 to 1000000000; received 0"),
         (lambda: section(vibro_impact_nes(), 1.0, starts=[[0.0, 99.0]]), r"inside the bounding curve .* received \[0.0, 99.0\]"),
         (
             lambda: SectionPlane(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), [Stop((1, 0), 0.5, 1)], primary=1), 0.1),

@@ -114,7 +114,7 @@ def with_room(axes: Axes, marks: Sequence[OrbitMark]) -> list[OrbitMark]:
 
 
 MOST_NAMES = 25
-"""Periodic orbits named in a picture of one section, at most."""
+"""Periodic orbits named in a figure of one section, at most."""
 
 _COLUMNS, _PANEL = 2, 2.35
 _SINGLE = 5.6
@@ -135,7 +135,7 @@ _WALL: dict[str, Any] = {"color": BLACK, "linewidth": 1.8, "solid_capstyle": "bu
 
 
 def section_figure(views: Sequence[SectionView], *, colour: str = "none", caption: str = "", names: int = MOST_NAMES) -> Figure:
-    """The picture of sections.
+    """The figure of sections.
 
     Parameters
     ----------
@@ -263,11 +263,11 @@ def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, na
     assert values is not None
     own = [np.broadcast_to(values[m], shown[m].shape)[shown[m]] for m in chosen]
     at = np.concatenate([np.tile(value, 2 if images else 1) for value in own])
-    told = np.isfinite(at)
-    axes.plot(points[~told, 0], points[~told, 1], color=GREY, **_DOTS)[0].set_gid(f"{name}-untold")
+    known = np.isfinite(at)
+    axes.plot(points[~known, 0], points[~known, 1], color=GREY, **_DOTS)[0].set_gid(f"{name}-unknown")
     size = (1.3 * _DOT) ** 2
-    x, y = points[told].T
-    axes.scatter(x, y, size, at[told], cmap=_MAP, norm=norm, linewidths=0, rasterized=True).set_gid(f"{name}-points")
+    x, y = points[known].T
+    axes.scatter(x, y, size, at[known], cmap=_MAP, norm=norm, linewidths=0, rasterized=True).set_gid(f"{name}-points")
     return len(chosen)
 
 

@@ -59,12 +59,12 @@ def shown_spectrum(transition: Transition) -> Spectrum:
     if transition.frequencies is not None:
         return spectrum
     w, _ = record.along(transition.gap)
-    whole = np.pad(w - w.mean(), len(w) // 2, mode="reflect")
-    power = np.abs(np.fft.rfft(whole * np.hanning(len(whole)))) ** 2
+    padded = np.pad(w - w.mean(), len(w) // 2, mode="reflect")
+    power = np.abs(np.fft.rfft(padded * np.hanning(len(padded)))) ** 2
     if not power.sum() > 0.0:
         return spectrum
     shares = np.cumsum(power) / power.sum()
-    high = 4.0 * np.pi * float(np.fft.rfftfreq(len(whole), record.step)[np.searchsorted(shares, 1.0 - _POWER)])
+    high = 4.0 * np.pi * float(np.fft.rfftfreq(len(padded), record.step)[np.searchsorted(shares, 1.0 - _POWER)])
     if high <= spectrum.frequencies[-1]:
         return spectrum
     try:
@@ -140,7 +140,7 @@ _COLUMNS, _INTERVALS = 1400, 600  # times, and intervals of energy, that a spect
 _POINTS = 8000  # of a line over time
 _DARK = 0.65  # of the way to black that the largest amplitude goes: lines and names on it stay in sight
 _MANY_FOLD = 10.0  # a range of frequencies that rises by more gets a logarithmic axis
-_FINE = 0.55  # families, thinner than in a picture of their own
+_FINE = 0.55  # families, thinner than in a figure of their own
 _LETTER_ROOM, _LETTER_HIGH, _LETTER_ROWS = 7.0, 10.0, 4  # points that the letter of a stage needs; rows of letters
 _MOST_LETTERS = 12
 _CAPTION = 150  # letters in a line of the caption
@@ -158,7 +158,7 @@ def draw_transition(
     caption: str = "",
     format: str | None = None,
 ) -> None:
-    """Write the picture of a motion to a png, pdf or svg file.
+    """Write the figure of a motion to a png, pdf or svg file.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def draw_transition(
 
 
 def transition_figure(transition: Transition, atlas: Atlas | None = None, caption: str = "") -> Figure:
-    """The picture of a motion as a matplotlib figure.
+    """The figure of a motion as a matplotlib figure.
 
     Parameters
     ----------
@@ -285,14 +285,14 @@ def _draw_lost(axes: Axes, transition: Transition) -> None:
     record = transition.record
     few = _thinned(record.times)
     nes, lo = record.dissipated_nes, record.dissipated_lo
-    whole = float(record.energy[-1] + nes[-1] + lo[-1]) if record.from_rest else float(record.energy[0])
+    total = float(record.energy[-1] + nes[-1] + lo[-1]) if record.from_rest else float(record.energy[0])
     # The sum lies below and is wider: one that is all of it does not hide it.
     sink = transition.system.absorber is not None or record.nes_energy.any()
     first, second = ("sink", "oscillator") if sink else ("stops", "rest")
     for name, values, colour, width in (("both", nes + lo, BLACK, 2.4), (first, nes, LINES[0], 1.0), (second, lo, LINES[1], 1.0)):
-        (line,) = axes.plot(record.times[few], 100.0 * values[few] / whole, color=colour, linewidth=width, label=name)
+        (line,) = axes.plot(record.times[few], 100.0 * values[few] / total, color=colour, linewidth=width, label=name)
         line.set_gid(f"lost-{name}")
-    top = max(100.0, 105.0 * float(np.max(nes + lo)) / whole if np.max(nes + lo) > whole * (1.0 + 1e-9) else 0.0)
+    top = max(100.0, 105.0 * float(np.max(nes + lo)) / total if np.max(nes + lo) > total * (1.0 + 1e-9) else 0.0)
     set_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
     _time_axis(axes, transition, 5)
     axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
@@ -409,7 +409,7 @@ def _with_name(atlas: Atlas, start: StartFamily | None) -> Atlas:
 
 
 def _below(figure: Figure, transition: Transition, caption: str, short: Mapping[str, str]) -> None:
-    """Below the picture: its caption, the family of the start, and what each stage follows."""
+    """Below the figure: its caption, the family of the start, and what each stage follows."""
     from matplotlib.lines import Line2D
 
     stages, start = transition.stages, transition.start
@@ -428,7 +428,7 @@ def _below(figure: Figure, transition: Transition, caption: str, short: Mapping[
 
 
 def _called(family: str, label: str, short: Mapping[str, str]) -> str:
-    """A family as it is written below the picture."""
+    """A family as it is written below the figure."""
     from branches.naming.labels import latex, parse
 
     if not label:

@@ -22,7 +22,7 @@ GUESSES = 600
 """Starts of Newton's method, spread over the section."""
 
 SETTLED = 1e-4
-"""Largest difference of the numbers of both halves of an orbit, in turns. With a larger one the orbit has no rotation number."""
+"""Largest difference of the numbers of both halves of an orbit, in rotations. With a larger one the orbit has no rotation number."""
 
 FEWEST = 20
 """Least number of crossings for a rotation number."""
@@ -132,7 +132,7 @@ class Rotations:
     ----------
     numbers : (m,) ndarray
         In [0, 1); NaN if the orbit has none. The direction is from +y to +x, as free oscillations turn in a plane of displacement and
-        velocity. Complete turns are left out.
+        velocity. Complete rotations are left out.
     about : (m,) ndarray of int
         Index in `centres` of the point that the orbit goes around; -1 if it goes around none of them.
     centres : tuple of FixedPoint
@@ -205,18 +205,18 @@ def _turning(points: np.ndarray) -> tuple[float, float] | None:
     points do not go around the origin."""
     if len(points) < FEWEST or not np.abs(points).max() > 1e-9 or _widest_gap(_angles(points)) >= math.pi:
         return None
-    # A curve makes the same turns around all points inside. Seen from its middle, the angle is evenly spread along it.
+    # A curve makes the same rotations around all points inside. Seen from its middle, the angle is evenly spread along it.
     found = [step for middle in (np.zeros(2), points.mean(axis=0)) if (step := _mean_step(_angles(points - middle))) is not None]
-    turns, spread = min(found, key=lambda step: (math.isnan(step[0]), step[1]))
-    if math.isnan(turns):
+    rotations, spread = min(found, key=lambda step: (math.isnan(step[0]), step[1]))
+    if math.isnan(rotations):
         return math.nan, spread
-    if abs(turns - round(turns)) * (len(points) - 1) < 0.5:
+    if abs(rotations - round(rotations)) * (len(points) - 1) < 0.5:
         return None  # points on a crescent around the origin go back and forth
-    return float(np.mod(turns, 1.0)), spread
+    return float(np.mod(rotations, 1.0)), spread
 
 
 def _mean_step(angles: np.ndarray) -> tuple[float, float] | None:
-    """Mean step of angles in turns, NaN if it does not settle, and the range of the steps. None if half of the circle is empty."""
+    """Mean step of angles in rotations, NaN if it does not settle, and the range of the steps. None if half of the circle is empty."""
     if _widest_gap(angles) >= math.pi:
         return None
     # On a curve around the origin the step is a continuous function of the angle. So each step is unwrapped beside its neighbours in angle.

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["Section", "SectionEnd", "follow_crossings", "section"]
 
 SETTLING = 0.1
-"""Fraction of an orbit's crossings that its Lyapunov exponent leaves out. There the perturbation turns to its fastest direction."""
+"""Fraction of an orbit's crossings that its Lyapunov exponent leaves out. There the perturbation rotates to its fastest direction."""
 
 MOST = 10**9
 """Largest number of orbits, and of crossings of each, that can be asked for."""
@@ -184,7 +184,7 @@ def section(
     plane = SectionPlane(system, energy)
     for name, value in (("orbits", orbits), ("crossings", crossings)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 < value <= MOST:
-            raise ValueError(f"{name} is a whole number from 1 to {MOST}; received {shown(value)}")
+            raise ValueError(f"{name} is an integer from 1 to {MOST}; received {shown(value)}")
     if longest is not None and not (is_finite(longest) and longest > 0.0):
         raise ValueError(f"longest is a finite time above 0; received {shown(longest)}")
     points = plane.starts(orbits) if starts is None else checked_points(starts, "starts")
