@@ -45,6 +45,7 @@ __all__ = [
     "apart",
     "check_figure",
     "check_writable",
+    "drawn",
     "json_text",
     "output_folder",
     "output_path",
@@ -331,6 +332,27 @@ class Outputs:
                     if path != STANDARD_OUTPUT:
                         self.report([f"wrote  {path}" + (f": {notes[kind]}" if notes and kind in notes else "")])
         return after(interrupt, code)
+
+
+def drawn(figure: str, *data: Any, **options: Any) -> Callable[[Path], None]:
+    """The function that draws data into a file, for `Outputs.write`. What draws is loaded when the file is written.
+
+    Parameters
+    ----------
+    figure : str
+        The function that makes the figure, as "module:function".
+    *data, **options
+        What it takes.
+    """
+
+    def plot(path: Path) -> None:
+        from pkgutil import resolve_name
+
+        from branches.figures.style import write_figure
+
+        write_figure(resolve_name(figure), path, *data, **options)
+
+    return plot
 
 
 def json_text(record: dict[str, Any]) -> str:

@@ -212,16 +212,11 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
 
         write_atlas(atlas, path)
 
-    def plot(path: Path) -> None:
-        from branches.figures.atlas import draw_atlas, velocities_figure
-        from branches.figures.style import write_figure
-
-        names = {} if arguments.names is None else {"names": arguments.names}
-        if arguments.what == "velocities":
-            write_figure(velocities_figure, path, atlas, **names)
-        else:
-            draw_atlas(atlas, path, frequency=arguments.frequency, insets=insets, **names)
-
+    names = {} if arguments.names is None else {"names": arguments.names}
+    if arguments.what == "velocities":
+        plot = outputs.drawn("branches.figures.atlas:velocities_figure", atlas, **names)
+    else:
+        plot = outputs.drawn("branches.figures.atlas:atlas_figure", atlas, frequency=arguments.frequency, insets=insets, **names)
     return files.write(files=dict.fromkeys(files.places, write_data), plot=plot)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from saltus import catalogues, options, outputs
@@ -53,12 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.export.tables import orbit_rows
     from branches.record import orbit_to_csv, orbit_to_json
 
-    def plot(path: Path) -> None:
-        from branches.figures.single import orbit_figure
-        from branches.figures.style import write_figure
-
-        write_figure(orbit_figure, path, orbit)
-
+    plot = outputs.drawn("branches.figures.single:orbit_figure", orbit)
     texts = {"json": lambda: orbit_to_json(orbit), "csv": lambda: orbit_to_csv(orbit)}
     return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), plot=plot)
 

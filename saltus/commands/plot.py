@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus import outputs
@@ -59,12 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.report([f"{len(study)} of {study.plan.count} runs are finished"])
     files.report(best_lines(study, study.best(best), best))
 
-    def plot(path: Path) -> None:
-        from branches.figures.style import write_figure
-        from transitions.figures import study as figures
-
-        write_figure(getattr(figures, f"{view}_figure"), path, study, **options)
-
+    plot = outputs.drawn(f"transitions.figures.study:{view}_figure", study, **options)
     return files.write(table=lambda: {"run": study.runs, **study.given, **{name: study[name] for name in study.names}}, plot=plot)
 
 

@@ -7,7 +7,6 @@ import json
 import math
 import time
 from collections import Counter
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from saltus import catalogues, options, outputs
@@ -101,12 +100,8 @@ def run(arguments: argparse.Namespace) -> int:
     if caption:
         files.report([f"note   {caption}"])
 
-    def plot(path: Path) -> None:
-        from branches.figures.style import write_figure
-        from transitions.figures.section import section_figure
-
-        names = {} if arguments.names is None else {"names": arguments.names}
-        write_figure(section_figure, path, views, colour=arguments.colour, caption=caption, **names)
+    names = {} if arguments.names is None else {"names": arguments.names}
+    plot = outputs.drawn("transitions.figures.section:section_figure", views, colour=arguments.colour, caption=caption, **names)
 
     from transitions.section.view import views_table
 

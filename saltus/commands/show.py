@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogues, outputs
@@ -36,13 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
         lines = _lines(catalogue, match, record)
         orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
 
-    def plot(path: Path) -> None:
-        from branches.figures.single import orbit_figure
-        from branches.figures.style import write_figure
-
-        assert orbit is not None
-        write_figure(orbit_figure, path, orbit)
-
+    plot = outputs.drawn("branches.figures.single:orbit_figure", orbit)
     return files.finish(lines, lambda: record, plot=plot, notes={"plot": f"the orbit {name}"})
 
 
