@@ -51,7 +51,7 @@ class Barrier(NamedTuple):
 
 
 def stability_events(problem: MultipointProblem) -> tuple[str, ...]:
-    """Types of the events at which the stability of a family can change; empty where they are not all located.
+    """Types of the events at which the stability of a family can change; empty if some of them cannot be located.
 
     Two reversals a quarter period apart: the period doubles at tau_half = 0, inside the interval -2 < tau_half < 2 of the stable orbits.
     Periodic closures of more than two degrees of freedom: Krein collisions are not located.
@@ -131,19 +131,20 @@ def decide_between(
 
 
 def _agreed(stable: list[int], solve: Callable[[int], int]) -> list[int]:
-    """The stability of the points of an interval without an event, where neighbours differ in fifty digits: beside a branch point the error
-    of an orbit can be larger than its estimate in double precision."""
-    out, asked = list(stable), set[int]()
-    while doubtful := {k for pair in pairwise(range(len(out))) if sorted(out[k] for k in pair) == [0, 1] for k in pair} - asked:
-        for k in sorted(doubtful):
+    """The stability of the points of an interval without an event. Neighbours with opposite stability are solved again in fifty digits.
+
+    Near a branch point the error of an orbit can exceed its estimate in double precision."""
+    out, solved = list(stable), set[int]()
+    while uncertain := {k for pair in pairwise(range(len(out))) if sorted(out[k] for k in pair) == [0, 1] for k in pair} - solved:
+        for k in sorted(uncertain):
             found = solve(k)
             out[k] = found if found >= 0 else out[k]
-        asked |= doubtful
+        solved |= uncertain
     return out
 
 
 def _filled(stable: list[int], solve: Callable[[int], int]) -> list[int]:
-    """The stability of the points of an interval without an event, from that of some of them; `solve` gives it in fifty digits."""
+    """The stability of all points of an interval without an event, of which some are decided; `solve` decides others in fifty digits."""
     out = list(stable)
 
     def ask(first: int, last: int) -> None:
@@ -197,8 +198,11 @@ class Missed(NamedTuple):
 
 
 class _Level(NamedTuple):
-    """A level of the trace. name: a text. side: of each point, +1 above, -1 below, 0 open. events: those at which the trace crosses the
-    level. touching: types of events at which it can also turn back. types: of the events at such crossings. limit: of stability."""
+    """A level of the trace, for example +2.
+
+    name: a text. side: +1 for each point above the level, -1 below, 0 undecided. events: where the trace crosses the level. touching: types
+    of events at which the trace can also touch the level and turn back. types: types of the events at a crossing. limit: whether the level
+    is a limit of stability."""
 
     name: str
     side: np.ndarray
@@ -209,7 +213,7 @@ class _Level(NamedTuple):
 
 
 def missed_events(branch: Branch) -> list[Missed]:
-    """Events that the points of a branch need and that it does not have.
+    """Events that a branch lacks although its points show a crossing.
 
     Parameters
     ----------
@@ -222,9 +226,9 @@ def missed_events(branch: Branch) -> list[Missed]:
 
     Notes
     -----
-    The trace is tau_half where the branch has it, else tau. Its levels are +2, -2, those of the resonances and, for tau_half, 0, where the
-    period doubles. The side of +2 and -2 follows from the stability, which is decided by more than its error. A system of more than two
-    degrees of freedom has several traces: there only a change of stability is seen.
+    The trace is tau_half if the branch has it, else tau. Its levels are +2, -2, the levels of the resonances and, for tau_half, 0 (period
+    doubling). The stability of a point, which is decided beyond its error, gives the side of +2 and -2. A system of more than two degrees
+    of freedom has several traces. There only changes of stability are checked.
     """
     found = [missed for level in _levels(branch) for missed in _crossings(branch, level)]
     return sorted([*found, *_turning_points(branch)], key=lambda missed: missed.points)
@@ -293,7 +297,7 @@ def _is_hidden(first: Orbit, second: Orbit) -> bool:
 
 
 def _turning_points(branch: Branch) -> Iterator[Missed]:
-    """Turning points of the energy that are no SN and no BP, and an SN at which the energy does not turn."""
+    """Turning points of the energy without an SN or BP, and SN events without a turning point."""
     h = branch.points["h"]
     extrema = list(_extrema(branch))
     folds = {event.point for event in branch.events if event.type == "SN"}
@@ -310,10 +314,10 @@ def _turning_points(branch: Branch) -> Iterator[Missed]:
 
 
 def _extrema(branch: Branch) -> Iterator[tuple[int, int]]:
-    """Ranges (first, last) of points at the turning points of the energy: those that rounding does not tell from the extremum.
+    """Ranges (first, last) of points that cannot be distinguished from a turning point of the energy, one range for each turning point.
 
-    A turning point counts where the energy returns by more than its error, which beside a branch point grows with the inverse of the
-    smallest pivot. Where the extremum itself is not known so well, the energy returns between two points behind it."""
+    A turning point counts if the energy then returns by more than its error. Near a branch point this error grows with the inverse of
+    the smallest pivot."""
     h = branch.points["h"]
     least = float(roundings(branch.problem.inner, 1.0))
     # log h is one of the coordinates of the arclength.

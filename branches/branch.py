@@ -146,7 +146,7 @@ class Branch:
         return self.full_family.others
 
     def has_id(self, text: str) -> bool:
-        """Whether a family's id is that of this branch's family, also where rounding gave it another hash."""
+        """Whether `text` is an id of this branch's family. It has several if a number in its hash is at a border of rounding."""
         return text in self.full_family.ids
 
     def unknowns(self, i: int) -> np.ndarray:

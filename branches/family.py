@@ -145,7 +145,7 @@ def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
 
 
 class AdvancedSteps(Sequence[Step]):
-    """The steps in the rows of a block; each becomes a `Step` when it is asked for."""
+    """The steps in the rows of a block; a `Step` is created on access."""
 
     __slots__ = ("block",)
 

@@ -49,7 +49,7 @@ FINER = 4
 """How often steps are halved for a family that they leave at a branch point."""
 
 PARTS = (0.5, 0.3, 0.8)
-"""Parts of its length from where a family is followed again."""
+"""Points from which a family is followed again, as parts of its length."""
 
 WINDOW = (1e-3, 1e5)
 """Energies, in units of `energy_scale`, at which a family's ends are looked for."""
@@ -68,7 +68,7 @@ _REACH = 1e-7
 
 
 class Followed(Protocol):
-    """What the identity of a branch's family depends on. `branches.branch.Branch` has it, and imports this module."""
+    """The attributes of a branch that identify its family. This module cannot import `branches.branch.Branch`, which imports it."""
 
     @property
     def problem(self) -> MultipointProblem: ...
@@ -94,14 +94,14 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class FullFamily:
-    """What is known of a family beyond a branch of it.
+    """A family as a whole, found by following a branch past its cut ends.
 
     Parameters
     ----------
     ids : tuple of str
-        Its id; more than one where a number is at a border of rounding: each names the family.
+        Its id. There are several if a number of its hash is at a border of rounding; each of them names the family.
     marks : tuple of FamilyMark
-        What identifies it; more than one where ends tie.
+        The orbits that identify it; several if they are equal within their errors.
     closed : bool
     others : tuple of Piece
         The other pieces into which the branch's range of energies cuts the family.
@@ -157,8 +157,10 @@ class FullFamily:
 
 
 def energy_scale(system: ImpactSystem) -> float:
-    """Energy at which the fastest mode would move a stop's effective mass through its gap, the largest of all stops: the order of the
-    energies at which impacts begin. 1 where no mode has a frequency, or no stop a finite gap."""
+    """Order of magnitude of the energies at which impacts begin.
+
+    It is the energy of a stop's effective mass that oscillates through its gap in the fastest mode, the largest of all stops. It is 1 if
+    no mode has a frequency, or no stop a finite gap."""
     modes = system.modes
     fastest = float(np.max(modes.squares))
     n = system.degrees_of_freedom
@@ -306,8 +308,8 @@ def _runs(inside: np.ndarray) -> int:
 
 
 def _primitive(branch: Followed, points: list[int]) -> tuple[MultipointProblem, np.ndarray]:
-    """The problem and an orbit of the branch; those of its primitive orbits where the branch solves more than these, or with fewer
-    symmetries than they have. Two orbits are asked: at a bifurcation a single one has more symmetry than its family."""
+    """The problem and one orbit of the branch. If the branch solves covers, or uses fewer symmetries than its orbits have, the result is
+    its primitive orbit with all symmetries. Two orbits are tested, since one orbit at a bifurcation has more symmetry than its family."""
     problem = branch.problem
     length = branch.points["arclength"]
     middle = min(points, key=lambda i: abs(float(length[i]) - 0.5 * float(length[points[0]] + length[points[-1]])))
@@ -368,16 +370,16 @@ def _marks(family: Family, curve: _Curve) -> tuple[FamilyMark, ...]:
     else:
         marks = [mark_of("EP", problem, y) for y in curve.cuts]
     for name in ("h", "alpha", "pattern"):
-        # Numbers that are equal within their error do not decide; what does not decide at all stays as a further mark.
+        # Marks that are equal within their error cannot be ordered, so all of them are kept.
         least = min(getattr(mark, name) for mark in marks)
         marks = [mark for mark in marks if getattr(mark, name) <= least * (1.0 + TIE)]
     return tuple(sorted(marks))
 
 
 def _polished(family: Family, y: np.ndarray, tests: tuple[int, ...]) -> np.ndarray:
-    """A located orbit moved to the zero of that one of the tests whose zero is nearest, beyond the tolerance of its location.
+    """Move a located orbit to the nearest zero of one of the test functions, more accurately than its location.
 
-    Two runs then agree on its numbers to rounding, and not only to the tolerance.
+    The numbers of two runs then agree to rounding, not only to the tolerance of location.
     """
     here = family.begin(y)
     if not here.converged:
@@ -397,7 +399,7 @@ def _polished(family: Family, y: np.ndarray, tests: tuple[int, ...]) -> np.ndarr
 
 
 def _others(curve: _Curve, energies: tuple[float, float]) -> tuple[Piece, ...]:
-    """The pieces of the family inside a range of energies but for the one that it was followed from."""
+    """The pieces of the family inside a range of energies, except the piece where the branch started."""
     # Places along the curve, counted in points, where it crosses a bound; between two of them it is inside or outside.
     level = np.log(curve.h)
     places = [0.0, float(len(level) - 1)]

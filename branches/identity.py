@@ -141,7 +141,7 @@ def cover_of(problem: MultipointProblem, solution: Solution) -> int:
 
 @lru_cache(maxsize=4096)
 def _may_repeat(ends: Ends, sequence: ImpactSequence) -> bool:
-    """Whether the impacts of a period, by their contacts alone, are those of a shorter one run through again, or of its mirror image."""
+    """Whether the contact sequence of a period repeats a shorter sequence, or a shorter sequence and its mirror image in turn."""
     letters = full_sequence(sequence, ends)
     count = len(letters)
     if any(count % d == 0 and letters[d:] + letters[:d] == letters for d in range(1, count)):

@@ -1,8 +1,8 @@
 """Compiled code for families of orbits: the test functions, and the advance by many steps in one call.
 
-The test functions, n = 2, are pure functions of what the kernels know of an orbit. `branches.family` calls them as they stand, and
-`advance_block` compiles the very same ones. A block predicts, corrects, judges and measures each step, and chooses the next one. Its
-duties are those of `continuation.problem.Advance`, and its judgement is that of `continuation.control`.
+The test functions for two degrees of freedom are pure functions of the kernels' results for an orbit. `branches.family` calls them from
+Python, and `advance_block` compiles the same functions. A block predicts, corrects, judges and measures each step, and chooses the next
+one. It fulfils the contract of `continuation.problem.Advance`, and accepts and refuses steps by `continuation.control`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _ACCURATE = 1e-12
 """Scaled residual below which a solution is an orbit."""
 
 _CLEAR = 1e3
-"""Clearance that stands for every larger one."""
+"""Larger clearances are replaced by this value."""
 
 NOISE = 2e-13
 """Part of the half map's largest entry below which an entry is rounding: a conserved momentum makes one vanish all along a family, and
@@ -80,13 +80,13 @@ _CLEAR_SLOPE = 0.05
 
 
 def is_orbit(result: Any) -> bool:
-    """Whether the result entries are those of an accurate orbit of which everything could be found out."""
+    """Whether the step converged accurately and no search of its observation gave up."""
     return result[CONVERGED] == 1.0 and result[RESIDUAL] < _ACCURATE and not result[GAVE_UP] == 1.0
 
 
 def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> None:
     """The first `COMMON` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's logarithm (low, high)
-    and of the quarter period's, impulsive orbits, and the key that stands for the label."""
+    and of the quarter period's, impulsive orbits, and a number that identifies the label."""
     level = math.log(result[ENERGY])
     pivot = result[BRANCHING]
     slope = abs(result[SLOPE])
@@ -173,7 +173,7 @@ class Block(NamedTuple):
     ends: np.ndarray  # (steps + 1, k + 1, N)
     result: np.ndarray  # (steps + 1, len(RESULT))
     tests: np.ndarray  # (steps + 1, tests)
-    lengths: np.ndarray  # (steps + 1, 2) length asked for, arclength
+    lengths: np.ndarray  # (steps + 1, 2) requested length, arclength
 
 
 class WatchedTests(NamedTuple):

@@ -24,7 +24,7 @@ _ALONE = 1e-6
 @brief
 @dataclass(frozen=True)
 class LinearMode:
-    """A mode of free motion, which exists up to the energy at which it touches a stop.
+    """A mode of free motion. As an orbit it exists up to the energy at which it touches a stop.
 
     Parameters
     ----------

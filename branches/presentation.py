@@ -39,7 +39,7 @@ SAME = 1e-7
 class Presentation(NamedTuple):
     """A presentation of an orbit: its ends, inner contacts, start state, the states after its inner impacts, flight times.
 
-    For periodic ends `sequence` is that of the full period, whose first impact is the start; `nodes` are those after it.
+    For periodic ends, `sequence` covers the full period and begins with the impact at the start; `nodes` are the states after the others.
     """
 
     ends: Ends

@@ -25,7 +25,7 @@ __all__ = ["RecordError", "branch_of_record", "check_branch", "check_points", "p
 
 
 class RecordError(ValueError):
-    """A file that holds no branch that can be read; the message is one line."""
+    """The file does not contain a readable branch; the message is one line."""
 
 
 Check = Callable[[Any, str], None]
@@ -172,12 +172,12 @@ LENGTHS = ("flight_times", "multipliers", "impact_speeds")
 
 
 def check_branch(record: Any, schema: int) -> None:
-    """Refuse what is no record of a branch.
+    """Raise an error if an object is not the record of a branch.
 
     Parameters
     ----------
     record : object
-        What a JSON file holds.
+        The content of a JSON file.
     schema : int
         The schema that can be read.
 
@@ -217,11 +217,11 @@ def check_branch(record: Any, schema: int) -> None:
 
 
 AGREEMENT = 1e-9
-"""Part of its size by which a number of a point may differ from what the point's start and flight times give."""
+"""Relative tolerance between a stored number of a point and its value computed from the point's start and flight times."""
 
 
 def check_points(problem: MultipointProblem, points: Mapping[str, np.ndarray]) -> None:
-    """Refuse points whose energy or quarter period is not that of their own start and flights.
+    """Refuse a point if its energy or quarter period contradicts its start and flight times.
 
     Parameters
     ----------

@@ -45,8 +45,8 @@ _GAP = 1e-6
 
 
 _CONVERGED = 1e-5
-"""Newton's last change, as a part of the distance, of a first orbit: beside a singular point rounding leaves more than elsewhere, and
-the orbit is corrected along its family afterwards."""
+"""Largest last Newton correction of a first orbit, relative to its distance from the bifurcation. It is loose because rounding is large
+near a singular point; following the family corrects the orbit again."""
 
 _BEND = 0.1
 """How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""
@@ -87,7 +87,7 @@ class Image(NamedTuple):
 
 
 def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndarray) -> list[Image]:
-    """The images that keep an orbit and change one beside it: those that take one side of a bifurcation to the other.
+    """The symmetries that map an orbit to itself but change a nearby orbit: they map one side of a bifurcation to the other.
 
     Parameters
     ----------
@@ -162,8 +162,8 @@ class EmanatingFamily(NamedTuple):
     image : Image or None
         What takes this side to the other one, where that is its image: the other side is then no emanating family of its own.
     cover : int
-        0 for a family of orbits that are solved as they are. Else the family is that of a primitive orbit, which was met run through
-        so often, or (1) as an orbit of more symmetry than the old family's; it goes on to both sides of `step`.
+        0 if the family's orbits are solved as they were found. k > 1: the orbit found is a k-fold cover, and the family is the one of its
+        primitive orbit. 1: the orbit found has more symmetry than the old family. In both cases it continues to both sides of `step`.
     """
 
     problem: MultipointProblem
@@ -189,8 +189,8 @@ def switch(branch: Branch, event: BranchEvent | str, **options: Any) -> list[Bra
     list of Branch
         One for each side of each family. Where the two sides are images of each other, the second is the exact image of the first: the
         same points and events, and one id. Where they are the same orbits started at different times (at a PD, and at an RT with
-        even q), there is one. A branch point at which the other family is that of a multiple cover of a primitive orbit, or of orbits
-        with more symmetry, gives the family of that orbit alone, followed both ways. `Branch.cover` is the number of periods in the cover.
+        even q), there is one. If the other family at a branch point consists of multiple covers, or of orbits with more symmetry, the
+        result is the family of the primitive orbit alone, followed in both directions. `Branch.cover` counts the periods in the cover.
 
     Raises
     ------
@@ -401,8 +401,8 @@ def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
 def _beside(problem: MultipointProblem, y: np.ndarray, way: np.ndarray, scale: np.ndarray, distance: float) -> np.ndarray | None:
     """The way from an orbit, in units of the scales, to the one at a distance along a unit direction; None where Newton fails.
 
-    The distance is that of all unknowns: a new family can leave nearly along the old one in the start state, in which a branch's
-    arclength is measured.
+    The distance counts all unknowns. A branch's arclength measures the start state only, and in it a new family can leave almost along
+    the old one.
     """
     apart = distance * way
     for _ in range(12):

@@ -31,7 +31,7 @@ EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 """Types of events, see `branches.family`."""
 
 HIGHEST = 1e12
-"""Energy at which a family ends where no range is given: beyond it the elastic forces are lost beside the speeds of the impacts."""
+"""Highest energy of a family if no range is given. Above it, rounding of the impact speeds hides the elastic forces."""
 
 UNDECIDED_AT = ("SN", "BP", "SB", "PD")
 """Events at which a multiplier is at its bound. Only the location error would decide stability there, so it is not given."""
@@ -254,7 +254,7 @@ def extend(branch: Branch, i: int, **options: Any) -> Branch:
 
 
 def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
-    """The error with what was computed before it as its attribute `branch`."""
+    """The error, with the points computed before it as its attribute `branch`."""
     if branch is not None:
         error.branch = branch  # type: ignore[attr-defined]
     return error
@@ -292,7 +292,7 @@ class _Collector:
 
     @contextmanager
     def keeping(self) -> Iterator[None]:
-        """Let an error within the block carry what was computed before it."""
+        """Attach the points computed so far to an error raised in the block."""
         try:
             yield
         except (KeyboardInterrupt, RuntimeError) as error:
@@ -316,7 +316,7 @@ class _Collector:
                 self.on_point(self.count)
 
     def face(self, point: Point) -> None:
-        """Know the half that a point goes on with."""
+        """Record which half of the run a point continues."""
         assert self.begin is not None
         if point.index == 1:
             rises = self.direction == 0 or (point.step.parameter - self.begin.step.parameter) * self.direction >= 0.0

@@ -46,7 +46,7 @@ _SAME = 1e-8
 """Relative difference of the energies of one event on two families."""
 
 _RANGE = 1e-6
-"""Part by which the ends of a family that was followed twice may differ."""
+"""Relative tolerance for the ends of a family that was followed twice."""
 
 _UNFOLDED = "unfolded "
 
@@ -59,7 +59,7 @@ _LOST = "the family that is born here cannot be distinguished from this one: nex
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a build is."""
+    """The progress of a build: families kept, seeds queued, points, events, and the number of the level of energies."""
 
     families: int
     queued: int
@@ -80,13 +80,13 @@ def build(
     Parameters
     ----------
     catalogue : Catalogue
-        Opened to add to. What it holds of an earlier build with the same plan is gone on from; families that were saved into it by
-        themselves are followed anew, within the plan's limits; one that has no orbit inside them is refused.
+        Opened for writing. If it contains an earlier build with the same plan, this one continues that build. Families that were saved
+        one by one are followed again within the plan's limits. A saved family without an orbit inside the limits is refused.
     plan : BuildPlan
     executor : concurrent.futures.Executor
         Where the work is done.
     workers : int
-        How many work on it; changes nothing but the time.
+        Number of workers of the executor. The result does not depend on it.
     on_progress : callable, optional
 
     Returns
@@ -97,8 +97,8 @@ def build(
         `branches.building.plan.open_ranges`), ``incomplete`` (energies at which a search is not complete), ``beyond`` (neighbours outside
         the bounds), ``halves`` (families of which one side of a branch point was followed, the other being its image), ``lost``
         (bifurcations at which no new family was found), ``digits`` (``orbits`` solved in fifty digits to decide their stability,
-        and the ``seconds`` that it took), ``missed`` (events that a family needs and does not have), ``failed`` (what could not
-        be done); all as texts.
+        and the ``seconds`` that it took), ``missed`` (events that a family needs and does not have), ``failed`` (work that
+        failed); all as texts.
 
     Raises
     ------
@@ -304,7 +304,7 @@ class _Build:
         self.catalogue.note("report", self.report)
 
     def _count(self, **more: Any) -> None:
-        """Add numbers to those of the report, and items to its lists."""
+        """Add numbers and list items to the entries of the report."""
         if any(more.values()):
             for name, value in more.items():
                 self.report[name] += value
@@ -384,7 +384,7 @@ class _Build:
             self._extend(answer.seeds)
 
     def _covers(self, row: FamilyRow, branch: Branch, seed: Seed) -> bool:
-        """Whether the ranges of a kept family contain those of a branch of it within the bounds."""
+        """Whether a kept family covers the energies and quarter periods of another branch of it, within the bounds."""
         bounds, h, alpha = seed.bounds, branch.points["h"], branch.points["alpha"]
         inside = (h >= bounds.energy[0]) & (h <= bounds.energy[1]) & (alpha <= bounds.quarter_period)
         return not inside.any() or all(
@@ -413,7 +413,7 @@ class _Build:
         )
 
     def _event_there(self, link: Link, target: str) -> str:
-        """The event of the target at which it meets the source, "" where it has none."""
+        """Id of the target's event at the meeting with the source; "" if it has none."""
         slack = max(_SAME, link.width)
         same = [(id, orbit) for id, h, orbit in self.joins.get((target, link.type == "GR"), ()) if abs(h / link.h - 1.0) < slack]
         if len(same) < 2 or link.there is None:

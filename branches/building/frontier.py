@@ -1,8 +1,8 @@
 """A queue of work that grows while it is processed by any executor. Results do not depend on the number of workers or their timing.
 
-Seeds wait in a queue. Executors work ahead on those near its front, but what comes of them is taken in the queue's order, one at a time:
-new seeds go to the end. A seed that is known when its turn comes is taken without its result, whether it was worked on or
-not, so that what was known by chance at the time of submission changes nothing but the time.
+Seeds wait in a queue. The executor works ahead on seeds near the front, but results are taken one at a time, in the queue's order, and
+new seeds go to the end. If a seed is already known when its turn comes, its result is discarded. So the outcome does not depend on what
+was known when the seed was submitted.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from typing import Generic, NamedTuple, TypeVar
 __all__ = ["Frontier", "Taken"]
 
 LOOK = 8
-"""Seeds among which those to be worked on are looked for, for each one that may be."""
+"""Number of seeds at the front that are examined for each seed that may be submitted."""
 
 Seed = TypeVar("Seed")
 Result = TypeVar("Result")
 
 
 class Taken(NamedTuple, Generic[Seed, Result]):
-    """A seed whose turn came, and what came of it; None where it was known already."""
+    """A seed and its result; the result is None if the seed was already known when its turn came."""
 
     seed: Seed
     result: Result | None
 
 
 class Frontier(Generic[Seed, Result]):
-    """A queue of seeds and those that are worked on.
+    """A queue of seeds, some of which are being processed.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ class Frontier(Generic[Seed, Result]):
     ahead : int
         How many seeds near the front may be worked on at a time.
     kin : callable, optional
-        seed -> what seeds of which one may make another one known have in common; None: nothing. Such a seed is not worked on ahead of
-        its elders: its turn may find it known.
+        seed -> a group (None: no group). A result may make other seeds of the same group known, so a seed is not processed before the
+        earlier seeds of its group.
 
     Examples
     --------

@@ -81,19 +81,19 @@ class Bounds:
 
 @dataclass(frozen=True)
 class BuildPlan:
-    """What a build looks for.
+    """The plan of a build: its bounds and its named families.
 
     Parameters
     ----------
     bounds : Bounds
-        In which everything is followed.
+        Limits of all families.
     named : Bounds
-        Wider ones, in which families with names and their direct neighbours are followed.
+        Wider limits, for families with names and for their direct neighbours.
     names : tuple of str
     reference_points : mapping
-        Cited points that choose among the matches of a name.
+        Reference points; they choose among the families that match a name.
     generations : int
-        How often families without a reversal give rise to further ones.
+        How many generations of families without a reversal are followed, each from events of the last one.
     """
 
     bounds: Bounds
@@ -245,7 +245,7 @@ class Answer(NamedTuple):
 
     seeds: the next ones. branch: the family that was followed, with its `full_family` known. packed: its rows for the catalogue. ends:
     links without a family on the other side, with the reason as their note. beyond: how many neighbours are outside the bounds. failed:
-    what could not be done. halves: 1 for a family of which one side of a branch point was followed because the other is its
+    work that failed, as texts. halves: 1 if only one side of a branch point was followed, because the other side is its
     image (`is_half`). lost: bifurcations at which no new family was found. incomplete: energies at which the search is not
     complete. missed: events that the family needs and does not have (`branches.between_events`).
     """
@@ -263,7 +263,7 @@ class Answer(NamedTuple):
 
 
 def plain_seed(seed: Seed) -> dict[str, Any]:
-    """A seed as JSON values, without its plan, which is that of the build, and its images, which follow from its orbit."""
+    """A seed as JSON values. Its plan and its images are left out: the build has the plan, and the images follow from the orbit."""
     return {
         "kind": seed.kind,
         "value": _plain(seed.value),
@@ -308,7 +308,7 @@ SAME = 1e-7
 
 
 class KnownGrazings:
-    """The grazing orbits that were unfolded, with how many generations of families without a reversal were asked for there.
+    """The grazing orbits whose neighbours were followed, each with its number of generations of families without a reversal.
 
     Examples
     --------

@@ -46,7 +46,7 @@ __all__ = ["ends_of", "is_half", "work"]
 
 BESIDE = (0.0, 3e-4, -3e-4)
 """Relative distances of the energies that are searched until a search is complete. Near an energy at which a family grazes, neighbouring
-starts part."""
+starts separate, and a search cannot be complete."""
 
 _MULTIPLIED = max(q for _, q in RESONANCES)
 """Largest q of the resonances that are events of a family."""
@@ -60,7 +60,7 @@ NEARLY = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 _BEYOND = "what meets the family here lies beyond the bounds"
 
 _OTHER = "what was found next to the event is no family that has its orbit, but"
-"""Of a dead end, with the ends and sequence of what was found."""
+"""Note of a dead end; the ends and the sequence of the orbit that was found follow."""
 
 
 @lru_cache(maxsize=4)
@@ -202,7 +202,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
 
 
 def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
-    """1 for a family that is cut where its own image goes on, else 0; and what is said of its ends that are cut elsewhere."""
+    """Whether an end is cut because the family continues there as its own image (1 or 0), and texts about its other cut ends."""
     cut = [i for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED", "REPEATED")]
     failed = [i for i in cut if not is_half(branch, i)]
     reasons = tuple(f"{branch.id}: {branch.ended[i].reason}: {branch.ended[i].text}" for i in failed)
@@ -210,10 +210,10 @@ def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
 
 
 def is_half(branch: Branch, end: int) -> bool:
-    """Whether a branch that is stuck at an end (0 or 1) is stuck beside an orbit of more symmetry than its own.
+    """Whether a branch that ends at `end` (0 or 1) with refused steps has an orbit of higher symmetry next to this end.
 
-    That orbit is a branch point, where the family meets one of more symmetry. The symmetry maps the family onto itself and exchanges its
-    two sides: what lies beyond is the image of what was followed.
+    Such an orbit is a branch point, where the family meets one of higher symmetry. The symmetry exchanges the two sides of the family,
+    so the other side is the image of this branch.
     """
     last = len(branch) - 1
     place, inside = (0, last) if end == 0 else (last, 0)
@@ -224,7 +224,8 @@ def is_half(branch: Branch, end: int) -> bool:
 
 
 def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, float], quarter_period: float) -> Branch:
-    """The family of an orbit, both ways; with finer steps where they leave it at a branch point. Its `digit_work` is that of all runs."""
+    """The family of an orbit in both directions. If steps jump to another family at a branch point, it is followed again with finer steps.
+    `digit_work` counts all runs."""
     work = DigitWork()
 
     def follow(start: np.ndarray, settings: Settings) -> Course[Branch]:

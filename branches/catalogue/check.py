@@ -213,7 +213,7 @@ def _evaluate(problem: MultipointProblem, y: np.ndarray) -> Solution | float:
 
 
 class _Family(NamedTuple):
-    """What the edges at a family are compared with."""
+    """The data of a family that its edges are compared with."""
 
     ends: tuple[str, str]
     sequence: str
@@ -261,7 +261,7 @@ def _solves(problem: MultipointProblem, y: np.ndarray, side: str, orbit: EventOr
 
 
 def _event(family: _Family, side: str, id: str, edge: Edge, source: _Family | None) -> Iterator[str]:
-    """Failures of the edge's place, which is that of its source's event, against its event on a family."""
+    """Differences between an edge and its event on one of its two families. The edge stores the place of the source's event."""
     event = next((event for event in family.events if event.id == id), None)
     if event is None:
         yield f"its {side} has no event {id!r}"

@@ -49,7 +49,7 @@ NEAR = 0.1
 curve stays within a hundredth of its chord."""
 
 ON = 1e-7
-"""Distance in the metric of the arclength at which an orbit is on the curve. Orbits are located to 1e-10."""
+"""Largest distance of an orbit from a family's curve, in the metric of the arclength, to belong to it. Orbits are located to 1e-10."""
 
 _STEPS = 3
 """Corrections on the hyperplane: it is flat in the unknowns, and nearly flat in the metric."""
@@ -374,8 +374,9 @@ def distance_from_orbit(problem: MultipointProblem, y: np.ndarray, start: np.nda
 
 
 def _dips(away: np.ndarray, track: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Flights and samples (i, j) at which a distance (m, samples) has a minimum that is not larger than the path between samples, and the
-    least of all."""
+    """Local minima (i, j) of the distances `away` (flights, samples), and the smallest distance of all.
+
+    A minimum counts if it is at most twice the path to a neighbouring sample: a larger one cannot reach zero between the samples."""
     padded = np.pad(away, ((0, 0), (1, 1)), constant_values=np.inf)
     least = (away <= padded[:, :-2]) & (away <= padded[:, 2:])
     way = np.linalg.norm(np.diff(track, axis=1), axis=2)

@@ -218,7 +218,7 @@ def _velocities(columns: Columns, problem: MultipointProblem) -> np.ndarray:
 
 
 def _multipliers(columns: Columns, problem: MultipointProblem) -> np.ndarray:
-    """The pair of multipliers, (N, 2) complex, whose product is 1 and whose sum is tau."""
+    """The pair of multipliers with product 1 and sum tau, (N, 2) complex."""
     half = 0.5 * columns["tau"]
     root = np.sqrt(np.abs((half - 1.0) * (half + 1.0)))
     outer = half + np.copysign(root, half)

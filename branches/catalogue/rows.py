@@ -130,7 +130,7 @@ class FamilyRow(NamedTuple):
         return _parsed(self.details)["layout"]
 
     def arclengths(self, name: str, fits: Callable[[Any], bool], energy: float | None = None) -> list[tuple[float, float]]:
-        """Ranges of arclength of the intervals of ``labels`` or ``stability`` that cross an energy and whose label or code fits."""
+        """Ranges of arclength of the intervals of ``labels`` or ``stability`` with a fitting value. `energy`: only those that reach it."""
         intervals = _parsed(self.details)[name]
         return [(s[0], s[1]) for value, s, h, _ in intervals if (energy is None or crosses(h, energy)) and fits(value)]
 

@@ -43,7 +43,7 @@ def table_text(table: Table, format: str, name: str) -> str:
     table : Table
     format : {"csv", "json"}
         CSV: an array (N, k) takes k columns ``name.1``, ``name.2``, a complex number two, ``.re`` and ``.im``; numbers of a list of
-        arrays stand in one cell, with spaces between. JSON: ``{"schema", name: [row, ...]}``, complex numbers as [re, im].
+        arrays share one cell, separated by spaces. JSON: ``{"schema", name: [row, ...]}``, complex numbers as [re, im].
     name : str
         Of the list of rows in JSON.
     """

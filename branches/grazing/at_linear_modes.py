@@ -115,7 +115,7 @@ def families_at(mode: LinearMode, cover: int, impacts: int, *, periodic: bool = 
 def beginnings(
     mode: LinearMode, cover: int, impacts: int, *, periodic: bool = True, energy: tuple[float, float] = (0.0, math.inf)
 ) -> list[Neighbour]:
-    """The same as `families_at`, each with its first orbit `beside` the mode, and not followed.
+    """The families of `families_at`, each with only its first orbit `beside` the mode.
 
     Parameters
     ----------

@@ -79,9 +79,9 @@ class Neighbour:
     impacts : int
         Impacts in a period of the neighbour.
     cover : int
-        How often the grazing orbit, over the period that was given, runs through that of the neighbour.
+        How many periods of the neighbour the given period of the grazing orbit contains.
     reason : str
-        Why there are no orbits, where there are none; else "".
+        Why there are no orbits; "" if there are some.
     branch : Branch or None
         The neighbour, followed both ways from an orbit next to the grazing one; None before it is.
     event : BranchEvent or None
@@ -173,7 +173,7 @@ def meetings_at(
     accept: Callable[[float, int], bool] | None = None,
     energy: tuple[float, float] = (0.0, np.inf),
 ) -> list[Neighbour]:
-    """`neighbours` at the grazing orbit y of a problem, each with an orbit `beside` it, and not followed.
+    """`neighbours` at the grazing orbit y of a problem. Each has one orbit `beside` the grazing orbit, and is not followed.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class Symmetry(NamedTuple):
     mirrored: bool
 
     def move(self, mask: int) -> int:
-        """The set of instants to which a set goes; sets are bit masks."""
+        """The image of a set of instants; sets are bit masks."""
         out = 0
         for i, j in enumerate(self.image):
             if mask >> i & 1:
@@ -79,7 +79,7 @@ class Touching:
     grazing : (P,) bool
         Where the speed is zero.
     kept : int
-        Bit mask of the instants that count as impacts in the family that the orbit was reached on.
+        Bit mask of the instants that count as impacts in the family that led to this orbit.
     """
 
     system: ImpactSystem
@@ -200,7 +200,7 @@ class Touching:
             yield from self._classes(list(sets), seen)
 
     def _classes(self, masks: list[int], seen: set[int]) -> Iterator[int]:
-        """The smallest image of each set that is none of those seen, in the order of the sets."""
+        """The smallest image of each set, without images seen before, in the order of the sets."""
         dtype = np.int64 if len(self.times) < 63 else object
         sets = np.array(masks, dtype=dtype)
         smallest = sets.copy()

@@ -46,7 +46,7 @@ DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": N
 """Options of `follow_family` that do, and their values where they are not given."""
 
 _ROUNDING = 1e-13
-"""Part of an energy by which a start that was solved for a bound of the range may lie outside of it."""
+"""Relative tolerance by which a start at a bound of the range of energies may lie outside it."""
 
 
 _BY_ID = "expected the id of a family, which saltus discover or saltus build finds"
@@ -61,7 +61,7 @@ def resolve(
     energy: tuple[float, float],
     followed: Followed | None = None,
 ) -> tuple[Found, Branch]:
-    """An orbit of the one family that a name stands for, and the family as the search followed it.
+    """An orbit of the family that a name selects, and the family as the search followed it.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def _select(name: Name, families: list[tuple[Found, Branch]]) -> list[tuple[Foun
 
 
 def _elsewhere(name: Name, families: list[tuple[Found, Branch]]) -> str:
-    """The suffix of a name selects none of the families: what they have instead, the nearest in quarter period first."""
+    """The error if the suffix of a name selects no family. It lists the values that exist, the nearest in quarter period first."""
     key, value = ("h", name.h) if name.h is not None else ("alpha", name.alpha)
     assert value is not None
     asked = ", ".join(f"{k} = {v:g}" for k, v in (("h", name.h), ("alpha", name.alpha)) if v is not None)

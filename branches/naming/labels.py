@@ -6,7 +6,7 @@
 
 m, n: half-waves of absorber (NES) and primary (LO) in the half period, the sign changes of u1' and u2'. p, q: impacts strictly
 inside the first and second quarter; O: one more impact at the quarter itself, E: none. +: u1' and u2' have the same sign at
-the start of both half periods, where the displacements are zero. Numbers of two or more digits stand in parentheses:
+the start of both half periods, where the displacements are zero. Numbers of two or more digits are in parentheses:
 `U(15)578-`.
 
 What is left out at the end matches everything that fits: `U21`, `S73O`, `S13O00`. With one exception, the published short
@@ -126,7 +126,7 @@ def why_impossible(label: Label) -> str | None:
 
 
 def canonical_label(label: Label) -> Label:
-    """The one label that stands for all equivalent ones: p <= q (Umnpq and Umnqp are one orbit), and L11 for each Lmm.
+    """The canonical one of all equivalent labels: p <= q (Umnpq and Umnqp are one orbit), and L11 for each Lmm.
 
     Examples
     --------
@@ -192,7 +192,7 @@ class LabelSyntaxError(ValueError):
     position : int
         The character, counted from 1, at which reading stopped; len(text) + 1 where the text ends too early.
     expected : str
-        What could have stood there.
+        The characters that were possible there.
     caret : str
         Two lines: the text, and a caret below the character.
     """
@@ -290,7 +290,7 @@ def parse_name(text: str) -> Name:
 
 
 class _Reader:
-    """A place in a text, which moves on as parts are read and knows what could have stood where it stops."""
+    """A position in a text. It advances as parts are read, and collects what was possible at the place where reading stops."""
 
     def __init__(self, text: str):
         self.text, self.at = text, 0

@@ -58,12 +58,12 @@ _IMPACT, _KIND = 3, 9
 
 
 def nearest_labels(asked: Label, existing: Iterable[str], count: int = 3) -> tuple[str, ...]:
-    """The existing labels nearest to one that nothing has: `count` by their fields, and the one whose text is most alike.
+    """The existing labels nearest to a label without an orbit: `count` by their fields, and one by its spelling.
 
     Parameters
     ----------
     asked : Label
-        What it leaves open makes no difference.
+        Fields that it leaves open are not compared.
     existing : iterable of str
         Labels.
     count : int
@@ -180,7 +180,7 @@ ReferencePoint = Mapping[str, float]
 def reference_point_of(text: str, label: Label | None, points: Mapping[str, ReferencePoint]) -> ReferencePoint | None:
     """The reference point of a bare name: of its text, or of an equivalent label.
 
-    A label that lacks only its sign has the point of the one sign that has a point.
+    A label without a sign uses the point of the label with a sign, if only one sign has a point.
 
     Examples
     --------
@@ -200,14 +200,14 @@ def reference_point_of(text: str, label: Label | None, points: Mapping[str, Refe
 
 
 def fits_otherwise(asked: Label, label: Label) -> bool:
-    """Whether a label has the kind and, as far as they are given, the impacts of the one asked for; half-waves and sign may differ."""
+    """Whether a label has the kind and impacts of the requested one, as far as it gives them; half-waves and sign may differ."""
     one, other = canonical_label(asked), canonical_label(label)
     fields = ((one.kind, other.kind), (one.parity, other.parity), (one.p, other.p), (one.q, other.q))
     return all(wanted is None or wanted == given for wanted, given in fields)
 
 
 def remark_on_name(asked: Label | None, label: Label | None) -> str:
-    """A remark on an orbit whose label is not the one asked for; empty if it is, or if no label was asked for."""
+    """A remark if an orbit's label differs from the requested one; else empty."""
     if asked is None or (label is not None and matches(asked, label)):
         return ""
     return f"{asked} is the scene's name of this orbit, whose half-waves are counted otherwise"
@@ -224,7 +224,7 @@ Crossing = tuple[float, float]
 
 
 def reaches(ends: tuple[float, float], value: float) -> bool:
-    """Whether a range holds a value, or ends so near to it that printed digits do not tell them apart.
+    """Whether a range contains a value, or ends so close to it that both print alike.
 
     Examples
     --------
@@ -235,7 +235,7 @@ def reaches(ends: tuple[float, float], value: float) -> bool:
 
 
 def track_crossings(track: Track, key: int, value: float, fits: Callable[[str], bool] | None = None) -> list[Crossing]:
-    """Where a track reaches a value of h (key 0) or alpha (key 1), between points of which one has a label that fits.
+    """Where a track crosses a value of h (key 0) or alpha (key 1). One of the two neighbouring points must have a fitting label.
 
     Examples
     --------

@@ -62,9 +62,9 @@ class Found:
 
 
 class Unpolished(NamedTuple):
-    """A segment that a scan found and that is not solved.
+    """A segment that a scan found and that could not be solved.
 
-    parameter, low, high: what the scan varies, and the interval of it. alpha, residual: of the segment. reason: a text.
+    parameter, low, high: the scan's parameter and its interval. alpha, residual: of the segment. reason: a text.
     """
 
     ends: Ends
@@ -128,7 +128,7 @@ class OrbitSearch:
     Attributes
     ----------
     counts : Counter
-        Of each stage: those of the scans, and ``polished``, ``unpolished``, ``inadmissible``, ``without_impacts``, ``covers``,
+        Counts of each stage: the stages of the scans, and ``polished``, ``unpolished``, ``inadmissible``, ``without_impacts``, ``covers``,
         ``duplicates``.
     unpolished : list of Unpolished
     open : list of Opening
@@ -277,7 +277,7 @@ def _is_one_sided(images: list[Found]) -> bool:
 
 
 def _has_start(orbit: Found, problem: MultipointProblem, start: np.ndarray) -> bool:
-    """Whether a start is that of a known orbit within rounding. Resumed intervals overlap."""
+    """Whether a start equals the start of a known orbit within rounding. This happens because resumed intervals overlap."""
     known = orbit.problem.start(orbit.solution.y)
     return orbit.problem is problem and float(np.max(np.abs(known - start))) <= SAME_START * float(np.max(np.abs(start)))
 
