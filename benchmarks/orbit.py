@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     energy = agreed(arguments.name, "h", name.h, "--energy", arguments.energy)
     alpha = agreed(arguments.name, "alpha", name.alpha, "--alpha", arguments.alpha)
     if energy is None and alpha is None:
-        raise BadInput(f"which orbit of {name}? expected --energy H or --alpha A")
+        raise BadInput(f"an orbit of {name} needs --energy H or --alpha A")
     scene = saltus.load_scene(arguments.scene)
     low, high = scene.energy
     if energy is not None:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.grazing.touching import Touching
-from bvp.texts import brief
+from bvp.checks import require_system
+from bvp.texts import brief, span
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -54,6 +55,10 @@ class LinearMode:
             return ""
         shape = system.modes.shapes[:, self.index]
         return "L11+" if shape[system.absorber] * shape[system.primary] > 0.0 else "L11-"
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        rows = [("frequency", f"{self.frequency:.10g}, alpha = {self.alpha:.10g}"), ("energies", span("h", self.energies))]
+        return f"LinearMode {self.name}", rows
 
     @property
     def name(self) -> str:
@@ -123,6 +128,7 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     >>> [(mode.label, round(mode.energies[1], 10)) for mode in linear_modes(saltus.vibro_impact_nes(mu=0.1, sigma=0.1))]
     [('L11+', 0.1185078106), ('L11-', 0.0864921894)]
     """
+    require_system(system)
     reason = system.why_not_conservative()
     if reason is not None:
         raise ValueError(f"families of periodic orbits need a conservative system: {reason}")

@@ -272,7 +272,7 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
         check_branch(record, SCHEMA)
         return branch_of_record(record)
     except ValueError as error:
-        raise RecordError(f"{path} is no file of a branch that can be read: {one_line(error)}") from error
+        raise RecordError(f"{path} is not a readable branch file: {one_line(error)}") from error
 
 
 def read_orbit(path: str | os.PathLike[str]) -> Orbit:
@@ -304,7 +304,7 @@ def read_orbit(path: str | os.PathLike[str]) -> Orbit:
         start = system.modes.from_state @ np.concatenate([orbit["start"]["u"], orbit["start"]["v"]])
         return Orbit(problem, problem.solve(problem.shoot(start, np.diff([0.0, *inner, segment])), energy=orbit["h"]))
     except (LookupError, TypeError, ValueError, NotConverged) as error:
-        raise RecordError(f"{path} is no file of an orbit that can be read: {one_line(error)}") from error
+        raise RecordError(f"{path} is not a readable orbit file: {one_line(error)}") from error
 
 
 def _record(path: str | os.PathLike[str], what: str) -> Any:
@@ -316,7 +316,7 @@ def _record(path: str | os.PathLike[str], what: str) -> Any:
     except OSError as error:
         raise RecordError(f"cannot read {path}: {reason(error)}") from error
     except ValueError as error:
-        raise RecordError(f"{path} is no file of {what}: it is not UTF-8 text") from error
+        raise RecordError(f"{path} is not a file of {what}: it is not UTF-8 text") from error
     try:
         return json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
@@ -324,9 +324,9 @@ def _record(path: str | os.PathLike[str], what: str) -> Any:
         if error.pos >= len(text.rstrip()) or error.msg.startswith("Unterminated"):
             end = text.count("\n") + 1
             raise RecordError(f"{path} is truncated: it ends in line {end} before its JSON is complete") from error
-        raise RecordError(f"{path} is no JSON: {error.msg} in line {error.lineno}, column {error.colno}") from error
+        raise RecordError(f"{path} is not JSON: {error.msg} in line {error.lineno}, column {error.colno}") from error
     except (RecursionError, ValueError) as error:  # a number of thousands of digits is a ValueError
-        raise RecordError(f"{path} is no file of {what}: {one_line(error)}") from error
+        raise RecordError(f"{path} is not a file of {what}: {one_line(error)}") from error
 
 
 def in_present_terms(record: Any) -> Any:

@@ -26,6 +26,7 @@ from branches.naming.labels import ImpossibleLabelError
 from branches.orbit import label_at, orbit_columns
 from branches.presentation import Presentation, closed_presentation, embed, presentation_of, run_backwards, solved, symmetries
 from branches.tracing import follow_family
+from bvp.checks import require_branch
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.texts import takes_options_of
@@ -204,6 +205,7 @@ def switch(branch: Branch, event: BranchEvent | str, **options: Any) -> list[Bra
     RuntimeWarning
         Where two families start, and one of them is not found.
     """
+    require_branch(branch)
     out = []
     for emanating in emanating_families(branch, branch.event(event)):
         if emanating.cover:

@@ -16,7 +16,7 @@ from branches.events import BranchEvent, Ended
 from branches.family import SETTINGS, Family, scales_of, unphysical
 from branches.full_family import solutions_of
 from branches.orbit import Orbit, orbit_columns
-from bvp.checks import checked_energy_range
+from bvp.checks import checked_energy_range, require_branch
 from bvp.interrupts import defer_interrupts
 from bvp.multipoint import MultipointProblem
 from bvp.texts import shown, takes_options_of
@@ -250,6 +250,7 @@ def extend(branch: Branch, i: int, **options: Any) -> Branch:
     IndexError, TypeError
         If the branch has no point i.
     """
+    require_branch(branch)
     return follow_family(branch.problem, branch.unknowns(i), **options)
 
 

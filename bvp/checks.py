@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EPSILON", "Frozen", "InvalidSystem", "changeable", "check_positive_definite", "check_size", "checked_energy_range", "checked_number",
-    "is_finite", "read_only", "real", "reals", "refuse_unknown", "repeated_contacts", "require_conservative", "require_system",
-    "require_two_dof", "same_obstacles", "square",
+    "is_finite", "read_only", "real", "reals", "refuse_unknown", "repeated_contacts", "require_branch", "require_conservative",
+    "require_motion", "require_system", "require_two_dof", "same_obstacles", "square",
 ]  # fmt: skip
 
 EPSILON = float(np.finfo(float).eps)
@@ -229,6 +229,34 @@ def require_system(system: Any) -> None:
     """
     if not hasattr(system, "describe"):
         raise TypeError(f"the system is {shown(system)}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
+
+
+def require_branch(branch: Any) -> None:
+    """Refuse what is no `branches.branch.Branch`, such as its name.
+
+    Raises
+    ------
+    TypeError
+
+    Examples
+    --------
+    >>> require_branch("S13+")
+    Traceback (most recent call last):
+    TypeError: the branch is 'S13+', expected a Branch such as saltus.trace("S13+")
+    """
+    if not hasattr(branch, "unknowns"):
+        raise TypeError(f"the branch is {shown(branch)}, expected a Branch such as saltus.trace(\"S13+\")")
+
+
+def require_motion(motion: Any) -> None:
+    """Refuse what is no `bvp.motion.Motion`.
+
+    Raises
+    ------
+    TypeError
+    """
+    if not hasattr(motion, "flights"):
+        raise TypeError(f"the motion is {shown(motion)}, expected a Motion such as saltus.simulate(system, u, v, duration)")
 
 
 def require_conservative(system: ImpactSystem, what: str) -> None:

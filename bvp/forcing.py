@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import EPSILON, is_finite, reals
+from bvp.checks import EPSILON, is_finite, reals, require_system
 from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
@@ -126,6 +126,7 @@ def ground_load(system: ImpactSystem, direction: Any = None) -> np.ndarray:
     >>> ground_load(vibro_impact_nes(mu=0.1))
     array([-0.1, -1. ])
     """
+    require_system(system)
     r = np.ones(system.degrees_of_freedom) if direction is None else _finite(direction, "direction")
     if len(r) != system.degrees_of_freedom:
         raise ValueError(f"direction has an entry for each of {system.degrees_of_freedom} coordinates; received {len(r)}")

@@ -174,7 +174,7 @@ class _Names:
         except sympy.SympifyError:
             raise LagrangianError(f"{what} is neither an expression, text nor a number; received {shown(expression)}") from None
         if not isinstance(expression, sympy.Expr):
-            raise LagrangianError(f"{what} is no expression; received {expression}")
+            raise LagrangianError(f"{what} is not an expression; received {expression}")
         if expression.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I):
             raise LagrangianError(f"{what} is not a finite real expression; received {expression}")
         for replacements in self.replacements:

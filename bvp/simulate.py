@@ -19,7 +19,7 @@ from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
 from bvp.kernels.sticking import LEVELS
 from bvp.motion import STATUS, Batch, EnergyMark, Motion, MotionStatus
-from bvp.texts import shown
+from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
     from bvp.motion import Motion
@@ -32,6 +32,7 @@ class BeyondStop(ValueError):
     """A start beyond a stop: the message names the stop, its gap and its bounds."""
 
 
+@brief
 class Simulator:
     """Runs motions of one system under given loads; contact modes are made when a motion first needs them, and kept.
 
@@ -56,6 +57,9 @@ class Simulator:
         self.terms = budget_terms(self.dampers, self.forcing, len(system.stops))
         self.table = ContactModeTable(system, self.forcing, self.terms)
         self.parts = (*self.dampers, *(f"stop {stop.name}" for stop in system.stops))
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        return f"Simulator of a system with {self.system.degrees_of_freedom} degrees of freedom", [("parts", listed(self.parts))]
 
     def log(self, room: int) -> places.Log:
         """An empty record of so many events."""

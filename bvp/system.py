@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["ImpactSystem", "InvalidSystem", "Stop", "vibro_impact_nes"]
 
 
+@brief
 @dataclass(frozen=True)
 class Stop:
     """A rigid stop that bounds w = gap . u, lower <= w <= upper.

@@ -22,15 +22,15 @@ __all__ = ["main", "program"]
 
 # Modules are imported when their command is asked for: the help of the program loads none of them.
 COMMANDS = {
-    "continue": ("saltus.commands.continue_", "follow the family of periodic orbits that has a name"),
+    "continue": ("saltus.commands.continue_", "follow the family with a name, and print its events"),
     "discover": ("saltus.commands.discover", "find every symmetric periodic orbit at an energy, within bounds"),
     "orbit": ("saltus.commands.orbit", "show one orbit of a named family: its impacts, multipliers and shape"),
-    "build": ("saltus.commands.build", "find and follow every family of a scene, and keep them in a catalogue"),
+    "build": ("saltus.commands.build", "find and follow every family within bounds, and save them in a catalogue"),
     "list": ("saltus.commands.list", "list the families of a catalogue"),
     "show": ("saltus.commands.show", "show one family of a catalogue: its labels, events, neighbours and stability"),
-    "tree": ("saltus.commands.tree", "show the graph of a catalogue as text, from one family on"),
-    "path": ("saltus.commands.path", "find the shortest chain of bifurcations between two families of a catalogue"),
-    "export": ("saltus.commands.export", "write what a catalogue holds: plots of many families, the graph, points, orbits"),
+    "tree": ("saltus.commands.tree", "show the graph of a catalogue as text, starting at one family"),
+    "path": ("saltus.commands.path", "find the shortest chain of events between two families of a catalogue"),
+    "export": ("saltus.commands.export", "write figures of many families, or the data of a catalogue"),
     "check": ("saltus.commands.check", "verify a catalogue: its checksums, points and edges"),
     "section": ("saltus.commands.section", "make Poincare sections: many motions of one energy, or of several energies in panels"),
     "run": ("saltus.commands.run", "simulate one damped motion, event by event, and report where its energy goes"),
@@ -111,14 +111,14 @@ def _ended(words: list[str], output: StandardOutput) -> int:
 
 
 def _command(words: list[str]) -> int:
-    parser = OneLineParser(prog="saltus", description="Families of periodic orbits of systems that impact.")
+    parser = OneLineParser(prog="saltus", description="Continuation of periodic orbits of mechanical systems with impacts.")
     parser.add_argument("-V", "--version", action="version", version=f"saltus {__version__}")
     summary = f"print the completion script of {', '.join(SHELLS)}"
     parser.add_argument("--print-completion", metavar="SHELL", choices=SHELLS, help=summary)
     completing = words[:1] != [] and words[0].partition("=")[0] == "--print-completion"
     asked = None if completing else next((text for text in words if not text.startswith("-")), None)
     if asked is not None and asked not in COMMANDS:
-        raise BadInput(f"unknown command {asked!r}, expected {' or '.join(COMMANDS)}{nearest(asked, COMMANDS)}")
+        raise BadInput(f"unknown command {asked!r}, expected one of {', '.join(COMMANDS)}{nearest(asked, COMMANDS)}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name, (module, summary) in COMMANDS.items():
         command = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")

@@ -34,9 +34,9 @@ def nearest(text: str, known: Iterable[str]) -> str:
     ''
     """
     candidates = list(known)
-    # Case is no difference that a user means.
-    lowered = {candidate.lower(): candidate for candidate in reversed(candidates)}
-    found = difflib.get_close_matches(text.lower(), lowered, n=1, cutoff=0.5)
+    # A user means no difference of case. The hyphens of two options do not make them similar.
+    lowered = {candidate.lower().lstrip("-"): candidate for candidate in reversed(candidates)}
+    found = difflib.get_close_matches(text.lower().lstrip("-"), lowered, n=1, cutoff=0.5)
     return f"; nearest: {lowered[found[0]]}" if found else ""
 
 

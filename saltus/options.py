@@ -109,7 +109,7 @@ def joined_values(words: list[str]) -> list[str]:
     joined: list[str] = []
     for text in words:
         if text.startswith("--") and text.endswith("=--") and "--" not in joined:
-            raise BadInput(f"{text}: -- is no value of an option")
+            raise BadInput(f"{text}: -- is not a value of an option")
         if joined and joined[-1].startswith("--") and "=" not in joined[-1] and _LOOKS_NEGATIVE.match(text):
             joined[-1] += "=" + text
         else:
@@ -180,7 +180,7 @@ def energy_range(text: str) -> tuple[float, float]:
     except ValueError:
         raise argparse.ArgumentTypeError(f"received {text!r}, {expected}") from None
     faults = {
-        "NaN is no energy": math.isnan(low) or math.isnan(high),
+        "NaN is not an energy": math.isnan(low) or math.isnan(high),
         "a reversed range": low > high,
         "an empty range": low == high,
         "an energy that is not above 0": low <= 0.0,
@@ -206,13 +206,13 @@ def add_scene(parser: argparse.ArgumentParser, uses: tuple[str, ...] = ()) -> No
     parser.set_defaults(scene_uses=uses)
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the system and its bounds (default: lee2009)")
     add_parameters(parser)
-    parser.add_argument("--model", action="store_true", help="say which model was chosen and why")
+    parser.add_argument("--model", action="store_true", help="print which model was chosen, and why")
 
 
 def add_parameters(parser: argparse.ArgumentParser) -> None:
     """Add the parameters of the model."""
     for name, meaning in _PARAMETERS.items():
-        parser.add_argument(f"--{name}", metavar="X", type=number, help=f"{meaning}, in place of the scene's")
+        parser.add_argument(f"--{name}", metavar="X", type=number, help=f"{meaning}, instead of the scene's")
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
@@ -269,10 +269,10 @@ class Units:
 def add_units(parser: argparse.ArgumentParser) -> None:
     """Add ``--clearance`` and ``--natural-frequency``."""
     parser.add_argument(
-        "--clearance", metavar="D", type=positive, default=1.0, help="give lengths for this clearance, and energies for its square"
+        "--clearance", metavar="D", type=positive, default=1.0, help="scale lengths by this clearance, and energies by its square"
     )
     parser.add_argument(
-        "--natural-frequency", metavar="W", type=positive, default=1.0, help="give times for this frequency of the oscillator, in rad/s"
+        "--natural-frequency", metavar="W", type=positive, default=1.0, help="print times for this frequency of the oscillator, in rad/s"
     )
 
 
@@ -284,15 +284,15 @@ def units_of(arguments: argparse.Namespace) -> Units:
 def add_filters(parser: argparse.ArgumentParser, *, shown: bool = False) -> None:
     """Add ``--label``, ``--energy``, ``--stable``, ``--ends`` and ``--impacts``. With `shown`, ``--energy`` can also be the range of
     energies that are shown."""
-    parser.add_argument("--label", metavar="LABEL", help="those with such a label: S13O00+, U83, or with wildcards 'U8*'")
+    parser.add_argument("--label", metavar="LABEL", help="families with this label: S13O00+, U83, or with a wildcard 'U8*'")
     if shown:
         meaning = "those that cross the energy H; or the energies shown, LO:HI (default: all that the families have)"
         parser.add_argument("--energy", metavar="H|LO:HI", type=_energy_or_range, help=meaning)
     else:
-        parser.add_argument("--energy", metavar="H", type=positive, help="those that cross this energy")
-    parser.add_argument("--stable", action="store_true", help="those that are stable somewhere (with --label and --energy: there)")
-    parser.add_argument("--ends", metavar="ENDS", help="those between such ends: origin-origin, origin-stop, rest-stop+, periodic")
-    parser.add_argument("--impacts", metavar="N|LO:HI", type=_impacts, help="those with so many impacts in half a period")
+        parser.add_argument("--energy", metavar="H", type=positive, help="families that cross this energy")
+    parser.add_argument("--stable", action="store_true", help="families that are stable somewhere (with --label and --energy: there)")
+    parser.add_argument("--ends", metavar="ENDS", help="families between these ends: origin-origin, origin-stop, rest-stop+, periodic")
+    parser.add_argument("--impacts", metavar="N|LO:HI", type=_impacts, help="families with this number of impacts in half a period")
 
 
 def filters_of(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -336,7 +336,7 @@ def nothing_fits(place: str, count: int, filters: dict[str, Any], names: Sequenc
     no family of lee2009.sqlite fits --label U8*; saltus list shows those that there are
     """
     if not count:
-        return BadInput(f"{place} holds no family; expected one that saltus build or saltus continue --save has filled")
+        return BadInput(f"{place} has no family; expected one that saltus build or saltus continue --save has filled")
     asked = " ".join(part for part in (*names, filter_words(filters)) if part)
     return BadInput(f"no family of {place} fits {asked}; saltus list shows those that there are")
 

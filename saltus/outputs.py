@@ -165,7 +165,7 @@ def write_data(path: str, text: str) -> None:
 SCHEMA = 1
 """Of the records that `Outputs.finish` writes."""
 
-_HYPHEN = "; - is standard output, which then carries nothing else"
+_HYPHEN = "; - is standard output"
 
 TEXTS = {
     "json": f"write all data as JSON{_HYPHEN}",
@@ -175,7 +175,7 @@ TEXTS = {
 }
 """Kinds of files that are text, with the help of their options."""
 
-ARRAYS = {"npz": "write all data as arrays of numpy", "mat": "write all data as arrays of Matlab"}
+ARRAYS = {"npz": "write all data as numpy arrays", "mat": "write all data as Matlab arrays"}
 """Kinds of files of arrays, with the help of their options."""
 
 KINDS = {**TEXTS, **ARRAYS, "plot": "draw a figure: FILE.png, FILE.pdf or FILE.svg"}

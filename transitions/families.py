@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from bvp.checks import require_branch
 from bvp.texts import brief
 from transitions.ridges import SHARE
 
@@ -294,6 +295,7 @@ def _of_branches(branches: Iterable[Branch]) -> tuple[list[FamilyHarmonics], Imp
     out: list[FamilyHarmonics] = []
     system = None
     for branch in branches:
+        require_branch(branch)
         if system is not None and branch.system.describe() != system.describe():
             raise ValueError(f"the family {branch.label or branch.id} belongs to another system than those before it")
         system = branch.system

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bvp.texts import shown
+from bvp.texts import brief, shown
 
 __all__ = ["Ground", "envelope", "filtered", "record_text", "synthetic_record"]
 
 
+@brief
 @dataclass(frozen=True)
 class Ground:
     """The two filters: angular frequencies and damping ratios. The defaults are those of firm soil, in rad/s."""

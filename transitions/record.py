@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import read_only, reals
+from bvp.checks import read_only, reals, require_motion
 from bvp.interrupts import Pace
 from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS, peak_flight
@@ -189,6 +189,7 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
     """
     from bvp.motion import EventKind
 
+    require_motion(motion)
     if not motion.duration > 0.0:
         raise ValueError("a motion without duration has no record; run it for a time above 0")
     span = motion.duration if span is None else span
@@ -244,6 +245,7 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     >>> found.peaks.round(12), found.times.round(7)
     (array([0.5]), array([1.5707963]))
     """
+    require_motion(motion)
     n = motion.system.degrees_of_freedom
     wanted = np.eye(n) if rows is None else np.atleast_2d(np.asarray(rows, dtype=float))
     if wanted.ndim != 2 or wanted.shape[1] != n:

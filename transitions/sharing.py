@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.checks import require_system
 from bvp.forcing import Constant, Harmonic, Record, split_damping
 from bvp.texts import brief
 
@@ -96,6 +97,7 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
     >>> shared.mass[0, 0], shared.stiffness[0, 1], sorted(shared.nes_parts)
     (np.float64(0.1), np.float64(-0.1), ['gaps', 'stop a'])
     """
+    require_system(system)
     stops = tuple(stop for stop in system.stops if not nes or any(stop.gap[k] for k in nes))
     gaps = split_damping(replace(system, stops=stops))["gaps"] if stops else np.zeros_like(system.damping)
     dampers = {"gaps": gaps, "rest": system.damping - gaps}

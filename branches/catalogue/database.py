@@ -45,7 +45,7 @@ _MESSAGES: tuple[tuple[str, type[Exception], str], ...] = (
         WriteFailure,
         "cannot write {path}: the system refused to write it, or the files -wal and -shm beside it{limit}; what it held is complete",
     ),
-    ("SQLITE_NOTADB", CatalogueDamaged, "{path} is no catalogue: it is no SQLite file"),
+    ("SQLITE_NOTADB", CatalogueDamaged, "{path} is not a catalogue: it is not an SQLite file"),
     ("SQLITE_CANTOPEN", CatalogueError, "cannot open {path}, or the files -wal and -shm beside it"),
     ("SQLITE_CORRUPT", CatalogueDamaged, "{path} is damaged or cut short: {error}"),
     ("SQLITE_IOERR", CatalogueDamaged, "{path} is damaged: {error}"),
@@ -274,7 +274,7 @@ def schema_of(connection: sqlite3.Connection, path: Path) -> int | None:
     if not tables:
         return None
     if connection.execute("PRAGMA application_id").fetchone()[0] != APPLICATION:
-        raise CatalogueError(f"{path} is no catalogue: it is an SQLite file of something else")
+        raise CatalogueError(f"{path} is not a catalogue: it is an SQLite file of something else")
     schema = int(connection.execute("PRAGMA user_version").fetchone()[0])
     if schema > SCHEMA:
         raise CatalogueError(f"{path} is a catalogue of schema {schema}; this saltus reads up to {SCHEMA}: install a later saltus")

@@ -68,7 +68,7 @@ class CatalogueFile:
                 if schema is None and mode == "a":
                     self._make(record, dict(provenance or {}))
                 elif schema is None:
-                    raise CatalogueError(f"{self.path} is no catalogue: it is empty")
+                    raise CatalogueError(f"{self.path} is not a catalogue: it is empty")
                 self._old = schema is not None and schema < SCHEMA
                 if self._old:
                     schema2.add_views(self._connection)

@@ -173,7 +173,7 @@ def find(catalogue: CatalogueStore, text: str, reference_points: Mapping[str, Ma
         found = _select(catalogue, Name(pattern, None, reference.get("h"), reference.get("alpha")), having, None) or found
     if len(found) > 1:
         more = f" and {len(found) - 12} more" if len(found) > 12 else ""
-        raise AmbiguousName(f"{text} is {len(found)} families; expected one of {' '.join(_suffixed(head, found)[:12])}{more}")
+        raise AmbiguousName(f"{text} matches {len(found)} families; choose one of {' '.join(_suffixed(head, found)[:12])}{more}")
     return found[0]
 
 

@@ -24,6 +24,7 @@ from branches.presentation import (
     solved,
 )  # fmt: skip
 from branches.sequences import PERIODIC, Ends, ImpactSequence, impacts_per_period, parse_ends, parse_sequence
+from bvp.checks import require_branch
 from bvp.closures import cycle_of
 from bvp.kernels.flight import flow_state
 from bvp.kernels.multipoint import STOP
@@ -325,6 +326,8 @@ def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event
     target_event : str
         Id of the event on the emanating family; by default it has none.
     """
+    require_branch(source)
+    require_branch(target)
     y = source.unknowns(event.point)
     seen = seen_from(source.problem, y, target.ends, tuple(target.problem.sequence))
     return Edge(

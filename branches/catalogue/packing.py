@@ -25,6 +25,7 @@ import numpy as np
 from branches.catalogue.rows import FamilyRow, LabelInterval, StabilityInterval, compact_json, event_values
 from branches.orbit import impact_speeds
 from branches.sequences import format_ends, impacts_per_period
+from bvp.checks import require_branch
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -293,6 +294,7 @@ def pack_family(branch: Branch) -> PackedFamily:
     ValueError
         For a column of its points that cannot be stored.
     """
+    require_branch(branch)
     columns = branch.points
     arrays, layout = encode(columns, branch.problem)
     labels = label_intervals(columns, branch.events)

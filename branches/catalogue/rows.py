@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from branches.events import BranchEvent
+from bvp.texts import brief
 
 __all__ = [
     "Edge", "EventOrbit", "FamilyRow", "LabelInterval", "Node", "SceneRecord", "StabilityInterval", "compact_json", "crosses",
@@ -140,6 +141,7 @@ def _parsed(details: str) -> dict[str, Any]:
     return json.loads(details)
 
 
+@brief
 @dataclass(frozen=True)
 class Node:
     """A node of the graph that is no family.
@@ -206,6 +208,7 @@ class EventOrbit:
         return cls(tuple(ends), sequence, tuple(start), tuple(flight_times))
 
 
+@brief
 @dataclass(frozen=True)
 class Edge:
     """An event that joins two nodes.
@@ -244,6 +247,10 @@ class Edge:
     note: str | None = None
     source_orbit: EventOrbit | None = None
     target_orbit: EventOrbit | None = None
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        events = [("from", f"{self.source} {self.source_event}".rstrip()), ("to", f"{self.target} {self.target_event}".rstrip())]
+        return f"Edge {self.type}, {self.kind}, at h = {self.h:.10g}, alpha = {self.alpha:.10g}", events
 
     def values(self) -> tuple[Any, ...]:
         """The row as it is stored."""

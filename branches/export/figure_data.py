@@ -136,7 +136,7 @@ def read_figure_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict
     kind = data_format(path)
     name = os.fspath(path)
     if kind is None:
-        raise ExportError(f"{name} is no file of a figure's data: expected one that ends in {', '.join(DATA_FORMATS)}")
+        raise ExportError(f"{name} is not a file of figure data: expected one that ends in {', '.join(DATA_FORMATS)}")
     try:
         content = read_input(path)
     except OSError as error:
@@ -154,9 +154,9 @@ def reporting(name: str) -> Iterator[None]:
     try:
         yield
     except KeyError as error:
-        raise ExportError(f"{name} is no file of a figure's data: it lacks {error.args[0]!r}") from error
+        raise ExportError(f"{name} is not a file of figure data: it lacks {error.args[0]!r}") from error
     except (ValueError, TypeError, EOFError, IndexError, zipfile.BadZipFile, NotImplementedError) as error:
-        raise ExportError(f"{name} is no file of a figure's data that can be read: {one_line(error)}") from error
+        raise ExportError(f"{name} is not a readable file of figure data: {one_line(error)}") from error
 
 
 def _check(layout: Layout, columns: Mapping[str, np.ndarray]) -> None:

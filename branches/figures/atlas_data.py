@@ -15,6 +15,7 @@ import numpy as np
 
 from branches.figures.style import cited_names
 from branches.naming.matching import spelled
+from bvp.checks import require_branch
 from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
@@ -178,6 +179,8 @@ def atlas_of(
         For a branch of another system.
     """
     branches = list(branches)
+    for branch in branches:
+        require_branch(branch)
     named = cited_names(branches, reference_points)
     curves = []
     for branch in branches:

@@ -129,7 +129,7 @@ def plot_motion(motion: Motion, ax: Axes | None = None) -> Axes:
 
 def _displacements(ax: Axes | None, source: Orbit | Motion, times: np.ndarray, u: np.ndarray, impacts: np.ndarray) -> Axes:
     at = source.sample(impacts)[0] if len(impacts) else np.empty((0, u.shape[1]))
-    ax = _new() if ax is None else ax
+    ax = _axes_or_new(ax)
     draw_displacements(ax, source.system, times, u, impacts, at)
     set_axis(ax, "x", (0.0, float(times[-1])), 8, "time", "t")
     return ax
@@ -138,15 +138,19 @@ def _displacements(ax: Axes | None, source: Orbit | Motion, times: np.ndarray, u
 def _energy_axes(ax: Axes | None, h: np.ndarray, values: np.ndarray, name: str, symbol: str) -> Axes:
     """Axes with energies on a logarithmic axis. Their limits grow where something is drawn already."""
     wide = [limits_of(h, log=True), limits_of(values)]
-    if ax is not None and ax.has_data():
+    ax = _axes_or_new(ax)
+    if ax.has_data():
         wide = [(min(a, b), max(c, d)) for (a, c), (b, d) in zip(wide, (ax.get_xlim(), ax.get_ylim()), strict=True)]
-    ax = _new() if ax is None else ax
     set_axis(ax, "x", wide[0], 8, "energy", "h", log=True)
     set_axis(ax, "y", wide[1], 6, name, symbol)
     return ax
 
 
-def _new() -> Axes:
+def _axes_or_new(ax: Axes | None) -> Axes:
+    if ax is not None:
+        if not hasattr(ax, "plot"):
+            raise TypeError(f"ax is {shown(ax)}, expected matplotlib axes")
+        return ax
     from matplotlib import pyplot
 
     return pyplot.subplots(layout="constrained")[1]

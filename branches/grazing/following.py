@@ -15,6 +15,7 @@ from branches.identity import is_solved_as_it_is
 from branches.linear_modes import mode_of
 from branches.sequences import Ends, format_sequence, impacts_per_period
 from branches.tracing import follow_family
+from bvp.checks import require_branch
 from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem
 from bvp.texts import brief, takes_options_of
@@ -153,9 +154,10 @@ def neighbours(branch: Branch, event: BranchEvent | str, *, cover: int = 1, **op
     >>> [(item.kind, item.label) for item in neighbours(branch, "GR2", points=60) if item.label]
     [('fold', 'U1302+'), ('fold', 'S13O11+')]
     """
+    require_branch(branch)
     event = branch.event(event)
     if event.type != "GR":
-        raise ValueError(f"{event.id} is of type {event.type}; neighbours at grazing are those of a GR")
+        raise ValueError(f"{event.id} is of type {event.type}; neighbours need an event of type GR")
     if cover < 1:
         raise ValueError(f"cover is {cover}, expected 1 or more")
     solution = branch.orbit(event.point).solution

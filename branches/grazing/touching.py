@@ -319,7 +319,7 @@ def candidate(orbit: Touching, mask: int) -> Candidate:
         return _segment(orbit, mask, axes, impacts, cover)
     inside = [i for i in range(len(orbit.times)) if mask >> i & 1]
     if not inside:
-        raise ValueError("an orbit without impacts and without a reversal is no solution of a multipoint problem")
+        raise ValueError("an orbit without impacts and without a reversal is not a solution of a multipoint problem")
     # A hard impact is the better start.
     begin = next((i for i in inside if not orbit.grazing[i]), inside[0])
     at = inside.index(begin)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from branches.search.starts import ScannedSegment
-from bvp.checks import checked_energy_range, require_conservative, require_two_dof
+from bvp.checks import checked_energy_range, require_conservative, require_system, require_two_dof
 from bvp.kernels import shooting as kernel
 from bvp.kernels.impact import work_array
 from bvp.kernels.shooting import TURNING, ZERO
@@ -38,6 +38,7 @@ _MOST_EVENTS = 1 << 20
 
 def check_system(system: ImpactSystem) -> tuple[int, int]:
     """Indices of the absorber and the primary. Raises ValueError for a system that does not name them, or that loses energy."""
+    require_system(system)
     if system.absorber is None or system.primary is None:
         raise ValueError(
             "an impulsive orbit starts with the velocity of the primary alone, and this system names no absorber and primary "

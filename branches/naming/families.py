@@ -113,7 +113,7 @@ def resolve(
         families = [(found, branch) for found, branch in families if branch.orbits_at(**where)] or families
     if len(families) > 1:
         listed = " ".join(f"{text.split('@')[0]}@h={f.h:.6g},alpha={f.alpha:.6g}" for f, _ in families)
-        raise AmbiguousName(f"{text} is {len(families)} families; expected one of {listed}")
+        raise AmbiguousName(f"{text} matches {len(families)} families; choose one of {listed}")
     return families[0]
 
 

@@ -1,4 +1,4 @@
-"""`saltus build`: find and follow every family of a scene, and keep them in a catalogue."""
+"""`saltus build`: find and follow every family within bounds, and save them in a catalogue."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ SCHEMA = 2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="energies (default: the scene's)")
+    parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
     parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period (default: the scene's)")
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: the scene's)")
-    parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="processes that work (default: one a core)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="work on a Dask cluster in place of processes")
+    parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="number of processes (default: one for each core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="use a Dask cluster instead of processes")
     catalogues.add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
     outputs.add_arguments(parser, "json")
     options.add_scene(parser)

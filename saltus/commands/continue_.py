@@ -42,25 +42,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, a family's id or a part of it")
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
-    parser.add_argument("--points", metavar="N", type=whole_above_zero, help="end when there are N points in total")
+    parser.add_argument("--points", metavar="N", type=whole_above_zero, help="end at N points in total")
     parser.add_argument(
         "--direction",
         metavar="WAY",
         choices=("up", "down", "both"),
         default="both",
-        help="up: the first step raises h; down: lowers it; both (default); folds are followed either way",
+        help="up: the first step raises h; down: it lowers h; both (default). Folds are followed either way",
     )
     types = ", ".join(f"{code} {words}" for code, words in EVENT_TYPES.items())
-    parser.add_argument("--stop-at", metavar="TYPE", choices=tuple(EVENT_TYPES), help=f"end at the first event: {types}")
+    parser.add_argument("--stop-at", metavar="TYPE", choices=tuple(EVENT_TYPES), help=f"end at the first event of this type: {types}")
     parser.add_argument(
         "--frequency",
         metavar="AXIS",
         choices=("index", "fundamental"),
         default="index",
-        help="axis of the figure: index (default), m 2 pi/T with m the half-waves of the NES, or fundamental, 2 pi/T",
+        help="axis of the figure: index (default) is m 2 pi/T, where m is the number of half-waves of the NES; fundamental is 2 pi/T",
     )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
-    parser.add_argument("--save", action="store_true", help="keep the family in a catalogue")
+    parser.add_argument("--save", action="store_true", help="save the family in a catalogue")
     catalogues.add_file(parser, "with --save, the catalogue to keep it in (default: the scene's, in the user's data folder)")
     options.add_scene(parser)
 

@@ -28,14 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ends",
         metavar="PAIRS",
-        help="kinds of orbits, as pairs of ends with commas between: origin-origin (includes the symmetric orbits, origin-rest and "
+        help="kinds of orbits, as pairs of ends with commas between them: origin-origin (includes the symmetric orbits, origin-rest and "
         "origin-stop), rest-rest, rest-stop, stop-stop (default: origin-origin; the others in a system without odd symmetry)",
     )
     parser.add_argument(
         "--max-starts",
         metavar="N",
         type=whole_above_zero,
-        help="most starts followed (default: a million; fewer where a mode is fast)",
+        help="most starting states (default: a million, fewer if a mode is fast)",
     )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat")
     catalogues.add_file(parser, "report which family of this catalogue each orbit lies on")

@@ -25,9 +25,9 @@ __all__ = ["add_arguments", "run"]
 WHAT = {
     "fep": "frequency-energy plot: a figure, or its data",
     "velocities": "start velocities against energy: a figure, or its data",
-    "graph": "the graph: json (node-link), graphml, dot",
-    "points": "a row a point: csv, json, npz, mat",
-    "orbits": "a row an orbit: csv, json, npz, mat",
+    "graph": "graph of the families: JSON (node-link), GraphML or DOT",
+    "points": "a row for each point: CSV, JSON, NPZ or MAT",
+    "orbits": "a row for each orbit: CSV, JSON, NPZ or MAT",
 }
 PICTURES = ("fep", "velocities")
 
@@ -61,7 +61,7 @@ def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
     if what == "points":
         parser.add_argument("--columns", metavar="A,B", help="columns, in this order (default: all but the states)")
     if what == "orbits":
-        parser.add_argument("--samples", metavar="N", type=whole_above_zero, help="the motion at N times over a period")
+        parser.add_argument("--samples", metavar="N", type=whole_above_zero, help="add the motion at N times over a period")
     options.add_filters(parser)
     catalogues.add_arguments(parser)
 
@@ -146,7 +146,7 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
             if match.kind != "family":
                 raise BadInput(f"{match.id} is a {match.kind}, which has no orbit with impacts; expected the name of an impacting family")
             if "@" not in name:
-                raise BadInput(f"which orbit of {name}? expected {name}@h=.. or @alpha=..")
+                raise BadInput(f"an orbit of {name} needs {name}@h=.. or @alpha=..")
             branch = catalogue.branch(match.id)
             assert match.h is not None and match.alpha is not None
             orbits = branch.orbits_at(energy=match.h) if "h=" in name else branch.orbits_at(alpha=match.alpha)
@@ -154,7 +154,7 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
                 raise BadInput(f"the orbit {name} could not be solved for; expected one farther from the end of its family")
             found.append((match.id, min(orbits, key=_distance_to(match.h, match.alpha))))
     elif arguments.energy is None:
-        raise BadInput("which orbits? expected names such as S13O00+@h=1, or --energy H for all families that cross it")
+        raise BadInput("orbits need names such as S13O00+@h=1, or --energy H for all families that cross it")
     else:
         for row in catalogue.families(**filters):
             found += [(row.id, orbit) for orbit in catalogue.branch(row.id).orbits_at(energy=arguments.energy)]
@@ -173,19 +173,27 @@ def _add_figure_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="families, as `saltus continue --json` writes them")
     catalogues.add_file(parser, "families of this catalogue (default: that of the scene in the user's data folder)")
-    parser.add_argument("--data", metavar="FILE", help="draw from data that were exported before")
+    parser.add_argument("--data", metavar="FILE", help="draw from exported data")
     options.add_filters(parser, shown=True)
     parser.add_argument("--frequency", metavar="AXIS", choices=("index", "fundamental"), default="index", help="as in `saltus continue`")
-    parser.add_argument("--impulsive", action="store_true", help="add the impulsive motions: their curve and the periodic ones")
+    parser.add_argument("--impulsive", action="store_true", help="add the curve of impulsive motions, and the periodic ones")
     parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period of periodic impulsive orbits")
-    parser.add_argument("--regimes", action="store_true", help="add the bounds of the regimes I to IV, which are ours and not the paper's")
+    parser.add_argument("--regimes", action="store_true", help="add the bounds of the regimes I to IV, as saltus computes them")
     parser.add_argument(
-        "--inset", metavar="LO:HI[,FLO:FHI]", action="append", default=[], help="show a part larger: its energies, and its frequencies"
+        "--inset",
+        metavar="LO:HI[,FLO:FHI]",
+        action="append",
+        default=[],
+        help="enlarge a range of energies, and of frequencies; can be repeated",
     )
-    parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name N families at most")
-    parser.add_argument("--clearance", metavar="D", type=positive, default=1.0, help="scale lengths by D and energies by its square")
+    parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name at most N families")
+    parser.add_argument("--clearance", metavar="D", type=positive, default=1.0, help="scale lengths by D, and energies by its square")
     parser.add_argument(
-        "--natural-frequency", metavar="W", type=positive, default=1.0, help="scale frequencies by that of the oscillator alone, in rad/s"
+        "--natural-frequency",
+        metavar="W",
+        type=positive,
+        default=1.0,
+        help="scale frequencies by the frequency of the oscillator alone, in rad/s",
     )
     options.add_scene(parser)
 
@@ -199,7 +207,7 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
             raise BadInput(f"--{kind} {path}: expected a file ending in .{kind}")
     for option in ("names", "inset"):
         if "plot" not in files.places and getattr(arguments, option):
-            raise BadInput(f"--{option} is of a figure; expected --plot FILE with it")
+            raise BadInput(f"--{option} needs --plot FILE")
     insets = [parse_inset(text) for text in arguments.inset]
     if sum((bool(arguments.branches), arguments.data is not None, arguments.catalogue is not None)) > 1:
         raise BadInput("families come from one place: give one of --catalogue, --branches and --data")

@@ -156,8 +156,8 @@ def _shipped() -> Mapping[str, str]:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="the gallery: paper")
-    parser.add_argument("--out", metavar="DIR", required=True, help="the folder that the figures are written into; made if there is none")
-    parser.add_argument("--figure", metavar="FIG", action="append", help="this figure alone, by the name of its files; can be repeated")
+    parser.add_argument("--out", metavar="DIR", required=True, help="folder of the figures; made if there is none")
+    parser.add_argument("--figure", metavar="FIG", action="append", help="this figure only, by the name of its files; can be repeated")
     parser.add_argument("--format", metavar="KIND", choices=("png", "pdf", "svg"), default="png", help="png (default), pdf or svg")
     catalogues.add_file(parser, "take families from this catalogue: starts, stages, behind the spectra, on the sections")
 

@@ -31,7 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-quarter-period", metavar="A", type=positive, help="longest quarter period of the periodic orbits (default: the scene's)"
     )
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: any number)")
-    parser.add_argument("--density", metavar="N", type=whole_above_zero, default=100, help="energies a decade of the curve (default: 100)")
+    parser.add_argument(
+        "--density", metavar="N", type=whole_above_zero, default=100, help="energies in a decade of the curve (default: 100)"
+    )
     catalogues.add_file(parser, "report which family of this catalogue each periodic orbit lies on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     options.add_scene(parser)

@@ -21,10 +21,10 @@ __all__ = ["add_arguments", "run"]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, a family's id or a part of it")
-    parser.add_argument("--energy", metavar="H", type=positive, help="the orbit at this energy h")
+    parser.add_argument("--energy", metavar="H", type=positive, help="the orbit with this energy h")
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
-    catalogues.add_file(parser, "take the family from this catalogue, as it was followed, in place of a search")
+    catalogues.add_file(parser, "take the family from this catalogue, instead of a search")
     options.add_scene(parser)
 
 
@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     energy = agreed(arguments.name, "h", name.h, "--energy", arguments.energy)
     alpha = agreed(arguments.name, "alpha", name.alpha, "--alpha", arguments.alpha)
     if energy is None and alpha is None:
-        raise BadInput(f"which orbit of {name}? expected --energy H or --alpha A")
+        raise BadInput(f"an orbit of {name} needs --energy H or --alpha A")
     if arguments.model:
         from saltus.scene.model import explain
 

@@ -21,7 +21,7 @@ _TABLES = {kind: outputs.KINDS[kind] for kind in ("csv", "npz", "mat")}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("study", metavar="STUDY", help="folder that saltus study has made")
+    parser.add_argument("study", metavar="STUDY", help="folder of a study, as saltus study made it")
     outputs.add_arguments(parser, "plot", **{kind: meaning.replace("all data", "the runs") for kind, meaning in _TABLES.items()})
     parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument(
@@ -29,8 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="map: in colours over two parameters; lines: against each parameter; best: about the best run "
         "(default: map where two numbers are varied, else lines)",
     )  # fmt: skip
-    parser.add_argument("--value", metavar="NAME", help="what is drawn (default: what --best names)")
-    parser.add_argument("--best", metavar="NAME", default="nes_share", help="the best run has the largest of this (default: nes_share)")
+    parser.add_argument("--value", metavar="NAME", help="the result that is drawn (default: that of --best)")
+    parser.add_argument(
+        "--best", metavar="NAME", default="nes_share", help="the best run has the largest value of this result (default: nes_share)"
+    )
     parser.add_argument("--over", metavar="X,Y", help="the two parameters of a map (default: the first two that are numbers)")
 
 
@@ -75,7 +77,7 @@ def _pair(text: str, numeric: list[str]) -> tuple[str, str]:
     for name in names:
         if name not in numeric:
             hint = nearest(name, numeric) or f"; expected {', '.join(numeric)}"
-            raise BadInput(f"--over {text!r}: {name!r} is no number that the study varies{hint}")
+            raise BadInput(f"--over {text!r}: {name!r} is not a number that the study varies{hint}")
     return names[0], names[1]
 
 

@@ -36,17 +36,25 @@ MOST_IMPACTS = 10_000_000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     start_options.add_arguments(parser)
-    parser.add_argument("--duration", metavar="T", type=positive, help="time to run (default: as long as the scene's records last)")
-    parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, default=MOST_IMPACTS, help="end there (default: ten million)")
-    parser.add_argument("--samples", metavar="N", type=whole_above_zero, help=f"times in the time series of the files (default: {SAMPLES})")
-    parser.add_argument("--locked", action="store_true", help="run the system with its sink locked too, and compare peaks and mean squares")
+    parser.add_argument("--duration", metavar="T", type=positive, help="time to run (default: the length of the scene's records)")
     parser.add_argument(
-        "--stages", action="store_true", help="compute the stages of the motion, as --catalogue, --emd and --plot do, too"
+        "--max-impacts",
+        metavar="K",
+        type=whole_above_zero,
+        default=MOST_IMPACTS,
+        help="end after this number of impacts (default: ten million)",
     )
-    parser.add_argument("--emd", action="store_true", help="report the empirical modes of the relative displacement (EMD-signal)")
+    parser.add_argument(
+        "--samples", metavar="N", type=whole_above_zero, help=f"number of times in the time series of the files (default: {SAMPLES})"
+    )
+    parser.add_argument(
+        "--locked", action="store_true", help="run the system with its sink locked, too, and compare peaks and mean squares"
+    )
+    parser.add_argument("--stages", action="store_true", help="compute the stages of the motion; --catalogue, --emd and --plot also do")
+    parser.add_argument("--emd", action="store_true", help="report the empirical modes of the relative displacement (needs EMD-signal)")
     catalogues.add_file(parser, "take the families that stages follow from this catalogue, and that of --on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
-    parser.add_argument("--caption", metavar="TEXT", default="", help="a text under the panels of the figure")
+    parser.add_argument("--caption", metavar="TEXT", default="", help="a text below the figure")
     options.add_units(parser)
     options.add_scene(parser, uses=("ground", "forces"))
 
@@ -57,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.samples is not None and arguments.samples < 2:
         raise BadInput(f"--samples {arguments.samples}: expected 2 at least, the begin and the end of the motion")
     if arguments.caption and arguments.plot is None:
-        raise BadInput("--caption stands under the figure; expected --plot FILE with it")
+        raise BadInput("--caption needs --plot FILE")
     scene = options.scene_of(arguments)
 
     from saltus.motion.simulation import NOT_ASKED, default_duration, modes_of_motion, require_sifting, run_locked, run_scene, with_stages

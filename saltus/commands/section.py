@@ -33,15 +33,27 @@ HEADER = f"{'energy h':>11} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("--energy", metavar="H", type=_energies, help="the energy h; of panels: LO:HI, or H1,H2,... rising")
-    parser.add_argument("--panels", action="store_true", help="a section of each energy of the scene, or of --energy, in one figure")
-    parser.add_argument("--plate", dest="panels", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-    parser.add_argument("--orbits", metavar="N", type=whole_above_zero, default=150, help="motions, spread over the section (default: 150)")
-    parser.add_argument("--crossings", metavar="K", type=whole_above_zero, default=400, help="points of each motion (default: 400)")
     parser.add_argument(
-        "--start", metavar="X,Y", type=_place, action="append", help="start here in the plane, in place of a spread; can be repeated"
+        "--energy", metavar="H", type=_energies, help="the energy h; with --panels also LO:HI, or H1,H2,... in rising order"
     )
-    parser.add_argument("--longest", metavar="T", type=positive, help="leave a motion after this time (default: 50 periods a crossing)")
+    parser.add_argument("--panels", action="store_true", help="one figure with a section for each energy of the scene, or of --energy")
+    parser.add_argument("--plate", dest="panels", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--orbits", metavar="N", type=whole_above_zero, default=150, help="number of motions, spread over the section (default: 150)"
+    )
+    parser.add_argument(
+        "--crossings", metavar="K", type=whole_above_zero, default=400, help="number of points of each motion (default: 400)"
+    )
+    parser.add_argument(
+        "--start",
+        metavar="X,Y",
+        type=_place,
+        action="append",
+        help="start here in the plane, instead of a spread of starts; can be repeated",
+    )
+    parser.add_argument(
+        "--longest", metavar="T", type=positive, help="end a motion after this time (default: 50 periods for each crossing)"
+    )
     parser.add_argument(
         "--colour",
         metavar="WHAT",
@@ -49,9 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="colour motions by their largest Lyapunov exponent (lyapunov), by their rotation number about an elliptic fixed point "
         "of the section (rotation), or, of a system that loses energy, by their energy (energy, which is the default there)",
     )
-    parser.add_argument("--about", metavar="X,Y", type=_place, help="rotation numbers about the fixed point next to here alone")
+    parser.add_argument("--about", metavar="X,Y", type=_place, help="rotation numbers about the fixed point nearest to here only")
     catalogues.add_file(parser, "mark the periodic orbits that the families of this catalogue have at the energy")
-    parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name N periodic orbits at most")
+    parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name at most N periodic orbits")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     options.add_scene(parser)
 
@@ -60,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Do what was asked; return the exit code."""
     files = outputs.outputs_of(arguments)
     if arguments.names is not None and (arguments.plot is None or arguments.catalogue is None):
-        raise BadInput("--names counts the orbits named in the figure; expected --plot FILE and --catalogue FILE with it")
+        raise BadInput("--names needs --plot FILE and --catalogue FILE: it counts the orbits that are named in the figure")
     scene = options.scene_of(arguments)
     energies = _asked(arguments, scene)
 
@@ -137,7 +149,7 @@ def _asked(arguments: argparse.Namespace, scene: Scene) -> list[float]:
     given = arguments.energy
     if not arguments.panels:
         if given is None:
-            raise BadInput("which energy? expected --energy H, or --panels")
+            raise BadInput("--energy H or --panels is required")
         if len(given) != 1:
             raise BadInput("--energy gives several energies; expected one, or --panels for a section of each")
         return list(given)

@@ -25,9 +25,9 @@ FORMATS = ("npz", "parquet")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("file", metavar="FILE", help="TOML file of the study")
-    parser.add_argument("--out", metavar="FOLDER", help="folder of its results (default: FILE with .study in place of .toml)")
-    parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="processes that work (default: one a core)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="work on a Dask cluster in place of processes")
+    parser.add_argument("--out", metavar="FOLDER", help="folder of the results (default: FILE with .study instead of .toml)")
+    parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="number of processes (default: one for each core)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="use a Dask cluster instead of processes")
     parser.add_argument("--format", metavar="KIND", choices=FORMATS, default="npz", help="npz (default), or parquet")
 
 

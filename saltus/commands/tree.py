@@ -29,7 +29,9 @@ class Way(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
-    parser.add_argument("--depth", metavar="N", type=whole_above_zero, default=DEPTH, help=f"events away from NAME (default: {DEPTH})")
+    parser.add_argument(
+        "--depth", metavar="N", type=whole_above_zero, default=DEPTH, help=f"number of events away from NAME (default: {DEPTH})"
+    )
     outputs.add_arguments(parser, "json")
     catalogues.add_arguments(parser)
 

@@ -100,12 +100,14 @@ def finite(text: str) -> float:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that say where the motion starts."""
-    parser.add_argument("--on", metavar="NAME", help="start on the orbit of this family, of the undamped elastic system, with --energy")
+    parser.add_argument("--on", metavar="NAME", help="start on the orbit of this family of the undamped elastic system, at --energy")
     parser.add_argument("--energy", metavar="H", type=positive, help="energy h of the orbit, or of the impulsive start")
     parser.add_argument(
-        "--impulsive", action="store_true", help="start with the oscillator's velocity alone, of --energy; with --on: of that family's own"
+        "--impulsive",
+        action="store_true",
+        help="start with the oscillator's velocity alone, at --energy; with --on at the energy of the family's impulsive orbit",
     )
-    parser.add_argument("--impulse", metavar="V", type=finite, help="start at rest but for this velocity of the oscillator")
+    parser.add_argument("--impulse", metavar="V", type=finite, help="start at rest, except for this velocity of the oscillator")
     parser.add_argument("--state", metavar="U1,..,V1,..", type=state, help="start with these displacements, then velocities")
 
 
@@ -172,7 +174,7 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
     name = parse_name(text)
     energy = agreed(arguments.on, "h", name.h, "--energy", arguments.energy)
     if energy is None and name.alpha is None and not arguments.impulsive:
-        raise BadInput(f"which orbit of {name}? expected --energy H, or {arguments.on}@alpha=A")
+        raise BadInput(f"an orbit of {name} needs --energy H, or {arguments.on}@alpha=A")
     branch = family_of(text, scene, energy, arguments)
     if arguments.impulsive:
         h, alpha = _impulsive_orbit(branch, name, energy)

@@ -53,7 +53,7 @@ def check_folder(folder: Path, plan: StudyPlan, kind: str) -> None:
         # The plan was lost. Each block holds the digest of its plan.
         foreign = [entry.name for entry in sorted(folder.iterdir()) if not _is_own(entry.name)]
         if foreign:
-            raise BadInput(f"{folder} holds no study but {foreign[0]}; expected an empty folder, or one that saltus study has made")
+            raise BadInput(f"{folder} is not a study and contains {foreign[0]}; expected an empty folder or a study")
         return
     try:
         other, digest, other_kind = read_plan(folder)

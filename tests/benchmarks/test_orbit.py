@@ -52,7 +52,7 @@ def test_the_quantities_are_those_of_the_orbit():
         (("--alpha", "1.7", "--tolerance", "-1"), "'-1'"),
         (("--alpha", "1.7", "--tolerance", "0"), "'0'"),
         (("--alpha", "1.7", "--tolerance", "9e-14"), "received 9e-14, expected 1e-13 or more"),
-        ((), "expected --energy H or --alpha A"),
+        ((), "needs --energy H or --alpha A"),
     ],
 )
 def test_bad_options_are_refused(words, message, capsys):

@@ -44,7 +44,7 @@ def test_a_pin_with_one_number_chooses_or_leaves_the_name_ambiguous(pin):
     try:
         branch = trace_named("S73O33-", SYSTEM, energy=(0.05, 200.0), reference_points={"S73O33-": pin})
     except ValueError as error:
-        assert "families; expected one of S73O33-@h=" in str(error)
+        assert "families; choose one of S73O33-@h=" in str(error)
     else:
         reached = branch.orbits_at(energy=pin["h"]) if "h" in pin else branch.orbits_at(alpha=pin["alpha"])
         assert reached

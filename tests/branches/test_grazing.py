@@ -272,7 +272,7 @@ def test_impacts_that_interact_do_not_merge():
 def test_other_events_are_refused():
     """Oracle: the messages."""
     branch = traced("S13O00+")
-    with pytest.raises(ValueError, match="SB1 is of type SB; neighbours at grazing are those of a GR"):
+    with pytest.raises(ValueError, match="SB1 is of type SB; neighbours need an event of type GR"):
         branch.neighbours("SB1")
     with pytest.raises(ValueError, match="no event 'GR7' on this branch; it has GR1"):
         branch.neighbours("GR7")

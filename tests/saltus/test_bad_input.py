@@ -218,7 +218,7 @@ def test_two_hyphens_are_no_value_of_an_option(capsys, tmp_path, monkeypatch, co
     """Oracle: argparse reads --option=-- as an empty list, whatever kind the option has."""
     monkeypatch.chdir(tmp_path)
     for option in options_of(command):
-        refused(run(capsys, command, f"{option}=--"), f"{option}=--: -- is no value of an option")
+        refused(run(capsys, command, f"{option}=--"), f"{option}=--: -- is not a value of an option")
     assert not list(tmp_path.iterdir())
 
 

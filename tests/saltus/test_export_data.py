@@ -173,7 +173,7 @@ BAD = [
     (["export", "velocities", "--sigma", "0.3", "--csv", "f.csv"], "there sigma is 0.1, not 0.3"),
     (["export", "points", "--npz", "-"], "cannot go to standard output"),
     (["export", "orbits", "--csv", "o.csv"], "--energy H"),
-    (["export", "orbits", "S13+", "--csv", "o.csv"], "which orbit of S13+"),
+    (["export", "orbits", "S13+", "--csv", "o.csv"], "an orbit of S13+ needs"),
     (["export", "orbits", "S13+@h=1", "--energy", "2", "--csv", "o.csv"], "names and --energy 2.0 both choose orbits"),
     (["export", "orbits", "S13+@h=1", "--label", "U8*", "--csv", "o.csv"], "names and --label U8* both choose orbits"),
     (["export", "orbits", "S99O00+@h=1", "--csv", "o.csv"], "nearest that exist"),

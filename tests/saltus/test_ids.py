@@ -217,7 +217,7 @@ def test_a_catalogue_of_its_own_that_cannot_be_used_is_not_passed_over(capsys, t
     on = f"{name}@h={kept.points['h'][len(kept) // 2]}"
     for command in (["continue", name, "--points", "2"], ["run", "--duration", "1", "--on", on]):
         place.write_text("no catalogue\n" * 100)
-        refused(run(capsys, *command), f"{place} is no catalogue")
+        refused(run(capsys, *command), f"{place} is not a catalogue")
         place.unlink()
         with saltus.Catalogue(place, "a", scene=saltus.load_scene(mu=0.2)):
             pass

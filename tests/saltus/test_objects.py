@@ -145,7 +145,7 @@ def test_a_family_is_followed_from_an_orbit(branch, tmp_path, capsys):
     for orbit in (searched, written, branch.orbit(5)):
         assert saltus.trace(orbit, energy=(0.3, 1.0), points=9).id == branch.id
     branch.save(tmp_path / "branch.json")
-    with pytest.raises(ValueError, match="is no file of an orbit"):
+    with pytest.raises(ValueError, match="is not a readable orbit file"):
         saltus.read_orbit(tmp_path / "branch.json")
 
 

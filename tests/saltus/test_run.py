@@ -559,7 +559,7 @@ WRONG = [
     ("run --impulse 1 --duration 5 --mat {here}/a --npz {here}/a", ["--npz", "--mat", "both"]),
     ("run --impulse 1 --duration 5 --catalogue {missing}.sqlite", ["missing.sqlite"]),
     ("run --impulse 1 --durration 5", ["--durration", "nearest: --duration"]),
-    ("run --on S13O00+ --duration 5", ["which orbit of S13O00+", "--energy H", "@alpha=A"]),
+    ("run --on S13O00+ --duration 5", ["an orbit of S13O00+ needs", "--energy H", "@alpha=A"]),
     ("run --on S1x --energy 1 --duration 5", ["S1x", "character 3"]),
     ("run --on S13O00+@h=2 --energy 1 --duration 5", ["h = 2", "--energy says 1"]),
     ("run --on S13O00+ --energy 0.01 --duration 5", ["S13O00+", "0.01", "0.1185078"]),

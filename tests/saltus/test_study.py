@@ -384,4 +384,4 @@ def test_a_picture_that_cannot_be_is_refused(finished, tmp_path, capsys, words, 
 
 def test_a_folder_without_a_study(tmp_path, capsys):
     """Oracle: one line, exit code 2."""
-    refused(run(capsys, "plot", tmp_path, "--plot", tmp_path / "a.png"), "holds no study")
+    refused(run(capsys, "plot", tmp_path, "--plot", tmp_path / "a.png"), "is not a study")

@@ -58,7 +58,7 @@ def read_plan(folder: Path) -> tuple[StudyPlan, str, str]:
         about = json.loads((folder / PLAN).read_text(encoding="utf-8"))
         return StudyPlan.from_plain(about["plan"]), str(about["digest"]), str(about["format"])
     except FileNotFoundError:
-        raise NoStudy(f"{folder} holds no study; expected a folder that saltus study has made, with {PLAN} in it") from None
+        raise NoStudy(f"{folder} is not a study; expected a folder that saltus study has made, with {PLAN} in it") from None
     except OSError as error:
         raise NoStudy(f"cannot read {folder / PLAN}: {reason(error)}") from error
     except (ValueError, KeyError, TypeError) as error:
