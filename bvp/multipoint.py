@@ -44,11 +44,8 @@ _ENTRIES = len(RESULT)
 _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
 """The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones."""
 
-_ENTRY_POINTS: dict[Any, Any] = {}
+_ENTRY_POINTS: dict[tuple[bool, int], Any] = {}
 """The compiled code of each kernel, see `bvp.kernels.compiled.entry_point`."""
-
-_COMPILED = ("addresses", "_take_step", "_observe", "_compute_stability")
-"""Attributes that refer to compiled functions. They are valid in this process only and are not pickled."""
 
 
 class NotConverged(RuntimeError):
@@ -176,8 +173,8 @@ class MultipointProblem:
         self._two_dof = self.half == 2
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process may have."""
-        return {name: value for name, value in self.__dict__.items() if name not in _COMPILED}
+        """What another process may have: the addresses of compiled functions are this one's alone."""
+        return {name: value for name, value in self.__dict__.items() if name != "addresses"}
 
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system that can drift: an orbit between them is not determined.
@@ -330,7 +327,8 @@ class MultipointProblem:
         self._factor.work[5, :unknowns] = row
         out, result, metric = np.empty(unknowns), np.full(_ENTRIES, np.nan), np.empty((4, self.size + 2))
         landing = Landing(out, np.empty(2 * unknowns), result)
-        self._take_step(self._packed, self._factor, y, self._zero, Request(0.0, target, maximum), metric, landing)
+        take = self._entry_point(0)
+        take(self._packed, self._factor, y, self._zero, Request(0.0, target, maximum), metric, landing)
         y[:] = out
         return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
 
@@ -347,14 +345,15 @@ class MultipointProblem:
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
         landing = Landing(out, out_tangent, result)
-        self._take_step(packed, factor, changeable(y), changeable(tangent), Request(ds, math.nan, maximum), metric, landing)
+        take = self._entry_point(0)
+        take(packed, factor, changeable(y), changeable(tangent), Request(ds, math.nan, maximum), metric, landing)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()
         if full:
-            self._observe(packed, self._watched, out, ends, self._work, result)
+            self._entry_point(1)(packed, self._watched, out, ends, self._work, result)
             if self._two_dof:
-                self._compute_stability(packed, out, ends, self._period, result)
+                self._entry_point(2)(packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
     def _calls(self) -> tuple[tuple[Any, tuple[Any, ...]], ...]:
@@ -371,22 +370,10 @@ class MultipointProblem:
 
     def _entry_point(self, k: int) -> Any:
         """The kernel k of `_calls`, compiled. The arrays of all problems have the same types, which take long to look at."""
-        kernel = (*_KERNELS[self._two_dof], orbit_stability)[k]
-        if kernel not in _ENTRY_POINTS:
-            _ENTRY_POINTS[kernel] = entry_point(*self._calls()[k])
-        return _ENTRY_POINTS[kernel]
-
-    @cached_property
-    def _take_step(self) -> Any:
-        return self._entry_point(0)
-
-    @cached_property
-    def _observe(self) -> Any:
-        return self._entry_point(1)
-
-    @cached_property
-    def _compute_stability(self) -> Any:
-        return self._entry_point(2)
+        key = self._two_dof, k
+        if key not in _ENTRY_POINTS:
+            _ENTRY_POINTS[key] = entry_point(*self._calls()[k])
+        return _ENTRY_POINTS[key]
 
     @cached_property
     def addresses(self) -> np.ndarray:

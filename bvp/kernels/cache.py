@@ -13,6 +13,7 @@ import shutil
 import sys
 import time
 import warnings
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from typing import Any
 import llvmlite
 import numba
 from llvmlite.binding import get_host_cpu_name
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, _CacheLocator
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.codegen import get_host_cpu_features
 
 DAY = 86_400.0
@@ -30,22 +31,6 @@ _KEPT_DAYS = 30.0
 config: Any = numba.core.config
 _SOURCES = Path(__file__).resolve().parents[2]
 _IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+) import \(?\s*(\w+)", re.MULTILINE)
-
-
-def cache_of(function: Any) -> Any:
-    """The cache of one function's compiled code, for its numba dispatcher.
-
-    Parameters
-    ----------
-    function : function
-        A Python function, before it is compiled.
-
-    Returns
-    -------
-    numba cache
-        One that keeps nothing, where no folder can be used.
-    """
-    return NullCache() if cache_root() is None else _KernelCache(function)
 
 
 @cache
@@ -126,66 +111,65 @@ def _read(path: Path) -> tuple[bytes, list[Path]]:
 
 
 @cache
-def _machine() -> str:
-    """What machine code depends on besides its sources: versions and processor."""
+def _folder(module: str, path: Path) -> Path:
+    """The folder of a kernel file. Its date is renewed, about once a day, where it exists."""
+    root = cache_root()
+    assert root is not None  # where there is none, nothing is kept
     features = get_host_cpu_features() if config.CPU_FEATURES is None else config.CPU_FEATURES
-    return repr((sys.version, numba.__version__, llvmlite.__version__, config.CPU_NAME or get_host_cpu_name(), features))
-
-
-@cache
-def _folder(module: str, path: Path) -> str:
-    """The name of a kernel file's folder."""
-    digest = hashlib.sha256(f"{module} {_machine()}".encode())
+    machine = repr((sys.version, numba.__version__, llvmlite.__version__, config.CPU_NAME or get_host_cpu_name(), features))
+    digest = hashlib.sha256(f"{module} {machine}".encode())
     for file, text in sorted(sources(path).items()):
         digest.update(f"\n{file.stem} {len(text)}\n".encode() + text)
-    return f"{module}-{digest.hexdigest()[:24]}"
+    folder = root / f"{module}-{digest.hexdigest()[:24]}"
+    try:
+        if time.time() - folder.stat().st_mtime > DAY:
+            os.utime(folder)
+    except OSError:
+        pass
+    return folder
 
 
+@dataclass
 class _Locator(_CacheLocator):
     """Finds the folder of a function's compiled code."""
 
-    def __init__(self, folder: Path, line: int):
-        self._folder, self._line = folder, line
+    folder: Path
+    line: int
 
     @classmethod
     def from_function(cls, py_func, py_file):
-        root = cache_root()
-        assert root is not None  # `cache_of` looked
-        return cls(root / _folder(py_func.__module__, Path(py_file).resolve()), py_func.__code__.co_firstlineno)
+        return cls(_folder(py_func.__module__, Path(py_file).resolve()), py_func.__code__.co_firstlineno)
 
     def get_cache_path(self):
-        return str(self._folder)
+        return str(self.folder)
 
     def get_source_stamp(self):
-        return self._folder.name
+        return self.folder.name
 
     def get_disambiguator(self):
-        return str(self._line)
+        return str(self.line)
 
     def ensure_cache_path(self):
-        if not self._folder.is_dir():
-            self._folder.mkdir(mode=0o700, exist_ok=True)
-            _remove_unused(self._folder.parent)
+        if not self.folder.is_dir():
+            self.folder.mkdir(mode=0o700, exist_ok=True)
+            _remove_unused(self.folder.parent)
 
 
 class _Impl(CompileResultCacheImpl):
     _locator_classes = [_Locator]
 
 
-class _KernelCache(FunctionCache):
+class KernelCache(FunctionCache):
     """Numba's cache, for which a file that cannot be read or written is no failure: the kernel is compiled."""
 
     _impl_class = _Impl
 
     def load_overload(self, sig, target_context):
         try:
-            loaded = super().load_overload(sig, target_context)
+            return super().load_overload(sig, target_context)
         except Exception:  # unpickling a damaged file can raise anything
             self._forget()
             return None
-        if loaded is not None:
-            _mark_used(self.cache_path)
-        return loaded
 
     def save_overload(self, sig, data):
         try:
@@ -198,16 +182,6 @@ class _KernelCache(FunctionCache):
             self.flush()
         except OSError:
             pass
-
-
-@cache
-def _mark_used(folder: str) -> None:
-    """Renew the date of a folder, about once a day."""
-    try:
-        if time.time() - os.stat(folder).st_mtime > DAY:
-            os.utime(folder)
-    except OSError:
-        pass
 
 
 def _remove_unused(root: Path) -> None:

@@ -1,15 +1,16 @@
 """How kernels are compiled: once, kept on disk, with division by zero giving inf or nan, as the arithmetic of arrays does."""
 
 import gc
-from functools import lru_cache
+from functools import partial
 from typing import Any
 
 import numba as nb
 from llvmlite import ir
 from numba.core import cgutils
+from numba.core.caching import NullCache
 from numba.extending import intrinsic
 
-from bvp.kernels.cache import cache_of
+from bvp.kernels.cache import KernelCache, cache_root
 
 _COUNTED: dict[str, Any] = {"_nrt": True}  # numba's own run time for arrays; said in full, for what a kernel calls inherits it
 _UNCOUNTED: dict[str, Any] = {"_nrt": False}
@@ -23,7 +24,7 @@ def _made(function: Any, **options: Any) -> Any:
     for each such number. While it is compiled, which makes millions of objects that stay, garbage is collected seldom: a tenth of the time
     goes there else."""
     dispatcher = nb.njit(error_model="numpy", **options)(function)
-    dispatcher._cache = cache_of(function)
+    dispatcher._cache = NullCache() if cache_root() is None else KernelCache(function)
     resolve, compiled = dispatcher.get_call_template, dispatcher.compile
 
     def of_any_number(arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
@@ -43,51 +44,42 @@ def _made(function: Any, **options: Any) -> Any:
     return dispatcher
 
 
-def kernel(function: Any) -> Any:
-    """Compile a function of plain arrays and numbers, without Python objects, that makes and returns no arrays.
+kernel: Any = partial(_made, **_UNCOUNTED)
+"""Compile a function of plain arrays and numbers, without Python objects, that makes and returns no arrays.
 
-    Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
-    return _made(function, **_UNCOUNTED)
+Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
 
+inlined: Any = partial(_made, forceinline=True, **_UNCOUNTED)
+"""A kernel whose machine code becomes part of each caller's: what the caller knows of its arguments, such as a `sized` length, holds
+inside, and arrays need not be handed over, which for a dozen of them takes longer than a short flight. For what is called from few
+places; where it is one place, and short, `part` compiles faster."""
 
-def inlined(function: Any) -> Any:
-    """A kernel whose machine code becomes part of each caller's: what the caller knows of its arguments, such as a `sized` length, holds
-    inside, and arrays need not be handed over, which for a dozen of them takes longer than a short flight. For what is called from few
-    places; where it is one place, and short, `part` compiles faster."""
-    return _made(function, forceinline=True, **_UNCOUNTED)
+allocating: Any = partial(_made, **_COUNTED)
+"""Compile a function that makes arrays of its own. Only such a one may call another that returns an array."""
 
-
-def allocating(function: Any) -> Any:
-    """Compile a function that makes arrays of its own. Only such a one may call another that returns an array."""
-    return _made(function, **_COUNTED)
-
-
-def part(function: Any) -> Any:
-    """Compile a function as part of the kernel that calls it. For what is called from one place, a function of its own costing about a
-    second to compile, however short it is; and for a few lines inside a loop, where a call would cost more than they do."""
-    return _made(function, inline="always")
+part: Any = partial(_made, inline="always")
+"""Compile a function as part of the kernel that calls it. For what is called from one place, a function of its own costing about a
+second to compile, however short it is; and for a few lines inside a loop, where a call would cost more than they do."""
 
 
 def entry_point(function: Any, arguments: tuple[Any, ...]) -> Any:
     """A kernel compiled for such arguments, to be called from Python with arguments of these types alone: it does not look at them.
 
     A look at the types of a few named tuples takes longer than a step along a family."""
-    return _compiled(function, _types(arguments)).entry_point
+    return _compiled(function, arguments).entry_point
 
 
 def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
     """Where a kernel, compiled for such arguments, stands in memory, for `call_at` and `integer_at`."""
-    code = _compiled(function, _types(arguments))
+    code = _compiled(function, arguments)
     return int(code.library.get_pointer_to_function(code.fndesc.llvm_cfunc_wrapper_name))
 
 
-def _types(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-    return tuple(nb.typeof(argument) for argument in arguments)
-
-
-@lru_cache(maxsize=64)
-def _compiled(function: Any, types: tuple[Any, ...]) -> Any:
-    function.compile(types)
+def _compiled(function: Any, arguments: tuple[Any, ...]) -> Any:
+    """What numba knows of a kernel, compiled for such arguments."""
+    types = tuple(nb.typeof(argument) for argument in arguments)
+    if types not in function.overloads:
+        function.compile(types)
     return function.overloads[types]
 
 
