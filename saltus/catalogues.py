@@ -69,8 +69,8 @@ def default_path(scene: str | None = None, parameters: dict[str, float] | None =
 
 
 def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
-    """Open the catalogue that was asked for, to read. `BadInput` where there is none; `CatalogueError` for a file that is none, or that
-    belongs to another system."""
+    """Open the catalogue of the command line for reading. Raises `BadInput` if there is none, and `CatalogueError` if the file is not a
+    catalogue or belongs to another system."""
     parameters = options.parameters_of(arguments)
     scene = options.scene_of(arguments) if arguments.scene is not None or parameters else None
     if scene is not None:
@@ -100,8 +100,8 @@ def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager
 
 
 def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
-    """The catalogue in which a name is looked up, None where there is none. It is the one that is given to read. Without it, an id is
-    looked up in the catalogue to save in, then in the scene's own."""
+    """The catalogue for looking up a name; None if there is none. It is the catalogue given for reading. Without one, an id is looked up in
+    the catalogue to save in, then in the scene's own."""
     if _is_given_to_read(arguments):
         return open_file(arguments.catalogue, scene)
     id = name.partition("@")[0]
@@ -142,7 +142,7 @@ def _is_given_to_read(arguments: argparse.Namespace) -> bool:
 
 
 def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue]:
-    """The catalogues in which an id is looked up: the one to read, else the one to save in and the scene's own, where they exist."""
+    """The catalogues for looking up an id: the one given for reading, else the one to save in and the scene's own, if they exist."""
     if _is_given_to_read(arguments):
         yield open_file(arguments.catalogue, scene)
         return

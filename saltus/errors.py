@@ -41,7 +41,7 @@ def nearest(text: str, known: Iterable[str]) -> str:
 
 
 def say(message: str) -> None:
-    """Print one line on standard error: without control characters, and without the middle of what is too long to be read."""
+    """Print one line on standard error. Control characters are escaped, and a long message loses its middle."""
     print(f"saltus: {printable(shortened(message), '')}", file=sys.stderr, flush=True)
 
 
@@ -71,7 +71,7 @@ def exit_code(error: Exception) -> int | None:
     """
     if isinstance(error, WriteFailure | OSError):
         return BAD_INPUT
-    # LinAlgError is a ValueError, but no fault of the input. Where numpy is not loaded, nothing of it was raised.
+    # LinAlgError is a ValueError, but not an error of the input. If numpy is not loaded, it cannot be this error.
     numpy = sys.modules.get("numpy")
     if numpy is not None and isinstance(error, numpy.linalg.LinAlgError):
         return FAILED
@@ -85,6 +85,6 @@ def exit_code(error: Exception) -> int | None:
 
 
 def say_and_code(failure: WriteFailure) -> int:
-    """Tell that a file could not be written, where other work goes on; the exit code that the program then ends with."""
+    """Report that a file could not be written, if other work continues. Returns the exit code for the end of the program."""
     say(one_line(failure))
     return BAD_INPUT

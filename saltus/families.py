@@ -144,7 +144,7 @@ def _follow_kept(
     on_start: Callable[..., object] | None = None,
     **options: Any,
 ) -> Branch:
-    """Follow a family of a catalogue from the point that lies nearest to what the name selects, inside the range of energies."""
+    """Follow a family of a catalogue inside the range of energies. The start is its point nearest to the orbit that the name selects."""
     import numpy as np
 
     from branches.tracing import extend
@@ -231,7 +231,7 @@ def agreed(text: str, key: str, said: float | None, option: str, given: float | 
 
 
 def family_of(name: str, scene: Scene, energy: float | None, arguments: argparse.Namespace) -> Branch:
-    """The family as a catalogue has it; else traced over the scene's energies, and past them as far as the energy asked for."""
+    """The family from a catalogue; else traced over the scene's energies, or farther if the given energy is outside."""
     with catalogues.lookup(name, arguments, scene) as opened:
         if opened is not None:
             match = opened.find(name)
@@ -309,7 +309,7 @@ def start_of(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, str | None]:
 
 
 def list_orbits(orbits: list[Orbit], branch: Branch) -> str:
-    """Name orbits of a branch by label, or else by its id, with the suffix that selects each: with as many digits as tell them apart."""
+    """Names that select orbits of a branch: its label or id, and a suffix with enough digits to distinguish the orbits."""
     for digits in range(6, 18):
         suffixes = {f"@h={orbit.h:.{digits}g},alpha={orbit.alpha:.{digits}g}" for orbit in orbits}
         if len(suffixes) == len(orbits):

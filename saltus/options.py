@@ -76,13 +76,13 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def _one_of(found: re.Match[str]) -> str:
-    """What argparse says about a text that is none of its choices, with the nearest of them."""
+    """The message of argparse about a text outside the choices, with the nearest choice added."""
     known = found[2].replace("'", "").split(", ")
     return f"received {found[1]!r}, expected one of {', '.join(known)}{nearest(found[1], known)}"
 
 
 def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
-    """The script by which a shell completes the commands and options of a parser, and the names of files."""
+    """The script for shell completion of a parser's commands and options, and of file names."""
     import shtab
 
     def complete_files(part: argparse.ArgumentParser) -> None:
@@ -216,7 +216,7 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
-    """The scene asked for. A scene with loads that the command does not use is refused."""
+    """The scene of the command line. A scene with loads is refused if the command does not use loads."""
     from saltus.scene import load_scene
 
     scene = load_scene(arguments.scene, **parameters_of(arguments))
@@ -231,7 +231,7 @@ def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Units:
-    """What the natural units are in those that results are given in.
+    """The natural units, expressed in the units of the results.
 
     Attributes
     ----------
@@ -328,7 +328,7 @@ def filter_words(filters: dict[str, Any]) -> str:
 
 
 def nothing_fits(place: str, count: int, filters: dict[str, Any], names: Sequence[str] = ()) -> BadInput:
-    """The error that says that no family is left of those, so many, that a place holds.
+    """The error if none of the `count` families of a catalogue passes the filters.
 
     Examples
     --------
@@ -337,8 +337,8 @@ def nothing_fits(place: str, count: int, filters: dict[str, Any], names: Sequenc
     """
     if not count:
         return BadInput(f"{place} has no family; expected one that saltus build or saltus continue --save has filled")
-    asked = " ".join(part for part in (*names, filter_words(filters)) if part)
-    return BadInput(f"no family of {place} fits {asked}; saltus list shows those that there are")
+    given = " ".join(part for part in (*names, filter_words(filters)) if part)
+    return BadInput(f"no family of {place} fits {given}; saltus list shows those that there are")
 
 
 def _energy_or_range(text: str) -> float | tuple[float, float]:

@@ -58,7 +58,7 @@ STANDARD_OUTPUT = "-"
 
 
 def output_path(path: str) -> str:
-    """The path of an option; ``-`` for one that leads to the pipe or terminal that is standard output, as ``/dev/stdout`` does.
+    """The path of an option; ``-`` if it leads to standard output, as ``/dev/stdout`` does.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def check_writable(path: str, *, database: bool = False) -> None:
         if not special and not database and is_database(target):
             raise BadInput(f"cannot write {path}: {DATABASE}")
         if not special:
-            # Some directories allow it and cannot: files are written beside, so one is tried.
+            # The permissions may allow writing although the file system does not. Files are written via a temporary file, so try one.
             with tempfile.NamedTemporaryFile(dir=target.parent, prefix=".saltus-"):
                 pass
     except OSError as error:
@@ -183,7 +183,7 @@ KINDS = {**TEXTS, **ARRAYS, "plot": "draw a figure: FILE.png, FILE.pdf or FILE.s
 
 
 class NotDrawn(RuntimeError):
-    """What was computed has no such figure; the message says why in words."""
+    """The result cannot be drawn in this way; the message gives the reason."""
 
 
 def add_arguments(parser: argparse.ArgumentParser, *kinds: str, **meanings: str) -> None:
@@ -233,7 +233,7 @@ class Outputs:
     Attributes
     ----------
     places : mapping of str to str
-        The path of each kind of file that was asked for, ``-`` for standard output.
+        The path of each requested kind of file, ``-`` for standard output.
     """
 
     places: Mapping[str, str]
@@ -245,7 +245,7 @@ class Outputs:
 
     @property
     def words(self) -> TextIO:
-        """The stream for what is printed: standard error where standard output carries data."""
+        """The stream for printed lines: standard output, or standard error if standard output carries data."""
         return cast(TextIO, StandardOutput(sys.stderr)) if self.to_stdout else sys.stdout
 
     def report(self, lines: Iterable[str]) -> None:
@@ -255,8 +255,8 @@ class Outputs:
             print(text, file=self.words, flush=True)
 
     def finish(self, lines: Iterable[str], record: Callable[[], dict[str, Any]], **options: Any) -> int:
-        """Print lines, and write a record as JSON where it is asked for. On standard output the record stands alone. Returns the exit code;
-        `options` are those of `write`."""
+        """Print lines, and write the record if JSON is requested. If the record goes to standard output, the lines are not printed.
+        `options` are passed to `write`. Returns the exit code."""
         if not self.to_stdout:
             self.report(lines)
         return self.write({"json": lambda: json_text({"schema": SCHEMA, **record()})}, **options)
@@ -272,7 +272,7 @@ class Outputs:
         files: Mapping[str, Callable[[Path], None]] | None = None,
         notes: Mapping[str, str] | None = None,
     ) -> int:
-        """Write what was asked for. One failure does not keep the others from being written, nor does an interrupt.
+        """Write the requested files. After a failure or an interrupt, the other files are still written.
 
         Parameters
         ----------
@@ -281,7 +281,7 @@ class Outputs:
         table : callable, optional
             Returns the table of the files of arrays, and of a CSV file that is not in `texts`.
         about : callable, optional
-            Returns a text that files of arrays hold beside the table.
+            Returns a text that files of arrays contain in addition to the table.
         cells : bool
             As for `branches.export.tables.write_binary`.
         plot : callable, optional
@@ -289,7 +289,7 @@ class Outputs:
         files : mapping of str to callable, optional
             For other kinds of files, a function that writes the file that it is given.
         notes : mapping of str to str, optional
-            What the file of a kind holds, in words.
+            Description of the content of each kind of file.
 
         Returns
         -------

@@ -94,7 +94,7 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
     if dask is None:
         workers = workers or os.cpu_count() or 1
         one_thread()
-        # A fresh process: one that was forked while kernels are compiled in another thread may wait for ever.
+        # Processes are spawned, not forked: a process forked while another thread compiles kernels can wait for ever.
         pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_depend_on_the_parent)
         try:
             yield pool, workers
@@ -134,7 +134,7 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
 
 
 def _knock(address: str) -> None:
-    """Raise for what is no address, or where nothing answers: at once, where a client would try again and again."""
+    """Raise an error at once if a text is not an address or if nothing answers there. A Dask client would try again and again."""
     from distributed.comm.addressing import get_address_host_port, parse_address, resolve_address
 
     if parse_address(resolve_address(address))[0] in ("tcp", "tls"):
@@ -156,7 +156,7 @@ def _depend_on_the_parent() -> None:
 
 
 def end_with_the_parent() -> None:
-    """End this process when the one that started it has ended."""
+    """End this process when its parent process has ended."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -1,7 +1,7 @@
 """Printing by commands: a standard output that can be closed at any time, standard error, and the progress of long runs.
 
-Standard output may be closed, full, or left by its reader. A name that is printed may hold bytes that are no text, or control characters
-of the terminal. Files that a command was asked for are written all the same.
+Standard output may be closed or full, or its reader may have left. The command then still writes its files. A printed name may contain
+undecodable bytes or control characters of the terminal.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KEPT = "\n\t"
 
 
 def printable(text: str, kept: str = KEPT) -> str:
-    """Text in which each character that does not print is replaced by its escape. Characters of `kept` stay.
+    """The text with each unprintable character replaced by its escape, except the characters in `kept`.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class StandardOutput:
         return self.stream is not None and self.stream.isatty()
 
     def drop(self) -> None:
-        """Print no more; what the stream still holds must not fail again when the process ends."""
+        """Print nothing more. Text left in the stream's buffer must not raise a second error when the process ends."""
         self._gone = True
         with contextlib.suppress(OSError, ValueError, AttributeError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), cast(TextIO, self.stream).fileno())
@@ -175,7 +175,7 @@ class ProgressBar:
     total : int or None
         How many points there will be at most, if that is known.
     things : str
-        What is counted.
+        Unit of the count.
 
     Examples
     --------

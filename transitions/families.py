@@ -246,7 +246,7 @@ def families_of(source: Catalogue | Iterable[Branch], gap: Sequence[float] | Non
     source : Catalogue, or branches
         A catalogue must stay open while the families are in use: their orbits are read when they are first needed.
     gap : (n,) float, optional
-        Gap coordinate; by default absorber minus primary, else that of the first stop.
+        Gap coordinate; by default absorber minus primary, else the gap of the first stop.
 
     Raises
     ------

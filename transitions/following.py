@@ -59,7 +59,7 @@ class Around:
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Lines of a motion at places of a ridge, which is the first of them: frequencies over that of the ridge, and amplitudes, (s, j) each.
+    """Spectral lines of a motion along a ridge, which is the first line: frequencies relative to the ridge, and amplitudes, (s, j) each.
 
     They are means over three periods, and 0 if the line does not exist there.
     """
@@ -114,7 +114,7 @@ def unlike(shares: np.ndarray, harmonic: int, ratios: np.ndarray, parts: np.ndar
     harmonic : int
         The harmonic that the first line is at.
     ratios, parts : (s, j) float
-        Frequencies of the lines over that of the first, and their shares of the motion's amplitude. A line or a harmonic without a
+        Frequencies of the lines relative to the first line, and their shares of the motion's amplitude. A line or a harmonic without a
         partner counts with its full share.
 
     Examples
@@ -222,7 +222,7 @@ def family_intervals(matches: Sequence[Match], cycles: np.ndarray) -> list[Famil
 def steady(shown: np.ndarray, cycles: np.ndarray) -> list[tuple[int, int, tuple[int, ...]]]:
     """Cut the places of a ridge at each change of its harmonics that lasts three periods or more.
 
-    `shown` (k, j) says whether a harmonic is shown at a place; `cycles` is that of `family_intervals`. The result has first and last place,
+    `shown` (k, j) says whether a harmonic is shown at a place. `family_intervals` describes `cycles`. The result has first and last place,
     and the indices of the harmonics. A wrong harmonic costs 1 in each period, and each change costs 3/2.
     """
     length = np.gradient(cycles)[:, None]
@@ -240,8 +240,8 @@ def steady(shown: np.ndarray, cycles: np.ndarray) -> list[tuple[int, int, tuple[
 
 
 def _cheapest(costs: np.ndarray, switch: float) -> np.ndarray:
-    """The states (j,) of least cost. `costs` (j, states) are those of each place, and `switch` is that of each step between state 0 and
-    another. A change between two other states costs both steps."""
+    """The states (j,) of least total cost. `costs` (j, states): of each state at each place. `switch`: of a change between state 0 and
+    another state. A change between two other states costs both changes."""
     count, states = costs.shape
     total = costs[0].copy()
     before = np.zeros((count, states), dtype=np.int32)

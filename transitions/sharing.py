@@ -59,7 +59,7 @@ class Sharing:
         return ("NES", "LO") if self.sink else ("stops", "rest")
 
     def energies(self, motion: Motion, times: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The energy at any times, that of the NES and that of the LO: (j,) each. Without shares the last two are NaN."""
+        """Total energy, energy of the NES and energy of the LO at given times, (j,) each. Without shares the last two are NaN."""
         u, v = motion.sample(times)
         total = np.atleast_1d(motion.system.energy(u, v))
         if self.mass is None or self.stiffness is None:

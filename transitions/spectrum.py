@@ -293,7 +293,7 @@ def _require_fine(signal: np.ndarray, rate: np.ndarray, step: float, window: flo
 
 def _rows(signal: np.ndarray, step: float, frequencies: np.ndarray, stride: int, wavelet: Wavelet) -> Iterator[np.ndarray]:
     """Amplitudes (m,) at each `stride`-th sample, for each of the rising angular frequencies."""
-    rates = [1]  # distance of the times at which a row is transformed, in those of the result
+    rates = [1]  # for each row: every how many times of the result it is transformed
     for frequency in frequencies[::-1]:
         room = wavelet.envelope(frequency) / (_PER_ENVELOPE * stride * step)
         rates.append(max(rates[-1], 2 ** max(0, math.floor(math.log2(room)))))

@@ -22,7 +22,7 @@ __all__ = [
 ]  # fmt: skip
 
 def family_name(name: str, label: str, family: str) -> str:
-    """What a family is called in messages: the name that the user gave, else its label, else its id.
+    """Name of a family in messages: the name given by the user, else its label, else its id.
 
     Examples
     --------
@@ -33,7 +33,7 @@ def family_name(name: str, label: str, family: str) -> str:
 
 
 def counted_label(called: str, label: str) -> str:
-    """The label counted on a family's orbit, if it differs from what the family is called; else "".
+    """The label counted on an orbit of a family, if it differs from the name of the family; else "".
 
     Examples
     --------
@@ -103,7 +103,7 @@ class Follows:
 
 @dataclass(frozen=True)
 class Companion:
-    """Another ridge over half of a stage or more: ratios of its mean frequency and amplitude to those of the stage (0 where missing)."""
+    """Another ridge during at least half of a stage. Its mean frequency and amplitude are relative to the stage (0 if missing)."""
 
     ratio: float
     amplitude: float
@@ -338,8 +338,8 @@ def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float
 def leaving(orbit: Sequence[tuple[float, str]], impacts: Sequence[tuple[float, str]]) -> Leaving | None:
     """The first impact of a motion at another stop than the orbit's; None if the motion keeps the sequence.
 
-    Both lists hold times and stops, from the start of the motion on; that of the orbit covers one period. An impact at time 0 counts as the
-    last one of the period: the motion starts after it.
+    Both lists contain times and stops from the start of the motion. The list of the orbit covers one period. An impact at time 0 counts
+    as the last one of the period: the motion starts after it.
 
     Examples
     --------

@@ -55,7 +55,7 @@ def stages_of(
     start : StartFamily, optional
         The family that the motion starts on. Stages have its name, or say why they do not follow it.
     spectrum : Spectrum, optional
-        Spectrum of the gap coordinate. By default that of the default wavelet, one row at a time.
+        Spectrum of the gap coordinate. By default it is computed with the default wavelet, one row at a time.
     on_progress : callable, optional
         Called with the time up to which the stages are known.
 
@@ -187,7 +187,7 @@ def _joined(cut: Sequence[_Part], places: np.ndarray, cycles: np.ndarray) -> lis
 
 
 def _where_it_can(meeting: Meeting, record: SampledMotion, times: np.ndarray, pitch: np.ndarray) -> Meeting:
-    """The meeting without the places at which only one of motion and family has impacts."""
+    """The meeting, restricted to places where motion and family both have impacts or both have none."""
     period = 2.0 * math.pi * meeting.harmonic / pitch
     impacts = record.impacts
     if len(impacts):

@@ -108,7 +108,7 @@ def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
 
 
 def require_same(undamped: ImpactSystem, moving: ImpactSystem) -> None:
-    """Refuse families of another system than the one that moves. Dampers and restitution may differ.
+    """Raise an error if the families belong to another system than the motion. Dampers and restitution may differ.
 
     Raises
     ------

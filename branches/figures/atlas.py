@@ -60,7 +60,7 @@ MOST_NAMES, MOST_VELOCITY_NAMES = 60, 30
 
 _INSET_NAMES, _INSET_FAR = 12, 26.0
 _COLUMNS = 4  # of the legend, at most
-_FINE = 0.6  # lines and crosses of many families, against those of one
+_FINE = 0.6  # size of lines and crosses in a figure of many families, relative to a figure of one
 _MANY_FOLD = 20.0  # frequencies that rise by more than this get a logarithmic axis
 _RADIUS = 3.0  # of bullets and stars, in points
 _MANIFOLD: dict[str, Any] = {"color": GREEN, "marker": ".", "markersize": 1.8, "markeredgewidth": 0.0, "linewidth": 0.35}
@@ -171,7 +171,7 @@ def draw_atlas(atlas: Atlas, path_or_file: str | os.PathLike[str] | IO[bytes], *
 
 
 def velocities_figure(atlas: Atlas, *, names: int = MOST_VELOCITY_NAMES) -> Figure:
-    """The start velocities, at zero displacement, of absorber and primary against energy; impulsive motions have that of the primary alone.
+    """The start velocities of absorber and primary, at zero displacement, against energy. In impulsive motions only the primary moves.
 
     Parameters
     ----------
@@ -365,7 +365,7 @@ def _star_names(atlas: Atlas, stars: np.ndarray) -> list[Named]:
 
 
 def _draw_events(room: Room, curves: Sequence[Named]) -> None:
-    """Draw the special points that have room: those of important families first, each in the order of `EVENTS`."""
+    """Draw the special points that have room, important families first. Within a family the order is that of `EVENTS`."""
     kinds: list[str] = []
     places = [np.empty((0, 2))]
     for curve in sorted((curve for curve in curves if curve.curve is not None), key=lambda curve: curve.importance):

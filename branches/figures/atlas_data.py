@@ -78,7 +78,7 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Bound:
-    """An energy between two regimes, and what is there: ("I", "II", h, "L11- grazes")."""
+    """An energy that separates two regimes, and the reason: ("I", "II", h, "L11- grazes")."""
 
     below: str
     above: str
@@ -112,12 +112,12 @@ class Atlas:
 
     @property
     def energy_unit(self) -> float:
-        """What a dimensionless energy 1 is in the units of the scale."""
+        """The dimensionless energy 1 in the units of the scale."""
         return (self.clearance * self.natural_frequency) ** 2
 
     @property
     def manifold_velocities(self) -> np.ndarray:
-        """(N, n) start velocities of the impulsive motions: all of the energy is in that of the primary, which is positive."""
+        """(N, n) start velocities of the impulsive motions: only the primary moves, in the positive direction, with all of the energy."""
         from branches.impulsive.motions import impulsive_state
 
         if not len(self.manifold_h):
@@ -158,7 +158,7 @@ def atlas_of(
     bounds: Sequence[Bound] = (),
     energy: tuple[float, float] | None = None,
 ) -> Atlas:
-    """Collect what is to be drawn.
+    """Collect the data of a figure of many families.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def _impulsive_curve(found: ImpulsiveOrbits) -> AtlasCurve:
 
 
 def regime_bounds(system: ImpactSystem, branches: Iterable[Branch]) -> tuple[tuple[Bound, ...], list[str]]:
-    """The energies that part the regimes I to IV, as far as the given families show them.
+    """The energies that separate the regimes I to IV, as far as the given families show them.
 
     The paper (Lee et al., Physica D 238 (2009) 1868, Fig. 6) gives no numbers; these are ours: I/II where L11- grazes; II/III at the
     symmetry breaking of S13+ of lowest energy; III/IV at the impulsive orbit on the family of S31O11.

@@ -76,7 +76,7 @@ def smooth(curve: DrawnCurve, arclength: np.ndarray, size: tuple[float, float]) 
     Returns
     -------
     DrawnCurve
-        All points of `curve` in their order, with places between those that stand far apart; nothing before the first point of
+        All points of `curve` in their order, with further places between points that are far apart; nothing before the first point of
         a piece and nothing behind its last.
     """
     from scipy.interpolate import PchipInterpolator
@@ -190,7 +190,7 @@ def draw_events(axes: Axes, kinds: Sequence[str], places: np.ndarray, panel: str
 def draw_events_with_room(room: Room, kinds: Sequence[str], places: np.ndarray, panel: str) -> None:
     """Draw the markers that have room, smaller than for one family, and keep their room. The most important event comes first.
 
-    An event has room if its surroundings contain its own curve and at most one that crosses it, and no marker of an event before it.
+    An event has room if its surroundings contain no earlier marker, and at most one other curve, which crosses its own.
     """
     at = room.to_page(places)
     free = ((at > room.frame[:2] + 3.0) & (at < room.frame[2:] - 3.0)).all(axis=1)
@@ -358,7 +358,7 @@ def _frequencies(inset: Inset, curves: Sequence[np.ndarray], log: bool) -> tuple
 
 
 def _inside(room: Room, taken: np.ndarray, least: np.ndarray) -> np.ndarray | None:
-    """The largest box (4,) in the frame that covers neither a curve nor a box that is taken (a, 4), of this size (2,) at least."""
+    """The largest box (4,) in the frame, at least of this size (2,), that covers neither a curve nor a taken box (a, 4)."""
     frame = room.frame
     outer = frame[2:] - frame[:2]
     if (least > np.array([_WIDEST, _HIGHEST]) * outer).any():

@@ -30,7 +30,7 @@ _EDGE = 3.0  # names keep off the ticks inside the frame
 _MARGIN = 1.0  # least distance of a name from anything
 _GAPS = (2.0, 20.0, 40.0)  # least distances of names from their points; leaders may cross at the larger ones
 _LONGEST = 100.0  # nothing further away from the place of a name than this hinders it
-_ROUNDS = 3  # times that a name is tried whose leader would cross another name
+_ROUNDS = 3  # how often a name is placed again if its leader would cross another name
 _CANDIDATES = 500  # places that are tried for a name
 
 
@@ -379,7 +379,7 @@ def write_names(
 
 
 def _place(room: Room, name: Named, places: list[np.ndarray]) -> np.ndarray | None:
-    """The place (2,) on the page that a name belongs to, None if there is none; it is added to `places`, those of other names."""
+    """The place (2,) on the page that a name belongs to, None if there is none. It is also appended to `places`, which other names fill."""
     spots = name.spots(room)
     if len(name.x) > 1:  # a curve has other places; one point stays
         spots = spots[~room.taken(np.concatenate([spots - 1.0, spots + 1.0], axis=1))]

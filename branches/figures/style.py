@@ -286,7 +286,7 @@ _SHORTEST = 4  # digits of a hash
 
 
 def short_ids(ids: Iterable[str]) -> dict[str, str]:
-    """Short texts for the ids of families in one figure: the first digits of the hash, as many as tell it from the others.
+    """Short texts for the ids of families in one figure: the first digits of the hash, as many as are needed to distinguish them.
 
     Examples
     --------
@@ -303,7 +303,7 @@ def short_ids(ids: Iterable[str]) -> dict[str, str]:
 
 
 def family_text(label: str, ends: tuple[str, str], sequence: str) -> str:
-    """What a title calls a family: its label as LaTeX, or its ends and impact sequence where it has no label.
+    """Name of a family in a title: its label as LaTeX, or its ends and impact sequence where it has no label.
 
     Examples
     --------

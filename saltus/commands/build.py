@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code: 1 where something could not be done."""
+    """Run the command; return the exit code, 1 if some of the work failed."""
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
     place = catalogues.place_to_save(arguments, scene)

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code: 1 where something fails."""
+    """Run the command; return the exit code, 1 if a check fails."""
     files = outputs.outputs_of(arguments)
 
     from saltus.processes import prepare

@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
     arguments.name = catalogues.named(arguments.name, arguments, scene)
@@ -140,7 +140,7 @@ def _follow(
                 on_point=bar.update,
             )
         except (KeyboardInterrupt, RuntimeError) as error:
-            # What was computed before travels with the error.
+            # The error carries the results computed before the interrupt.
             partial_branch = getattr(error, "branch", None)
             if partial_branch is None:
                 raise

@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     if not files.places:
         known = [f"--{kind}" for kind in outputs.KINDS if hasattr(arguments, kind)]
@@ -83,7 +83,7 @@ def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
 
 
 def _columns(text: str | None) -> tuple[str, ...]:
-    """The columns of points that were asked for."""
+    """The requested columns of points."""
     from branches.export.tables import DEFAULT_COLUMNS, POINT_NAMES
 
     if text is None:

@@ -31,7 +31,7 @@ class Figure:
     name : str
         Of its files, without ending.
     caption : str
-        What is cited in it and what is our choice.
+        Which values are cited from the publication, and which ones are our choice.
     words : tuple of str
         The command that makes it, without the files that it writes.
     files : tuple of str
@@ -163,7 +163,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     from saltus.scene import load_scene
 
     gallery = load_gallery(arguments.name)

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     from branches.naming.matching import spelled
     from saltus.catalogues import family_record
     from saltus.tables import range_text, table_lines, terminal_width

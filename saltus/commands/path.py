@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code: 1 where no chain exists."""
+    """Run the command; return the exit code, 1 if no chain exists."""
 
     files = outputs.outputs_of(arguments)
     with catalogues.open_catalogue(arguments) as catalogue:

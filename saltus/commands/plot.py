@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     if not files.places:
         raise BadInput("missing: --plot, --csv, --npz or --mat (see saltus plot --help)")

@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     if arguments.samples is not None and arguments.samples < 2:
         raise BadInput(f"--samples {arguments.samples}: expected 2 at least, the begin and the end of the motion")
@@ -188,12 +188,12 @@ def _write(
 
 
 def _percent(bar: ProgressBar, duration: float) -> Callable[[float], None]:
-    """Shows the time that a run has come to as a part of its duration."""
+    """A callback that shows the time reached as a percentage of the duration."""
     return lambda time: bar.update(int(100.0 * time / duration))
 
 
 def _behind(shown: Transition, catalogue: Catalogue | None, branch: Branch | None) -> Atlas:
-    """What a motion is drawn over: the families of a catalogue, else the one that it starts on; and the linear modes."""
+    """The background of a motion's figure: the linear modes and the families of a catalogue, else the family that it starts on."""
     if catalogue is not None:
         from transitions.transition import atlas_behind
 

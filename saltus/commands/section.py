@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     if arguments.names is not None and (arguments.plot is None or arguments.catalogue is None):
         raise BadInput("--names needs --plot FILE and --catalogue FILE: it counts the orbits that are named in the figure")
@@ -166,7 +166,7 @@ def _asked(arguments: argparse.Namespace, scene: Scene) -> list[float]:
 
 
 def _caption(scene: Scene, energies: list[float]) -> str:
-    """What the panels say about their energies."""
+    """The texts of the panels about their energies."""
     cited = [energy for energy in energies if energy in scene.cited_sections]
     if not cited:
         return "the energies are our choice"
@@ -228,7 +228,7 @@ def _row(section: Section, seconds: float) -> str:
 
 
 def _remarks(view: SectionView, why: str | None) -> list[str]:
-    """The lines about what the table does not show."""
+    """Lines printed below the table: facts that the table does not show."""
     from transitions.section.section import SectionEnd
 
     section = view.section

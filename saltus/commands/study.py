@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     from saltus.processes import open_executor
     from saltus.study.execution import check_folder
     from saltus.study.file import read_study_file

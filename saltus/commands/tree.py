@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do what was asked; return the exit code."""
+    """Run the command; return the exit code."""
     from saltus.tables import terminal_width, with_short_ids, wrapped
 
     files = outputs.outputs_of(arguments)
@@ -88,7 +88,8 @@ class _Tree:
         self.limit = depth
 
     def _shown(self, node: str) -> list[tuple[Way, bool]]:
-        """The ways that leave a node, but for the one that led to it, each meeting once, and whether the other node opens there."""
+        """The edges of a node except the one that led to it, each meeting once. The flag: whether the tree continues from the other node
+        there."""
         from saltus.catalogues import same_meeting
 
         came = self.parent[node]

@@ -31,7 +31,7 @@ AT_ONCE = 1 << 16
 """Impacts that are made text at once, between two looks at whether there is a hurry."""
 
 PATIENCE = 2.0
-"""Seconds after an interrupt in which impacts are still made text."""
+"""Seconds after an interrupt during which the report still lists impacts."""
 
 SHOWN = 12
 """Impacts that are listed; the files hold all."""
@@ -171,7 +171,8 @@ def _follows(report: MotionReport, units: Units) -> dict[str, Any] | None:
 
 
 def _chatter(report: MotionReport, units: Units) -> list[dict[str, Any]]:
-    """Where a contact began to be held, with what the stops have dissipated since the last impact: the bounces that were summed."""
+    """The contacts that began to stick, each with the dissipation of the stops since the last impact. It contains the bounces summed as a
+    series."""
     from bvp.motion import EventKind
 
     motion = report.motion
@@ -223,7 +224,7 @@ def _changes(report: MotionReport, units: Units) -> list[dict[str, Any]]:
 
 
 def _in_units(stage: dict[str, Any], units: Units) -> dict[str, Any]:
-    """The numbers of a stage in the units asked for."""
+    """The numbers of a stage in the units of the results."""
     scales = dict.fromkeys(("start", "end"), units.time) | dict.fromkeys(("frequency", "frequencies"), units.frequency)
     scales |= dict.fromkeys(("energies", "dissipated_nes", "dissipated_lo"), units.energy)
     out = dict(stage)

@@ -46,7 +46,7 @@ MOST_SAMPLES = 400_000
 else stages up to an earlier time."""
 
 NOT_ASKED = "expected --stages, --catalogue FILE or --plot FILE for them"
-"""Why there are no stages where nobody asked for them."""
+"""Note for a report without stages because the user did not ask for them."""
 
 MOST_IN_A_HURRY = 500_000
 """Events of the longest motion whose peaks are computed after an interrupt, which takes about a second."""
@@ -72,7 +72,7 @@ class Watched:
 
 @dataclass(frozen=True, eq=False)
 class MotionReport:
-    """A motion and what is computed from it.
+    """A motion and the results computed from it.
 
     Attributes
     ----------
@@ -237,9 +237,10 @@ def _watched(motion: Motion, nes: tuple[int, ...]) -> Watched:
 def with_stages(
     report: MotionReport, scene: Scene, start: Start, catalogue: Catalogue | None, on_progress: Callable[[float], object] | None = None
 ) -> MotionReport:
-    """The same with its record and stages, where they can be report; `on_progress` as of `transitions.stages.stages_of`.
+    """Add the record and the stages to a report, if they can be computed; `transitions.stages.stages_of` describes `on_progress`.
 
-    The families are those of the catalogue; else the one that the motion starts on, where it starts on one; and the linear modes."""
+    The stages use the linear modes, and the families of the catalogue. Without a catalogue they use the family that the motion starts
+    on, if any."""
     from transitions.families import families_of, modes_of, relative
     from transitions.record import sampled, samples_of
     from transitions.spectrum import TooCoarse

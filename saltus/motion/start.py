@@ -39,7 +39,7 @@ class Start:
     branch : Branch or None
         Its family.
     name : str
-        What the family is called: the name that was asked for where that is a complete label, "" for its id.
+        Name of the family: the name given by the user if it is a complete label; "": use its id.
     """
 
     kind: str
@@ -112,7 +112,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def start_of_motion(arguments: argparse.Namespace, scene: Scene) -> Start:
-    """The start asked for.
+    """The start given by the options.
 
     Raises
     ------
@@ -195,9 +195,9 @@ def _called(name: Name, orbit: Orbit) -> str:
 
 
 def _impulsive_orbit(branch: Branch, name: Name, energy: float | None) -> tuple[float, float]:
-    """Energy and quarter period of a family's impulsive orbit: of the one that it has, or of that which the values select.
+    """Energy and quarter period of a family's impulsive orbit. If there are several, the given values select one.
 
-    A family that folds back on itself passes through the same orbit twice, the second time from its other end: that is one."""
+    A family that folds back on itself passes through the same orbit twice. Both passes count as one orbit."""
     found: list[BranchEvent] = []
     for event in branch.events:
         known = any(abs(event.h / other.h - 1.0) < 1e-9 and abs(event.alpha / other.alpha - 1.0) < 1e-9 for other in found)

@@ -70,7 +70,7 @@ def explain(system: ImpactSystem, name: str) -> list[str]:
 
 
 def explain_search(system: ImpactSystem) -> list[str]:
-    """Say which model is chosen for a search for orbits of all kinds, and why. The lines are as of `explain`.
+    """Explain the model for a search for orbits of all kinds, in lines like those of `explain`.
 
     Examples
     --------
@@ -132,7 +132,7 @@ _ELASTIC = "elastic stops -> momentum and energy are kept, nothing sticks: stick
 
 
 def _of_system(system: ImpactSystem) -> list[str]:
-    """Explain what a conservative system makes unnecessary."""
+    """List the computations that a conservative system does not need, with reasons."""
     return [*_of_undamped_flight(system), _ELASTIC]
 
 

@@ -48,7 +48,7 @@ _REQUIRED: Any = object()
 
 
 def read_toml(path: Path, what: str, names: Iterable[str] = (), expected: str = "; expected a TOML file") -> str:
-    """The text of a TOML file. `what` it is (scene, study) stands in messages. `names` could have been meant instead of a missing file;
+    """The text of a TOML file. `what` (scene, study) appears in messages. If the file is missing, `names` are suggested;
     `expected` ends the message if none is near."""
     try:
         return read_input(path).decode("utf-8")
@@ -112,7 +112,7 @@ class TomlTable:
     Parameters
     ----------
     content : mapping
-        What the TOML file holds here.
+        Content of the table.
     where : str
         The file and table, as messages name it.
 

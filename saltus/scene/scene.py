@@ -41,7 +41,7 @@ DEFAULT = "lee2009"
 LOADS = {"ground": "[ground]", "forces": "[[forces]]"}
 """Tables of a scene that drive its motion, as messages name them."""
 _ROLES = {"NES": "absorber", "LO": "primary"}
-"""Keys of ``[coordinates]``, and what a system's description calls them."""
+"""Keys of ``[coordinates]``, and the corresponding keys of a system's description."""
 
 
 @brief
@@ -63,14 +63,14 @@ class Scene:
     names : tuple of str
         Names whose families a build follows beyond its bounds: those with a reference point, and others that need none.
     complete : mapping
-        ``energy``, ``quarter_period`` and ``impacts`` (in half a period) up to which a build finds every family; by default those of
-        the search.
+        ``energy``, ``quarter_period`` and ``impacts`` (in half a period) of a build, which finds every family within them. By default
+        they are the limits of the search.
     sections : tuple of float
         Energies of panels of Poincare sections, rising; none where the scene gives none.
     cited_sections : tuple of float
         Those of them that the source gives; none for another system than the scene's.
     title, source : str
-        What the scene is, and where it is published.
+        Description of the scene and its source.
     nes, lo : tuple of int
         Indices of the coordinates marked as those of the nonlinear energy sink and of the linear oscillator.
     forces : tuple of bvp.forcing loads
@@ -131,7 +131,7 @@ class Scene:
         return {"energy": self.energy, "quarter_period": self.quarter_period, "impacts": self.impacts}
 
     def reference_points_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
-        """The reference points that hold for a system: none, if it is not that of the scene."""
+        """The reference points for a system; none if it differs from the scene's system."""
         if system.describe() != self.system.describe():
             return {}
         return {name: dict(point) for name, point in self.reference_points.items()}
@@ -339,7 +339,7 @@ def _marked_coordinates(coordinates: TomlTable, system: ImpactSystem) -> tuple[t
 
 
 def _described(description: Mapping[str, Any], where: str) -> ImpactSystem:
-    """Make the system of a description, and say where the description stands when there is none."""
+    """Make the system of a description. An error message names the place of the description."""
     from bvp.system import ImpactSystem
 
     try:

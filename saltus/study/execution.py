@@ -70,7 +70,7 @@ def _is_own(name: str) -> bool:
 
 
 def _difference(other: StudyPlan, plan: StudyPlan) -> str:
-    """The first thing in which two plans differ."""
+    """The first difference of two plans."""
     theirs, ours = other.plain(), plan.plain()
     for key in ours:
         if key not in ("title", "forces") and theirs.get(key) != ours[key]:
@@ -99,7 +99,7 @@ def kept_starts(study: StudyFile, folder: Path, damaged: Callable[[str], None]) 
 
 
 class FamilySeed(NamedTuple):
-    """A family to follow, and the energies at which its orbits are wanted: plain data.
+    """A family to follow and the energies of the required orbits, as plain data.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ def find_all_starts(study: StudyFile, executor: Executor) -> Starts | None:
 
 
 def _family_error(plan: StudyPlan, seed: FamilySeed, error: str) -> str:
-    """What was wrong with a family, and in which system, where that is varied."""
+    """The failure of a family; if the study varies the system, also the values of the system."""
     described: dict[str, Any] = json.loads(seed.system)
     where = ", ".join(f"{name} = {described[name]:.6g}" for name in _OF_ORBITS if name in plan.names)
     return f"family {seed.name!r}{f' at {where}' if where else ''}: {error}"
@@ -248,7 +248,7 @@ def keep_starts(starts: Starts, folder: Path, digest: str) -> None:
 
 
 class _Block(NamedTuple):
-    """What a worker needs for a block."""
+    """The data that a worker needs for a block."""
 
     number: int
     given: dict[str, np.ndarray]

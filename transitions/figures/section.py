@@ -217,7 +217,7 @@ def _title(views: Sequence[SectionView], several: bool) -> str:
 
 
 def _shown_values(view: SectionView, colour: str) -> np.ndarray:
-    """The values (N,) that colour the points which the motions have."""
+    """The values (N,) that determine the colours of the points."""
     values = view.values(colour)
     shown = ~np.isnan(view.section.times)
     if values is None:
@@ -226,8 +226,7 @@ def _shown_values(view: SectionView, colour: str) -> np.ndarray:
 
 
 def _norm(views: Sequence[SectionView], colour: str) -> Normalize | None:
-    """One scale of colours for all panels; that of Lyapunov exponents goes by their square root from 0, as they differ much, and that of
-    energies by their logarithm."""
+    """One colour scale for all panels: square root for Lyapunov exponents, whose sizes differ much, and logarithm for energies."""
     if colour == "none":
         return None
     from matplotlib.colors import LogNorm, Normalize, PowerNorm
@@ -346,7 +345,7 @@ def _name(axes: Axes, view: SectionView, marks: Sequence[OrbitMark], names: int)
         room.take_around(mark.points, _RADIUS)
         if mark.label and mark.label not in chosen:
             chosen[mark.label] = Named(None, mark.points[:1, 0], mark.points[:1, 1], text=mark.label)
-    # Larger than names elsewhere and on white ground: the raised sign of a label stands between dots.
+    # The names are larger than elsewhere and on white ground, so that the raised sign of a label is readable among the dots.
     written = write_names(room, list(chosen.values()), most=names, radius=_RADIUS, font=NORMAL + 1.0)
     for text in axes.texts:
         text.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.95, "pad": 0.8})

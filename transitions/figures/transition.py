@@ -50,7 +50,7 @@ _POWER = 1e-3  # part of the power above the highest frequency of the first and 
 
 
 def shown_spectrum(transition: Transition) -> Spectrum:
-    """The spectrum of a motion that holds what is fast near the ends of its record, too.
+    """The spectrum of a motion, which includes fast oscillations near the ends of its record.
 
     By default a spectrum covers the band of the record under a window that vanishes at both ends. A damped motion is fastest where it
     begins, so the band of the record with mirror images before and behind it may reach higher.
@@ -89,11 +89,11 @@ def band(spectrum: Spectrum) -> tuple[float, float]:
 
 
 def gradual_energy(record: SampledMotion, times: np.ndarray) -> np.ndarray:
-    """The energy at some times (m,) as it falls where no impact took it at once: each jump, in the logarithm of the energy, is spread over
-    half of the shorter flight beside the impact, before it and behind it.
+    """The energy at some times (m,) with its jumps at impacts smoothed. Each jump of its logarithm is spread over the time before and after
+    the impact, half of the shorter neighbouring flight on each side.
 
-    A wavelet averages over several flights. Over the energy itself, which is constant between impacts of an undamped motion, its amplitudes
-    would stand in a few columns with nothing between them.
+    In an undamped system the energy is constant between impacts. Amplitudes drawn over it would fill a few columns only. A wavelet
+    averages over several flights anyway.
     """
     level = np.log(np.maximum(record.energy, 1e-300))
     out = np.interp(times, record.times, level)
@@ -365,7 +365,7 @@ def _letters(stages: Sequence[Stage]) -> list[str]:
 
 
 def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
-    """A line where a stage begins or ends, and its letter over its middle, lower where that of another stage is in the way."""
+    """Draw lines at the ends of a stage, and its letter above its middle. The letter moves down if another one is in the way."""
     to_points = 72 / axes.figure.dpi
     for time in sorted({time for stage in stages for time in (stage.start, stage.end)}):
         axes.axvline(time, color=GREEN, linewidth=0.6, linestyle=(0, (4, 2)), zorder=3)

@@ -170,7 +170,7 @@ def catalogue_marks(plane: SectionPlane, catalogue: Catalogue) -> list[OrbitMark
 
 @dataclass(frozen=True, eq=False)
 class SectionView:
-    """A section, the periodic orbits marked on it, and the rotation numbers of its orbits (None if nobody asked for them)."""
+    """A section, the periodic orbits marked on it, and the rotation numbers of its orbits (None if not requested)."""
 
     section: Section
     marks: tuple[OrbitMark, ...] = ()

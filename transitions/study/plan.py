@@ -179,7 +179,7 @@ class StudyPlan:
 
     @property
     def duration(self) -> float:
-        """The time at which a run ends at the latest."""
+        """The latest end time of a run."""
         return self.longest if self.until == CLEAR else float(self.until)
 
     def block_range(self, number: int) -> tuple[int, int]:

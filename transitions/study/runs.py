@@ -247,8 +247,8 @@ def _run_general(runs: _Runs) -> None:
 
 
 class _Result(NamedTuple):
-    """The result of one general run: fields of `Motion` or of a row of `Batch`, and the times of the fractions. None and NaN both stand for
-    a time that does not exist."""
+    """The result of one run of the general simulator, from `Motion` or a row of `Batch`, and the times of the fractions. A missing time is
+    None or NaN."""
 
     status: MotionStatus
     duration: float

@@ -32,7 +32,7 @@ class NoStudy(ValueError):
 
 
 class DamagedBlock(ValueError):
-    """A block that differs from what was written; the message names it and says why."""
+    """A block on disk differs from the block that was written; the message names it and gives the reason."""
 
 
 class ForeignBlock(ValueError):
@@ -77,7 +77,7 @@ def block_path(folder: Path, number: int, kind: str) -> Path:
 
 
 def write_block(path: Path, columns: Mapping[str, np.ndarray], digest: str, number: int) -> None:
-    """Write columns (b,) of results as a block, completely or not at all. The suffix of the path selects the format; `digest` is that of
+    """Write columns (b,) of results as a block, completely or not at all. The suffix of the path selects the format; `digest` identifies
     the study's plan.
 
     Raises
@@ -334,7 +334,7 @@ class Study:
         places = np.array([self._place(axis) for axis in self.plan.axes])
         distance = np.square(places - places[:, at : at + 1]).sum(axis=0)
         nearest = np.argsort(distance, kind="stable")
-        # If all parameters are listed, other runs can have exactly those of the best one.
+        # If all parameters are lists, other runs can have the same parameters as the best one.
         return self.runs[nearest[nearest != at][: 2 * len(places) + 1]]
 
     def _place(self, axis: Axis) -> np.ndarray:
