@@ -5,11 +5,8 @@ This file loads no other library, so that a message costs nothing.
 
 from __future__ import annotations
 
-import inspect
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields
-from html import escape
 from typing import Any, TypeVar
 
 __all__ = ["brief", "listed", "shown", "span", "takes_options_of"]
@@ -56,6 +53,8 @@ def _text(self: Any) -> str:
 
 
 def _html(self: Any) -> str:
+    from html import escape
+
     title, rows = _summary(self)
     cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
     return f"<table><caption>{escape(title)}</caption>{cells}</table>"
@@ -64,6 +63,8 @@ def _html(self: Any) -> str:
 def _summary(data: Any) -> tuple[str, Sequence[tuple[str, str]]]:
     if hasattr(data, "_summary"):
         return data._summary()
+    from dataclasses import fields
+
     values = [(field.name, getattr(data, field.name)) for field in fields(data) if field.repr]
     return type(data).__name__, [(name, _value(value)) for name, value in values]
 
@@ -127,9 +128,12 @@ def takes_options_of(inner: Callable[..., Any]) -> Callable[[Function], Function
     ...     **options
     ...         As for `inner`.
     ...     '''
-    >>> str(inspect.signature(outer)), "most : int" in outer.__doc__, "**options" in outer.__doc__
+    >>> from inspect import signature
+    >>> str(signature(outer)), "most : int" in outer.__doc__, "**options" in outer.__doc__
     ('(x, *, most=3)', True, False)
     """
+
+    import inspect
 
     def decorate(function: Function) -> Function:
         own = inspect.signature(function)
@@ -149,6 +153,8 @@ def takes_options_of(inner: Callable[..., Any]) -> Callable[[Function], Function
 
 def _entries(doc: str) -> list[tuple[str, str]]:
     """The entries of the section Parameters of a docstring: the names, and the full text."""
-    found = re.search(r"^Parameters\n-+\n(.*?)(?:\n\n|\Z)", inspect.cleandoc(doc), re.DOTALL | re.MULTILINE)
+    from inspect import cleandoc
+
+    found = re.search(r"^Parameters\n-+\n(.*?)(?:\n\n|\Z)", cleandoc(doc), re.DOTALL | re.MULTILINE)
     texts = re.findall(r"^\S.*(?:\n +.*)*", found[1], re.MULTILINE) if found else []
     return [(text.partition("\n")[0].partition(" :")[0], text) for text in texts]

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
-import socket
-import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from branches.files import reason
 from saltus.errors import BadInput, one_line
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 __all__ = [
     "end_with_the_parent",
@@ -40,6 +38,8 @@ def one_thread() -> None:
 def prepare(**kernels: bool) -> None:
     """Report that kernels will be compiled, if they were not before, and compile some of them in a second process. If that process cannot
     start or fails, this one compiles everything. `kernels` is as for `branches.warm.kept`."""
+    import subprocess
+
     from branches.warm import kept
     from bvp.kernels.cache import keeps
 
@@ -89,6 +89,10 @@ _PATIENCE = 10.0
 def open_executor(workers: int | None = None, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
     """An executor and its number of workers: processes (by default one for each core), or the Dask cluster whose scheduler has the address
     `dask`. `BadInput` if both are given or no cluster answers; `RuntimeError` if the cluster or a process is lost while it works."""
+    import multiprocessing
+    from concurrent.futures import CancelledError, ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+
     if workers is not None and dask is not None:
         raise BadInput(f"--workers counts processes here, and --dask {dask} works in their place; expected one of them")
     if dask is None:
@@ -135,6 +139,8 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
 
 def _knock(address: str) -> None:
     """Raise an error at once if a text is not an address or if nothing answers there. A Dask client would try again and again."""
+    import socket
+
     from distributed.comm.addressing import get_address_host_port, parse_address, resolve_address
 
     if parse_address(resolve_address(address))[0] in ("tcp", "tls"):
@@ -157,6 +163,8 @@ def _depend_on_the_parent() -> None:
 
 def end_with_the_parent() -> None:
     """End this process when its parent process has ended."""
+    import multiprocessing
+
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
