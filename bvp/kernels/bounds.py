@@ -1,5 +1,4 @@
-"""Bounds of a linear functional f(t) = row . exp(B t) z and of its derivatives over a flight, and the step that cannot pass a
-root."""
+"""Bounds of a linear functional f(t) = row . exp(B t) z and of its derivatives over a flight, and steps that cannot pass a root."""
 
 import math
 
@@ -20,7 +19,7 @@ INVERSE_E = 0.36787944117144233
 
 @part
 def growth_rate(flight):
-    """(steady, growth): steady where no block damps or grows; growth >= 0 bounds the rate of every block."""
+    """(steady, growth). steady: no block damps or grows. growth >= 0: a bound of the growth rate of every block."""
     pairs, mean, delta, matrix = flight
     steady = True
     growth = 0.0
@@ -72,8 +71,10 @@ def fastest_rate(flight):
 
 @allocating
 def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
-    """The bounds of `amplitudes` for the block of `size` indices from `start`, by Taylor's series with its remainder: of a translation
-    under constant forces, however far it has gone, it ends. `weight`: norm of the row's part."""
+    """The bounds of `amplitudes` for the block of `size` indices from `start`, by Taylor's series with its remainder. `weight`: norm of the
+    row's part.
+
+    The series of a translation under constant forces ends after a few terms, so these bounds stay sharp for any distance."""
     state = np.empty(size)
     other = np.empty(size)
     for r in range(size):
@@ -242,7 +243,7 @@ def near_slope(coefficients, t):
 
 @kernel
 def near_return(coefficients, jerk, t, window):
-    """One look at the contact just left: (True, time of the return) or (False, step without a return)."""
+    """One test of the contact just left: (True, time of the return), or (False, length of a step without a return)."""
     s, fall = near_slope(coefficients, t)
     s = max(s, 0.0)
     # Equation (25) for d(t)/t, whose bend is at most V/3.

@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: in the user's cache folder, never beside the sources.
+"""The cache of compiled kernels in the user's cache folder, never among the sources.
 
 Each kernel file has a folder of its own. The folder's name contains a hash of all that the machine code depends on: the file, the project's
 files that it imports, the versions of Python, numba and llvmlite, and the processor. A changed callee in another file is thus noticed, and

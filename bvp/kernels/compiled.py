@@ -1,4 +1,4 @@
-"""How kernels are compiled: once, kept on disk, with division by zero giving inf or nan, as the arithmetic of arrays does."""
+"""The decorators that compile kernels and keep them on disk. As for arrays, division by zero gives inf or nan."""
 
 import gc
 from functools import partial
@@ -20,9 +20,10 @@ _SELDOM = 20_000, 50, 1000
 
 
 def _made(function: Any, **options: Any) -> Any:
-    """The compiled function. Other kernels call it with literal integers as with any others: numba would compile one of its own
-    for each such number. While it is compiled, which makes millions of objects that stay, garbage is collected seldom: a tenth of the time
-    goes there else."""
+    """The compiled function.
+
+    Literal integers are passed as ordinary integers: numba would compile a separate version for each literal. Garbage collection is
+    reduced while numba compiles. The compiler makes millions of objects that stay, and collection would take a tenth of the time."""
     dispatcher = nb.njit(error_model="numpy", **options)(function)
     dispatcher._cache = NullCache() if cache_root() is None else KernelCache(function)
     resolve, compiled = dispatcher.get_call_template, dispatcher.compile
@@ -47,36 +48,39 @@ def _made(function: Any, **options: Any) -> Any:
 kernel: Any = partial(_made, **_UNCOUNTED)
 """Compile a function of plain arrays and numbers, without Python objects, that makes and returns no arrays.
 
-Views that it takes are not counted as references to their arrays, which the caller holds: counting costs more than short sums do."""
+Views of its arguments are not reference-counted, since the caller holds the arrays. Counting costs more than short sums."""
 
 inlined: Any = partial(_made, forceinline=True, **_UNCOUNTED)
-"""A kernel whose machine code becomes part of each caller's: what the caller knows of its arguments, such as a `sized` length, holds
-inside, and arrays need not be handed over, which for a dozen of them takes longer than a short flight. For what is called from few
-places; where it is one place, and short, `part` compiles faster."""
+"""A kernel whose machine code becomes part of each caller.
+
+The compiler then uses facts that the caller knows, such as a `sized` length. No arrays are passed, which for a dozen arrays takes longer
+than a short flight. Use it for kernels with few callers. For a short kernel with one caller, `part` compiles faster."""
 
 allocating: Any = partial(_made, **_COUNTED)
-"""Compile a function that makes arrays of its own. Only such a one may call another that returns an array."""
+"""Compile a function that makes arrays. Only such a function may call another one that returns an array."""
 
 part: Any = partial(_made, inline="always")
-"""Compile a function as part of the kernel that calls it. For what is called from one place, a function of its own costing about a
-second to compile, however short it is; and for a few lines inside a loop, where a call would cost more than they do."""
+"""Compile a function as part of the kernel that calls it.
+
+Use it for a function with one caller, since each separate function costs about a second of compilation. Use it also for a few lines
+inside a loop, if a call would cost more than the lines."""
 
 
 def entry_point(function: Any, arguments: tuple[Any, ...]) -> Any:
-    """A kernel compiled for such arguments, to be called from Python with arguments of these types alone: it does not look at them.
+    """A kernel compiled for given argument types, to be called from Python with these types only. It does not check them.
 
-    A look at the types of a few named tuples takes longer than a step along a family."""
+    For a few named tuples, the check takes longer than a step along a family."""
     return _compiled(function, arguments).entry_point
 
 
 def address_of(function: Any, arguments: tuple[Any, ...]) -> int:
-    """Where a kernel, compiled for such arguments, stands in memory, for `call_at` and `integer_at`."""
+    """Memory address of a kernel compiled for given argument types, for `call_at` and `integer_at`."""
     code = _compiled(function, arguments)
     return int(code.library.get_pointer_to_function(code.fndesc.llvm_cfunc_wrapper_name))
 
 
 def _compiled(function: Any, arguments: tuple[Any, ...]) -> Any:
-    """What numba knows of a kernel, compiled for such arguments."""
+    """Numba's compile result of a kernel for given argument types."""
     types = tuple(nb.typeof(argument) for argument in arguments)
     if types not in function.overloads:
         function.compile(types)
@@ -85,10 +89,9 @@ def _compiled(function: Any, arguments: tuple[Any, ...]) -> Any:
 
 def _calling(result: Any) -> Any:
     def call(typing_context, address, arguments):
-        """Call, in a kernel, another one that stands at an address, with a tuple of arguments of the very types that it was compiled for.
+        """Call, inside a kernel, another kernel at a given address. The tuple must have the argument types that it was compiled for.
 
-        A kernel that calls another by name is compiled together with all of it once more; this keeps large kernels apart.
-        """
+        A kernel that calls another one by name compiles all of it again. This call keeps large kernels separate."""
 
         def code(context, builder, signature, values):
             types = [context.get_value_type(argument) for argument in signature.args[1].types]

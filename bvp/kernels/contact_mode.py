@@ -1,4 +1,4 @@
-"""What the kernels know of a system's contact modes (see `bvp.contact_modes`), and where a motion through them keeps its numbers."""
+"""The kernels' data: the contact modes of a system (see `bvp.contact_modes`), and the numbers of a motion through them."""
 
 import math
 from typing import NamedTuple
@@ -43,7 +43,7 @@ class ContactModes(NamedTuple):
     rate: np.ndarray  # (F, m, N)
     acceleration: np.ndarray  # (F, m, N)
     push: np.ndarray  # (F, m, N)
-    push_rest: np.ndarray  # (F, m, N) what the doubles of push leave
+    push_rest: np.ndarray  # (F, m, N) rounding errors of the doubles of push
     side: np.ndarray  # (F, m)
     bound: np.ndarray  # (F, m)
     first: np.ndarray  # (F, R, N)
@@ -73,7 +73,7 @@ class MotionState(NamedTuple):
 
 
 class Log(NamedTuple):
-    """What is recorded of each event; no rows where nothing is."""
+    """The record of each event; arrays without rows if nothing is recorded."""
 
     numbers: np.ndarray  # (E, 3) int64: kind, contact, contact mode after
     values: np.ndarray  # (E, 3) time, speed of approach, energy lost
@@ -83,7 +83,7 @@ class Log(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Arrays that a motion writes into, and that need not be kept."""
+    """Scratch arrays of a motion. Their content need not be kept between calls."""
 
     table: np.ndarray  # (LEVELS, 2 n + D + S + 2) orders of the series of chattering
     values: np.ndarray  # (2 n + D + S + 2,)
@@ -131,7 +131,7 @@ def begin_anew(motion):
 
 @kernel
 def find_mode(modes, sticking):
-    """Index of the contact mode in which just these contacts stick, or -1."""
+    """Index of the contact mode in which exactly these contacts stick, or -1."""
     for f in range(modes.sticking.shape[0]):
         if modes.sticking[f] == sticking:
             return f
@@ -140,7 +140,7 @@ def find_mode(modes, sticking):
 
 @kernel
 def cannot_hit(modes, f, z):
-    """True where the bound of every gap, over all time to come, stays below its stop."""
+    """True if the bound of every gap, for all later times, stays below its stop."""
     # Equation (24) over all time to come.
     for c in range(modes.side.shape[1]):
         if (modes.sticking[f] >> c) & 1 != 0:
@@ -181,7 +181,7 @@ def write_loads(modes, index, clock, angles, x):
 
 @kernel
 def reset_loads(modes, f, index, z):
-    """What a break adds to the levels and slopes of the loads, in z."""
+    """Add, at a break, the jumps of the loads' levels and slopes to z."""
     span = modes.breaks[index] - modes.breaks[index - 1]
     at = 2 * modes.shape[0]
     for g in range(modes.frequency.shape[0]):

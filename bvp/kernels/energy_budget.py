@@ -1,16 +1,19 @@
 """Exact integrals of products along a flight: sum over R products of weight (a . z(s)) (b . z(s)), integrated over 0 <= s <= t.
 
-Where every block of the product rotates or decays at rates that differ - pairs that oscillate, pairs whose two real rates are apart, single
-rates, loads that are constant - a . z is a sum of exponentials, and the integral of each product is
+There are three methods.
 
-    (exp(x t) - 1)/x,   x a sum of two rates,
+1. If every block has distinct rates, a . z is a sum of exponentials. Such blocks are oscillating pairs, pairs with two separate real
+   rates, single rates and constant loads. The integral of each product of exponentials is
 
-from the exponentials themselves, and from a series where |x t| is small, so nothing cancels. Everything else (near critical damping, rigid
-bodies, loads joined with a block, ramps) is the product of two Taylor series, over parts of the flight on which these converge. Where there
-would be many parts, the integral of the matrix exp(B's) a b' exp(B s) is doubled, P(2 t) = P(t) + exp(B't) P(t) exp(B t) (Van Loan, IEEE
-Trans. Automat. Control 23 (1978) 395, without its inverse): each sum is of terms of one sign where a = b.
+       (exp(x t) - 1)/x,   x a sum of two rates.
 
-Where the energy of a motion goes: compensated sums of the integrals over its flights and of the losses of its impacts.
+   It is computed from the exponentials, or from a series if |x t| is small, so nothing cancels.
+2. Otherwise (near critical damping, rigid bodies, loads joined with a block, ramps) it is the product of two Taylor series. The flight
+   is divided into parts on which they converge.
+3. If there were many parts, the integral of the matrix exp(B's) a b' exp(B s) is doubled: P(2 t) = P(t) + exp(B't) P(t) exp(B t) (Van
+   Loan, IEEE Trans. Automat. Control 23 (1978) 395, without its inverse). For a = b all terms of each sum have one sign.
+
+The energy budget of a motion consists of compensated sums of these integrals over its flights, and of the losses at its impacts.
 """
 
 import math
@@ -39,8 +42,8 @@ RECIPROCAL = tuple(1.0 / k for k in range(2, 64))
 """1/2, 1/3, ..."""
 
 LOST = 4.0
-"""Size of the two exponentials of a pair, in the largest value of their sum over the flight, up to which they are taken apart: the square
-of it is the digits that a product can lose."""
+"""The two exponentials of a pair are integrated separately up to this size, relative to the largest value of their sum over the flight.
+A product can lose a factor of its square in accuracy."""
 
 ROWS = 8
 
@@ -110,8 +113,8 @@ def rates(flight, t, work):
 
 @kernel
 def weights(flight, rows, c, z, t, work, at):
-    """Complex weights of the exponentials in rows[c] . z(s), into rows at and at + 1 of work; False where they would cancel or do not
-    exist."""
+    """Complex weights of the exponentials in rows[c] . z(s), into rows `at` and `at` + 1 of work. False if the weights do not exist or
+    would cancel."""
     pairs, mean, delta, matrix = flight
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
@@ -152,7 +155,7 @@ def weights(flight, rows, c, z, t, work, at):
 
 @kernel
 def product_integral(slots, work, first, second, t):
-    """Integral of the product of two sums of exponentials whose weights stand in rows `first` and `second` (and the next ones)."""
+    """Integral of the product of two sums of exponentials. Rows `first`, `first` + 1 and `second`, `second` + 1 contain their weights."""
     total = 0.0
     for k in range(slots):
         if work[first, k] == 0.0 and work[first + 1, k] == 0.0:
@@ -177,7 +180,7 @@ def product_integral(slots, work, first, second, t):
 
 @kernel
 def terms_of(x):
-    """Taylor terms whose rest is below 1e-17 of the first for a rate times time of x <= 1: x^k/k! falls below."""
+    """Number of Taylor terms that leaves a remainder below 1e-17 of the first term, for x = rate times time <= 1: x^k/k! falls below it."""
     size = 1.0
     terms = 1
     while size > 1e-17 and terms < TERMS:
@@ -322,12 +325,12 @@ def integrals(flight, products, z, t, work, out):
 
 
 MARK_LEVEL = 4e-16
-"""Part of the initial energy to which the energy gone at a mark is met."""
+"""Tolerance of the energy dissipated at a mark, relative to the initial energy."""
 
 
 @kernel
 def dissipated(sums, parts):
-    """Sum of what the first `parts` sums hold."""
+    """Total of the first `parts` sums: the energy dissipated."""
     total = 0.0
     for i in range(parts):
         total += sums[i, 0] + sums[i, 1]
@@ -347,7 +350,7 @@ def note_mark(motion, time):
 
 @part
 def damped(modes, f, z, t, work, out):
-    """What the dampers take over a flight of t from z; out (R,) the integrals."""
+    """Energy dissipated by the dampers over a flight of t from z; out (R,): the integrals."""
     integrals(flight_of(modes, f), Products(modes.first[f], modes.second[f], modes.weight), z, t, work, out)
     total = 0.0
     for k in range(modes.part.shape[0]):
@@ -358,14 +361,14 @@ def damped(modes, f, z, t, work, out):
 
 @part
 def passes_mark(modes, total, motion):
-    """True where the next mark is passed while `total` more is dissipated."""
+    """True if the motion passes the next mark while it dissipates a further `total`."""
     wanted = motion.marks[motion.counts[entry.MARK], 0] * motion.clock[entry.INITIAL]
     return dissipated(motion.sums, modes.shape[1] + modes.shape[2]) + total >= wanted
 
 
 @kernel
 def mark_flight(modes, f, flight, total, motion, work, out):
-    """Write the marks that are passed within a flight on which `total` is dissipated."""
+    """Record the marks that a flight passes. The flight dissipates `total`."""
     z, counts, clock, sums, marks = motion.z, motion.counts, motion.clock, motion.sums, motion.marks
     parts = modes.shape[1] + modes.shape[2]
     start = dissipated(sums, parts)
@@ -408,8 +411,8 @@ def mark_flight(modes, f, flight, total, motion, work, out):
 
 @part
 def fly(modes, f, flight, motion, scratch):
-    """Carry a motion over a flight. Returns False, with all but the peaks as they were, where the search for the peaks gave up or a block
-    with rates far apart overflows."""
+    """Advance a motion by a flight. Returns False if the search for the peaks gave up, or if a block with very different rates
+    overflows. Then only the peaks have changed."""
     z, counts, clock, peaks = motion.z, motion.counts, motion.clock, motion.peaks
     if flight == 0.0:
         return True
@@ -451,7 +454,7 @@ def lose(modes, c, loss, motion):
 
 @part
 def stop_contact(modes, c, motion, work):
-    """Stop what is left of the velocity across contact c, as a loss at its stop."""
+    """Set the remaining velocity across contact c to zero. Its energy is a loss at the stop."""
     clock = motion.clock
     times_matrix(modes.from_modes[0], motion.x, work[0])
     speed = row_dot(modes.rate[0], c, work[0, : modes.matrix.shape[1]])
@@ -463,7 +466,8 @@ def stop_contact(modes, c, motion, work):
 
 @kernel
 def log_chatter(modes, f, log, motion, before, scratch):
-    """Write that bounces are summed over the time up to now: a flight of the contact mode in which they end, up to the present state."""
+    """Log the interval of bounces that are summed as a series. It is one flight of the contact mode in which they end, up to the present
+    state."""
     z, counts, clock = motion.z, motion.counts, motion.clock
     span = clock[entry.SPAN]
     clock[entry.SPAN] = 0.0

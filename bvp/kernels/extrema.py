@@ -1,4 +1,4 @@
-"""Extrema and sign changes of a linear functional f = c . z along an exact flight, by bounds, never by sampling.
+"""Extrema and sign changes of a linear functional f = c . z along an exact flight, by bounds instead of sampling.
 
 With |f''| <= W over the flight, f keeps its sign over the step (|f'| + sqrt(f'^2 + 2 W |f|))/W away from zero (with f' counted
 against it where it points to zero), and f is monotone over |f'|/W. With |f'''| <= V, f' keeps its sign, and f is monotone, over the
@@ -24,7 +24,7 @@ STEP_LIMIT = 100000
 
 
 class Observed(NamedTuple):
-    """Functionals watched along each flight. S stops, N entries a state."""
+    """Functionals that are observed along each flight. S stops, N entries a state."""
 
     gap: np.ndarray  # (S, N) w
     gap_rate: np.ndarray  # (S, N) w'
@@ -38,7 +38,7 @@ class Observed(NamedTuple):
 
 
 class Track(NamedTuple):
-    """A linear functional f(t) = value . z(t) along one flight from z, and its bounds: what the loops of this file step along."""
+    """A linear functional f(t) = value . z(t) along one flight from z, and its bounds. The search loops of this file evaluate it."""
 
     flight: Flight
     value: np.ndarray  # (N,) row of f
@@ -90,7 +90,7 @@ def separate(flight, value, z, horizon, parts):
 
 @part
 def look(track, t):
-    """f, f' and f'' at t."""
+    """f, f' and f'' at time t."""
     delta = track.flight.delta
     parts = track.parts
     f = 0.0
@@ -114,7 +114,7 @@ def look(track, t):
 
 @part
 def free(f, slope, bound):
-    """Longest step over which f has no zero, its second derivative being bounded."""
+    """Longest step in which f has no zero, for a given bound of its second derivative."""
     # Equation (26), second term.
     root = math.sqrt(slope * slope + 2.0 * bound * abs(f))
     away = slope if f >= 0.0 else -slope
@@ -127,7 +127,7 @@ def free(f, slope, bound):
 
 @part
 def safe_step(f, slope, bend, curvature, jerk):
-    """Longest step over which f has no zero, or is monotone; `curvature`, `jerk`: bounds of |f''| and |f'''| (0: none known)."""
+    """Longest step in which f has no zero or is monotone. `curvature`, `jerk`: bounds of |f''| and |f'''| (0: none known)."""
     step = math.inf
     # Equation (26) for f; and for f', which is monotone or keeps its sign over the last one.
     if curvature > 0.0:
@@ -245,8 +245,9 @@ def rises(flight, value, rate, second, z, duration, sign, times, work):
 
 @part
 def clearance(flight, observed, stop, z, duration, work):
-    """Least distance to the bounds of one stop at the turning points of w inside a flight: (distance, side, time); distance
-    is infinite where w does not turn, NaN when the search gave up. work (2, N)."""
+    """Smallest distance of w from the bounds of one stop at its turning points inside a flight: (distance, side, time).
+
+    The distance is infinite if w has no turning point, and NaN if the search gave up. work (2, N)."""
     track = track_of(
         flight, observed.gap_rate[stop], observed.gap_second[stop], observed.gap_third[stop], z, duration, work[0, : z.shape[0]]
     )
@@ -298,8 +299,7 @@ def row_times_matrix(rows, c, matrix, out):
 
 @kernel
 def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
-    """peaks (n,): the larger of themselves and |u| over a flight of `duration` from z (N,), with (u, v) = leave z. False where the search
-    gave up.
+    """Raise peaks (n,) to the largest |u| over a flight of `duration` from z (N,), with (u, v) = leave z. False if the search gave up.
 
     scratch (PEAK_ROWS, 1, N), edge (2, 1), work of `impact.work_array`."""
     n = peaks.shape[0]

@@ -1,5 +1,6 @@
-"""Motions of two oscillating modes between the two sides of one stop, many of them, kept in registers: what `motion.move` does, for the
-ordinary case alone, without a record.
+"""The fast path of `motion.move`: many motions of two oscillating modes and one stop, without a record of events.
+
+Unusual motions are declined.
 
 The gap coordinate is the sum of its two modes, w = p_1 + p_2, each the real part of a number p - i q that rotates and decays,
 
@@ -39,7 +40,7 @@ CHATTER_REACH, CHATTER_MOST = 0.3, 3
 
 ROUNDING = 1e-12
 FAR = 4096
-"""Steps after which a flight is taken up anew from its start, so that roundings do not add up."""
+"""Number of steps after which the state is computed anew from the start of the flight, so that rounding errors do not accumulate."""
 
 
 @part
@@ -54,10 +55,10 @@ def summed(total, low, value):
 
 
 class RunLimits(NamedTuple):
-    """Where a motion ends."""
+    """Limits at which a motion ends."""
 
     duration: float
-    unbounded: bool  # what is dissipated after the last impact possible counts to infinite time
+    unbounded: bool  # whether dissipation after the last possible impact counts to infinite time
     most: int  # impacts
 
 
@@ -72,7 +73,8 @@ class Systems(NamedTuple):
 
 @kernel
 def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
-    """One motion: `out` (COLUMNS + fractions,) is filled; start (4,), (u, v), becomes the final state. Returns the reason."""
+    """Run one motion from `start` (4,) = (u, v), which becomes the final state. Fills `out` (COLUMNS + fractions,) and returns the
+    reason of the end."""
     duration, unbounded, most = limits
     m1 = system[entry.MEAN]
     m2 = system[entry.MEAN + 1]
@@ -386,10 +388,10 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
 
 @kernel
 def fast_path_batch(systems, starts, initial, duration, most, fractions, state, taken, out):
-    """`fast_path_run` from each of starts (B, 4), (u, v), of energy initial[b].
+    """Run `fast_path_run` from each row (u, v) of `starts` (B, 4) with energy initial[b].
 
-    most (B,): of impacts; out (B, COLUMNS + Q): its results, NaN but for the reason where it is declined; state (4,) and taken (PARTS,)
-    are scratch. Starts become final states, except of those that are declined."""
+    most (B,): largest numbers of impacts. out (B, COLUMNS + Q): results; if a motion is declined, only its reason, and NaN elsewhere.
+    state (4,) and taken (PARTS,) are scratch. Each row of `starts` becomes the final state, unless the motion is declined."""
     for b in range(starts.shape[0]):
         for k in range(4):
             state[k] = starts[b, k]

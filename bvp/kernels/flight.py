@@ -83,8 +83,8 @@ def circular(delta, t):
 def flow_pair(mean, delta, b11, b12, b21, b22, t):
     """The four entries of exp(B t) for one 2 x 2 block.
 
-    Where the block oscillates, b21 is replaced by the number that goes with the rounded frequency. The determinant of the flow, and so the
-    energy, is then off by roundings to either side, and does not drift over many flights."""
+    If the block oscillates, b21 is replaced by the value that belongs to the rounded frequency. Rounding errors of the determinant, and
+    so of the energy, then have either sign and do not accumulate over many flights."""
     # Equation (23) for an oscillating pair. b21 follows from the rounded frequency.
     if delta < 0.0:
         w = math.sqrt(-delta)
@@ -180,7 +180,7 @@ def block_state(mean, matrix, start, size, t, z, out):
 
 @part
 def flow_inside(flight, z, t, out):
-    """`flow_state` as part of a loop that does little else: to hand over so many arrays takes as long as the flight."""
+    """`flow_state`, compiled into the loop that calls it: passing so many arrays to a function takes as long as the flight itself."""
     pairs, mean, delta, matrix = flight
     # Equation (23) for each block, times the state; equation (2) where nothing damps.
     for k in range(pairs.shape[0]):
@@ -230,7 +230,7 @@ def flow_matrix(flight, t, out):
 
 @inlined
 def block_product(pairs, matrix, z, out):
-    """out = matrix z for a matrix that is zero outside the blocks: B itself, or exp(B t) of `flow_matrix` (out is another array than z)."""
+    """out = matrix z for a matrix that is zero outside the blocks: B itself, or exp(B t) of `flow_matrix`. `out` and z must differ."""
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
@@ -251,7 +251,7 @@ def block_product(pairs, matrix, z, out):
 
 @kernel
 def flight_at(begins, time):
-    """Index of the flight that a time falls into, of flights that begin at begins (F,) (ascending): the last one begun by then."""
+    """Index of the flight at a given time: the last one that has begun. begins (F,): ascending times."""
     low = 0
     high = begins.shape[0]
     while high - low > 1:

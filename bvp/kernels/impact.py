@@ -1,4 +1,4 @@
-"""The next impact of an exact flight, by bounds and never by sampling; restitution, and how an impact carries a perturbation.
+"""The next impact of an exact flight, by bounds instead of sampling; restitution; and the effect of an impact on a perturbation.
 
 A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `bounds.amplitudes`
 bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows, by equations
@@ -77,8 +77,8 @@ def contact_level(contacts, c, z):
 
 @kernel
 def rounding_level(flight, rows, c, z):
-    """Sixteen roundings of rows[c] . z for a z that a flight has computed: the two entries of a pair round with each other's
-    size."""
+    """Sixteen rounding errors of rows[c] . z for a computed state z. The two entries of a pair have a common rounding error, that of the
+    larger one."""
     pairs, _, _, matrix = flight
     total = 0.0
     for k in range(pairs.shape[0]):
@@ -111,7 +111,7 @@ class Gap(NamedTuple):
 
 
 class GapBounds(NamedTuple):
-    """GapBounds of the derivatives of a distance."""
+    """Bounds of the derivatives of a distance."""
 
     curvature: float  # of |d''|
     jerk: float  # of |d'''|
@@ -137,14 +137,14 @@ def gauge(contacts, c, z):
 
 @part
 def quadratic_step(d, slope, bend):
-    """Zero of d + d' h + d'' h^2/2 nearest to h = 0, for d' < 0; Newton's step where there is none."""
+    """The zero of d + d' h + d'' h^2/2 nearest to h = 0, for d' < 0; Newton's step if there is no zero."""
     square = slope * slope - 2.0 * bend * d
     return 2.0 * d / (-slope + math.sqrt(square)) if square > 0.0 else -d / slope
 
 
 @kernel
 def polish_root(flight, contacts, c, jerk, z, t, state):
-    """Zero of d along the exact flight by steps of third order, from a time near it, down to rounding."""
+    """Refine a nearby zero of d along the exact flight to rounding, by steps of third order."""
     last = math.inf
     for _ in range(60):
         flow_inside(flight, z, t, state)
@@ -163,8 +163,9 @@ def polish_root(flight, contacts, c, jerk, z, t, state):
 
 @kernel
 def resolve_turn(flight, contacts, c, bounds, z, t, gap, fresh, state):
-    """What a certified turning point after time t is, where the contact has the given `gap`: (HIT or TOUCH, its time) or (NONE, step from
-    t without either). `fresh`: as in `judge_gap`."""
+    """Classify a certified turning point after time t: (HIT or TOUCH, its time), or (NONE, length of a step from t without either).
+
+    `gap`: the contact's distance at t. `fresh`: as in `judge_gap`."""
     curvature, jerk, _ = bounds
     _, slope, bend, tolerance = gap
     turn = t
@@ -240,7 +241,7 @@ def judge_gap(gap, bounds, fresh):
 
 @kernel
 def start_contact(flight, contacts, leaving, z):
-    """(status, contact the flight leaves): OUTSIDE with the contact passed, else NONE with `leaving` or a contact that z is
+    """(status, contact that the flight leaves): OUTSIDE with the violated contact; else NONE with `leaving`, or with a contact that z is
     on."""
     for c in range(contacts.side.shape[0]):
         if c == leaving:
@@ -266,8 +267,8 @@ def same_row(rows, a, b):
 
 @kernel
 def parting(flight, contacts, c, z, window, other):
-    """Time over which a contact whose distance, rate and acceleration are 0 to rounding parts for certain, the third derivative of its
-    distance staying above 0; 0 where that is not."""
+    """A time for which a contact is certain to separate. Its distance, rate and acceleration are 0 to rounding, and the third derivative
+    stays above 0. The result is 0 if this is not certain."""
     block_product(flight.pairs, flight.matrix, z, other)
     third = -contacts.side[c] * row_dot(contacts.acceleration, c, other)
     if third <= rounding_level(flight, contacts.acceleration, c, other):
@@ -414,8 +415,8 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
 
 @kernel
 def next_hit(flight, contacts, leaving, z, horizon, work, state):
-    """`next_impact` after all touches before it, with z (N,) moved to the last of them. Returns (status, contact, time from the given z).
-    `state` (N,) is scratch."""
+    """`next_impact`, but touches are skipped: z (N,) moves to the last touch before the hit. Returns (status, contact, time from the
+    given z). `state` (N,) is scratch."""
     elapsed = 0.0
     while True:
         status, contact, time = next_impact(flight, contacts, leaving, z, horizon - elapsed, work)

@@ -1,18 +1,18 @@
-"""An adaptive scan of a curve of starts: intervals are split until it is decided what each can hold.
+"""An adaptive scan of a curve of starts. An interval is split until the scan knows every orbit that it can contain.
 
 For two degrees of freedom an orbit between ends is a zero of two numbers in the plane of start and time: the displacements (origin),
 the velocities (rest), or the velocity along the stop at an impact (stop). An interval of starts is closed for one flight when
 
-    the impacts hit are the same ones, and the flight's variation z' is known all over it: sampled at both ends and in the middle, which
-        agree with each other, so that the starts between stay in a tube about the flight of the middle, of width |z'| times theirs;
-    no turning point inside the tube reaches a stop, or the one that could moves monotonically and reaches it only at an end;
+    all its starts have the same impacts. The sensitivity z' at both ends and in the middle agrees, so all flights stay in a tube about
+        the middle one, with |z'| times the half width of the interval as its radius;
+    no turning point inside the tube reaches a stop, or only one does, monotonically and at an end of the interval;
     no impact's speed reaches zero, or it does so monotonically at an end;
-    each crossing of the tube by zero is one where the Jacobian of (start, time) varies by less than itself: there is one orbit at most,
-        and Newton's method finds it.
+    at each crossing of the tube by zero, the Jacobian of (start, time) varies by less than its size. There is then at most one orbit, and
+        Newton's method finds it.
 
-An interval that cannot be closed is split, and its halves begin with the flight that was open. Where the impact sequence changes, the
-grazing between is located to rounding and becomes an end of both sides; on the side with the slow impact everything goes with the
-square root of the distance, so that root is the parameter there.
+An interval that cannot be closed is split. Its halves start with the flight that was open. If the impact sequence changes inside, the
+grazing is located to rounding and becomes an end of both sides. On the side with the slow impact, everything depends on the square root
+of the distance to the grazing, so this root is the parameter there.
 """
 
 import math
@@ -49,7 +49,7 @@ FIRST_SPARE = 2
 """The first record that is not of one of the ends."""
 
 COARSE = 10.0
-"""Where rounding of the starts hides more of a grazing than this many times what the tolerance of contacts does, the rest is left open."""
+"""An interval at a grazing stays open if rounding of the starts hides this many times more of it than the contact tolerance does."""
 SLIVER = 4e-12
 """How far outside its interval Newton's method may end at a grazing: about what is left out between its two sides."""
 
@@ -133,13 +133,14 @@ def third(one, two, first):
 
 @kernel
 def grazing_between(search, k, ends, first, grain):
-    """The grazing between two starts whose flights k end differently, bracketed to rounding, and on each side the start nearest to it whose
-    distance to the grazing is above rounding. Three records from `first` on are overwritten.
+    """Locate the grazing between two starts whose flights k end differently, bracketed to rounding. Also find, on each side, the start
+    nearest to the grazing with a distance above rounding. Three records from `first` on are overwritten.
 
-    On one side the flight ends with a slow impact, which would reach speed^2/(2 w'') beyond the stop; on the other it passes at some
-    distance: one smooth function of the start, by whose secants the bracket shrinks.
-    Returns (record, record, theta, theta) of both sides, the bracket (theta, theta), whether rounding of the starts hides much more of the
-    grazing than the tolerance of contacts does (see `COARSE`), and how many starts were followed."""
+    On one side the flight ends with a slow impact, which would reach speed^2/(2 w'') beyond the stop. On the other side it passes the stop
+    at some distance. Together these are a smooth function of the start. Its secants shrink the bracket.
+
+    Returns (record, record, theta, theta) of both sides, the bracket (theta, theta), `coarse` and the number of starts followed. coarse:
+    rounding of the starts hides much more of the grazing than the contact tolerance does (see `COARSE`)."""
     flow, _, _, longest, most, records, levels, work = search
     theta_a, theta_b, i_a, i_b = ends
     one = i_a
@@ -401,7 +402,7 @@ def place(low, high, kind, x):
 
 @kernel
 def unplace(low, high, kind, theta):
-    """x of a parameter, the inverse of `place`."""
+    """The parameter x in [0, 1] of a start theta; the inverse of `place`."""
     part = (theta - low) / (high - low)
     if kind == 0:
         return part

@@ -342,14 +342,13 @@ class BatchArrays(NamedTuple):
 
 @kernel
 def many(modes, batch, duration, most, first, motion, log, scratch):
-    """The motions of a batch, the `first`-th and on, without a record of events.
+    """Run a batch of motions from number `first` on, without a record of events.
 
     Row of the summary: reason, time reached, impacts, touches, last impact (NaN: none), clear from (NaN: not proven), time sticking,
-    initial energy (given), 0, sums, each mark's time (NaN: not reached) and sums, peaks where they are wanted.
+    initial energy (given), 0, sums, each mark's time (NaN: not reached) and sums, and the peaks if required.
 
-    Returns (reason, start): NEW_MODE at the start that wants one more contact mode - add it and call again from there; PAUSED where
-    counts[PASSES] are used up, and counts[RUNNING] makes the next call go on; or REACHED and B.
-    """
+    Returns (reason, start). NEW_MODE: this start needs one more contact mode; add it and call again from this start. PAUSED:
+    counts[PASSES] are used up; counts[RUNNING] makes the next call continue. REACHED with B: all motions are finished."""
     starts, fractions, summary, modal = batch
     z, x, counts, clock, angles, sums, marks, peaks = motion
     width = 2 * modes.shape[0]

@@ -1,4 +1,4 @@
-"""Starts followed through their impacts, for two degrees of freedom without damping.
+"""Motions of many starts through their impacts, for two degrees of freedom without damping.
 
 `follow_impacts` follows one start, with the derivative of everything by the start's parameter. The states z_k after the impacts and their
 derivatives along the curve of starts, taken on the section of the impact: with the flight's variation y' = Phi(d) z', the duration changes
@@ -38,7 +38,7 @@ STEP_LIMIT = 20000
 
 
 class Flow(NamedTuple):
-    """A system of two degrees of freedom and one stop, and a curve of starts, as the kernels know them."""
+    """A system of two degrees of freedom and one stop, and a curve of starts, as data of the kernels."""
 
     flight: Flight
     contacts: Contacts
@@ -166,7 +166,8 @@ def follow_impacts(flow, theta, longest, most, record, work):
 
 @kernel
 def nearest_turning_points(flow, row, horizon, work):
-    """Fill the columns of clearance of one row of a record: turning points of the gap coordinate w inside its flight (up to `horizon`)."""
+    """Find the turning points of w nearest to the stops inside one flight (up to `horizon`), and fill the clearance columns of its
+    record."""
     z = row[:4]
     dz = row[4:8]
     y = work[7, :4]
@@ -245,7 +246,7 @@ def nearest_turning_points(flow, row, horizon, work):
 
 
 class EndSet(NamedTuple):
-    """The far ends that starts are scanned for."""
+    """The far ends that a scan looks for."""
 
     kind: int  # ORIGIN, REST or STOP
     transverse: np.ndarray  # (2, N) the row that measures the residual, twice (after an impact at either contact)
@@ -253,7 +254,7 @@ class EndSet(NamedTuple):
 
 
 class ScanLimits(NamedTuple):
-    """How far each start is followed."""
+    """Limits of time and impacts for each start."""
 
     wanted: np.ndarray  # (K + 1,) 1 where the crossings after k inner impacts are looked for
     most: int  # inner impacts K
@@ -261,7 +262,7 @@ class ScanLimits(NamedTuple):
 
 
 class Scanned(NamedTuple):
-    """What M starts do."""
+    """Results of a scan of M starts: their impacts, and their crossings of the end set."""
 
     sequence: np.ndarray  # (M, K + 1) contacts hit, -1 after the last
     times: np.ndarray  # (M, K + 1, C) time of the c-th crossing after k inner impacts, NaN where there is none; for STOP impact k + 1
@@ -274,7 +275,7 @@ class Scanned(NamedTuple):
 
 @allocating
 def scan_starts(flight, contacts, end, starts, limits, found, work):
-    """Follow each row of `starts` (M, N), and write down its crossings of the end set. work: of `impact.work_array`."""
+    """Follow each row of `starts` (M, N) and record its crossings of the end set. work: of `impact.work_array`."""
     kind, transverse, functional = end
     wanted, most_impacts, longest = limits
     sequence, times, values, ends, status, nodes, instants = found

@@ -47,7 +47,7 @@ def section_basis(segment, node, kind, z, vectors, out):
 
 @part
 def magnification(segment, node, z, reach):
-    """sqrt(2 h) |g| / |g . v|: what an impact at the state z makes of rounding errors (1 where it is head-on and fastest)."""
+    """Factor by which an impact at the state z magnifies rounding errors, sqrt(2 h) |g| / |g . v|; 1 for the fastest head-on impact."""
     normal = 0.0
     speed = 0.0
     for r in range(z.shape[0]):
@@ -57,7 +57,7 @@ def magnification(segment, node, z, reach):
 
 
 def half_map_scratch(size):
-    """Scratch of `half_map` for states of so many entries."""
+    """Scratch of `half_map` for states with the given number of entries."""
     half = size // 2
     return np.empty((size + 3, size)), np.empty((1, size, size)), np.empty((3, max(2, half), half))
 
@@ -170,7 +170,7 @@ class Period(NamedTuple):
 
 
 def make_period(impacts):
-    """Scratch for so many impacts."""
+    """Scratch for the given number of impacts."""
     square = (impacts, 4, 4)
     return Period(
         ImpactList(np.zeros((impacts, 4)), np.zeros((impacts, 4)), np.zeros(impacts), np.zeros(impacts, np.int64)),
@@ -186,7 +186,7 @@ def make_period(impacts):
 
 @part
 def sized_period(period):
-    """The same scratch, known to be for states of four entries."""
+    """The same scratch with a compile-time length of four entries per state."""
     impacts = period.impacts
     return Period(
         ImpactList(sized(impacts.before, 4), sized(impacts.after, 4), impacts.duration, impacts.row), sized(period.maps, 4),

@@ -63,7 +63,7 @@ def tangent_at(segment, y, factor, sign, smallest, old_direction, metric, tangen
 
 
 class Request(NamedTuple):
-    """What a step is asked for."""
+    """The input of a step."""
 
     ds: float  # length; 0: correct the given point itself
     target: float  # nan; a number: hold y on row . y = target in place of the length, the row being in factor.work[5]
@@ -71,7 +71,7 @@ class Request(NamedTuple):
 
 
 class Landing(NamedTuple):
-    """Where a step lands."""
+    """The output of a step."""
 
     y: np.ndarray  # (u,)
     tangent: np.ndarray  # (2 u,) tangent, then curvature
@@ -80,10 +80,10 @@ class Landing(NamedTuple):
 
 @part
 def _orbit_step(segment, factor, y, tangent, request, metric, landing):
-    """Step from y along its `tangent` (2 u,), tangent and curvature.
+    """Take a step from y along its `tangent` (2 u,): tangent and curvature.
 
-    metric (4, N + 2): filled with position and direction where the step lands, then at y. Of the landing's result the entries up to
-    `branching` are filled."""
+    metric (4, N + 2): receives position and direction at the new point, then at y. The entries of the landing's result up to `branching`
+    are filled."""
     ds, target, most = request
     out, out_tangent, result = landing
     unknowns = y.shape[0]
@@ -149,7 +149,7 @@ def end_states(segment, y, work, out):
 
 
 class Metric(NamedTuple):
-    """Where the family is, and how it moves, in (start state / sqrt(2 h), log h, log alpha)."""
+    """Position and direction of the family in the coordinates (start state / sqrt(2 h), log h, log alpha)."""
 
     position: np.ndarray  # (N + 2,)
     direction: np.ndarray  # (N + 2,)
@@ -221,8 +221,8 @@ def constraint_row(segment, y, energy, alpha, position, direction, row):
 
 @kernel
 def bends(segment, observed, stop, i, end):
-    """Whether flight i begins (end 0) or ends (1) with an impact at another stop than the given one, which bends the path of its
-    gap there: an extremum that is no turning point inside a flight."""
+    """Whether flight i begins (end 0) or ends (end 1) with an impact at another stop. Such an impact bends the path of this stop's gap,
+    so the gap can have an extremum there that is not a turning point inside a flight."""
     k = segment.shape[0]
     if end == 0:
         node = i - 1 if i > 0 else k + 1
@@ -424,7 +424,7 @@ def two_dof_orbit_observe(packed, observed, y, ends, work, result):
 
 
 class CompiledProblem(NamedTuple):
-    """A problem for a kernel that takes steps of its own (`bvp.kernels.compiled.call_at`)."""
+    """The data of a problem for a kernel that takes several steps (`bvp.kernels.compiled.call_at`)."""
 
     addresses: np.ndarray  # (3,) int64 of `orbit_step`, `orbit_observe` and `orbit_stability`; 0: not wanted
     packed: PackedSegment

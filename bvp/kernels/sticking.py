@@ -1,25 +1,25 @@
 """The end of chattering, and impacts while other contacts stick.
 
-The bounces on a stop that presses back shrink by the restitution: the speed s of leaving obeys s -> restitution s (1 + O(s)), a map whose
-iterates are a power series in restitution^k (Koenigs), and so is everything that moves with them: time, displacements, velocities, energies
-lost. With q = restitution^stride, values after every stride-th impact are x_k = x + a_1 q^k + a_2 q^2k + ..., and Neville's scheme,
-equation (28), takes one power away after the other.
+If a force presses a body against a stop, its bounces shrink by the restitution. The speed s after each impact obeys s -> restitution s (1 +
+O(s)). The iterates of this map are a power series in restitution^k (Koenigs), and so are time, displacements, velocities and energies lost.
+With q = restitution^stride, values after every stride-th impact are x_k = x + a_1 q^k + a_2 q^2k + ..., and Neville's scheme, equation
+(28), takes one power away after the other.
 
 The difference between the two last orders is the error of the lower one. The stride keeps q below 1/2, so rounding grows tenfold at most.
 
-Newton's law holds at several contacts at once (Moreau), equation (8). A sticking contact has no speed, and restitution keeps it so. It
-takes the impulse for this where that presses. Where it would pull, the contact opens and takes none. With r_i the rates and p_j the
+Newton's law holds at several contacts at once (Moreau), equation (8). A sticking contact has no speed before and after the impact. It takes
+the impulse that this requires if the impulse presses. If it would pull, the contact opens and takes none. With r_i the rates and p_j the
 changes by a unit impulse, the impulses a solve
 
     r_i . (z - sum_j a_j p_j) = -restitution r_i . z   at the contact that is hit, = 0 at those that keep sticking
 
-The set that stays is found by Murty's principal pivoting: the first contact that errs, by a pull or by an approach, changes sides. It ends,
-for the matrix r_i . p_j is c_i M^-1 c_j with scaled columns, and sticking gaps do not depend on each other.
+Murty's principal pivoting finds the set that stays: the first contact with a wrong sign, a pull or an approach, changes sides. It ends,
+since the matrix r_i . p_j is c_i M^-1 c_j with scaled columns, and sticking gaps do not depend on each other.
 
-Bounces of several contacts that act on each other have one accumulation point. All the speeds across them are zero there, so the velocity
-is that before less its part M^-1 c_S, whatever the order of the bounces; the contacts S that stick from there on are those that press
-under the present forces, by the same pivoting with accelerations in place of rates. Bounces are followed one by one until none rises
-beyond the contact tolerance, and what is left is taken at once, which is right to the distance that they would still go.
+Bounces of several contacts that act on each other have one accumulation point. There all speeds across the contacts S are zero. The
+velocity loses its part along M^-1 c_S, whatever the order of the bounces. The contacts that press under the present forces then stick;
+the same pivoting finds them, with accelerations in place of rates. Bounces are followed one by one until none rises beyond the contact
+tolerance. The remaining velocity is then removed at once, with an error of the distance that the bounces would still cover.
 """
 
 import math
@@ -51,14 +51,14 @@ FLAT = 1e-10
 
 @kernel
 def stride_of(restitution):
-    """Impacts between two values used."""
+    """Number of impacts between two values that the extrapolation uses."""
     return max(1, int(math.ceil(math.log(0.5) / math.log(restitution))))
 
 
 @kernel
 def extrapolate(table, rows, ratio, values):
-    """Take in the next values (W,), the `rows`-th since the chatter began (from 0); `table` (LEVELS, W) keeps the last value of each order,
-    the highest one in row min(rows, LEVELS - 1)."""
+    """Add the next values (W,) to the extrapolation; `rows` counts the earlier ones. `table` (LEVELS, W) keeps the last value of each
+    order, the highest order in row min(rows, LEVELS - 1)."""
     for w in range(values.shape[0]):
         new = values[w]
         power = 1.0
@@ -72,7 +72,7 @@ def extrapolate(table, rows, ratio, values):
 
 @kernel
 def out_of_reach(modes, f, c, z, span, speed, force):
-    """True where no other contact can be met within a short `span` in which contact c chatters."""
+    """True if no other contact can be hit within a short `span` in which contact c chatters."""
     for k in range(modes.side.shape[1]):
         if k == c or modes.bound[f, k] >= 1e299:
             continue
@@ -242,7 +242,7 @@ def pivot(modes, active, sticking, rows, c, factor, z, table):
 
 @kernel
 def push_off(modes, z, table):
-    """Take the impulses in the last column of table from z."""
+    """Apply the impulses in the last column of table to z."""
     # Equation (8): z less its impulses.
     contacts = table.shape[0]
     for j in range(contacts):
@@ -367,7 +367,7 @@ def sunk(modes, bits, z):
 
 @kernel
 def low(modes, k, z, heights):
-    """True where contact k moves so slowly that its accelerations, taken by their sizes, stop it within `heights` contact tolerances."""
+    """True if contact k moves so slowly that its accelerations, at full size, would stop it within `heights` contact tolerances."""
     _, slope, _, tolerance = gauge(contacts_of(modes, 0), k, z)
     size = 0.0
     for r in range(z.shape[0]):
@@ -377,8 +377,9 @@ def low(modes, k, z, heights):
 
 @kernel
 def clash(modes, moving, c, z):
-    """(True where a contact of the bits of `moving` arrives together with c, acts on it, and it is not known which is first; how far the
-    end of bounces is not known, in time)."""
+    """(True if it cannot be decided which of two contacts hits first; uncertainty of the end of bounces, in time).
+
+    The two contacts are c and one of the bits of `moving`. They arrive together and act on each other."""
     open_time = 0.0
     _, speed, press, _ = gauge(contacts_of(modes, 0), c, z)
     for k in range(modes.side.shape[1]):

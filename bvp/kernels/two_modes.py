@@ -1,4 +1,4 @@
-"""A system of two oscillating modes as one row of numbers: rotations, and what dampers take over a flight.
+"""A system of two oscillating modes as one row of numbers: rotations, and the dissipation over a flight.
 
 What is dissipated are integrals of squares of sums of two decaying oscillations: of exponentials of the sums of two rates, in closed form.
 """
@@ -36,10 +36,10 @@ def rotated(m, w, t):
 
 @part
 def rotated_slightly(m, w, t, c, s):
-    """(c, s) rotated by e^{(m + iw)t} for |t| so small that five terms of the series hold all digits.
+    """(c, s) rotated by e^{(m + iw)t}, for |t| so small that five terms of the series are exact to rounding.
 
-    The change by the rotation is added. The cosine of a small angle would itself be rounded, to the same side at each impact of a motion
-    that hardly varies."""
+    The change is added to (c, s). A product with the cosine of a small angle would be rounded to the same side at each impact of a
+    nearly steady motion."""
     x = m * t
     y = w * t
     real = 1.0
@@ -96,8 +96,9 @@ def mean_turn(real, imaginary, end_real, end_imaginary, t):
 
 @kernel
 def spend(system, terms, state, t, rotations, taken):
-    """What each part dissipates over a flight of t (infinite: all to come) from the given state, into taken (PARTS,), and their sum;
-    state: (p_1, q_1, p_2, q_2); rotations: e^{mt} (cos wt, sin wt) of both modes at its end."""
+    """Dissipation of each part over a flight of t (may be infinite) from the given state, into taken (PARTS,). Returns the total.
+
+    state: (p_1, q_1, p_2, q_2). rotations: e^{mt} (cos wt, sin wt) of both modes at the end of the flight."""
     p1, q1, p2, q2 = state
     c1, s1, c2, s2 = rotations
     m1 = system[MEAN]
@@ -133,7 +134,7 @@ def spend(system, terms, state, t, rotations, taken):
 
 @kernel
 def taken_after(system, terms, state, t, parts):
-    """(energy, power) that the dampers have taken after t, and take then."""
+    """(energy dissipated by the dampers until t, their power at t)."""
     p1, q1, p2, q2 = state
     m1 = system[MEAN]
     m2 = system[MEAN + 1]
@@ -154,7 +155,7 @@ def taken_after(system, terms, state, t, parts):
 
 @kernel
 def fraction_time(system, terms, state, length, total, wanted, parts):
-    """The time after which the dampers have taken `wanted` of energy on a flight that takes `total`; `length` may be infinite."""
+    """The time after which the dampers have dissipated `wanted`, on a flight that dissipates `total`; `length` may be infinite."""
     low = 0.0
     high = length
     left = total - wanted
@@ -260,7 +261,7 @@ def climb(rates, row, third, fourth, state, length, peak):
 
 @kernel
 def raised(rates, row, third, fourth, state, later, length, h, peak):
-    """The larger of `peak` and of |f| over a step of h, of which `length` counts, between two known states."""
+    """The larger of `peak` and max |f| over the first `length` of a step of h between two known states."""
     m1, w1, m2, w2 = rates
     a1, b1, a2, b2 = row
     p1, q1, p2, q2 = state

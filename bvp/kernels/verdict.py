@@ -1,4 +1,4 @@
-"""Whether one flight of an interval of starts is decided, from the records of its ends and of its middle.
+"""The decision about one flight of an interval of starts, from the records of its ends and its middle.
 
 `approaches` finds the crossings of the far ends, equation (34), and `refine_zero` the orbit that one of them holds.
 """
@@ -37,7 +37,7 @@ MARGIN = 1.2
 
 
 class StartSearch(NamedTuple):
-    """What a scan of starts looks for, and where it keeps the starts that it follows. D: halvings of an interval."""
+    """The data of a scan of starts: its end sets and limits, and the records of the starts. D: number of times an interval is halved."""
 
     flow: Flow
     times: np.ndarray  # (3,) for each kind of far end the longest time; negative where it is not looked for
@@ -71,7 +71,7 @@ class Samples(NamedTuple):
 
 
 class Tube(NamedTuple):
-    """A flight as all starts within r of the middle see it."""
+    """Bounds for one flight from all starts within r of the middle."""
 
     row: np.ndarray  # of the middle's record
     along: np.ndarray  # (4,) derivative of the state by x
@@ -80,7 +80,7 @@ class Tube(NamedTuple):
 
 
 class Visit(NamedTuple):
-    """A part of a flight near a crossing: times."""
+    """A time interval of a flight near a crossing."""
 
     entered: float
     left: float
@@ -88,7 +88,7 @@ class Visit(NamedTuple):
 
 
 class StartBracket(NamedTuple):
-    """An interval of starts, and by how much Newton's method may end outside."""
+    """An interval of starts, with a margin for Newton's method outside it."""
 
     low: float
     high: float
@@ -98,9 +98,10 @@ class StartBracket(NamedTuple):
 
 @kernel
 def approaches(flow, kind, tube, window, found, work):
-    """Crossings of one flight by zero displacement (kind ORIGIN) or zero velocity (REST), seen by all starts of a tube.
+    """Find the crossings of zero displacement (kind ORIGIN) or zero velocity (REST) by one flight, for all starts of a tube.
 
-    Times of crossings that hold one orbit at most go into `found`. Returns their number, -1 where the interval has to be split."""
+    `found` receives the times of the crossings that can contain an orbit, one each at most. Returns their number, or -1 if the interval
+    must be split."""
     row, along, r, width = tube
     y = work[7, :4]
     dy = work[8, :4]
@@ -174,8 +175,8 @@ def approaches(flow, kind, tube, window, found, work):
 
 @kernel
 def gather(flow, kind, tube, visit, y, dy, found, count):
-    """Add the time of one crossing to the first `count` in `found` where it can hold an orbit. Returns their number, -1 where it is
-    undecided or there is no room."""
+    """Append the time of one crossing to `found`, which has `count` entries, if the crossing can contain an orbit. Returns the new
+    number, or -1 if it is undecided or `found` is full."""
     verdict, time = crossing(flow, kind, tube, visit, y, dy)
     if verdict == 0:
         return count
@@ -302,8 +303,9 @@ TOUCHING = 3.0 * CONTACT_TOLERANCE
 
 @kernel
 def positive_between(value_a, rate_a, value_m, rate_m, value_b, rate_b, r, noise):
-    """Whether a positive quantity stays so over an interval of half width r, sampled with its derivative at both ends and the middle, where
-    `noise` is its rounding error (it may be zero at an end)."""
+    """Whether a positive quantity stays positive over an interval of half width r. It may be zero at an end.
+
+    Its values and derivatives are known at both ends and the middle. `noise` is its rounding error."""
     if not (value_a > -noise and value_m > -noise and value_b > -noise):
         return False
     least = min(value_a, value_m, value_b)
