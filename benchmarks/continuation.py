@@ -40,7 +40,7 @@ PROCESSES = (
 """Processes: what a person types, and the arguments of the interpreter. The first two are the base of the ratios."""
 
 SHORT_STEPS = replace(SETTINGS, initial_step=2e-3, maximum_step=2e-3)
-"""Many points on a short part of a family with few events, so that the memory is that of points."""
+"""Many points on a short part of a family with few events, so that points use most of the memory."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

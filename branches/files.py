@@ -273,7 +273,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise IsADirectoryError(errno.EISDIR, "is a directory")
         if is_database(target):
             raise WriteFailure(f"cannot write {path}: {DATABASE}")
-        # The prefix has a fixed length, so that a long name which the file system allows stays allowed.
+        # The prefix has a fixed length: with the name in it, a long name could exceed the limit of the file system.
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=".saltus-", suffix=target.suffix)
         os.close(handle)
         beside = Path(name)

@@ -110,7 +110,7 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
     n = len(squares)
     shapes = _turn_repeated(system, squares, shapes, _noise(system, squares, shapes))
     damping = shapes.T @ system.damping @ shapes
-    # Anew, for shapes that were turned touch dampers that they did not: a free translation must not seem to be damped.
+    # Repeat: a rotated shape can touch a damper that it did not touch before: a free translation must not seem to be damped.
     damping = np.where(np.abs(damping) <= _noise(system, squares, shapes), 0.0, damping)
     groups = coupled_groups(damping)
     single = [group[0] for group in groups if len(group) == 1]

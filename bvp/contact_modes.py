@@ -6,8 +6,8 @@ apart. The held gaps and the loads are states y' = S y of their own. With X S - 
 the particular solution is X y. Where it would be large beside the gaps - a load at resonance, or on a coordinate that hardly resists - the
 difference z - X y would cancel, and the block and the load share one larger block instead, whose exponential has no such limit.
 
-A contact that is held presses with the force by which the motion would leave the constraint; that force is a linear function of the
-state, and takes the place of the contact's distance: the release is its next zero.
+The contact force of a sticking stop is a linear function of the state. It takes the place of the contact's distance: the stop releases
+at the next zero of the force.
 """
 
 from __future__ import annotations

@@ -259,9 +259,8 @@ def _refine(mass: np.ndarray, stiffness: np.ndarray, shapes: np.ndarray) -> np.n
 def energy_form(system: Dynamics, rates: np.ndarray, shapes: np.ndarray) -> list[list[Fraction]]:
     """G of the energy a.G a/2 of oscillating modes, a = (p_1, q_1, p_2, ..), (u, v) = Re(sum of (p - i q) shape).
 
-    The entries that turn in flight are those that the power of the dampers requires, and vanish without damping: the energy changes in
-    flight by what the dampers take, to the last digit of that. Lyapunov's equation gives them. Beside the entries that last they would be
-    rounded away.
+    The oscillating entries account for the power of the dampers and vanish without damping. They follow from Lyapunov's equation, so that
+    the energy change of a flight equals the dissipation to the last digit. Added to the constant entries, they would be rounded away.
 
     Parameters
     ----------

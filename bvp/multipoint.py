@@ -377,7 +377,7 @@ class MultipointProblem:
 
     @cached_property
     def addresses(self) -> np.ndarray:
-        """Where the kernels of `_calls` stand, compiled for this problem (see `bvp.kernels.compiled`)."""
+        """Memory addresses of the kernels of `_calls`, compiled for this problem (see `bvp.kernels.compiled`)."""
         return np.array([address_of(function, arguments) for function, arguments in self._calls()])
 
     def compiled(self, *, full: bool = True) -> CompiledProblem:

@@ -41,7 +41,7 @@ class Stability:
     tau_half : (n - 1,) complex or float, or None
         The same of the half-period map composed with u -> -u, for an orbit solved as a quarter; None for others.
     stable : bool or None
-        None where the errors do not allow to tell.
+        None if the errors are too large for a decision.
     krein : (n - 1,) int
         Krein signatures of the pairs of the map that tau_half, or where there is none tau, belongs to: the sign of i x* J x for
         the eigenvector x of the multiplier with positive imaginary part; 0 where the pair is not elliptic or the sign not

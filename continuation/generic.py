@@ -103,7 +103,7 @@ class GenericProblem:
         tangent = self._null_vector(y)
         if tangent is None:
             return _failed(y)
-        # Newton on the plane that stands on the null vector at y; the vector there orients the tangent.
+        # Newton on the plane normal to the null vector at y; the vector there orients the tangent.
         return self.step(y, tangent, 0.0)._replace(turn=1.0)
 
     def step(self, y: Array, tangent: Array, ds: float) -> Step:

@@ -312,7 +312,7 @@ class Place:
 def place_insets(axes: Axes, insets: Sequence[Inset], curves: Sequence[np.ndarray], room_now: Callable[[], Room]) -> list[Place]:
     """Find a place for each inset: in `axes` where it covers no curve, else beside `axes`, which become narrower for it.
 
-    The axes have their final limits and their place in the figure, and nothing that depends on that place is drawn. The insets show parts
+    The axes must have their final limits and place in the figure. Anything that depends on the place is drawn later. The insets show parts
     of the curves (n, 2), in data coordinates. `room_now` returns the room of `axes` in its present place.
 
     Raises

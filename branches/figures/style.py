@@ -379,7 +379,7 @@ def cited_names(branches: Iterable[Branch], points: Mapping[str, ReferencePoint]
 
 
 class _Family(NamedTuple):
-    """The ranges and labels of a family, which show quickly that a reference point is elsewhere."""
+    """The ranges and labels of a family. They exclude most reference points without a search along the family."""
 
     branch: Branch
     h: tuple[float, float]

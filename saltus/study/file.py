@@ -93,7 +93,7 @@ def _read(file: TomlTable, folder: Path) -> StudyFile:
 
 def _scene(file: TomlTable, folder: Path, load_scene: Any, parameters: Mapping[str, float]) -> Scene:
     name = file.get("scene", TEXT, "") or None
-    # A scene's file stands beside the study's.
+    # A scene's file is in the folder of the study's file.
     if name is not None and (folder / name).exists():
         name = str(folder / name)
     return load_scene(name, **parameters)
