@@ -103,7 +103,7 @@ def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
         f"done   {counted(report['families'], 'family')}, {counted(report['points'], 'point')}, {counted(report['events'], 'event')}, "
         f"{counted(report['edges'], 'edge')}; {counted(report['beyond'], 'neighbour')} beyond the bounds",
         f"       energies searched: {searched}; {complete}",
-        "       with a reversal every family within the bounds is looked for; without one, those that meet one with a reversal",
+        "       families without a reversal are found only where they meet one with a reversal",
     ]
     if report["incomplete"]:
         energies = ", ".join(f"{energy:.6g}" for energy in sorted(report["incomplete"]))

@@ -288,7 +288,7 @@ def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], imp
     left = motion.energy / report.reference if report.reference > 0.0 else 0.0
     of = f"of the {reference['what']} {reference['energy']:.10g}"
     first, second = report.sharing.names
-    yield f"shares   {first} {nes:.4%}  {second} {lo:.4%}  still there {left:.4%}  {of}"
+    yield f"shares   {first} {nes:.4%}  {second} {lo:.4%}  remaining {left:.4%}  {of}"
     yield f"balance  error {record['energy_balance_error']:.1e}" + _turnover(record, motion)
     if motion.initial_energy > 0.0 and motion.marks:
         rows = [

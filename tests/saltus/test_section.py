@@ -176,7 +176,7 @@ PLATE = TWO + '[coordinates]\nLO = "u2"\n[sections]\nenergies = [2.0, 1.0]\n'
         ("section --energy 1 --colour rotatoin", ["'rotatoin'", "nearest: rotation"]),
         ("section --energy 1 --colour rotation --rho 0.7", ["restitution 0.7", "--colour lyapunov"]),
         ("section --energy 1 --colour energy", ["--colour energy", "keeps its energy", "lyapunov or rotation"]),
-        ("section --energy 1 --names 3", ["--names", "expected --plot FILE and --catalogue FILE"]),
+        ("section --energy 1 --names 3", ["--names needs --plot FILE and --catalogue FILE"]),
         ("section --energy 1 --about 0,0", ["--about", "--colour rotation"]),
         ("section --energy 0.06 --start 0", ["'0'", "X,Y"]),
         ("section --energy 0.06 --start 0,inf", ["'0,inf'", "finite"]),

@@ -350,7 +350,7 @@ def test_what_is_no_catalogue_is_refused(good, tmp_path):
     """Oracle: the words that name what it is instead."""
     path = tmp_path / "other"
     path.write_text("h,alpha\n1,2\n")
-    assert "no SQLite file" in refused(path)
+    assert "not an SQLite file" in refused(path)
     path.write_bytes(b"")
     assert "empty" in refused(path)
     path.unlink()
