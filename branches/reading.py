@@ -296,7 +296,8 @@ def read_orbit(path: str | os.PathLike[str]) -> Orbit:
         orbit = record["orbit"]
         first, last = orbit["ends"]
         system = ImpactSystem.from_description(record["system"])
-        problem = MultipointProblem(system, (first, last), parse_sequence(orbit["sequence"]))
+        sequence = orbit["sequence"] if record["schema"] != 1 else orbit["word"]
+        problem = MultipointProblem(system, (first, last), parse_sequence(sequence))
         segment = orbit["period"] / segments_per_period((first, last))
         inner = [impact["time"] for impact in orbit["impacts"] if 1e-9 * segment < impact["time"] < (1.0 - 1e-9) * segment]
         if len(inner) != problem.inner:

@@ -4,6 +4,7 @@ import builtins
 import csv
 import inspect
 import io
+import json
 import re
 import subprocess
 import sys
@@ -145,8 +146,13 @@ def test_a_family_is_followed_from_an_orbit(branch, tmp_path, capsys):
     for orbit in (searched, written, branch.orbit(5)):
         assert saltus.trace(orbit, energy=(0.3, 1.0), points=9).id == branch.id
     branch.save(tmp_path / "branch.json")
-    with pytest.raises(ValueError, match="is not a readable orbit file"):
+    with pytest.raises(ValueError, match="is not a readable orbit file: it lacks 'orbit'"):
         saltus.read_orbit(tmp_path / "branch.json")
+    record = json.loads((tmp_path / "orbit.json").read_text())
+    assert record["schema"] == 2
+    record["schema"], record["orbit"]["word"] = 1, record["orbit"].pop("sequence")
+    (tmp_path / "older.json").write_text(json.dumps(record))
+    assert saltus.read_orbit(tmp_path / "older.json").alpha == written.alpha
 
 
 def test_help_lists_every_option():
