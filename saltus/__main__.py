@@ -10,13 +10,13 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import NoReturn, TextIO, cast
 
 from saltus import __version__
 from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, nearest, one_line, say
 from saltus.options import SHELLS, OneLineParser, completion_script, joined_values
 from saltus.processes import one_thread
-from saltus.terminal import StandardOutput, standard_output
+from saltus.terminal import StandardError, StandardOutput
 
 __all__ = ["main", "program"]
 
@@ -58,8 +58,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     one_thread()
     warnings.formatwarning = lambda message, *place: f"saltus: {message}\n"
     words = list(sys.argv[1:] if argv is None else argv)
-    with standard_output() as output:
-        code = _ended(words, output)
+    output = StandardOutput(sys.stdout)
+    # Where standard error is None, `print` would write to standard output instead.
+    errors = StandardError(sys.stderr or open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+    with contextlib.redirect_stdout(cast(TextIO, output)), contextlib.redirect_stderr(cast(TextIO, errors)):
+        try:
+            try:
+                code = _command(words)
+            finally:
+                output.flush()
+        except KeyboardInterrupt:
+            say("interrupted; nothing more is written")
+            code = INTERRUPTED
+        except BrokenPipeError:
+            code = FAILED
+        except Exception as error:
+            known = exit_code(error)
+            if known is None:
+                raise
+            code = known
+            if str(error) != output.failure:
+                say(one_line(error))
         if output.failure is not None:
             say(output.failure)
             code = INTERRUPTED if code == INTERRUPTED else BAD_INPUT
@@ -87,27 +106,6 @@ def _leave(codes: Sequence[int]) -> None:
             with contextlib.suppress(OSError, ValueError, AttributeError):
                 stream.flush()
         os._exit(code)
-
-
-def _ended(words: list[str], output: StandardOutput) -> int:
-    """Run a command; turn its errors into one line and an exit code."""
-    try:
-        try:
-            return _command(words)
-        finally:
-            output.flush()
-    except KeyboardInterrupt:
-        say("interrupted; nothing more is written")
-        return INTERRUPTED
-    except BrokenPipeError:
-        return FAILED
-    except Exception as error:
-        code = exit_code(error)
-        if code is None:
-            raise
-        if str(error) != output.failure:
-            say(one_line(error))
-        return code
 
 
 def _command(words: list[str]) -> int:

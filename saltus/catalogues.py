@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = [
     "SCHEMA",
     "add_arguments",
-    "add_file",
     "default_path",
     "edge_record",
     "event_record",
@@ -41,14 +40,9 @@ __all__ = [
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--catalogue``, ``--scene``, and the parameters of the model: a catalogue belongs to one system."""
-    add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
+    parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the scene that the catalogue belongs to (default: lee2009)")
     options.add_parameters(parser)
-
-
-def add_file(parser: argparse.ArgumentParser, meaning: str) -> None:
-    """Add ``--catalogue`` alone, for a command that does not need one."""
-    parser.add_argument("--catalogue", metavar="FILE", help=meaning)
 
 
 def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:

@@ -30,7 +30,7 @@ from branches.files import (
 )
 from bvp.interrupts import InterruptHandler, defer_interrupts
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say, say_and_code
-from saltus.terminal import StandardOutput, outlast, plain_stream
+from saltus.terminal import StandardOutput, plain_stream
 
 if TYPE_CHECKING:
     from branches.export.tables import Table
@@ -43,7 +43,6 @@ __all__ = [
     "add_arguments",
     "after",
     "apart",
-    "check_figure",
     "check_writable",
     "drawn",
     "json_text",
@@ -74,18 +73,29 @@ def output_path(path: str) -> str:
         return path
 
 
-def check_writable(path: str, *, database: bool = False) -> None:
+def check_writable(path: str, *, database: bool = False, figure: bool = False) -> None:
     """Refuse a file that could not be written, before the work that would fill it. With `database` it is a catalogue, whose place no other
-    result may take. A command with a file to write goes on when standard output fails.
+    result may take. With `figure` its suffix gives the format of the figure. A command with a file to write goes on when standard output
+    fails.
 
     Examples
     --------
+    >>> check_writable("branch.pgn", figure=True)
+    Traceback (most recent call last):
+    saltus.errors.BadInput: unknown figure format 'pgn' of 'branch.pgn': expected png, pdf or svg; nearest: png
     >>> check_writable("no/such/place/branch.json")
     Traceback (most recent call last):
     saltus.errors.BadInput: cannot write no/such/place/branch.json: the directory no/such/place does not exist
     """
+    if figure and path == STANDARD_OUTPUT:
+        raise BadInput("a figure cannot go to standard output: expected a file ending in .png, .pdf or .svg")
     if path == STANDARD_OUTPUT:
         return
+    if figure:
+        try:
+            figure_format(path)
+        except ValueError as error:
+            raise BadInput(f"{error}{nearest(Path(path).suffix.lstrip('.'), FIGURE_FORMATS)}") from error
     if not path or "\0" in path:
         raise BadInput(f"cannot write {path!r}: expected the path of a file, or - for standard output")
     try:
@@ -112,7 +122,8 @@ def check_writable(path: str, *, database: bool = False) -> None:
                 pass
     except OSError as error:
         raise BadInput(f"cannot write {path}: {reason(error)}") from error
-    outlast()
+    if isinstance(sys.stdout, StandardOutput):
+        sys.stdout.outlasts = True
 
 
 def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
@@ -129,24 +140,6 @@ def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
     for name in names:
         check_writable(str(folder / name))
     return folder
-
-
-def check_figure(path: str) -> None:
-    """Refuse a figure whose format is unknown, or that could not be written. The suffix of the path gives the format.
-
-    Examples
-    --------
-    >>> check_figure("branch.pgn")
-    Traceback (most recent call last):
-    saltus.errors.BadInput: unknown figure format 'pgn' of 'branch.pgn': expected png, pdf or svg; nearest: png
-    """
-    if path == STANDARD_OUTPUT:
-        raise BadInput("a figure cannot go to standard output: expected a file ending in .png, .pdf or .svg")
-    try:
-        figure_format(path)
-    except ValueError as error:
-        raise BadInput(f"{error}{nearest(Path(path).suffix.lstrip('.'), FIGURE_FORMATS)}") from error
-    check_writable(path)
 
 
 def write_data(path: str, text: str) -> None:
@@ -196,14 +189,12 @@ def outputs_of(arguments: argparse.Namespace) -> Outputs:
     """The output files that were asked for. Paths that cannot be written and two results in one place are refused."""
     places = {kind: path for kind in KINDS if (path := getattr(arguments, kind, None)) is not None}
     for kind, path in places.items():
-        if kind == "plot":
-            check_figure(path)
-        elif kind in ARRAYS and path == STANDARD_OUTPUT:
+        if kind in ARRAYS and path == STANDARD_OUTPUT:
             raise BadInput(f"{kind} cannot go to standard output: expected a file")
-        else:
-            check_writable(path)
+        check_writable(path, figure=kind == "plot")
     apart({f"--{kind}": path for kind, path in places.items()})
-    return Outputs(places)
+    to_stdout = STANDARD_OUTPUT in places.values()
+    return Outputs(places, to_stdout, cast(TextIO, StandardOutput(sys.stderr)) if to_stdout else sys.stdout)
 
 
 def apart(places: Mapping[str, str | None]) -> None:
@@ -234,19 +225,15 @@ class Outputs:
     ----------
     places : mapping of str to str
         The path of each requested kind of file, ``-`` for standard output.
+    to_stdout : bool
+        Whether standard output carries data.
+    words : text stream
+        The stream for printed lines: standard output, or standard error if standard output carries data.
     """
 
     places: Mapping[str, str]
-
-    @property
-    def to_stdout(self) -> bool:
-        """Whether standard output carries data."""
-        return STANDARD_OUTPUT in self.places.values()
-
-    @property
-    def words(self) -> TextIO:
-        """The stream for printed lines: standard output, or standard error if standard output carries data."""
-        return cast(TextIO, StandardOutput(sys.stderr)) if self.to_stdout else sys.stdout
+    to_stdout: bool
+    words: TextIO
 
     def report(self, lines: Iterable[str]) -> None:
         """Print lines."""
@@ -298,31 +285,28 @@ class Outputs:
             reported on standard error.
         """
         direct = {**(files or {}), **({} if plot is None else {"plot": plot})}
+        texts = texts or {}
         made = None if table is None else cache(table)
-
-        def write_one(kind: str, path: str) -> None:
-            if kind in direct:
-                with replacing(path) as beside:
-                    direct[kind](beside)
-            elif kind in ARRAYS:
-                from branches.export.tables import write_binary
-
-                assert made is not None
-                with replacing(path) as beside, beside.open("wb") as file:
-                    write_binary(made(), kind, file, about=None if about is None else about(), cells=cells)
-            elif texts is not None and kind in texts:
-                write_data(path, texts[kind]())
-            else:
-                from branches.export.tables import csv_text
-
-                assert made is not None
-                write_data(path, csv_text(made()))
-
         code = DONE
         with defer_interrupts() as interrupt:
             for kind, path in self.places.items():
                 try:
-                    write_one(kind, path)
+                    if kind in direct:
+                        with replacing(path) as beside:
+                            direct[kind](beside)
+                    elif kind in ARRAYS:
+                        from branches.export.tables import write_binary
+
+                        assert made is not None
+                        with replacing(path) as beside, beside.open("wb") as file:
+                            write_binary(made(), kind, file, about=None if about is None else about(), cells=cells)
+                    elif kind in texts:
+                        write_data(path, texts[kind]())
+                    else:
+                        from branches.export.tables import csv_text
+
+                        assert made is not None
+                        write_data(path, csv_text(made()))
                 except WriteFailure as failure:
                     code = max(code, say_and_code(failure))
                 except NotDrawn as failure:

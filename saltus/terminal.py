@@ -11,7 +11,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, TextIO, cast
 
@@ -19,11 +19,10 @@ from branches.files import WriteFailure, reason
 
 __all__ = [
     "ProgressBar",
+    "StandardError",
     "StandardOutput",
-    "outlast",
     "plain_stream",
     "printable",
-    "standard_output",
 ]
 
 KEPT = "\n\t"
@@ -114,12 +113,11 @@ class StandardOutput:
                 raise WriteFailure(self.failure) from error
 
 
+@dataclass
 class StandardError:
     """A text stream over standard error that never fails: what cannot be printed there can be printed nowhere."""
 
-    def __init__(self, stream: TextIO | None) -> None:
-        # Where a stream is None, `print` writes to standard output instead.
-        self.stream = stream or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    stream: TextIO
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
@@ -134,20 +132,6 @@ class StandardError:
         """Flush, if that is possible."""
         with contextlib.suppress(OSError):
             self.stream.flush()
-
-
-@contextlib.contextmanager
-def standard_output() -> Iterator[StandardOutput]:
-    """Make `sys.stdout` a `StandardOutput`, and `sys.stderr` a `StandardError`, inside the block."""
-    stream = StandardOutput(sys.stdout)
-    with contextlib.redirect_stdout(cast(Any, stream)), contextlib.redirect_stderr(cast(Any, StandardError(sys.stderr))):
-        yield stream
-
-
-def outlast() -> None:
-    """Go on when standard output fails: there are files to write."""
-    if isinstance(sys.stdout, StandardOutput):
-        sys.stdout.outlasts = True
 
 
 def plain_stream() -> TextIO:

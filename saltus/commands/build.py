@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: the scene's)")
     parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="number of processes (default: one for each core)")
     parser.add_argument("--dask", metavar="ADDRESS", help="use a Dask cluster instead of processes")
-    catalogues.add_file(parser, "the catalogue (default: that of the scene in the user's data folder)")
+    parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
     outputs.add_arguments(parser, "json")
     options.add_scene(parser)
 

@@ -61,7 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--save", action="store_true", help="save the family in a catalogue")
-    catalogues.add_file(parser, "with --save, the catalogue to keep it in (default: the scene's, in the user's data folder)")
+    parser.add_argument(
+        "--catalogue", metavar="FILE", help="with --save, the catalogue to keep it in (default: the scene's, in the user's data folder)"
+    )
     options.add_scene(parser)
 
 
@@ -117,10 +119,6 @@ def _follow(
     with ProgressBar(arguments.points) as bar:
         report = partial(bar.line, stream=files.words)
 
-        def start(text: str) -> None:
-            report(f"start  {text}")
-            report(tables.EVENT_HEADER)
-
         def end(ended: Ended) -> None:
             interrupt.keep()
             report(f"end    {ended.text}")
@@ -134,7 +132,7 @@ def _follow(
                 points=arguments.points,
                 direction=arguments.direction,
                 stop_at=arguments.stop_at,
-                on_start=start,
+                on_start=lambda text: report(f"start  {text}\n{tables.EVENT_HEADER}"),
                 on_event=lambda event: report(tables.event_line(event)),
                 on_end=end,
                 on_point=bar.update,

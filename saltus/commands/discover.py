@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="most starting states (default: a million, fewer if a mode is fast)",
     )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat")
-    catalogues.add_file(parser, "report which family of this catalogue each orbit lies on")
+    parser.add_argument("--catalogue", metavar="FILE", help="report which family of this catalogue each orbit lies on")
     options.add_scene(parser)
 
 

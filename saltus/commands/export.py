@@ -172,7 +172,9 @@ def _add_figure_options(parser: argparse.ArgumentParser) -> None:
     outputs.add_arguments(parser, "plot", "json", "csv", "npz", "mat")
     parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="families, as `saltus continue --json` writes them")
-    catalogues.add_file(parser, "families of this catalogue (default: that of the scene in the user's data folder)")
+    parser.add_argument(
+        "--catalogue", metavar="FILE", help="families of this catalogue (default: that of the scene in the user's data folder)"
+    )
     parser.add_argument("--data", metavar="FILE", help="draw from exported data")
     options.add_filters(parser, shown=True)
     parser.add_argument("--frequency", metavar="AXIS", choices=("index", "fundamental"), default="index", help="as in `saltus continue`")

@@ -159,7 +159,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", required=True, help="folder of the figures; made if there is none")
     parser.add_argument("--figure", metavar="FIG", action="append", help="this figure only, by the name of its files; can be repeated")
     parser.add_argument("--format", metavar="KIND", choices=("png", "pdf", "svg"), default="png", help="png (default), pdf or svg")
-    catalogues.add_file(parser, "take families from this catalogue: starts, stages, behind the spectra, on the sections")
+    parser.add_argument(
+        "--catalogue", metavar="FILE", help="take families from this catalogue: starts, stages, behind the spectra, on the sections"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--density", metavar="N", type=whole_above_zero, default=100, help="energies in a decade of the curve (default: 100)"
     )
-    catalogues.add_file(parser, "report which family of this catalogue each periodic orbit lies on")
+    parser.add_argument("--catalogue", metavar="FILE", help="report which family of this catalogue each periodic orbit lies on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     options.add_scene(parser)
 

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--energy", metavar="H", type=positive, help="the orbit with this energy h")
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
-    catalogues.add_file(parser, "take the family from this catalogue, instead of a search")
+    parser.add_argument("--catalogue", metavar="FILE", help="take the family from this catalogue, instead of a search")
     options.add_scene(parser)
 
 

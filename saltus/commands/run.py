@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--stages", action="store_true", help="compute the stages of the motion; --catalogue, --emd and --plot also do")
     parser.add_argument("--emd", action="store_true", help="report the empirical modes of the relative displacement (needs EMD-signal)")
-    catalogues.add_file(parser, "take the families that stages follow from this catalogue, and that of --on")
+    parser.add_argument("--catalogue", metavar="FILE", help="take the families that stages follow from this catalogue, and that of --on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text below the figure")
     options.add_units(parser)

@@ -62,7 +62,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "of the section (rotation), or, of a system that loses energy, by their energy (energy, which is the default there)",
     )
     parser.add_argument("--about", metavar="X,Y", type=_place, help="rotation numbers about the fixed point nearest to here only")
-    catalogues.add_file(parser, "mark the periodic orbits that the families of this catalogue have at the energy")
+    parser.add_argument(
+        "--catalogue", metavar="FILE", help="mark the periodic orbits that the families of this catalogue have at the energy"
+    )
     parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name at most N periodic orbits")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     options.add_scene(parser)

@@ -17,7 +17,7 @@ import scipy.io
 import saltus
 from branches.files import WriteFailure, read_input, replacing, write_text
 from saltus.errors import BadInput
-from saltus.outputs import check_figure, check_writable, write_data
+from saltus.outputs import check_writable, write_data
 from saltus.scene.reading import read_record
 from saltus.study.file import read_study_file
 from tests.saltus.running import run
@@ -149,7 +149,7 @@ def test_a_read_only_file_system_is_named(tmp_path, monkeypatch):
 def test_unknown_picture_formats_are_refused(name):
     """Oracle: the three formats png, pdf, svg."""
     with pytest.raises(BadInput) as caught:
-        check_figure(name)
+        check_writable(name, figure=True)
     assert "png" in str(caught.value)
 
 
@@ -157,7 +157,7 @@ def test_unknown_picture_formats_are_refused(name):
 def test_known_picture_formats_pass(name, tmp_path, monkeypatch):
     """Oracle: the three formats, in either case."""
     monkeypatch.chdir(tmp_path)
-    check_figure(name)
+    check_writable(name, figure=True)
     assert not Path(name).exists()
 
 
