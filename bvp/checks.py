@@ -15,12 +15,12 @@ import numpy as np
 from bvp.texts import shown
 
 if TYPE_CHECKING:
-    from bvp.system import ImpactSystem, Stop
+    from bvp.system import Stop
 
 __all__ = [
-    "EPSILON", "Frozen", "InvalidSystem", "changeable", "check_positive_definite", "check_size", "checked_energy_range", "checked_number",
-    "is_finite", "read_only", "real", "reals", "refuse_unknown", "repeated_contacts", "require_branch", "require_conservative",
-    "require_motion", "require_system", "require_two_dof", "same_obstacles", "square",
+    "EPSILON", "Frozen", "InvalidSystem", "changeable", "check_size", "checked_energy_range", "checked_number", "is_finite", "read_only",
+    "real", "reals", "refuse_unknown", "repeated_contacts", "require_branch", "require_motion", "require_system", "same_obstacles",
+    "square",
 ]  # fmt: skip
 
 EPSILON = float(np.finfo(float).eps)
@@ -197,21 +197,6 @@ def square(value: Any, name: str, size: int | None = None, *, symmetric: bool = 
     return 0.5 * (matrix + matrix.T)
 
 
-def check_positive_definite(mass: np.ndarray) -> None:
-    """Cholesky of the mass scaled to a unit diagonal, so that mass ratios of any size pass."""
-    diagonal = np.diag(mass)
-    if np.any(diagonal <= 0.0):
-        k = int(np.argmin(diagonal))
-        raise InvalidSystem(f"mass must be positive definite; its diagonal entry {k + 1} is {diagonal[k]:g}")
-    scale = 1.0 / np.sqrt(diagonal)
-    smallest = float(np.linalg.eigvalsh(scale[:, None] * mass * scale)[0])
-    if smallest <= len(mass) * 4.0 * EPSILON:
-        kind = "indefinite" if smallest < -len(mass) * 4.0 * EPSILON else "singular"
-        raise InvalidSystem(
-            f"mass must be positive definite; scaled to a unit diagonal it is {kind} (lowest eigenvalue {smallest:.3g})"
-        )
-
-
 def refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -> None:
     """Name the first unknown key and the nearest known one."""
     for key in given:
@@ -220,15 +205,35 @@ def refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -
             raise InvalidSystem(f"unknown key {shown(key)} in {where}; nearest known: {near[0] if near else ', '.join(known)}")
 
 
-def require_system(system: Any) -> None:
-    """Refuse what is no `bvp.system.ImpactSystem`, for which a scene or a name is easily taken.
+def require_system(system: Any, *, conservative: str = "", two_dof: str = "", advice: str = "") -> None:
+    """Refuse what is no `bvp.system.ImpactSystem`, for which a scene or a name is easily taken, and systems that a method does not cover.
+
+    Parameters
+    ----------
+    system : object
+    conservative : str
+        What needs a system that neither loses energy nor is driven: the subject of the message. Empty: any system passes.
+    two_dof : str
+        Beginning of the message for a system without two degrees of freedom and one stop. Empty: any system passes.
+    advice : str
+        End of the message on degrees of freedom.
 
     Raises
     ------
     TypeError
+        For an object that is no system.
+    ValueError
+        For a system that is not covered.
     """
     if not hasattr(system, "describe"):
         raise TypeError(f"the system is {shown(system)}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
+    reason = system.why_not_conservative() if conservative else None
+    if reason is not None:
+        raise ValueError(f"{conservative} need a conservative system: {reason}; its motion is for saltus run")
+    if two_dof and system.degrees_of_freedom != 2:
+        raise ValueError(f"{two_dof} two degrees of freedom; this system has {system.degrees_of_freedom}{advice and ': ' + advice}")
+    if two_dof and len(system.stops) != 1:
+        raise ValueError(f"{two_dof} a system with one stop; this one has {len(system.stops)}")
 
 
 def require_branch(branch: Any) -> None:
@@ -257,21 +262,6 @@ def require_motion(motion: Any) -> None:
     """
     if not hasattr(motion, "flights"):
         raise TypeError(f"the motion is {shown(motion)}, expected a Motion such as saltus.simulate(system, u, v, duration)")
-
-
-def require_conservative(system: ImpactSystem, what: str) -> None:
-    """Raise ValueError for a system that loses energy or is driven; `what` needs a conservative one, the subject of the sentence."""
-    reason = system.why_not_conservative()
-    if reason is not None:
-        raise ValueError(f"{what} need a conservative system: {reason}; its motion is for saltus run")
-
-
-def require_two_dof(system: ImpactSystem, what: str, advice: str = "") -> None:
-    """Raise ValueError unless a system has two degrees of freedom and one stop; `what` begins the sentence, `advice` ends it."""
-    if system.degrees_of_freedom != 2:
-        raise ValueError(f"{what} two degrees of freedom; this system has {system.degrees_of_freedom}{advice and ': ' + advice}")
-    if len(system.stops) != 1:
-        raise ValueError(f"{what} a system with one stop; this one has {len(system.stops)}")
 
 
 def checked_damper(damping: np.ndarray, dampers: Mapping[str, Any]) -> dict[str, np.ndarray]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem, Stop
 
 __all__ = [
-    "Cycle", "EndsError", "contact_of", "cycle_of", "end_condition", "free_translation", "parse_end", "start_states", "translation_text",
+    "Cycle", "EndsError", "contact_of", "cycle_of", "end_maps", "free_translation", "parse_end", "translation_text",
 ]  # fmt: skip
 
 KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
@@ -77,54 +77,35 @@ def _bounds_text(stop: Stop, coordinates: tuple[str, ...]) -> str:
     return low + " ".join(terms) + (f" <= {stop.upper:g}" if np.isfinite(stop.upper) else "")
 
 
-def _transverse(modes: Modes, contact: int) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normal (n,) of a contact in modal coordinates, and an orthonormal basis (n, n - 1) of its complement."""
-    half = modes.contact_gap.shape[1] // 2
-    normal = modes.contact_gap[contact, :half]
-    basis = np.linalg.qr(np.column_stack([normal, np.eye(half)]))[0][:, 1:]
-    return normal / np.linalg.norm(normal), basis
-
-
 @lru_cache(maxsize=64)
-def start_states(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
-    """Z (2 n, s), c (2 n,) of the states z = Z s + c that begin at an end. Shared by all who ask, and not to be written to."""
+def end_maps(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """States that begin at an end, z = Z s + c, and the condition L z = l that holds there: Z (2 n, s), c (2 n,), L (n, 2 n), l (n,).
+
+    Shared by all who ask, and not to be written to. A periodic end fixes nothing: Z is the identity and L has no rows.
+    """
     size = modes.matrix.shape[0]
     n = size // 2
     if kind == PERIODIC:
-        return np.eye(size), np.zeros(size)
-    start_map = np.zeros((size, n))
-    offset = np.zeros(size)
+        return np.eye(size), np.zeros(size), np.zeros((0, size)), np.zeros(0)
+    start_map, offset = np.zeros((size, n)), np.zeros(size)
+    rows, bounds = np.zeros((n, size)), np.zeros(n)
     if kind == ORIGIN:
         start_map[n:] = np.eye(n)
-    elif kind == REST:
-        start_map[:n] = np.eye(n)
-    else:
-        normal, basis = _transverse(modes, contact)
-        start_map[:n, : n - 1] = basis
-        start_map[n:, n - 1] = normal
-        offset[:n] = normal * modes.contact_bound[contact] / np.linalg.norm(modes.contact_gap[contact, :n])
-    return start_map, offset
-
-
-@lru_cache(maxsize=64)
-def end_condition(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndarray]:
-    """L (n, 2 n), l (n,) of the condition L z = l that holds at an end. Shared by all who ask, and not to be written to."""
-    size = modes.matrix.shape[0]
-    n = size // 2
-    if kind == PERIODIC:
-        return np.zeros((0, size)), np.zeros(0)
-    rows = np.zeros((n, size))
-    offset = np.zeros(n)
-    if kind == ORIGIN:
         rows[:, :n] = np.eye(n)
     elif kind == REST:
+        start_map[:n] = np.eye(n)
         rows[:, n:] = np.eye(n)
     else:
-        _, basis = _transverse(modes, contact)
-        rows[0, :n] = modes.contact_gap[contact, :n]
-        offset[0] = modes.contact_bound[contact]
+        gap = modes.contact_gap[contact, :n]
+        normal = gap / np.linalg.norm(gap)
+        basis = np.linalg.qr(np.column_stack([gap, np.eye(n)]))[0][:, 1:]  # orthonormal, of the complement of the normal
+        start_map[:n, : n - 1] = basis
+        start_map[n:, n - 1] = normal
+        offset[:n] = normal * modes.contact_bound[contact] / np.linalg.norm(gap)
+        rows[0, :n] = gap
+        bounds[0] = modes.contact_bound[contact]
         rows[1:, n:] = basis.T
-    return rows, offset
+    return start_map, offset, rows, bounds
 
 
 _NONE = 1e-9

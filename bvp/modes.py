@@ -218,7 +218,18 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     reduced = np.linalg.solve(lower, half.T)
     shapes = scale[:, None] * np.linalg.solve(lower.T, jacobi(0.5 * (reduced + reduced.T))[1])
     for _ in range(2):
-        shapes = _refine(mass, stiffness, shapes)
+        gram = shapes.T @ mass @ shapes
+        defect = np.eye(n) - gram
+        energy = shapes.T @ stiffness @ shapes
+        squares = np.diag(energy) / np.diag(gram)
+        coupling = energy + squares * defect
+        size = np.abs(shapes)
+        noise = size.T @ np.abs(stiffness) @ size + np.abs(squares) * (size.T @ np.abs(mass) @ size)
+        gap = squares[None, :] - squares[:, None]
+        real = (np.abs(coupling) > 4.0 * n * EPSILON * noise) & (np.abs(coupling) < 1e-3 * np.abs(gap))
+        # Where a coupling is rounding noise, only orthogonality is restored.
+        correction = np.where(real, coupling / np.where(real, gap, 1.0), 0.5 * defect)
+        shapes = shapes + shapes @ correction
     norms = np.einsum("ik,ij,jk->k", shapes, mass, shapes)
     shapes = shapes / np.sqrt(norms)
     squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
@@ -238,22 +249,6 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
         if shapes[leading, k] < 0.0:
             shapes[:, k] = -shapes[:, k]
     return squares, shapes
-
-
-def _refine(mass: np.ndarray, stiffness: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """One step of Ogita & Aishima; where a coupling is rounding noise only orthogonality is restored."""
-    n = mass.shape[0]
-    gram = shapes.T @ mass @ shapes
-    defect = np.eye(n) - gram
-    energy = shapes.T @ stiffness @ shapes
-    squares = np.diag(energy) / np.diag(gram)
-    coupling = energy + squares * defect
-    size = np.abs(shapes)
-    noise = size.T @ np.abs(stiffness) @ size + np.abs(squares) * (size.T @ np.abs(mass) @ size)
-    gap = squares[None, :] - squares[:, None]
-    real = (np.abs(coupling) > 4.0 * n * EPSILON * noise) & (np.abs(coupling) < 1e-3 * np.abs(gap))
-    correction = np.where(real, coupling / np.where(real, gap, 1.0), 0.5 * defect)
-    return shapes + shapes @ correction
 
 
 def energy_form(system: Dynamics, rates: np.ndarray, shapes: np.ndarray) -> list[list[Fraction]]:

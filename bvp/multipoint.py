@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.checks import changeable, read_only
-from bvp.closures import EndsError, contact_of, end_condition, free_translation, parse_end, start_states, translation_text
+from bvp.closures import EndsError, contact_of, end_maps, free_translation, parse_end, translation_text
 from bvp.kernels.compiled import address_of, entry_point
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
@@ -44,8 +44,8 @@ _ENTRIES = len(RESULT)
 _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
 """The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones."""
 
-_ENTRY_POINTS: dict[tuple[bool, int], Any] = {}
-"""The compiled code of each kernel, see `bvp.kernels.compiled.entry_point`."""
+_COMPILED: dict[tuple[bool, int], tuple[Any, int]] = {}
+"""Of each kernel: what Python calls and the address in memory, see `bvp.kernels.compiled`."""
 
 
 class NotConverged(RuntimeError):
@@ -143,8 +143,8 @@ class MultipointProblem:
         pick = np.where(has, self.contacts, 0)
         rows = has[:, None]
 
-        start_map, start_offset = start_states(modes, self.kinds[0], opening)
-        end_rows, end_offset = end_condition(modes, self.kinds[1], closing)
+        start_map, start_offset = end_maps(modes, self.kinds[0], opening)[:2]
+        end_rows, end_offset = end_maps(modes, self.kinds[1], closing)[2:]
         weights = np.concatenate([modes.squares, np.ones(self.half)])
         arrays = (
             np.where(rows, modes.contact_gap[pick], 0.0),
@@ -327,7 +327,7 @@ class MultipointProblem:
         self._factor.work[5, :unknowns] = row
         out, result, metric = np.empty(unknowns), np.full(_ENTRIES, np.nan), np.empty((4, self.size + 2))
         landing = Landing(out, np.empty(2 * unknowns), result)
-        take = self._entry_point(0)
+        take, _ = self._kernel(0)
         take(self._packed, self._factor, y, self._zero, Request(0.0, target, maximum), metric, landing)
         y[:] = out
         return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
@@ -345,47 +345,43 @@ class MultipointProblem:
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
         landing = Landing(out, out_tangent, result)
-        take = self._entry_point(0)
+        take, _ = self._kernel(0)
         take(packed, factor, changeable(y), changeable(tangent), Request(ds, math.nan, maximum), metric, landing)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()
         if full:
-            self._entry_point(1)(packed, self._watched, out, ends, self._work, result)
+            self._kernel(1)[0](packed, self._watched, out, ends, self._work, result)
             if self._two_dof:
-                self._entry_point(2)(packed, out, ends, self._period, result)
+                self._kernel(2)[0](packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
-    def _calls(self) -> tuple[tuple[Any, tuple[Any, ...]], ...]:
-        """The kernels of a point - `orbit_step`, `orbit_observe`, `orbit_stability` - each with arguments such as this problem's."""
-        y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
-        metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
-        packed = self._packed
-        take, observe = _KERNELS[self._two_dof]
-        return (
-            (take, (packed, self._factor, y, tangent, Request(0.0, 0.0, 0), metric, Landing(y, tangent, result))),
-            (observe, (packed, self._watched, y, ends, self._work, result)),
-            (orbit_stability, (packed, y, ends, self._period, result)),
-        )
+    def _kernel(self, k: int) -> tuple[Any, int]:
+        """The kernel of a point - 0: `orbit_step`, 1: `orbit_observe`, 2: `orbit_stability` - compiled: what Python calls, and its address.
 
-    def _entry_point(self, k: int) -> Any:
-        """The kernel k of `_calls`, compiled. The arrays of all problems have the same types, which take long to look at."""
+        The arrays of all problems have the same types, which take long to look at."""
         key = self._two_dof, k
-        if key not in _ENTRY_POINTS:
-            _ENTRY_POINTS[key] = entry_point(*self._calls()[k])
-        return _ENTRY_POINTS[key]
+        if key not in _COMPILED:
+            y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
+            metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
+            arguments: tuple[Any, ...] = (
+                (self._packed, self._factor, y, tangent, Request(0.0, 0.0, 0), metric, Landing(y, tangent, result)),
+                (self._packed, self._watched, y, ends, self._work, result),
+                (self._packed, y, ends, self._period, result),
+            )[k]
+            function = (*_KERNELS[self._two_dof], orbit_stability)[k]
+            _COMPILED[key] = entry_point(function, arguments), address_of(function, arguments)
+        return _COMPILED[key]
 
     @cached_property
     def addresses(self) -> np.ndarray:
-        """Memory addresses of the kernels of `_calls`, compiled for this problem (see `bvp.kernels.compiled`)."""
-        return np.array([address_of(function, arguments) for function, arguments in self._calls()])
+        """Memory addresses of the three kernels, compiled for this problem: see `_kernel`."""
+        return np.array([self._kernel(k)[1] for k in range(3)])
 
     def compiled(self, *, full: bool = True) -> CompiledProblem:
         """The problem for a compiled function that takes steps of its own; where not `full`, only the address of `orbit_step` is given."""
         addresses = self.addresses if full else self.addresses * np.array([1, 0, 0])
         return CompiledProblem(addresses, self._packed, self._factor, self._watched, self._work, self._period)
-
-
 
 
 @lru_cache(maxsize=64)

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import (
+    EPSILON,
     InvalidSystem,
-    check_positive_definite,
     check_size,
     checked_number,
     read_only,
@@ -158,7 +158,18 @@ class ImpactSystem:
         n = mass.shape[0]
         damping = square(self.damping, "damping", n, symmetric=False)
         stiffness = square(self.stiffness, "stiffness", n)
-        check_positive_definite(mass)
+        diagonal = np.diag(mass)
+        if np.any(diagonal <= 0.0):
+            k = int(np.argmin(diagonal))
+            raise InvalidSystem(f"mass must be positive definite; its diagonal entry {k + 1} is {diagonal[k]:g}")
+        # Scaled to a unit diagonal, so that mass ratios of any size pass.
+        scale = 1.0 / np.sqrt(diagonal)
+        smallest = float(np.linalg.eigvalsh(scale[:, None] * mass * scale)[0])
+        if smallest <= n * 4.0 * EPSILON:
+            kind = "indefinite" if smallest < -n * 4.0 * EPSILON else "singular"
+            raise InvalidSystem(
+                f"mass must be positive definite; scaled to a unit diagonal it is {kind} (lowest eigenvalue {smallest:.3g})"
+            )
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             object.__setattr__(self, name, read_only(value))
         object.__setattr__(self, "stops", _named_stops(self.stops, n))

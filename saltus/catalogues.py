@@ -68,9 +68,9 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
     parameters = options.parameters_of(arguments)
     scene = options.scene_of(arguments) if arguments.scene is not None or parameters else None
     if scene is not None:
-        from bvp.checks import require_conservative
+        from bvp.checks import require_system
 
-        require_conservative(scene.system, "families of periodic orbits")
+        require_system(scene.system, conservative="families of periodic orbits")
     if arguments.catalogue is not None:
         return open_file(arguments.catalogue, scene)
     path = default_path(arguments.scene, parameters)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from branches.search.starts import ScannedSegment
-from bvp.checks import checked_energy_range, require_conservative, require_system, require_two_dof
+from bvp.checks import checked_energy_range, require_system
 from bvp.kernels import shooting as kernel
 from bvp.kernels.impact import work_array
 from bvp.kernels.shooting import TURNING, ZERO
@@ -44,7 +44,7 @@ def check_system(system: ImpactSystem) -> tuple[int, int]:
             "an impulsive orbit starts with the velocity of the primary alone, and this system names no absorber and primary "
             "(in a scene NES and LO under [coordinates])"
         )
-    require_conservative(system, "impulsive orbits at an energy")
+    require_system(system, conservative="impulsive orbits at an energy")
     return system.absorber, system.primary
 
 
@@ -145,7 +145,7 @@ class ImpulsiveMotions:
 
     def __init__(self, system: ImpactSystem, longest: float):
         check_system(system)
-        require_two_dof(system, "periodic impulsive orbits are found by one scan over energy on")
+        require_system(system, two_dof="periodic impulsive orbits are found by one scan over energy on")
         if not system.has_odd_symmetry:
             raise ValueError("periodic impulsive orbits need one stop with equal gaps on both sides: they pass through the origin")
         self.system = system

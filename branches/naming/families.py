@@ -29,7 +29,7 @@ from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id,
 from branches.search.discovery import discover_orbits
 from branches.search.orbits import Found, accept, from_other_end
 from branches.tracing import SETTINGS, TraceError, check_energy, cut_branch, follow_family, report
-from bvp.checks import require_conservative
+from bvp.checks import require_system
 from bvp.closures import EndsError, parse_end
 from bvp.texts import shown
 
@@ -81,7 +81,7 @@ def resolve(
         For a system on which names cannot be searched.
     """
     followed = {} if followed is None else followed
-    require_conservative(system, "families of periodic orbits")
+    require_system(system, conservative="families of periodic orbits")
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(why_a_cover(name.label, lambda root: True) or _linear_mode(system, name.label))

@@ -17,7 +17,7 @@ from branches.search.orbits import Found, OrbitSearch, Problems, from_other_end
 from branches.search.starts import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
 from branches.tracing import HIGHEST, follow_family
-from bvp.checks import require_two_dof
+from bvp.checks import require_system
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -275,7 +275,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     ends, sequence, _ = split_family_id(name.family)
     if ends == PERIODIC:
         raise NameNotFound(f"{name.family} has orbits without a reversal, which no search finds; {KEPT}")
-    require_two_dof(system, "families are searched by id for", KEPT)
+    require_system(system, two_dof="families are searched by id for", advice=KEPT)
     impacts = math.ceil(impacts_per_period(sequence, ends) / 2)
     pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
     wanted = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)

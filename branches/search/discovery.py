@@ -15,7 +15,7 @@ from branches.search.intervals import Opening
 from branches.search.orbits import OrbitSearch, Unpolished, is_complete, kept_problems
 from branches.search.starts import START_FROM_A_STATE
 from branches.sequences import impacts_per_period, segments_per_period
-from bvp.checks import is_finite, require_conservative, require_system, require_two_dof
+from bvp.checks import is_finite, require_system
 from bvp.kernels.shooting import STEP_LIMIT
 from bvp.texts import brief, listed, shown
 
@@ -193,9 +193,7 @@ def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
 
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str] | None) -> None:
     """Raise ValueError if the system or the bounds of `discover_orbits` cannot be searched."""
-    require_system(system)
-    require_conservative(system, "families of periodic orbits")
-    require_two_dof(system, "orbits are discovered for", START_FROM_A_STATE)
+    require_system(system, conservative="families of periodic orbits", two_dof="orbits are discovered for", advice=START_FROM_A_STATE)
     for what, value in (("energy", energy), ("longest quarter period", quarter_period)):
         if not (is_finite(value) and value > 0.0):
             raise ValueError(f"the {what} is {shown(value)}, expected a finite number above 0")

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.sequences import Ends, ImpactSequence
-from bvp.checks import require_two_dof
+from bvp.checks import require_system
 from bvp.kernels.impact import work_array
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import EndSet, Flow, ScanLimits, Scanned, scan_starts
@@ -270,7 +270,7 @@ class Sampler:
     """
 
     def __init__(self, system: ImpactSystem, end: str, quarter_period: float, impacts: Sequence[int]):
-        require_two_dof(system, "orbits are found by their names on", START_FROM_A_STATE)
+        require_system(system, two_dof="orbits are found by their names on", advice=START_FROM_A_STATE)
         self.end = end
         self.kind = {"origin": ORIGIN, "rest": REST, "stop": STOP}[end]
         self.longest = quarter_period * (2.0 if end == "origin" else 1.0)
